@@ -1,0 +1,2 @@
+//! The fringeflow command.
+fn main() {}

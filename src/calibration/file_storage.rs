@@ -1,0 +1,75 @@
+//! The matrices of an OpenCV FileStorage YAML file.
+//!
+//! OpenCV writes `%YAML:1.0`, which is no valid directive, and, when a file is appended to, ends the document with
+//! `...` and begins another: the documents are read one by one and their matrices put together.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::CalibrationProblem;
+
+/// A matrix as written: values row by row.
+#[derive(Clone, Debug)]
+pub(super) struct Matrix {
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) values: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+struct RawMatrix {
+    rows: usize,
+    cols: usize,
+    data: Vec<f64>,
+}
+
+/// A node of the file: a matrix, or something a calibration does not need (strings, numbers, lists).
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Node {
+    Matrix(RawMatrix),
+    Other(serde::de::IgnoredAny),
+}
+
+/// The matrices of a file, by name.
+pub(super) type Matrices = BTreeMap<String, Matrix>;
+
+/// Parses all documents of a FileStorage text.
+pub(super) fn parse(text: &str) -> Result<Matrices, CalibrationProblem> {
+    let mut matrices = Matrices::new();
+    for document in documents(text) {
+        let nodes: BTreeMap<String, Node> = serde_saphyr::from_str(&document)
+            .map_err(|e| CalibrationProblem::NotFileStorage(first_line(&e.to_string())))?;
+        for (name, node) in nodes {
+            if let Node::Matrix(RawMatrix { rows, cols, data }) = node {
+                matrices.insert(name, Matrix { rows, cols, values: data });
+            }
+        }
+    }
+    Ok(matrices)
+}
+
+/// Splits a text at its document marks; directives and OpenCV's type tags are left out, for they say nothing that the
+/// shape of the nodes does not.
+fn documents(text: &str) -> Vec<String> {
+    let mut documents = vec![String::new()];
+    for line in text.lines() {
+        match line.trim_end() {
+            "---" | "..." => documents.push(String::new()),
+            line if line.starts_with('%') => {}
+            line => {
+                if let Some(last) = documents.last_mut() {
+                    last.push_str(&line.replace("!!opencv-matrix", ""));
+                    last.push('\n');
+                }
+            }
+        }
+    }
+    documents.retain(|d| !d.trim().is_empty());
+    documents
+}
+
+fn first_line(text: &str) -> String {
+    text.lines().next().unwrap_or_default().to_owned()
+}

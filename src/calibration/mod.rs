@@ -1,0 +1,193 @@
+//! Calibration files: OpenCV FileStorage YAML to a checked [`Rig`].
+//!
+//! In: a file with `K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp`, in the unit that the dataset or the user names.
+//! Out: a [`Rig`] in metres whose every number was checked, or an error that names file, field, value and remedy.
+
+mod check;
+mod file_storage;
+mod unit;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use crate::geometry::Rig;
+
+pub use unit::{Unit, UnknownUnit};
+pub use write::write_calibration;
+
+/// Why a calibration was refused.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", file.display())]
+pub struct CalibrationError {
+    /// The file.
+    pub file: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub problem: CalibrationProblem,
+}
+
+/// What is wrong with a calibration file.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationProblem {
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[source] std::io::Error),
+    /// The file cannot be written.
+    #[error("cannot be written: {0}")]
+    Unwritable(#[source] std::io::Error),
+    /// It is no FileStorage YAML.
+    #[error("is not an OpenCV FileStorage YAML file: {0}")]
+    NotFileStorage(String),
+    /// A field is absent.
+    #[error("field {field} is missing; a calibration has K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp")]
+    Missing {
+        /// Name of the field.
+        field: &'static str,
+    },
+    /// A matrix has the wrong shape.
+    #[error("field {field} is {rows}×{cols} with {values} values; expected {expected}")]
+    Shape {
+        /// Name of the field.
+        field: &'static str,
+        /// Rows stated.
+        rows: usize,
+        /// Columns stated.
+        cols: usize,
+        /// Values present.
+        values: usize,
+        /// What belongs there.
+        expected: &'static str,
+    },
+    /// A value is NaN or infinite.
+    #[error("field {field}, value {index}, is {value}; every value must be a finite number")]
+    NotFinite {
+        /// Name of the field.
+        field: &'static str,
+        /// Index of the value, row by row from 0.
+        index: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A camera matrix is none.
+    #[error("field {field}: {what}")]
+    CameraMatrix {
+        /// Name of the field.
+        field: &'static str,
+        /// What is wrong, with the value.
+        what: String,
+    },
+    /// An image size is not two positive whole numbers.
+    #[error("field {field} is {width} × {height}; an image size is two whole numbers from 2 to 65535")]
+    Size {
+        /// Name of the field.
+        field: &'static str,
+        /// Width found.
+        width: f64,
+        /// Height found.
+        height: f64,
+    },
+    /// The distortion uses a tilted sensor.
+    #[error(
+        "field {field} has a tilted sensor (τx = {tau_x}, τy = {tau_y}); this model is not supported: \
+         calibrate without CALIB_TILTED_MODEL"
+    )]
+    Tilt {
+        /// Name of the field.
+        field: &'static str,
+        /// Tilt about x, rad.
+        tau_x: f64,
+        /// Tilt about y, rad.
+        tau_y: f64,
+    },
+    /// The distortion folds over inside the image.
+    #[error(
+        "field {field}: the distortion has no inverse at pixel ({u_px}, {v_px}) of the image; \
+         recalibrate with fewer coefficients or points nearer to the border"
+    )]
+    NotInvertible {
+        /// Name of the field.
+        field: &'static str,
+        /// Column, pixels.
+        u_px: f64,
+        /// Row, pixels.
+        v_px: f64,
+    },
+    /// A rotation is none.
+    #[error("field {field} is not a rotation: {what}")]
+    NotARotation {
+        /// Name of the field.
+        field: &'static str,
+        /// What is wrong, with the value.
+        what: String,
+    },
+    /// The size of an image differs from the calibration's.
+    #[error(
+        "field {field} is {calibrated_width} × {calibrated_height}, but the images of camera {camera} are \
+         {image_width} × {image_height}; use the calibration of these images"
+    )]
+    OtherImageSize {
+        /// Name of the field.
+        field: &'static str,
+        /// 1 or 2.
+        camera: u8,
+        /// Width in the calibration.
+        calibrated_width: usize,
+        /// Height in the calibration.
+        calibrated_height: usize,
+        /// Width of the images.
+        image_width: usize,
+        /// Height of the images.
+        image_height: usize,
+    },
+    /// A length is out of any rig's proportions.
+    #[error("field {field}: {what}")]
+    Implausible {
+        /// Name of the field.
+        field: &'static str,
+        /// What is wrong, with the value and the remedy.
+        what: String,
+    },
+}
+
+/// Reads a calibration file and checks everything that can be checked without images.
+///
+/// `unit` is the unit of `T2` and `Tp`.
+///
+/// # Errors
+/// [`CalibrationError`], which names file, field and value.
+pub fn read_calibration(path: &Path, unit: Unit) -> Result<Rig, CalibrationError> {
+    let text = std::fs::read_to_string(path).map_err(CalibrationProblem::Unreadable);
+    text.and_then(|text| parse_calibration(&text, unit))
+        .map_err(|problem| CalibrationError { file: path.to_owned(), problem })
+}
+
+/// [`read_calibration`] on text that is already in memory.
+///
+/// # Errors
+/// [`CalibrationProblem`], which names field and value.
+pub fn parse_calibration(text: &str, unit: Unit) -> Result<Rig, CalibrationProblem> {
+    check::rig(&file_storage::parse(text)?, unit)
+}
+
+/// Checks that images have the size that the rig was calibrated for.
+///
+/// `cam1_px`, `cam2_px`: width and height of the images.
+///
+/// # Errors
+/// [`CalibrationProblem::OtherImageSize`].
+pub fn check_image_sizes(rig: &Rig, cam1_px: [usize; 2], cam2_px: [usize; 2]) -> Result<(), CalibrationProblem> {
+    for (camera, field, calibrated, image) in [(1, "size1", &rig.cam1, cam1_px), (2, "size2", &rig.cam2, cam2_px)] {
+        let size = [calibrated.width_px(), calibrated.height_px()];
+        if size != image {
+            return Err(CalibrationProblem::OtherImageSize {
+                field,
+                camera,
+                calibrated_width: size[0],
+                calibrated_height: size[1],
+                image_width: image[0],
+                image_height: image[1],
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,57 @@
+//! Writing a rig as an OpenCV FileStorage YAML file.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use crate::geometry::{Camera, Pose, Rig};
+
+use super::{CalibrationError, CalibrationProblem, Unit};
+
+/// Writes a calibration that [`super::read_calibration`] reads back to the same rig; translations in `unit`.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_calibration(path: &Path, rig: &Rig, unit: Unit) -> Result<(), CalibrationError> {
+    std::fs::write(path, text(rig, unit))
+        .map_err(|e| CalibrationError { file: path.to_owned(), problem: CalibrationProblem::Unwritable(e) })
+}
+
+fn text(rig: &Rig, unit: Unit) -> String {
+    let mut out = String::from("%YAML:1.0\n---\n");
+    for (suffix, camera) in [("1", &rig.cam1), ("2", &rig.cam2), ("p", &rig.projector)] {
+        push_camera(&mut out, suffix, camera);
+    }
+    for (suffix, pose) in [("2", &rig.cam2_from_cam1), ("p", &rig.projector_from_cam1)] {
+        push_pose(&mut out, suffix, pose, unit);
+    }
+    out
+}
+
+fn push_camera(out: &mut String, suffix: &str, camera: &Camera) {
+    let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.principal_px());
+    push_matrix(out, &format!("K{suffix}"), 3, 3, &[fx, camera.skew_px(), cx, 0.0, fy, cy, 0.0, 0.0, 1.0]);
+    push_matrix(out, &format!("D{suffix}"), 1, 12, &camera.distortion().to_opencv());
+    let size = [camera.width_px(), camera.height_px()];
+    let _ = writeln!(
+        out,
+        "size{suffix}: !!opencv-matrix\n   rows: 1\n   cols: 2\n   dt: i\n   data: [ {}, {} ]",
+        size[0], size[1]
+    );
+}
+
+fn push_pose(out: &mut String, suffix: &str, pose: &Pose, unit: Unit) {
+    let rotation = pose.rotation.to_rotation_matrix();
+    // nalgebra stores columns; the transpose's columns are the rows.
+    push_matrix(out, &format!("R{suffix}"), 3, 3, rotation.matrix().transpose().as_slice());
+    push_matrix(out, &format!("T{suffix}"), 3, 1, (pose.translation.vector / unit.in_metres()).as_slice());
+}
+
+fn push_matrix(out: &mut String, name: &str, rows: usize, cols: usize, values: &[f64]) {
+    // `{:?}` prints the shortest digits that read back to the same number; writing to a String cannot fail.
+    let values: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
+    let _ = writeln!(
+        out,
+        "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {} ]",
+        values.join(", ")
+    );
+}

@@ -1,0 +1,31 @@
+//! Point clouds with the provenance of every point.
+
+/// One measured point: one pixel of C1 and its correspondence in C2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CloudPoint {
+    /// Position, frame of C1, metres.
+    pub position_m: [f32; 3],
+    /// Mean grey level of the pixel of C1.
+    pub intensity: u8,
+    /// Pixel of C1: column, row.
+    pub cam1_px: [u16; 2],
+    /// Corresponding raw sub-pixel point in C2.
+    pub cam2_px: [f32; 2],
+    /// Fringe order: whole periods in the absolute phase.
+    pub order: i16,
+    /// Back-projection phase minus wrapped phase, rad.
+    pub delta_rad: f32,
+    /// Candidates that passed the back-projection test.
+    pub candidates: u8,
+    /// How the correspondence was decided (see [`crate::correspondence::Outcome`]).
+    pub stage: u8,
+    /// Predicted standard deviation of the point along its ray, metres.
+    pub sigma_m: f32,
+}
+
+/// Points in the order of their pixels in C1, row by row; at most one a pixel, all numbers finite.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud {
+    /// The points.
+    pub points: Vec<CloudPoint>,
+}

@@ -1,0 +1,5 @@
+//! From two phase maps to one correspondence a pixel: segment table, candidates, back-projection test, resolution.
+
+mod outcome;
+
+pub use outcome::{Outcome, OutcomeCounts};

@@ -1,0 +1,99 @@
+//! What became of a pixel of C1.
+
+/// How a pixel of C1 got its correspondence, or why it has none.
+///
+/// The first five yield a point; their codes stand in the exported clouds as `stage`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Outcome {
+    /// Decided by Gray code (reference methods only).
+    GrayCode = 0,
+    /// Reference correspondence: one candidate, supported by unique neighbours (paper, 2.2.1).
+    Reference = 1,
+    /// One candidate, supported by reference correspondences later on (paper, 2.2.2).
+    Unique = 2,
+    /// One of several candidates, chosen along the epipolar direction by Eq. (2) (paper, 2.2.2).
+    AlongEpipolar = 3,
+    /// One of several candidates, chosen with neighbours across the epipolar direction too (paper, 2.2.3).
+    AcrossEpipolar = 4,
+    /// No phase: too little modulation, saturated, or no sinusoid.
+    Invalid = 16,
+    /// The ray misses the measurement volume, or the epipolar segment lies outside the image of C2.
+    OutsideVolume = 17,
+    /// No point of the segment has the phase of the pixel.
+    NoCandidate = 18,
+    /// All candidates fail the back-projection test.
+    RejectedByDelta = 19,
+    /// Candidates remain, but nothing decides between them.
+    Ambiguous = 20,
+    /// The correspondence contradicts others: monotony, or its point of C2 serves another order.
+    Contradicted = 21,
+}
+
+impl Outcome {
+    /// All outcomes, those with a point first.
+    pub const ALL: [Self; 11] = [
+        Self::GrayCode,
+        Self::Reference,
+        Self::Unique,
+        Self::AlongEpipolar,
+        Self::AcrossEpipolar,
+        Self::Invalid,
+        Self::OutsideVolume,
+        Self::NoCandidate,
+        Self::RejectedByDelta,
+        Self::Ambiguous,
+        Self::Contradicted,
+    ];
+
+    /// Whether the pixel has a point.
+    #[must_use]
+    pub fn is_found(self) -> bool {
+        (self as u8) < Self::Invalid as u8
+    }
+
+    /// Name in reports and JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::GrayCode => "gray_code",
+            Self::Reference => "reference",
+            Self::Unique => "unique",
+            Self::AlongEpipolar => "along_epipolar",
+            Self::AcrossEpipolar => "across_epipolar",
+            Self::Invalid => "invalid",
+            Self::OutsideVolume => "outside_volume",
+            Self::NoCandidate => "no_candidate",
+            Self::RejectedByDelta => "rejected_by_delta",
+            Self::Ambiguous => "ambiguous",
+            Self::Contradicted => "contradicted",
+        }
+    }
+}
+
+/// How many pixels of C1 had each outcome; the sum is the number of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OutcomeCounts([u64; Outcome::ALL.len()]);
+
+impl OutcomeCounts {
+    /// Counts the outcomes of an image.
+    #[must_use]
+    pub fn of(outcomes: &[Outcome]) -> Self {
+        let mut by_code = [0_u64; 256];
+        for &outcome in outcomes {
+            by_code[outcome as usize] += 1;
+        }
+        Self(Outcome::ALL.map(|o| by_code[o as usize]))
+    }
+
+    /// Number of pixels with an outcome.
+    #[must_use]
+    pub fn get(&self, outcome: Outcome) -> u64 {
+        self.iter().find(|&(o, _)| o == outcome).map_or(0, |(_, n)| n)
+    }
+
+    /// All outcomes with their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = (Outcome, u64)> + '_ {
+        Outcome::ALL.into_iter().zip(self.0)
+    }
+}

@@ -1,0 +1,113 @@
+//! What can be wrong with a dataset folder.
+
+use std::path::{Path, PathBuf};
+
+use crate::calibration::CalibrationError;
+use crate::geometry::VolumeError;
+
+/// Why a dataset folder was refused: the file and what is wrong with it.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The calibration.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// Any other file or folder.
+    #[error("{}: {problem}", file.display())]
+    File {
+        /// The file or folder.
+        file: PathBuf,
+        /// What is wrong with it.
+        #[source]
+        problem: Problem,
+    },
+}
+
+impl DatasetError {
+    /// An error about one file.
+    pub(super) fn new(file: &Path, problem: Problem) -> Self {
+        Self::File { file: file.to_owned(), problem }
+    }
+}
+
+/// What is wrong with a file of a dataset folder.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// The folder is not there or is a file.
+    #[error("is not a folder; expected a dataset folder with meta.json, calibration.yml, cam1/ and cam2/")]
+    NotAFolder,
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[source] std::io::Error),
+    /// The file cannot be written.
+    #[error("cannot be written: {0}")]
+    Unwritable(#[source] std::io::Error),
+    /// Neither the folder nor the user states a unit.
+    #[error("field unit is missing; add \"unit\": \"mm\" or give --units mm|m")]
+    NoUnit,
+    /// `meta.json` is no JSON or lacks a field.
+    #[error("is not valid: {0}")]
+    Json(String),
+    /// A field has a value that cannot be.
+    #[error("field {field}: {what}")]
+    Field {
+        /// Name of the field.
+        field: &'static str,
+        /// What is wrong, with value and remedy.
+        what: String,
+    },
+    /// The measurement volume is none.
+    #[error("field volume: {0}")]
+    Volume(#[from] VolumeError),
+    /// An image that `meta.json` promises is not there.
+    #[error("is missing; meta.json promises it")]
+    MissingImage,
+    /// There are images that `meta.json` does not know.
+    #[error("is one image too many: meta.json promises {promised} images named {kind}_NN.png")]
+    ExtraImage {
+        /// Prefix of the names.
+        kind: String,
+        /// How many there should be.
+        promised: usize,
+    },
+    /// The file is no intact PNG.
+    #[error("is not an intact PNG image: {0}")]
+    Png(String),
+    /// The image has another size.
+    #[error("is {width} × {height} pixels; expected {expected_width} × {expected_height}")]
+    ImageSize {
+        /// Width found.
+        width: usize,
+        /// Height found.
+        height: usize,
+        /// Width expected.
+        expected_width: usize,
+        /// Height expected.
+        expected_height: usize,
+    },
+    /// The image has colours.
+    #[error("has colours (pixel {u}, {v} is {rgb:?}); expected a grey image, save it as 8-bit grey")]
+    Colour {
+        /// Column of the first coloured pixel.
+        u: usize,
+        /// Row of the first coloured pixel.
+        v: usize,
+        /// Its red, green and blue.
+        rgb: [u16; 3],
+    },
+    /// The image has more depth than 8 bits hold.
+    #[error("has 16-bit values that 8 bits cannot hold (pixel {u}, {v} is {value}); save it as 8-bit grey")]
+    Depth {
+        /// Column of the first such pixel.
+        u: usize,
+        /// Row of the first such pixel.
+        v: usize,
+        /// Its value.
+        value: u16,
+    },
+    /// The image is partly transparent.
+    #[error("is transparent in places; save it as 8-bit grey without transparency")]
+    Transparent,
+    /// The truth is no readable NPZ or lacks an array.
+    #[error("is not a valid truth file: {0}")]
+    Truth(String),
+}

@@ -1,0 +1,156 @@
+//! `meta.json`: raw serde structs, parsed into types that cannot be invalid.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use serde::Deserialize;
+
+use crate::calibration::Unit;
+use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
+
+use super::{FringeSequence, GrayCode, Problem};
+
+/// Fewest phase images that determine offset, modulation and phase.
+const MIN_STEPS: usize = 3;
+
+#[derive(Deserialize)]
+struct RawMeta {
+    name: Option<String>,
+    unit: Option<String>,
+    image_size: [usize; 2],
+    steps: usize,
+    #[serde(flatten)]
+    sequence: RawSequence,
+    second_direction: Option<RawSequence>,
+    volume: Option<RawVolume>,
+}
+
+#[derive(Deserialize)]
+struct RawSequence {
+    phase_shift_rad: Vec<f64>,
+    period_px: f64,
+    phase_sign: f64,
+    phase_offset_rad: f64,
+    gray: Option<RawGray>,
+}
+
+#[derive(Deserialize)]
+struct RawGray {
+    images: usize,
+    cell_periods: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+struct RawVolume {
+    #[serde(rename = "R_v")]
+    r_v: [[f64; 3]; 3],
+    #[serde(rename = "T_v")]
+    t_v: [f64; 3],
+    #[serde(rename = "R_v_exact")]
+    r_v_exact: Option<[[f64; 3]; 3]>,
+    #[serde(rename = "T_v_exact")]
+    t_v_exact: Option<[f64; 3]>,
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+/// What `meta.json` says, checked.
+pub(super) struct Meta {
+    pub(super) name: Option<String>,
+    pub(super) unit: Option<Unit>,
+    pub(super) image_size_px: [usize; 2],
+    pub(super) steps: usize,
+    pub(super) sequence: FringeSequence,
+    pub(super) second_direction: Option<FringeSequence>,
+    volume: Option<RawVolume>,
+}
+
+/// Reads and checks `meta.json`.
+pub(super) fn read(path: &Path) -> Result<Meta, Problem> {
+    let text = std::fs::read_to_string(path).map_err(Problem::Unreadable)?;
+    let raw: RawMeta = serde_json::from_str(&text).map_err(|e| Problem::Json(e.to_string()))?;
+    let [width, height] = raw.image_size;
+    if !(2..=65535).contains(&width) || !(2..=65535).contains(&height) {
+        return Err(field("image_size", format!("is {width} × {height}; both must lie between 2 and 65535")));
+    }
+    let sequence = sequence(raw.sequence)?;
+    let count = sequence.shifts_rad.len();
+    if raw.steps < MIN_STEPS || raw.steps > count {
+        let what =
+            format!("is {}; it must lie between {MIN_STEPS} and the number of phase_shift_rad, {count}", raw.steps);
+        return Err(field("steps", what));
+    }
+    let unit = raw.unit.map(|u| u.parse::<Unit>().map_err(|e| field("unit", e.to_string()))).transpose()?;
+    Ok(Meta {
+        name: raw.name,
+        unit,
+        image_size_px: raw.image_size,
+        steps: raw.steps,
+        sequence,
+        second_direction: raw.second_direction.map(self::sequence).transpose()?,
+        volume: raw.volume,
+    })
+}
+
+impl Meta {
+    /// The measurement volume in metres, and its pose in the frame of the truth where that differs.
+    pub(super) fn volume(&self, unit: Unit) -> Result<Option<(MeasurementVolume, Option<Pose>)>, Problem> {
+        let Some(raw) = &self.volume else { return Ok(None) };
+        let scale = unit.in_metres();
+        let cam1_from_volume = pose("volume.R_v", &raw.r_v, &raw.t_v, scale)?;
+        let exact = match (&raw.r_v_exact, &raw.t_v_exact) {
+            (Some(r), Some(t)) => Some(pose("volume.R_v_exact", r, t, scale)?),
+            _ => None,
+        };
+        let [min, max] = [raw.min, raw.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
+        Ok(Some((MeasurementVolume::new(cam1_from_volume, min, max)?, exact)))
+    }
+}
+
+fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
+    if let Some((i, shift)) = raw.phase_shift_rad.iter().enumerate().find(|(_, s)| !s.is_finite()) {
+        return Err(field("phase_shift_rad", format!("value {i} is {shift}; every shift must be a finite number")));
+    }
+    if !(raw.period_px.is_finite() && raw.period_px >= 2.0) {
+        return Err(field("period_px", format!("is {}; a fringe has at least 2 projector pixels", raw.period_px)));
+    }
+    if raw.phase_sign.abs() != 1.0 {
+        return Err(field("phase_sign", format!("is {}; it must be 1 or -1", raw.phase_sign)));
+    }
+    if !raw.phase_offset_rad.is_finite() {
+        return Err(field("phase_offset_rad", format!("is {}; it must be a finite number", raw.phase_offset_rad)));
+    }
+    let pattern = FringePattern {
+        period_px: raw.period_px,
+        sign: raw.phase_sign,
+        offset_rad: raw.phase_offset_rad.rem_euclid(TAU),
+    };
+    Ok(FringeSequence { pattern, shifts_rad: raw.phase_shift_rad, gray: raw.gray.as_ref().map(gray).transpose()? })
+}
+
+fn gray(raw: &RawGray) -> Result<GrayCode, Problem> {
+    if !(1..=16).contains(&raw.images) {
+        return Err(field("gray.images", format!("is {}; a Gray code has 1 to 16 images", raw.images)));
+    }
+    if raw.cell_periods != 0.5 && raw.cell_periods != 1.0 {
+        return Err(field("gray.cell_periods", format!("is {}; it must be 0.5 or 1", raw.cell_periods)));
+    }
+    Ok(GrayCode { images: raw.images, cell_periods: raw.cell_periods })
+}
+
+fn pose(name: &'static str, r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, Problem> {
+    let matrix = Matrix3::from_fn(|i, j| r[i][j]);
+    let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
+    if deviation.is_nan() || deviation > 1e-5 || matrix.determinant() < 0.0 {
+        let what = format!("is not a rotation (R·Rᵀ differs from the identity by {deviation:.3e})");
+        return Err(field(name, what));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+    Ok(Pose::from_parts(Translation3::from(Vector3::from(*t) * scale), rotation))
+}
+
+fn field(field: &'static str, what: String) -> Problem {
+    Problem::Field { field, what }
+}

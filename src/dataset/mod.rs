@@ -1,0 +1,231 @@
+//! Dataset folders: the images of one fringe sequence, the calibration they belong to, and what is true.
+//!
+//! ```text
+//! FOLDER/meta.json            unit, image size, pattern, shifts, measurement volume
+//! FOLDER/calibration.yml      OpenCV FileStorage
+//! FOLDER/cam1/, FOLDER/cam2/  phase_00.png …, gray_00.png … (most significant bit first), white.png, black.png;
+//!                             vphase_00.png …, vgray_00.png … where there is a second fringe direction
+//! FOLDER/truth.npz            what is true, where it is known
+//! ```
+//! Everything is checked on opening; images are read when asked for.
+
+mod error;
+mod image;
+mod meta;
+mod truth;
+
+use std::path::{Path, PathBuf};
+
+use crate::calibration::{self, Unit};
+use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
+
+pub use error::{DatasetError, Problem};
+pub use image::{GreyImage, read_png, write_png};
+pub use truth::{CapturedTruth, RenderedTruth, Truth};
+
+/// Which camera of the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraId {
+    /// Camera 1, whose pixels get points.
+    Cam1,
+    /// Camera 2, which is searched.
+    Cam2,
+}
+
+impl CameraId {
+    /// Both cameras, in order.
+    pub const BOTH: [Self; 2] = [Self::Cam1, Self::Cam2];
+
+    /// Name of its folder.
+    #[must_use]
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Cam1 => "cam1",
+            Self::Cam2 => "cam2",
+        }
+    }
+}
+
+/// Gray code of a dataset: cells of `cell_periods` fringe periods, binary-reflected code, most significant image first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GrayCode {
+    /// Number of images a camera.
+    pub images: usize,
+    /// Width of a cell in fringe periods: 0.5 or 1.
+    pub cell_periods: f64,
+}
+
+/// One direction of fringes: the pattern, its shifts, and the Gray code that makes it absolute.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FringeSequence {
+    /// Phase against projector column (or row, for the second direction).
+    pub pattern: FringePattern,
+    /// Phase shift of every phase image, rad.
+    pub shifts_rad: Vec<f64>,
+    /// Gray code, if there is one.
+    pub gray: Option<GrayCode>,
+}
+
+/// An opened dataset folder.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Its name.
+    pub name: String,
+    /// Unit of the calibration file and the volume.
+    pub unit: Unit,
+    /// Width and height of all images.
+    pub image_size_px: [usize; 2],
+    /// Length of the shift cycle; there may be more images than that (moving scenes).
+    pub steps: usize,
+    /// Fringes that run along the projector's columns.
+    pub sequence: FringeSequence,
+    /// Fringes that run along the projector's rows, where the folder has them.
+    pub second_direction: Option<FringeSequence>,
+    /// Measurement volume, if the folder states one.
+    pub volume: Option<MeasurementVolume>,
+    /// Pose of the volume that belongs to the truth, where that differs.
+    pub exact_cam1_from_volume: Option<Pose>,
+    /// The rig of `calibration.yml`.
+    pub rig: Rig,
+}
+
+/// Name of the calibration file in a dataset folder.
+pub const CALIBRATION_FILE: &str = "calibration.yml";
+/// Name of the description in a dataset folder.
+pub const META_FILE: &str = "meta.json";
+/// Name of the truth in a dataset folder.
+pub const TRUTH_FILE: &str = "truth.npz";
+
+impl Dataset {
+    /// Opens a folder: reads and checks `meta.json` and the calibration, and that all images are there.
+    ///
+    /// `unit` is used where `meta.json` states none.
+    ///
+    /// # Errors
+    /// [`DatasetError`], which names file, field, value and remedy.
+    pub fn open(folder: &Path, unit: Option<Unit>) -> Result<Self, DatasetError> {
+        if !folder.is_dir() {
+            return Err(DatasetError::new(folder, Problem::NotAFolder));
+        }
+        let meta_path = folder.join(META_FILE);
+        let meta = meta::read(&meta_path).map_err(|p| DatasetError::new(&meta_path, p))?;
+        let unit = meta.unit.or(unit).ok_or_else(|| DatasetError::new(&meta_path, Problem::NoUnit))?;
+        let volume = meta.volume(unit).map_err(|p| DatasetError::new(&meta_path, p))?;
+        let calibration_path = folder.join(CALIBRATION_FILE);
+        let rig = calibration::read_calibration(&calibration_path, unit)?;
+        let size = meta.image_size_px;
+        calibration::check_image_sizes(&rig, size, size)
+            .map_err(|problem| calibration::CalibrationError { file: calibration_path, problem })?;
+        let (volume, exact_cam1_from_volume) = match volume {
+            Some((volume, exact)) => (Some(volume), exact),
+            None => (None, None),
+        };
+        let dataset = Self {
+            folder: folder.to_owned(),
+            name: meta.name.clone().unwrap_or_else(|| folder_name(folder)),
+            unit,
+            image_size_px: size,
+            steps: meta.steps,
+            sequence: meta.sequence,
+            second_direction: meta.second_direction,
+            volume,
+            exact_cam1_from_volume,
+            rig,
+        };
+        dataset.check_images()?;
+        Ok(dataset)
+    }
+
+    /// Reads phase images by number, in the order given.
+    ///
+    /// # Errors
+    /// An unreadable image, one of another size, or one that is no 8-bit grey image and cannot be made one without loss.
+    pub fn phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
+        self.numbered_images(camera, "phase", numbers)
+    }
+
+    /// Reads phase images of the second fringe direction by number.
+    ///
+    /// # Errors
+    /// As [`Self::phase_images`].
+    pub fn second_phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
+        self.numbered_images(camera, "vphase", numbers)
+    }
+
+    /// Reads all Gray-code images of one direction, most significant first; empty where there are none.
+    ///
+    /// # Errors
+    /// As [`Self::phase_images`].
+    pub fn gray_images(&self, camera: CameraId, second_direction: bool) -> Result<Vec<GreyImage>, DatasetError> {
+        let (prefix, sequence) = match (&self.second_direction, second_direction) {
+            (Some(second), true) => ("vgray", second),
+            (None, true) => return Ok(Vec::new()),
+            (_, false) => ("gray", &self.sequence),
+        };
+        let count = sequence.gray.map_or(0, |g| g.images);
+        self.numbered_images(camera, prefix, &(0..count).collect::<Vec<_>>())
+    }
+
+    /// Reads the fully lit and the unlit image of a camera; `None` where the folder has not both.
+    ///
+    /// # Errors
+    /// As [`Self::phase_images`].
+    pub fn white_and_black(&self, camera: CameraId) -> Result<Option<(GreyImage, GreyImage)>, DatasetError> {
+        let [white, black] = ["white.png", "black.png"].map(|n| self.folder.join(camera.folder()).join(n));
+        if !(white.exists() && black.exists()) {
+            return Ok(None);
+        }
+        Ok(Some((self.image(&white)?, self.image(&black)?)))
+    }
+
+    /// Reads `truth.npz`; `None` where the folder has none.
+    ///
+    /// # Errors
+    /// An unreadable file or arrays of unexpected names, shapes or types.
+    pub fn truth(&self) -> Result<Option<Truth>, DatasetError> {
+        let path = self.folder.join(TRUTH_FILE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        truth::read(&path, self.image_size_px).map(Some).map_err(|p| DatasetError::new(&path, p))
+    }
+
+    fn numbered_images(&self, camera: CameraId, kind: &str, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
+        let available = image::numbered(&self.folder.join(camera.folder()), kind)?;
+        let find = |number: &usize| {
+            available.get(number).ok_or_else(|| {
+                let missing = self.folder.join(camera.folder()).join(format!("{kind}_{number:02}.png"));
+                DatasetError::new(&missing, Problem::MissingImage)
+            })
+        };
+        numbers.iter().map(|n| find(n).and_then(|path| self.image(path))).collect()
+    }
+
+    fn image(&self, path: &Path) -> Result<GreyImage, DatasetError> {
+        read_png(path, Some(self.image_size_px)).map_err(|p| DatasetError::new(path, p))
+    }
+
+    /// Every sequence must have exactly the images that `meta.json` states.
+    fn check_images(&self) -> Result<(), DatasetError> {
+        let directions = [(Some(&self.sequence), "phase", "gray"), (self.second_direction.as_ref(), "vphase", "vgray")];
+        for camera in CameraId::BOTH {
+            let folder = self.folder.join(camera.folder());
+            if !folder.is_dir() {
+                return Err(DatasetError::new(&folder, Problem::NotAFolder));
+            }
+            for (sequence, phase, gray) in directions {
+                let count = sequence.map_or(0, |s| s.shifts_rad.len());
+                image::check_numbers(&folder, phase, count)?;
+                let count = sequence.and_then(|s| s.gray).map_or(0, |g| g.images);
+                image::check_numbers(&folder, gray, count)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn folder_name(folder: &Path) -> String {
+    folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}

@@ -1,0 +1,130 @@
+//! `truth.npz`: what is true of a dataset.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use npyz::npz::NpzArchive;
+
+use super::Problem;
+
+/// What is true of a dataset.
+#[derive(Clone, Debug)]
+pub enum Truth {
+    /// Rendered: known for every pixel of C1.
+    Rendered(RenderedTruth),
+    /// Captured: what a Gray-code reference found.
+    Captured(CapturedTruth),
+}
+
+/// Exact truth of a rendered dataset, per pixel of C1, row by row.
+#[derive(Clone, Debug)]
+pub struct RenderedTruth {
+    /// Raw sub-pixel point in C2, pixels; NaN where the ray hit nothing.
+    pub cam2_px: Vec<[f32; 2]>,
+    /// Point in the frame of the exact C1, in the unit of the dataset; valid where `measurable`.
+    pub point: Vec<[f32; 3]>,
+    /// C2 sees the point.
+    pub seen_by_cam2: Vec<bool>,
+    /// The projector lights the point.
+    pub lit: Vec<bool>,
+    /// The point lies in the measurement volume.
+    pub in_volume: Vec<bool>,
+    /// Hit, seen by C2, lit and in the volume.
+    pub measurable: Vec<bool>,
+    /// The paper's reference data RD: `measurable` and found by the Gray-code reference.
+    pub reference: Vec<bool>,
+    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent in moving sets.
+    pub gray_cam2_px: Option<Vec<[f32; 2]>>,
+}
+
+/// Gray-code reference of a captured dataset, one entry a point.
+#[derive(Clone, Debug)]
+pub struct CapturedTruth {
+    /// Sub-pixel point in C1, pixels.
+    pub cam1_px: Vec<[f32; 2]>,
+    /// Corresponding point in C2, pixels.
+    pub cam2_px: Vec<[f32; 2]>,
+    /// 3D point, frame of C1, millimetres.
+    pub point_mm: Vec<[f32; 3]>,
+    /// Back-projection residual of the reference itself, rad.
+    pub residual_rad: Vec<f32>,
+}
+
+/// Reads a truth file for images of `size_px`.
+pub(super) fn read(path: &Path, size_px: [usize; 2]) -> Result<Truth, Problem> {
+    let file = File::open(path).map_err(Problem::Unreadable)?;
+    let archive = NpzArchive::new(BufReader::new(file)).map_err(|e| Problem::Truth(e.to_string()))?;
+    let mut arrays = Arrays { archive, shape: [size_px[1] as u64, size_px[0] as u64] };
+    if arrays.has("gt") { arrays.rendered().map(Truth::Rendered) } else { arrays.captured().map(Truth::Captured) }
+}
+
+struct Arrays {
+    archive: NpzArchive<BufReader<File>>,
+    /// Rows, columns of the images.
+    shape: [u64; 2],
+}
+
+impl Arrays {
+    fn has(&self, name: &str) -> bool {
+        self.archive.array_names().any(|n| n == name)
+    }
+
+    fn rendered(&mut self) -> Result<RenderedTruth, Problem> {
+        let [rows, cols] = self.shape;
+        Ok(RenderedTruth {
+            cam2_px: self.read::<f32, 2>("x2", &[rows, cols, 2])?,
+            point: self.read::<f32, 3>("XYZ", &[rows, cols, 3])?,
+            seen_by_cam2: self.mask("vis2")?,
+            lit: self.mask("lit")?,
+            in_volume: self.mask("involume")?,
+            measurable: self.mask("gt")?,
+            reference: self.mask("rd")?,
+            gray_cam2_px: if self.has("egc_x2") {
+                Some(self.read::<f32, 2>("egc_x2", &[rows, cols, 2])?)
+            } else {
+                None
+            },
+        })
+    }
+
+    fn captured(&mut self) -> Result<CapturedTruth, Problem> {
+        let residual_rad: Vec<f32> = self.flat("backproj_resid_rad", None)?;
+        let count = residual_rad.len() as u64;
+        Ok(CapturedTruth {
+            cam1_px: self.read::<f32, 2>("left_px", &[count, 2])?,
+            cam2_px: self.read::<f32, 2>("right_px", &[count, 2])?,
+            point_mm: self.read::<f32, 3>("xyz_left_cam_mm", &[count, 3])?,
+            residual_rad,
+        })
+    }
+
+    fn mask(&mut self, name: &str) -> Result<Vec<bool>, Problem> {
+        let shape = self.shape;
+        self.flat(name, Some(&shape))
+    }
+
+    fn read<T: npyz::Deserialize + Copy, const N: usize>(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+    ) -> Result<Vec<[T; N]>, Problem> {
+        let flat: Vec<T> = self.flat(name, Some(shape))?;
+        Ok(flat.as_chunks::<N>().0.to_vec())
+    }
+
+    fn flat<T: npyz::Deserialize>(&mut self, name: &str, shape: Option<&[u64]>) -> Result<Vec<T>, Problem> {
+        let broken = |e: std::io::Error| Problem::Truth(format!("array {name}: {e}"));
+        let array = self.archive.by_name(name).map_err(broken)?;
+        let array = array.ok_or_else(|| Problem::Truth(format!("array {name} is missing")))?;
+        if let Some(shape) = shape
+            && array.shape() != shape
+        {
+            return Err(Problem::Truth(format!("array {name} has shape {:?}; expected {shape:?}", array.shape())));
+        }
+        if array.order() != npyz::Order::C {
+            return Err(Problem::Truth(format!("array {name} is stored in Fortran order; expected C order")));
+        }
+        array.into_vec().map_err(broken)
+    }
+}

@@ -1,0 +1,160 @@
+//! The measurement volume: a box in a frame of its own (paper, section 2.1).
+
+use super::{Point3, Pose, Vector3};
+
+/// The box in which the measured object lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasurementVolume {
+    cam1_from_volume: Pose,
+    min: Point3,
+    max: Point3,
+}
+
+/// Why a box is no measurement volume.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum VolumeError {
+    /// A bound is NaN or infinite.
+    #[error("axis {axis} of the volume runs from {min} m to {max} m; both bounds must be finite numbers")]
+    NotFinite {
+        /// x, y or z.
+        axis: char,
+        /// Lower bound, metres.
+        min: f64,
+        /// Upper bound, metres.
+        max: f64,
+    },
+    /// A lower bound is not below its upper bound.
+    #[error("axis {axis} of the volume is empty: it runs from {min} m to {max} m; min must be below max")]
+    Empty {
+        /// x, y or z.
+        axis: char,
+        /// Lower bound, metres.
+        min: f64,
+        /// Upper bound, metres.
+        max: f64,
+    },
+    /// Every corner lies behind camera 1.
+    #[error(
+        "the volume lies behind camera 1: its farthest corner is at z = {farthest_m} m; check R_v, T_v and the unit"
+    )]
+    BehindCamera {
+        /// Largest depth of a corner, metres.
+        farthest_m: f64,
+    },
+}
+
+impl MeasurementVolume {
+    /// The box `min..max` (metres, own frame) placed by `cam1_from_volume`.
+    ///
+    /// # Errors
+    /// An empty or non-finite box, or one that lies wholly behind camera 1.
+    pub fn new(cam1_from_volume: Pose, min: Point3, max: Point3) -> Result<Self, VolumeError> {
+        for (i, axis) in ['x', 'y', 'z'].into_iter().enumerate() {
+            let (min, max) = (min[i], max[i]);
+            if !(min.is_finite() && max.is_finite()) {
+                return Err(VolumeError::NotFinite { axis, min, max });
+            }
+            if min >= max {
+                return Err(VolumeError::Empty { axis, min, max });
+            }
+        }
+        let volume = Self { cam1_from_volume, min, max };
+        let farthest_m = volume.corners_cam1().iter().map(|c| c.z).fold(f64::NEG_INFINITY, f64::max);
+        if farthest_m <= 0.0 {
+            return Err(VolumeError::BehindCamera { farthest_m });
+        }
+        Ok(volume)
+    }
+
+    /// Pose of the box in the frame of C1.
+    #[must_use]
+    pub fn cam1_from_volume(&self) -> &Pose {
+        &self.cam1_from_volume
+    }
+
+    /// Lower corner, own frame, metres.
+    #[must_use]
+    pub fn min(&self) -> &Point3 {
+        &self.min
+    }
+
+    /// Upper corner, own frame, metres.
+    #[must_use]
+    pub fn max(&self) -> &Point3 {
+        &self.max
+    }
+
+    /// The eight corners in the frame of C1.
+    #[must_use]
+    pub fn corners_cam1(&self) -> [Point3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
+            self.cam1_from_volume * Point3::new(pick(0), pick(1), pick(2))
+        })
+    }
+
+    /// Whether a point of the frame of C1 lies in the box.
+    #[must_use]
+    pub fn contains(&self, point_cam1: &Point3) -> bool {
+        let p = self.cam1_from_volume.inverse() * point_cam1;
+        (0..3).all(|i| p[i] >= self.min[i] && p[i] <= self.max[i])
+    }
+
+    /// Part of a ray of C1 inside the box: depths (z, metres) of `Q_min` and `Q_max` of the paper.
+    ///
+    /// `ray` is a direction with `z = 1`, so that the ray's parameter is the depth. `None` where the ray misses the box
+    /// or meets it behind the camera only.
+    #[must_use]
+    pub fn clip(&self, ray: &Vector3) -> Option<(f64, f64)> {
+        let volume_from_cam1 = self.cam1_from_volume.inverse();
+        let origin = volume_from_cam1 * Point3::origin();
+        let direction = volume_from_cam1.rotation * ray;
+        let (mut near, mut far) = (f64::MIN_POSITIVE, f64::INFINITY);
+        for i in 0..3 {
+            if direction[i].abs() < 1e-12 {
+                if origin[i] < self.min[i] || origin[i] > self.max[i] {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((self.min[i] - origin[i]) / direction[i], (self.max[i] - origin[i]) / direction[i]);
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        (near < far).then_some((near, far))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn volume() -> MeasurementVolume {
+        let pose = Pose::new(Vector3::new(0.01, -0.02, 0.3), Vector3::new(0.1, -0.2, 0.05));
+        MeasurementVolume::new(pose, Point3::new(-0.05, -0.04, -0.02), Point3::new(0.05, 0.04, 0.03)).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn clip_agrees_with_contains(x in -0.3..0.3, y in -0.3..0.3, z in 0.2..0.4) {
+            let (volume, ray) = (volume(), Vector3::new(x, y, 1.0));
+            let inside = volume.contains(&Point3::from(ray * z));
+            let clipped = volume.clip(&ray).is_some_and(|(near, far)| near <= z && z <= far);
+            prop_assert_eq!(inside, clipped);
+        }
+    }
+
+    #[test]
+    fn a_volume_behind_the_camera_is_refused() {
+        let pose = Pose::translation(0.0, 0.0, -0.3);
+        let made = MeasurementVolume::new(pose, Point3::new(-0.1, -0.1, -0.1), Point3::new(0.1, 0.1, 0.1));
+        assert!(matches!(made, Err(VolumeError::BehindCamera { .. })));
+    }
+
+    #[test]
+    fn an_empty_volume_is_refused() {
+        let made = MeasurementVolume::new(Pose::identity(), Point3::new(0.1, 0.0, 0.1), Point3::new(0.1, 0.1, 0.2));
+        assert!(matches!(made, Err(VolumeError::Empty { axis: 'x', .. })));
+    }
+}

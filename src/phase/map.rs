@@ -1,0 +1,24 @@
+//! What decoding yields.
+
+/// Wrapped phase of one camera, row by row.
+///
+/// The phase is a `u16` fraction of a turn (65536 = 2π): wrapping subtraction of two of them is the wrapped phase
+/// difference, and its step of 1e-4 rad lies far below the noise of any camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhaseMap {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Wrapped phase, turns · 65536.
+    pub phase: Vec<u16>,
+    /// Modulation B, grey levels.
+    pub modulation: Vec<f32>,
+    /// Mean grey level of the images, the texture of the scene.
+    pub mean: Vec<u8>,
+    /// Whether the phase can be trusted: modulation, saturation and fit residual.
+    pub valid: Vec<bool>,
+    /// Median residual of the sinusoid fit over the valid pixels, as a share of the modulation; `None` for three steps,
+    /// which fit any three images.
+    pub residual_share: Option<f32>,
+}
