@@ -26,6 +26,7 @@
 //! # Modules
 //! | module | what it holds |
 //! |---|---|
+//! | [`atomic_file`] | writing files all or not at all |
 //! | [`geometry`] | cameras, distortion, rig, measurement volume, epipolar frame |
 //! | [`calibration`] | reading and checking calibration files |
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
@@ -33,6 +34,7 @@
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 
+pub mod atomic_file;
 pub mod calibration;
 pub mod cloud;
 pub mod correspondence;

@@ -1,2 +1,40 @@
-//! The fringeflow command.
-fn main() {}
+//! The `fringeflow` command: reads arguments, calls the library, maps the outcome to an exit code.
+
+mod commands;
+mod failure;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use commands::Command;
+use failure::Failure;
+
+/// Point clouds from fringe images, without Gray code.
+#[derive(Parser)]
+#[command(name = "fringeflow", version, about, max_term_width = 110)]
+struct Cli {
+    /// Number of worker threads; all cores by default. Results do not depend on it.
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    match set_threads(cli.threads).and_then(|()| cli.command.run()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn set_threads(threads: Option<usize>) -> Result<(), Failure> {
+    let Some(threads) = threads else { return Ok(()) };
+    if threads == 0 {
+        return Err(Failure::Usage("--threads 0: at least one thread is needed".to_owned()));
+    }
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    built.map_err(|e| Failure::Usage(format!("--threads {threads}: {e}")))
+}

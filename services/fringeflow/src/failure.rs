@@ -1,0 +1,42 @@
+//! What can go wrong in a command, and the exit code it ends with.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use fringeflow::atomic_file::WriteError;
+use fringeflow::calibration::CalibrationError;
+use fringeflow::dataset::DatasetError;
+
+/// Why a command did not finish.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// Arguments that cannot be carried out.
+    #[error("{0}")]
+    Usage(String),
+    /// A dataset folder.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A calibration file.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// An output that could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl Failure {
+    /// 2: wrong usage, configuration or input; 1: the work itself failed.
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
+            Self::Write(_) => 1,
+        }
+    }
+
+    /// Prints the error and yields the exit code.
+    pub(crate) fn report(&self) -> ExitCode {
+        // A closed standard error leaves nobody to tell.
+        let _ = writeln!(std::io::stderr(), "fringeflow: {self}");
+        ExitCode::from(self.exit_code())
+    }
+}
