@@ -14,11 +14,21 @@ pub struct PhaseMap {
     pub phase: Vec<u16>,
     /// Modulation B, grey levels.
     pub modulation: Vec<f32>,
-    /// Mean grey level of the images, the texture of the scene.
+    /// Mean grey level A of the fringes, the texture of the scene.
     pub mean: Vec<u8>,
     /// Whether the phase can be trusted: modulation, saturation and fit residual.
     pub valid: Vec<bool>,
-    /// Median residual of the sinusoid fit over the valid pixels, as a share of the modulation; `None` for three steps,
-    /// which fit any three images.
+    /// How well sinusoids fit the images.
+    pub fit: FitStatistics,
+}
+
+/// Statistics of the sinusoid fit over the valid pixels of an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FitStatistics {
+    /// Number of valid pixels.
+    pub valid_pixels: u64,
+    /// Median of fit residual ÷ modulation; `None` for three steps, which fit any three images.
     pub residual_share: Option<f32>,
+    /// Standard deviation of the grey levels about the fit; at least that of rounding to whole grey levels.
+    pub noise_grey: f32,
 }

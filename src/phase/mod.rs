@@ -1,5 +1,13 @@
-//! Wrapped phase, modulation and validity from N phase-shifted images.
+//! Wrapped phase, modulation and validity from N phase-shifted images (paper, section 2.1).
+//!
+//! In: N images `I_k = A + B·cos(φ + s_k)` of one camera with known shifts `s_k`, N from 3 to 16. Out: a [`PhaseMap`].
+//! Cost: N multiply-adds for each of three sums a pixel, one square root and one polynomial arctangent.
 
+mod arctangent;
+mod decode;
 mod map;
+mod shifts;
 
-pub use map::PhaseMap;
+pub use decode::{Validity, decode};
+pub use map::{FitStatistics, PhaseMap};
+pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

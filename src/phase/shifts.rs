@@ -1,0 +1,166 @@
+//! The phase shifts of a sequence and the weights that solve for phase.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Fewest images that determine offset, modulation and phase.
+pub const MIN_STEPS: usize = 3;
+/// Most images of one sequence.
+pub const MAX_STEPS: usize = 16;
+/// Shifts closer to equal spacing than this are taken as equally spaced, rad (files carry ten digits).
+const SPACING_TOLERANCE_RAD: f64 = 1e-6;
+/// Smallest eigenvalue of the normal matrix, a step, that still determines all three unknowns.
+const MIN_EIGENVALUE: f64 = 1e-3;
+
+/// Phase shifts `s_k` of N images with the weights of their least-squares solution.
+///
+/// The images are linear in (A, C, S) with `C = B·cos φ`, `S = B·sin φ`: `I_k = A + C·cos s_k − S·sin s_k`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseShifts {
+    shifts_rad: Vec<f64>,
+    /// Rows of the solution: A, C and S as weighted sums of the images.
+    weights: [Vec<f32>; 3],
+}
+
+/// Why shifts do not determine a phase.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ShiftError {
+    /// Too few or too many.
+    #[error("{steps} phase images were given; a sequence has {MIN_STEPS} to {MAX_STEPS}")]
+    Steps {
+        /// Number of shifts.
+        steps: usize,
+    },
+    /// A shift is NaN or infinite.
+    #[error("phase shift {index} is {value}; every shift must be a finite number")]
+    NotFinite {
+        /// Which one, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The shifts do not differ enough.
+    #[error(
+        "the phase shifts {shifts_rad:.4?} rad do not determine a phase: at least three of them must differ clearly \
+         (modulo 2π)"
+    )]
+    Degenerate {
+        /// The shifts, rad.
+        shifts_rad: Vec<f64>,
+    },
+}
+
+impl PhaseShifts {
+    /// Shifts of N images, rad.
+    ///
+    /// Equally spaced shifts get the closed-form weights `1/N`, `2/N·cos s_k`, `−2/N·sin s_k`; any others the general
+    /// least-squares solution.
+    ///
+    /// # Errors
+    /// Fewer than 3 or more than 16 shifts, non-finite ones, or ones that do not determine a phase.
+    pub fn new(shifts_rad: &[f64]) -> Result<Self, ShiftError> {
+        let steps = shifts_rad.len();
+        if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
+            return Err(ShiftError::Steps { steps });
+        }
+        if let Some(index) = shifts_rad.iter().position(|s| !s.is_finite()) {
+            return Err(ShiftError::NotFinite { index, value: shifts_rad[index] });
+        }
+        let weights = if equally_spaced(shifts_rad) {
+            equal_weights(shifts_rad)
+        } else {
+            least_squares_weights(shifts_rad)
+                .ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?
+        };
+        Ok(Self { shifts_rad: shifts_rad.to_vec(), weights })
+    }
+
+    /// Number of images N.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.shifts_rad.len()
+    }
+
+    /// The shifts, rad.
+    #[must_use]
+    pub fn shifts_rad(&self) -> &[f64] {
+        &self.shifts_rad
+    }
+
+    /// Weights of the images in A, C and S, N each.
+    pub(super) fn weights(&self) -> [&[f32]; 3] {
+        [&self.weights[0], &self.weights[1], &self.weights[2]]
+    }
+
+    /// Standard deviation of the phase per unit of noise ÷ modulation; √(2/N) for equally spaced shifts.
+    #[must_use]
+    pub fn noise_gain(&self) -> f64 {
+        let norm = |w: &[f32]| w.iter().map(|&w| f64::from(w) * f64::from(w)).sum::<f64>();
+        (0.5 * (norm(&self.weights[1]) + norm(&self.weights[2]))).sqrt()
+    }
+}
+
+/// Whether the shifts are, in whatever order, N places 2π/N apart.
+fn equally_spaced(shifts_rad: &[f64]) -> bool {
+    let step = TAU / shifts_rad.len() as f64;
+    let mut taken = [false; MAX_STEPS];
+    shifts_rad.iter().all(|s| {
+        let place = (s - shifts_rad[0]).rem_euclid(TAU) / step;
+        let slot = place.round() as usize % shifts_rad.len();
+        let fits = (place - place.round()).abs() * step < SPACING_TOLERANCE_RAD;
+        fits && !std::mem::replace(&mut taken[slot], true)
+    })
+}
+
+fn equal_weights(shifts_rad: &[f64]) -> [Vec<f32>; 3] {
+    let n = shifts_rad.len() as f64;
+    [
+        vec![(1.0 / n) as f32; shifts_rad.len()],
+        shifts_rad.iter().map(|s| (2.0 / n * s.cos()) as f32).collect(),
+        shifts_rad.iter().map(|s| (-2.0 / n * s.sin()) as f32).collect(),
+    ]
+}
+
+fn least_squares_weights(shifts_rad: &[f64]) -> Option<[Vec<f32>; 3]> {
+    let rows: Vec<Vector3<f64>> = shifts_rad.iter().map(|s| Vector3::new(1.0, s.cos(), -s.sin())).collect();
+    let normal: Matrix3<f64> = rows.iter().map(|r| r * r.transpose()).sum();
+    let smallest = normal.symmetric_eigenvalues().min();
+    if smallest < MIN_EIGENVALUE * shifts_rad.len() as f64 {
+        return None;
+    }
+    let inverse = normal.try_inverse()?;
+    Some([0, 1, 2].map(|i| rows.iter().map(|r| (inverse * r)[i] as f32).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_spacing_is_the_special_case_of_least_squares() {
+        for n in MIN_STEPS..=MAX_STEPS {
+            // Any start, sense and order.
+            let shifts: Vec<f64> = (0..n).rev().map(|k| 0.3 - TAU * k as f64 / n as f64).collect();
+            assert!(equally_spaced(&shifts));
+            let (closed, general) = (equal_weights(&shifts), least_squares_weights(&shifts).unwrap());
+            for (a, b) in closed.iter().flatten().zip(general.iter().flatten()) {
+                assert!((a - b).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn noise_gain_is_the_textbook_value() {
+        let shifts: Vec<f64> = (0..8).map(|k| TAU * f64::from(k) / 8.0).collect();
+        assert!((PhaseShifts::new(&shifts).unwrap().noise_gain() - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn shifts_that_determine_nothing_are_refused() {
+        assert!(matches!(PhaseShifts::new(&[0.0, 1.0]), Err(ShiftError::Steps { steps: 2 })));
+        assert!(matches!(PhaseShifts::new(&[1.0; 5]), Err(ShiftError::Degenerate { .. })));
+        assert!(matches!(PhaseShifts::new(&[0.0, 1.0, TAU, 1.0 + TAU]), Err(ShiftError::Degenerate { .. })));
+        assert!(matches!(PhaseShifts::new(&[0.0, f64::NAN, 1.0]), Err(ShiftError::NotFinite { index: 1, .. })));
+    }
+}
