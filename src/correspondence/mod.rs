@@ -1,5 +1,30 @@
-//! From two phase maps to one correspondence a pixel: segment table, candidates, back-projection test, resolution.
+//! From two phase maps to one correspondence a pixel (paper, sections 2.1 to 2.3).
+//!
+//! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`] or the
+//! reason why it has none ([`Outcome`]). Steps, one module each:
+//!
+//! 1. *segment table*: per pixel of C1 its epipolar segment and the back-projection phase along it; once a rig;
+//! 2. *epipolar image*: the phase of C2, resampled so that segments are parts of rows;
+//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
+//! 4. *delta statistics*: sd from the images themselves;
+//! 5. *neighbourhood*, *resolution*: reference correspondences, Eq. (2), contradictions;
+//! 6. *matching*: the chain.
 
+mod candidates;
+mod delta_statistics;
+mod epipolar_image;
+mod matching;
+mod neighbourhood;
 mod outcome;
+mod resolution;
+mod search;
+mod segment_table;
 
+pub use candidates::{Candidate, DeltaGate};
+pub use delta_statistics::{DeltaStatistics, measure_delta};
+pub use epipolar_image::EpipolarImage;
+pub use matching::{MatchError, MatchSettings, Matches, match_phases};
 pub use outcome::{Outcome, OutcomeCounts};
+pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
+pub use search::{CandidateLists, SearchForm, find_candidates};
+pub use segment_table::{EpipolarAxis, Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};

@@ -1,0 +1,203 @@
+//! Candidates: the points of a segment whose phase equals that of the pixel, and their back-projection test (paper,
+//! sections 2.1 and 2.3).
+//!
+//! Two forms find them. The *plain scan* looks at every pair of neighbouring columns of the segment: it is the oracle,
+//! and finds the candidates that fail the test too, from which sd is estimated. The *projector-side search* looks only
+//! where a fringe order can pass the test: Φ is monotone along a segment, so each order k leaves one interval of columns
+//! with |Φ − k − φ_p| < thr. Both apply the same arithmetic to the same pairs of columns and yield the same bits.
+
+use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::segment_table::Segment;
+
+/// A point q of a segment with the phase of the pixel p.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Column in the epipolar frame, pixels.
+    pub column_px: f32,
+    /// Fringe order: Φ − φ_p, rounded to whole turns.
+    pub order: i16,
+    /// δ = Φ − φ_p − order, turns · 65536.
+    pub delta: i16,
+    /// Rise of the phase of C2 over one column, turns · 65536.
+    pub slope: i16,
+}
+
+/// The back-projection test |δ − mean| < thr (paper, section 2.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeltaGate {
+    /// Mean of δ of true candidates, turns.
+    pub mean_turns: f32,
+    /// Threshold thr, turns.
+    pub threshold_turns: f32,
+}
+
+impl DeltaGate {
+    /// The test that every candidate passes.
+    pub const OPEN: Self = Self { mean_turns: 0.0, threshold_turns: f32::INFINITY };
+
+    /// Whether a candidate passes.
+    #[must_use]
+    #[inline]
+    pub fn passes(&self, delta: i16) -> bool {
+        (f32::from(delta) / 65536.0 - self.mean_turns).abs() < self.threshold_turns
+    }
+}
+
+/// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
+/// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
+const MAX_COLUMN_STEP: i32 = 30000;
+/// Crossings closer together than this are one: no camera resolves fringes of so short a period.
+const SAME_PLACE_PX: f32 = 2.0;
+/// Columns by which an interval of the projector-side search is widened against rounding.
+const COLUMN_MARGIN_PX: f32 = 0.02;
+
+/// One epipolar row as a pixel of C1 sees it: two rows of the image, mixed by the fractional row.
+pub(super) struct RowView<'a> {
+    upper: &'a [u16],
+    lower: &'a [u16],
+    upper_valid: &'a [bool],
+    lower_valid: &'a [bool],
+    /// Share of the lower row, 1/65536.
+    below: i32,
+}
+
+impl<'a> RowView<'a> {
+    /// The row of a segment.
+    #[inline]
+    pub(super) fn new(image: &'a EpipolarImage, row_px: f32) -> Self {
+        let last = image.phase.len() / image.width - 1;
+        let upper = (row_px as usize).min(last);
+        let lower = (upper + 1).min(last);
+        let row = |r: usize| r * image.width..(r + 1) * image.width;
+        Self {
+            upper: &image.phase[row(upper)],
+            lower: &image.phase[row(lower)],
+            upper_valid: &image.valid[row(upper)],
+            lower_valid: &image.valid[row(lower)],
+            below: ((row_px - upper as f32) * 65536.0) as i32,
+        }
+    }
+
+    /// Phase at a column, if there is one; rows of different surfaces are not mixed.
+    #[inline]
+    fn at(&self, column: usize) -> Option<u16> {
+        let (upper, lower) = (self.upper[column], self.lower[column]);
+        let step = i32::from(lower.wrapping_sub(upper) as i16);
+        match (self.upper_valid[column], self.lower_valid[column]) {
+            (true, true) if step.abs() <= MAX_NEIGHBOUR_STEP => {
+                Some(upper.wrapping_add(((i64::from(step) * i64::from(self.below) + 32768) >> 16) as u16))
+            }
+            (upper_valid, _) if self.below < 32768 => upper_valid.then_some(upper),
+            (_, lower_valid) => lower_valid.then_some(lower),
+        }
+    }
+}
+
+/// All candidates of a pixel, by the plain scan of its whole segment.
+pub(super) fn plain_scan(
+    row: &RowView<'_>,
+    segment: &Segment,
+    phase: u16,
+    gate: &DeltaGate,
+    found: &mut Vec<Candidate>,
+) {
+    let first = found.len();
+    scan_columns(row, segment, phase, gate, segment.begin_px as usize, segment.end_px.ceil() as usize, first, found);
+}
+
+/// The candidates of a pixel that pass the gate, each order searched where it can pass.
+pub(super) fn projector_side_search(
+    row: &RowView<'_>,
+    segment: &Segment,
+    phase: u16,
+    gate: &DeltaGate,
+    found: &mut Vec<Candidate>,
+) {
+    let first = found.len();
+    let (at_begin, at_end) = (segment.phase[0], segment.phase_turns(segment.end_px));
+    let phase_turns = f32::from(phase) / 65536.0;
+    // A candidate of order k has Φ = k + φ_p + δ with δ within the gate.
+    let (low, high) = (gate.mean_turns - gate.threshold_turns, gate.mean_turns + gate.threshold_turns);
+    let lowest = (at_begin.min(at_end) - phase_turns - high).ceil() as i32;
+    let highest = (at_begin.max(at_end) - phase_turns - low).floor() as i32;
+    let mut order = if at_begin <= at_end { lowest } else { highest };
+    let step = if at_begin <= at_end { 1 } else { -1 };
+    // Ascending columns, like the plain scan.
+    let mut next_column = segment.begin_px as usize;
+    for _ in lowest..=highest {
+        let centre = order as f32 + phase_turns;
+        let (a, b) = (segment.column_of_phase(centre + low), segment.column_of_phase(centre + high));
+        let begin = clamp_column(a.min(b) - COLUMN_MARGIN_PX, segment).max(segment.begin_px) as usize;
+        let end = clamp_column(a.max(b) + COLUMN_MARGIN_PX, segment).ceil() as usize;
+        // Intervals of neighbouring orders may share a pair of columns when the gate is wide.
+        let begin = begin.max(next_column);
+        scan_columns(row, segment, phase, gate, begin, end, first, found);
+        next_column = next_column.max(end);
+        order += step;
+    }
+}
+
+#[inline]
+fn clamp_column(column_px: f32, segment: &Segment) -> f32 {
+    column_px.max(segment.begin_px).min(segment.end_px)
+}
+
+/// Looks for phase crossings between the columns `begin..=end`; `first` is where this pixel's candidates begin.
+#[inline]
+fn scan_columns(
+    row: &RowView<'_>,
+    segment: &Segment,
+    phase: u16,
+    gate: &DeltaGate,
+    begin: usize,
+    end: usize,
+    first: usize,
+    found: &mut Vec<Candidate>,
+) {
+    let mut previous: Option<i32> = None;
+    for column in begin..=end.min(row.upper.len() - 1) {
+        let current = row.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16));
+        if let (Some(before), Some(after)) = (previous, current)
+            && let Some(column_px) = crossing(column - 1, before, after)
+            && column_px >= segment.begin_px
+            && column_px <= segment.end_px
+        {
+            let candidate = back_project(segment, phase, column_px, after - before);
+            if gate.passes(candidate.delta) {
+                keep_best_of_place(candidate, first, found);
+            }
+        }
+        previous = current;
+    }
+}
+
+/// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
+#[inline]
+fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
+    let changes_sign = (before <= 0 && after > 0) || (before > 0 && after <= 0);
+    if !changes_sign || (after - before).abs() > MAX_COLUMN_STEP {
+        return None;
+    }
+    Some(column as f32 + before as f32 / (before - after) as f32)
+}
+
+/// Order and δ of the point of a segment at a column.
+#[inline]
+fn back_project(segment: &Segment, phase: u16, column_px: f32, slope: i32) -> Candidate {
+    let turns = segment.phase_turns(column_px) - f32::from(phase) / 65536.0;
+    let order = turns.round();
+    Candidate { column_px, order: order as i16, delta: ((turns - order) * 65536.0).round() as i16, slope: slope as i16 }
+}
+
+/// Noise can cross the phase more than once near one place: of candidates of one place the one with the least |δ| stays.
+#[inline]
+fn keep_best_of_place(candidate: Candidate, first: usize, found: &mut Vec<Candidate>) {
+    match found[first..].last_mut() {
+        Some(last) if candidate.column_px - last.column_px < SAME_PLACE_PX => {
+            if candidate.delta.unsigned_abs() < last.delta.unsigned_abs() {
+                *last = candidate;
+            }
+        }
+        _ => found.push(candidate),
+    }
+}

@@ -1,0 +1,209 @@
+//! sd, measured from the images themselves, without truth (paper, section 2.3).
+//!
+//! The true candidates form a narrow peak in the histogram of δ near zero; the false ones a floor below it, with teeth
+//! of their own elsewhere (δ of the candidate k orders away on a flat surface is close to 2π·k·r, r the place of the
+//! projector on the base). A first estimate is a normal distribution on a constant floor, fitted around the peak. With
+//! the threshold that follows, reference correspondences are selected; their δ, free of the floor, give mean and sd.
+
+use std::f64::consts::TAU;
+
+use crate::phase::PhaseMap;
+
+use super::candidates::{DeltaGate, RowView, plain_scan};
+use super::epipolar_image::EpipolarImage;
+use super::resolution::{Evidence, ResolutionSettings, reference_deltas};
+use super::search::{SearchForm, find_candidates};
+use super::segment_table::SegmentTable;
+
+/// Pixels of C1, along either axis, of which one is examined for the histogram.
+const STRIDE: usize = 4;
+/// Bins of the histogram over one turn.
+const BINS: usize = 512;
+/// Half width of the part of the histogram that is fitted, turns (0.8 rad): the nearest teeth stay out of it.
+const FIT_HALF_WIDTH_TURNS: f64 = 0.127;
+/// Half width within which the peak is looked for, turns (0.6 rad).
+const PEAK_HALF_WIDTH_TURNS: f64 = 0.095;
+/// Bins on either side over which the histogram is smoothed to find the peak.
+const SMOOTHING_BINS: usize = 4;
+/// Steps of the fit; it settles within twenty.
+const FIT_STEPS: usize = 50;
+/// Least sd that is believed, turns (0.003 rad): rounding alone makes more.
+const MIN_SD_TURNS: f64 = 0.0005;
+/// Factor from sd to the threshold (paper, section 2.1).
+const THRESHOLD_SD: f64 = 3.0;
+/// Fewest reference correspondences that refine the first estimate.
+const MIN_REFERENCES: usize = 200;
+/// Rounds of refinement.
+const REFINEMENTS: usize = 2;
+
+/// Mean and standard deviation of δ over the true candidates, and what follows from them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeltaStatistics {
+    /// Mean of δ, rad: zero for a perfect calibration.
+    pub mean_rad: f64,
+    /// Standard deviation of δ about its mean, rad: the paper's sd.
+    pub sd_rad: f64,
+    /// Mean number n of fringe periods on a segment, over the valid pixels.
+    pub mean_periods: f64,
+}
+
+impl DeltaStatistics {
+    /// Threshold thr = 3·sd, rad; never more than half a turn.
+    #[must_use]
+    pub fn threshold_rad(&self) -> f64 {
+        (THRESHOLD_SD * self.sd_rad).min(0.5 * TAU)
+    }
+
+    /// The back-projection test that follows.
+    #[must_use]
+    pub fn gate(&self) -> DeltaGate {
+        DeltaGate { mean_turns: (self.mean_rad / TAU) as f32, threshold_turns: (self.threshold_rad() / TAU) as f32 }
+    }
+
+    /// Expected number of additional false candidates per true one (paper, Eq. 1): efc = 3·sd·(n − 1)/π.
+    #[must_use]
+    pub fn expected_false_candidates(&self) -> f64 {
+        THRESHOLD_SD * self.sd_rad * (self.mean_periods - 1.0).max(0.0) / (0.5 * TAU)
+    }
+}
+
+/// Measures mean and sd of δ, and n, from the phases of one pair of images; `None` where no pixel has a candidate.
+#[must_use]
+pub fn measure_delta(
+    cam1: &PhaseMap,
+    cam2: &EpipolarImage,
+    table: &SegmentTable,
+    settings: &ResolutionSettings,
+) -> Option<DeltaStatistics> {
+    let histogram = Histogram::of_all_candidates(cam1, cam2, table);
+    let mut statistics = histogram.fit()?;
+    for _ in 0..REFINEMENTS {
+        let gate = statistics.gate();
+        let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
+        let deltas = reference_deltas(Evidence { cam1, candidates: &candidates, gate: &gate, table }, settings);
+        if deltas.len() < MIN_REFERENCES {
+            break;
+        }
+        (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(&deltas);
+    }
+    Some(statistics)
+}
+
+/// Mean and standard deviation of δ given in turns · 65536, rad.
+#[must_use]
+pub fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
+    let count = deltas.len().max(1) as f64;
+    let sum: i64 = deltas.iter().map(|&d| i64::from(d)).sum();
+    let squares: i64 = deltas.iter().map(|&d| i64::from(d).pow(2)).sum();
+    let mean = sum as f64 / count;
+    let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
+    (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)
+}
+
+/// δ of all candidates of a part of the pixels, whether they pass a test or not.
+struct Histogram {
+    bins: [u64; BINS],
+    /// Pixels that were examined.
+    pixels: u64,
+}
+
+impl Histogram {
+    fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable) -> Self {
+        let mut histogram = Self { bins: [0; BINS], pixels: 0 };
+        let mut found = Vec::new();
+        for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
+            for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
+                let i = v * cam1.width + u;
+                let segment = &table.segments()[i];
+                if !cam1.valid[i] || segment.is_none() {
+                    continue;
+                }
+                found.clear();
+                plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, &mut found);
+                histogram.pixels += u64::from(!found.is_empty());
+                for candidate in &found {
+                    histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;
+                }
+            }
+        }
+        histogram
+    }
+
+    /// Count of a bin by its distance from δ = 0.
+    fn at(&self, offset: i64) -> f64 {
+        self.bins[offset.rem_euclid(BINS as i64) as usize] as f64
+    }
+
+    /// Normal distribution on a constant floor around the peak near zero, by expectation maximization.
+    fn fit(&self) -> Option<DeltaStatistics> {
+        let candidates: u64 = self.bins.iter().sum();
+        if candidates == 0 {
+            return None;
+        }
+        let peak = self.peak();
+        let half = (FIT_HALF_WIDTH_TURNS * BINS as f64) as i64;
+        let width = (2 * half + 1) as f64;
+        let (mut mean, mut sd, mut share) = (peak as f64, 0.02 * BINS as f64, 0.5);
+        for _ in 0..FIT_STEPS {
+            let (mut weight, mut first, mut second, mut total) = (0.0, 0.0, 0.0, 0.0);
+            for offset in peak - half..=peak + half {
+                let (x, count) = (offset as f64, self.at(offset));
+                let normal = share * (-0.5 * ((x - mean) / sd).powi(2)).exp() / (sd * TAU.sqrt());
+                let belongs = count * normal / (normal + (1.0 - share) / width);
+                weight += belongs;
+                first += belongs * x;
+                second += belongs * (x - mean).powi(2);
+                total += count;
+            }
+            if weight <= 0.0 {
+                break;
+            }
+            mean = first / weight;
+            sd = (second / weight).sqrt().max(MIN_SD_TURNS * BINS as f64);
+            share = (weight / total).clamp(0.01, 0.999);
+        }
+        // A bin's δ lies half a bin above its lower edge.
+        Some(DeltaStatistics {
+            mean_rad: (mean + 0.5) / BINS as f64 * TAU,
+            sd_rad: sd / BINS as f64 * TAU,
+            mean_periods: candidates as f64 / self.pixels.max(1) as f64,
+        })
+    }
+
+    /// Bin of the highest place near zero after smoothing.
+    fn peak(&self) -> i64 {
+        let reach = (PEAK_HALF_WIDTH_TURNS * BINS as f64) as i64;
+        let smooth = SMOOTHING_BINS as i64;
+        let height = |centre: i64| (centre - smooth..=centre + smooth).map(|o| self.at(o)).sum::<f64>();
+        (-reach..=reach).max_by(|&a, &b| height(a).total_cmp(&height(b))).unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_peak_on_a_floor_with_a_tooth_is_measured() {
+        let mut histogram = Histogram { bins: [40; BINS], pixels: 1000 };
+        let (mean_turns, sd_turns) = (-0.008, 0.0065);
+        for (i, bin) in histogram.bins.iter_mut().enumerate() {
+            let at = |centre: f64, sd: f64| {
+                let x = (i as f64 + 0.5) / BINS as f64;
+                let off = (x - centre + 0.5).rem_euclid(1.0) - 0.5;
+                (-0.5 * (off / sd).powi(2)).exp()
+            };
+            *bin += (400.0 * at(mean_turns, sd_turns) + 900.0 * at(0.2, 0.01)) as u64;
+        }
+        let fit = histogram.fit().unwrap();
+        assert!((fit.mean_rad / TAU - mean_turns).abs() < 0.1 * sd_turns, "{fit:?}");
+        assert!((fit.sd_rad / TAU / sd_turns - 1.0).abs() < 0.1, "{fit:?}");
+    }
+
+    #[test]
+    fn efc_is_equation_1_of_the_paper() {
+        // The paper's own figures: n = 6, sd = 0.041, efc = 0.20.
+        let statistics = DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, mean_periods: 6.0 };
+        assert!((statistics.expected_false_candidates() - 0.20).abs() < 0.005);
+    }
+}

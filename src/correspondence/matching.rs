@@ -1,0 +1,164 @@
+//! The whole chain of the proposed method (PA), from two phase maps to a decision about every pixel of C1.
+
+use rayon::prelude::*;
+
+use crate::phase::PhaseMap;
+
+use super::candidates::{Candidate, DeltaGate, RowView, plain_scan};
+use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
+use super::epipolar_image::EpipolarImage;
+use super::outcome::Outcome;
+use super::resolution::{Evidence, Resolution, ResolutionSettings, resolve};
+use super::search::{CandidateLists, SearchForm, find_candidates};
+use super::segment_table::SegmentTable;
+
+/// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
+const READMISSION: f32 = 1.7;
+/// Least such bound, turns (0.15 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
+const MIN_READMISSION_TURNS: f32 = 0.024;
+/// Relative change of sd after the resolution that calls for another pass with the better threshold.
+const SD_CHANGE: f64 = 0.15;
+
+/// How correspondences are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MatchSettings {
+    /// Standard deviation of δ, rad, where it is not to be measured.
+    pub delta_sd_rad: Option<f64>,
+    /// Resolution of ambiguous pixels.
+    pub resolution: ResolutionSettings,
+}
+
+/// Correspondences of all pixels of C1, row by row, and what they rest on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matches {
+    /// What became of each pixel.
+    pub outcomes: Vec<Outcome>,
+    /// The chosen candidate of each pixel with a found outcome.
+    pub chosen: Vec<Option<Candidate>>,
+    /// Number of candidates of each pixel that passed the back-projection test.
+    pub passing: Vec<u8>,
+    /// Statistics of δ from which the threshold came.
+    pub delta: DeltaStatistics,
+    /// Mean and sd of δ over the chosen candidates, rad.
+    pub chosen_delta_rad: (f64, f64),
+}
+
+/// Why two phase maps cannot be matched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MatchError {
+    /// A phase map has another size than the segment table was built for.
+    #[error("a phase map of {found:?} pixels does not belong to a segment table for {expected:?} pixels")]
+    Size {
+        /// Width and height of the map of C1.
+        found: [usize; 2],
+        /// Width and height that the table was built for.
+        expected: [usize; 2],
+    },
+    /// No pixel has a candidate.
+    #[error(
+        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the images \
+         belong to this calibration, does the object lie in the measurement volume?"
+    )]
+    NothingInCommon,
+}
+
+/// Finds the correspondence of every pixel of C1.
+///
+/// # Errors
+/// Maps of another size than the table's, or maps that have nothing in common.
+pub fn match_phases(
+    cam1: &PhaseMap,
+    cam2: &PhaseMap,
+    table: &SegmentTable,
+    settings: &MatchSettings,
+) -> Result<Matches, MatchError> {
+    let (found, expected) = ([cam1.width, cam1.height], table.size_px());
+    let size_error = MatchError::Size { found, expected };
+    if found != expected {
+        return Err(size_error);
+    }
+    let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
+    let mut delta = measure_delta(cam1, &cam2, table, &settings.resolution).ok_or(MatchError::NothingInCommon)?;
+    if let Some(sd_rad) = settings.delta_sd_rad {
+        delta.sd_rad = sd_rad;
+    }
+    let mut pass = Pass::run(cam1, &cam2, table, &delta.gate(), &settings.resolution);
+    let mut chosen_delta_rad = pass.delta_rad();
+    let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
+    if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
+        (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
+        pass = Pass::run(cam1, &cam2, table, &delta.gate(), &settings.resolution);
+        chosen_delta_rad = pass.delta_rad();
+    }
+    let passing = pass.passing(&delta.gate());
+    let mut matches =
+        Matches { chosen: pass.chosen(), outcomes: pass.resolution.outcomes, passing, delta, chosen_delta_rad };
+    explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
+    Ok(matches)
+}
+
+/// Candidates and decisions with one threshold.
+struct Pass {
+    candidates: CandidateLists,
+    resolution: Resolution,
+}
+
+impl Pass {
+    fn run(
+        cam1: &PhaseMap,
+        cam2: &EpipolarImage,
+        table: &SegmentTable,
+        gate: &DeltaGate,
+        settings: &ResolutionSettings,
+    ) -> Self {
+        let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
+        let readmitting = DeltaGate { threshold_turns, ..*gate };
+        let candidates = find_candidates(cam1, cam2, table, &readmitting, SearchForm::ProjectorSide);
+        let resolution = resolve(Evidence { cam1, candidates: &candidates, gate, table }, settings);
+        Self { candidates, resolution }
+    }
+
+    fn chosen(&self) -> Vec<Option<Candidate>> {
+        let of = |(i, outcome): (usize, &Outcome)| {
+            outcome.is_found().then(|| self.candidates.of(i)[usize::from(self.resolution.chosen[i])])
+        };
+        self.resolution.outcomes.iter().enumerate().map(of).collect()
+    }
+
+    fn found(&self) -> usize {
+        self.resolution.outcomes.iter().filter(|o| o.is_found()).count()
+    }
+
+    fn delta_rad(&self) -> (f64, f64) {
+        let deltas: Vec<i16> = self.chosen().into_iter().flatten().map(|c| c.delta).collect();
+        mean_and_sd_rad(&deltas)
+    }
+
+    fn passing(&self, gate: &DeltaGate) -> Vec<u8> {
+        let count = |i: usize| self.candidates.of(i).iter().filter(|c| gate.passes(c.delta)).count() as u8;
+        (0..self.resolution.outcomes.len()).into_par_iter().map(count).collect()
+    }
+}
+
+/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes.
+fn explain_pixels_without_candidates(
+    cam1: &PhaseMap,
+    cam2: &EpipolarImage,
+    table: &SegmentTable,
+    outcomes: &mut [Outcome],
+) {
+    outcomes.par_iter_mut().enumerate().for_each_init(Vec::new, |found, (i, outcome)| {
+        let segment = &table.segments()[i];
+        if !cam1.valid[i] {
+            *outcome = Outcome::Invalid;
+        } else if segment.is_none() {
+            *outcome = Outcome::OutsideVolume;
+        } else if *outcome == Outcome::NoCandidate {
+            found.clear();
+            plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, found);
+            if !found.is_empty() {
+                *outcome = Outcome::RejectedByDelta;
+            }
+        }
+    });
+}

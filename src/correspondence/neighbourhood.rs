@@ -1,0 +1,147 @@
+//! What the decided pixels around a pixel say about its fringe order: Eq. (2) of the paper.
+//!
+//! The back-projection phase makes the phase of a correspondence absolute: u = φ_p + order. Around p the wrapped phase of
+//! C1 is unwrapped along straight walks, left and right along the epipolar direction and up and down across it, for less
+//! than one period as Eq. (2) demands and only as long as it runs on without a jump. A decided pixel k met after a phase
+//! rise s says: if p and k lie on one surface, then u_p = u_k − s. That is Eq. (2) with both inequalities in one: k comes
+//! before p in C1 and c(k) before q in C2, by the same phase, less than 2π. In whole numbers it holds exactly or not at
+//! all.
+
+use crate::phase::PhaseMap;
+
+use super::segment_table::EpipolarAxis;
+
+/// Absolute phase of a pixel that is not decided.
+pub(super) const UNDECIDED: i32 = i32::MIN;
+/// One turn of phase.
+pub(super) const TURN: i32 = 65536;
+/// Largest phase step between neighbours of one surface; a surface seen at a grazing angle may come close to it.
+const MAX_STEP: i32 = 24576;
+/// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase
+/// jumps by anything: three quarters of such jumps would pass [`MAX_STEP`] alone, one in eight passes this too.
+const MAX_STEP_CHANGE: i32 = 4000;
+/// Longest walk, pixels; fringes as wide as this are rare, and a walk of one period is all Eq. (2) uses.
+const MAX_WALK_PX: usize = 16;
+/// Different orders of one pixel that are told apart; a fifth opinion is noise.
+const MAX_OPINIONS: usize = 4;
+
+/// Absolute phases proposed for a pixel and how many decided pixels propose each.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Opinions {
+    proposals: [(i32, u16); MAX_OPINIONS],
+    count: usize,
+    /// All opinions, those that found no place among the proposals included.
+    pub(super) total: u16,
+}
+
+impl Opinions {
+    fn add(&mut self, absolute: i32) {
+        self.total += 1;
+        match self.proposals[..self.count].iter_mut().find(|(a, _)| *a == absolute) {
+            Some((_, votes)) => *votes += 1,
+            None if self.count < MAX_OPINIONS => {
+                self.proposals[self.count] = (absolute, 1);
+                self.count += 1;
+            }
+            None => {}
+        }
+    }
+
+    /// How many decided pixels propose an absolute phase.
+    pub(super) fn votes_for(&self, absolute: i32) -> u16 {
+        self.proposals[..self.count].iter().find(|(a, _)| *a == absolute).map_or(0, |&(_, votes)| votes)
+    }
+}
+
+/// The walks around the pixels of an image.
+pub(super) struct Neighbourhood<'a> {
+    pub(super) map: &'a PhaseMap,
+    pub(super) axis: EpipolarAxis,
+}
+
+/// Which walks are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Directions {
+    /// Along the epipolar direction.
+    Along,
+    /// Along and across it.
+    AlongAndAcross,
+}
+
+impl Neighbourhood<'_> {
+    /// Collects what decided pixels around pixel (u, v) propose; `absolute` holds their absolute phases.
+    pub(super) fn opinions(&self, u: usize, v: usize, absolute: &[i32], directions: Directions) -> Opinions {
+        let mut opinions = Opinions::default();
+        let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
+        let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
+        let (width, height) = (self.map.width, self.map.height);
+        let here = v * width + u;
+        if horizontal {
+            self.walk(here, 1, width - 1 - u, absolute, &mut opinions);
+            self.walk(here, -1, u, absolute, &mut opinions);
+        }
+        if vertical {
+            self.walk(here, width as isize, height - 1 - v, absolute, &mut opinions);
+            self.walk(here, -(width as isize), v, absolute, &mut opinions);
+        }
+        opinions
+    }
+
+    /// Walks from `here` in steps of `stride` for at most `room` steps.
+    fn walk(&self, here: usize, stride: isize, room: usize, absolute: &[i32], opinions: &mut Opinions) {
+        let (mut at, mut risen, mut last_step) = (here, 0_i32, None);
+        for _ in 0..room.min(MAX_WALK_PX) {
+            let next = at.wrapping_add_signed(stride);
+            let step = i32::from(self.map.phase[next].wrapping_sub(self.map.phase[at]) as i16);
+            let breaks = last_step.is_some_and(|last: i32| (last - step).abs() > MAX_STEP_CHANGE);
+            risen += step;
+            if !self.map.valid[next] || step.abs() > MAX_STEP || breaks || risen.abs() >= TURN {
+                return;
+            }
+            if absolute[next] != UNDECIDED {
+                opinions.add(absolute[next] - risen);
+            }
+            (at, last_step) = (next, Some(step));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of pixels whose phase rises by `step` a pixel, with a jump of `jump` before pixel 6.
+    fn row(step: i32, jump: i32) -> PhaseMap {
+        let phase = |i: i32| (i * step + if i >= 6 { jump } else { 0 }) as u16;
+        PhaseMap {
+            width: 12,
+            height: 1,
+            phase: (0..12).map(phase).collect(),
+            valid: vec![true; 12],
+            ..PhaseMap::default()
+        }
+    }
+
+    #[test]
+    fn neighbours_of_one_surface_agree_exactly_across_the_wrap() {
+        let map = row(7000, 0);
+        let absolute: Vec<i32> = (0..12).map(|i| 3 * TURN + i * 7000).collect();
+        let around = Neighbourhood { map: &map, axis: EpipolarAxis::Horizontal };
+        let opinions = around.opinions(5, 0, &absolute, Directions::Along);
+        assert_eq!(opinions.votes_for(3 * TURN + 5 * 7000), opinions.total);
+        // Less than one period: nine steps of 7000 to either side, of which six and five lie in the image.
+        assert_eq!(opinions.total, 11);
+    }
+
+    #[test]
+    fn nobody_is_asked_beyond_a_period_or_a_jump() {
+        let absolute = vec![0; 12];
+        let count = |map: &PhaseMap| {
+            Neighbourhood { map, axis: EpipolarAxis::Horizontal }.opinions(5, 0, &absolute, Directions::Along).total
+        };
+        assert_eq!(count(&row(15000, 0)), 8);
+        assert_eq!(count(&row(7000, 20000)), 5);
+        // A jump that hides as a moderate step is betrayed by its change of slope one pixel on.
+        assert_eq!(count(&row(7000, 9000)), 6);
+    }
+}

@@ -1,0 +1,284 @@
+//! Resolution: from the candidates of all pixels to at most one correspondence each (paper, section 2.2).
+//!
+//! 1. *Reference correspondences* (2.2.1): pixels with exactly one candidate that passes the back-projection test and
+//!    with neighbours that have just one too and agree by Eq. (2).
+//! 2. *Decisions* (2.2.2, 2.2.3): pixels with several candidates, and uncertain ones, are decided by what reference
+//!    correspondences around them say by Eq. (2), first along the epipolar direction, then across it too. A candidate
+//!    just beyond the threshold takes part here: two-sided 3·sd keeps 99.73 % of normal errors, and the rest is
+//!    re-admitted by its neighbourhood.
+//! 3. *Contradictions* (2.2.3): against neighbours; against the place in C2, which serves one order; and against chance,
+//!    by the evidence of whole regions.
+//!
+//! Decisions and contradictions alternate for a bounded number of rounds and sweeps; a sweep reads the decisions of the
+//! one before and writes its own, so the result does not depend on the number of threads. What is left is counted.
+
+mod decision;
+mod regions;
+mod uniqueness;
+
+use rayon::prelude::*;
+
+use crate::phase::PhaseMap;
+
+use super::candidates::{Candidate, DeltaGate};
+use super::neighbourhood::{Directions, Neighbourhood, Opinions, TURN, UNDECIDED};
+use super::outcome::Outcome;
+use super::search::CandidateLists;
+use super::segment_table::SegmentTable;
+
+use decision::VoteRule;
+use regions::Regions;
+
+/// How the resolution weighs and when it stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResolutionSettings {
+    /// Rounds of decisions and contradictions.
+    pub max_rounds: usize,
+    /// Sweeps of one kind in a round.
+    pub max_sweeps: usize,
+    /// Decided pixels that must support a decision.
+    pub min_votes: u16,
+    /// Smallest region of agreeing pixels that is kept, pixels.
+    pub min_region_px: u32,
+}
+
+impl Default for ResolutionSettings {
+    fn default() -> Self {
+        Self { max_rounds: 3, max_sweeps: 8, min_votes: 3, min_region_px: 30 }
+    }
+}
+
+/// Decisions about all pixels of C1, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Resolution {
+    /// What became of each pixel.
+    pub outcomes: Vec<Outcome>,
+    /// Index of the chosen candidate in the pixel's list; meaningless without a found outcome.
+    pub chosen: Vec<u8>,
+}
+
+/// Everything the resolution reads.
+#[derive(Clone, Copy)]
+pub struct Evidence<'a> {
+    /// Phase of C1.
+    pub cam1: &'a PhaseMap,
+    /// Candidates of all pixels, those somewhat beyond the threshold included.
+    pub candidates: &'a CandidateLists,
+    /// The back-projection test proper: threshold 3·sd.
+    pub gate: &'a DeltaGate,
+    /// The segment table of the rig.
+    pub table: &'a SegmentTable,
+}
+
+/// Decides every pixel that has candidates.
+///
+/// The outcomes of pixels without candidates are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
+#[must_use]
+pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolution {
+    let mut resolver = Resolver::new(evidence, settings);
+    resolver.select_references();
+    let strict = VoteRule::strict(settings.min_votes);
+    for _ in 0..settings.max_rounds {
+        resolver.sweep_until_settled(Directions::Along, &strict);
+        resolver.sweep_until_settled(Directions::AlongAndAcross, &strict);
+        resolver.contradict_by_neighbours(&strict);
+        if resolver.contradict_by_regions() == 0 {
+            break;
+        }
+    }
+    // The regions stand; pixels at their borders, with few neighbours left, may join them with fewer votes.
+    resolver.readmit();
+    resolver.sweep_until_settled(Directions::AlongAndAcross, &VoteRule::LENIENT);
+    resolver.contradict_by_regions();
+    resolver.resolution
+}
+
+/// δ of the reference correspondences alone, turns · 65536, pixel by pixel.
+#[must_use]
+pub fn reference_deltas(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Vec<i16> {
+    let mut resolver = Resolver::new(evidence, settings);
+    resolver.select_references();
+    let decided = (0..resolver.absolute.len()).filter(|&i| resolver.absolute[i] != UNDECIDED);
+    decided.map(|i| resolver.chosen_candidate(i).delta).collect()
+}
+
+/// State of the resolution.
+struct Resolver<'a> {
+    evidence: Evidence<'a>,
+    settings: &'a ResolutionSettings,
+    around: Neighbourhood<'a>,
+    /// Absolute phase of the decided pixels, turns · 65536.
+    absolute: Vec<i32>,
+    /// Bit k set: candidate k of the pixel was contradicted and does not come back.
+    excluded: Vec<u32>,
+    /// Pixels with candidates and without decision, ascending.
+    open: Vec<u32>,
+    resolution: Resolution,
+}
+
+impl<'a> Resolver<'a> {
+    fn new(evidence: Evidence<'a>, settings: &'a ResolutionSettings) -> Self {
+        let pixels = evidence.cam1.phase.len();
+        let outcome = |i: usize| match evidence.candidates.of(i) {
+            [] => Outcome::NoCandidate,
+            list if list.iter().any(|c| evidence.gate.passes(c.delta)) => Outcome::Ambiguous,
+            _ => Outcome::RejectedByDelta,
+        };
+        Self {
+            evidence,
+            settings,
+            around: Neighbourhood { map: evidence.cam1, axis: evidence.table.epipolar_axis() },
+            absolute: vec![UNDECIDED; pixels],
+            excluded: vec![0; pixels],
+            open: Vec::new(),
+            resolution: Resolution {
+                outcomes: (0..pixels).into_par_iter().map(outcome).collect(),
+                chosen: vec![0; pixels],
+            },
+        }
+    }
+
+    /// Selects the reference correspondences (paper, 2.2.1) and opens all other pixels with candidates.
+    fn select_references(&mut self) {
+        let pixels = self.absolute.len();
+        let only: Vec<Option<u8>> = (0..pixels).into_par_iter().map(|i| self.only_passing(i)).collect();
+        let unique: Vec<i32> = (0..pixels)
+            .into_par_iter()
+            .map(|i| only[i].map_or(UNDECIDED, |k| self.absolute_phase(i, usize::from(k))))
+            .collect();
+        let rule = VoteRule::strict(self.settings.min_votes);
+        let is_reference: Vec<bool> = (0..pixels)
+            .into_par_iter()
+            .map(|i| {
+                unique[i] != UNDECIDED
+                    && rule.supports(unique[i], &self.opinions(i, &unique, Directions::AlongAndAcross))
+            })
+            .collect();
+        for i in 0..pixels {
+            match only[i] {
+                Some(k) if is_reference[i] => self.decide(i, usize::from(k), Outcome::Reference),
+                _ if !self.evidence.candidates.of(i).is_empty() => self.open.push(i as u32),
+                _ => {}
+            }
+        }
+    }
+
+    /// The candidate of a pixel that alone passes the back-projection test.
+    fn only_passing(&self, pixel: usize) -> Option<u8> {
+        let list = self.evidence.candidates.of(pixel);
+        let mut passing = (0..list.len()).filter(|&k| self.evidence.gate.passes(list[k].delta));
+        match (passing.next(), passing.next()) {
+            (Some(k), None) => Some(k as u8),
+            _ => None,
+        }
+    }
+
+    fn opinions(&self, pixel: usize, absolute: &[i32], directions: Directions) -> Opinions {
+        let width = self.evidence.cam1.width;
+        self.around.opinions(pixel % width, pixel / width, absolute, directions)
+    }
+
+    fn absolute_phase(&self, pixel: usize, k: usize) -> i32 {
+        let candidate = &self.evidence.candidates.of(pixel)[k];
+        i32::from(candidate.order) * TURN + i32::from(self.evidence.cam1.phase[pixel])
+    }
+
+    fn chosen_candidate(&self, pixel: usize) -> &'a Candidate {
+        &self.evidence.candidates.of(pixel)[usize::from(self.resolution.chosen[pixel])]
+    }
+
+    fn decide(&mut self, pixel: usize, k: usize, outcome: Outcome) {
+        self.absolute[pixel] = self.absolute_phase(pixel, k);
+        self.resolution.chosen[pixel] = k as u8;
+        self.resolution.outcomes[pixel] = outcome;
+    }
+
+    /// Takes back the decisions of some pixels (ascending) and opens them again.
+    fn undo(&mut self, pixels: &[u32]) {
+        for &pixel in pixels {
+            self.absolute[pixel as usize] = UNDECIDED;
+            self.resolution.outcomes[pixel as usize] = Outcome::Contradicted;
+        }
+        self.open.extend_from_slice(pixels);
+        self.open.sort_unstable();
+    }
+
+    fn sweep_until_settled(&mut self, directions: Directions, rule: &VoteRule) {
+        for _ in 0..self.settings.max_sweeps {
+            if self.sweep(directions, rule) == 0 {
+                return;
+            }
+        }
+    }
+
+    /// Decides open pixels by what the pixels decided before this sweep say; yields how many.
+    fn sweep(&mut self, directions: Directions, rule: &VoteRule) -> usize {
+        let decisions: Vec<Option<u8>> = self
+            .open
+            .par_iter()
+            .map(|&pixel| {
+                let opinions = self.opinions(pixel as usize, &self.absolute, directions);
+                rule.choose(self.eligible(pixel as usize), &opinions).map(|k| k as u8)
+            })
+            .collect();
+        let open = std::mem::take(&mut self.open);
+        let before = open.len();
+        for (&pixel, decision) in open.iter().zip(decisions) {
+            match decision {
+                Some(k) => self.decide(pixel as usize, usize::from(k), self.outcome_of(pixel as usize, directions)),
+                None => self.open.push(pixel),
+            }
+        }
+        before - self.open.len()
+    }
+
+    /// Candidates of a pixel that were not contradicted, with their absolute phases.
+    fn eligible(&self, pixel: usize) -> impl Iterator<Item = (usize, i32)> + '_ {
+        let count = self.evidence.candidates.of(pixel).len();
+        let excluded = self.excluded[pixel];
+        (0..count).filter(move |&k| k >= 32 || excluded >> k & 1 == 0).map(move |k| (k, self.absolute_phase(pixel, k)))
+    }
+
+    fn outcome_of(&self, pixel: usize, directions: Directions) -> Outcome {
+        match (self.evidence.candidates.of(pixel).len(), directions) {
+            (1, _) => Outcome::Unique,
+            (_, Directions::Along) => Outcome::AlongEpipolar,
+            (_, Directions::AlongAndAcross) => Outcome::AcrossEpipolar,
+        }
+    }
+
+    /// Undoes decisions that their neighbours do not support any more.
+    fn contradict_by_neighbours(&mut self, rule: &VoteRule) {
+        let contradicted: Vec<u32> = (0..self.absolute.len() as u32)
+            .into_par_iter()
+            .filter(|&pixel| {
+                let own = self.absolute[pixel as usize];
+                own != UNDECIDED
+                    && !rule.supports(own, &self.opinions(pixel as usize, &self.absolute, Directions::AlongAndAcross))
+            })
+            .collect();
+        self.undo(&contradicted);
+    }
+
+    /// Undoes and excludes what whole regions contradict; yields how many pixels.
+    fn contradict_by_regions(&mut self) -> usize {
+        let regions = Regions::of(&self.absolute, self.evidence.cam1.width);
+        let credible = regions.credible(self);
+        let contested = uniqueness::contested(self, &regions, &credible);
+        let contradicted: Vec<u32> = (0..self.absolute.len())
+            .filter(|&i| regions.region_of(i).is_some_and(|region| !credible[region] || contested[i]))
+            .map(|i| i as u32)
+            .collect();
+        for &pixel in &contradicted {
+            let k = u32::from(self.resolution.chosen[pixel as usize]);
+            self.excluded[pixel as usize] |= 1_u32.checked_shl(k).unwrap_or(0);
+        }
+        self.undo(&contradicted);
+        contradicted.len()
+    }
+
+    /// Gives contradicted candidates another chance beside the regions that stand.
+    fn readmit(&mut self) {
+        self.excluded.fill(0);
+    }
+}
