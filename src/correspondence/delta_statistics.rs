@@ -33,6 +33,10 @@ const MIN_SD_TURNS: f64 = 0.0005;
 const THRESHOLD_SD: f64 = 3.0;
 /// Fewest reference correspondences that refine the first estimate.
 const MIN_REFERENCES: usize = 200;
+/// Tolerated difference of δ between neighbours, in standard deviations of that difference.
+const TOLERANCE_NOISE_SD: f64 = 6.0;
+/// Least tolerated difference, in sd: the smooth part of δ changes too.
+const MIN_TOLERANCE_SD: f64 = 0.5;
 /// Rounds of refinement.
 const REFINEMENTS: usize = 2;
 
@@ -43,6 +47,8 @@ pub struct DeltaStatistics {
     pub mean_rad: f64,
     /// Standard deviation of δ about its mean, rad: the paper's sd.
     pub sd_rad: f64,
+    /// Standard deviation of δ from one pixel to the next of one surface (÷ √2), rad: what noise contributes to sd.
+    pub noise_sd_rad: f64,
     /// Mean number n of fringe periods on a segment, over the valid pixels.
     pub mean_periods: f64,
 }
@@ -58,6 +64,13 @@ impl DeltaStatistics {
     #[must_use]
     pub fn gate(&self) -> DeltaGate {
         DeltaGate { mean_turns: (self.mean_rad / TAU) as f32, threshold_turns: (self.threshold_rad() / TAU) as f32 }
+    }
+
+    /// Difference of δ between neighbours of one surface that is tolerated, turns.
+    #[must_use]
+    pub fn tolerance_turns(&self) -> f32 {
+        let noise_rad = TOLERANCE_NOISE_SD * 2.0_f64.sqrt() * self.noise_sd_rad;
+        (noise_rad.max(MIN_TOLERANCE_SD * self.sd_rad) / TAU).min(0.5) as f32
     }
 
     /// Expected number of additional false candidates per true one (paper, Eq. 1): efc = 3·sd·(n − 1)/π.
@@ -80,24 +93,38 @@ pub fn measure_delta(
     for _ in 0..REFINEMENTS {
         let gate = statistics.gate();
         let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
-        let deltas = reference_deltas(Evidence { cam1, candidates: &candidates, gate: &gate, table }, settings);
+        let delta_tolerance_turns = statistics.tolerance_turns();
+        let evidence = Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, table };
+        let (deltas, differences) = reference_deltas(evidence, settings);
         if deltas.len() < MIN_REFERENCES {
             break;
         }
         (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(&deltas);
+        statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
     }
     Some(statistics)
 }
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
-#[must_use]
-pub fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
+pub(super) fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
     let count = deltas.len().max(1) as f64;
     let sum: i64 = deltas.iter().map(|&d| i64::from(d)).sum();
     let squares: i64 = deltas.iter().map(|&d| i64::from(d).pow(2)).sum();
     let mean = sum as f64 / count;
     let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
     (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)
+}
+
+/// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it.
+fn sd_of_differences_rad(differences: Vec<i16>) -> f64 {
+    const MEDIAN_OF_UNIT_NORMAL: f64 = 0.6745;
+    let mut magnitudes: Vec<u16> = differences.into_iter().map(i16::unsigned_abs).collect();
+    let middle = magnitudes.len() / 2;
+    if magnitudes.is_empty() {
+        return 0.0;
+    }
+    let (_, median, _) = magnitudes.select_nth_unstable(middle);
+    f64::from(*median) / 65536.0 * TAU / MEDIAN_OF_UNIT_NORMAL
 }
 
 /// δ of all candidates of a part of the pixels, whether they pass a test or not.
@@ -166,6 +193,7 @@ impl Histogram {
         Some(DeltaStatistics {
             mean_rad: (mean + 0.5) / BINS as f64 * TAU,
             sd_rad: sd / BINS as f64 * TAU,
+            noise_sd_rad: sd / BINS as f64 * TAU,
             mean_periods: candidates as f64 / self.pixels.max(1) as f64,
         })
     }
@@ -203,7 +231,7 @@ mod tests {
     #[test]
     fn efc_is_equation_1_of_the_paper() {
         // The paper's own figures: n = 6, sd = 0.041, efc = 0.20.
-        let statistics = DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, mean_periods: 6.0 };
+        let statistics = DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, noise_sd_rad: 0.005, mean_periods: 6.0 };
         assert!((statistics.expected_false_candidates() - 0.20).abs() < 0.005);
     }
 }

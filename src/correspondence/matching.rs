@@ -82,12 +82,12 @@ pub fn match_phases(
     if let Some(sd_rad) = settings.delta_sd_rad {
         delta.sd_rad = sd_rad;
     }
-    let mut pass = Pass::run(cam1, &cam2, table, &delta.gate(), &settings.resolution);
+    let mut pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
     let mut chosen_delta_rad = pass.delta_rad();
     let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
     if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
         (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
-        pass = Pass::run(cam1, &cam2, table, &delta.gate(), &settings.resolution);
+        pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
         chosen_delta_rad = pass.delta_rad();
     }
     let passing = pass.passing(&delta.gate());
@@ -108,13 +108,16 @@ impl Pass {
         cam1: &PhaseMap,
         cam2: &EpipolarImage,
         table: &SegmentTable,
-        gate: &DeltaGate,
+        delta: &DeltaStatistics,
         settings: &ResolutionSettings,
     ) -> Self {
+        let gate = delta.gate();
         let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
-        let readmitting = DeltaGate { threshold_turns, ..*gate };
+        let readmitting = DeltaGate { threshold_turns, ..gate };
         let candidates = find_candidates(cam1, cam2, table, &readmitting, SearchForm::ProjectorSide);
-        let resolution = resolve(Evidence { cam1, candidates: &candidates, gate, table }, settings);
+        let delta_tolerance_turns = delta.tolerance_turns();
+        let evidence = Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, table };
+        let resolution = resolve(evidence, settings);
         Self { candidates, resolution }
     }
 

@@ -25,31 +25,53 @@ const MAX_WALK_PX: usize = 16;
 /// Different orders of one pixel that are told apart; a fifth opinion is noise.
 const MAX_OPINIONS: usize = 4;
 
+/// What the decided pixels look like from their neighbours: absolute phases, and δ beside them.
+#[derive(Clone, Copy)]
+pub(super) struct Decided<'a> {
+    /// Absolute phase of each pixel, turns · 65536, or [`UNDECIDED`].
+    pub(super) absolute: &'a [i32],
+    /// δ of each decided pixel, turns · 65536.
+    pub(super) delta: &'a [i16],
+}
+
+/// An absolute phase that decided pixels propose.
+#[derive(Clone, Copy, Debug, Default)]
+struct Proposal {
+    absolute: i32,
+    votes: u16,
+    /// Sum of δ of those who propose it.
+    delta_sum: i32,
+}
+
 /// Absolute phases proposed for a pixel and how many decided pixels propose each.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Opinions {
-    proposals: [(i32, u16); MAX_OPINIONS],
+    proposals: [Proposal; MAX_OPINIONS],
     count: usize,
     /// All opinions, those that found no place among the proposals included.
     pub(super) total: u16,
 }
 
 impl Opinions {
-    fn add(&mut self, absolute: i32) {
+    fn add(&mut self, absolute: i32, delta: i16) {
         self.total += 1;
-        match self.proposals[..self.count].iter_mut().find(|(a, _)| *a == absolute) {
-            Some((_, votes)) => *votes += 1,
-            None if self.count < MAX_OPINIONS => {
-                self.proposals[self.count] = (absolute, 1);
-                self.count += 1;
-            }
-            None => {}
+        let known = self.proposals[..self.count].iter().position(|p| p.absolute == absolute);
+        let place = known.unwrap_or(self.count);
+        if let Some(proposal) = self.proposals.get_mut(place) {
+            self.count = self.count.max(place + 1);
+            proposal.absolute = absolute;
+            proposal.votes += 1;
+            proposal.delta_sum += i32::from(delta);
         }
     }
 
-    /// How many decided pixels propose an absolute phase.
-    pub(super) fn votes_for(&self, absolute: i32) -> u16 {
-        self.proposals[..self.count].iter().find(|(a, _)| *a == absolute).map_or(0, |&(_, votes)| votes)
+    /// How many decided pixels propose an absolute phase, with a δ that differs from `delta` by no more than
+    /// `tolerance`: over one surface δ changes slowly.
+    pub(super) fn votes_for(&self, absolute: i32, delta: i16, tolerance: i32) -> u16 {
+        let proposal = self.proposals[..self.count].iter().find(|p| p.absolute == absolute);
+        let Some(Proposal { votes, delta_sum, .. }) = proposal.copied() else { return 0 };
+        let off = delta_sum - i32::from(delta) * i32::from(votes);
+        if off.abs() <= tolerance.saturating_mul(i32::from(votes)) { votes } else { 0 }
     }
 }
 
@@ -69,26 +91,26 @@ pub(super) enum Directions {
 }
 
 impl Neighbourhood<'_> {
-    /// Collects what decided pixels around pixel (u, v) propose; `absolute` holds their absolute phases.
-    pub(super) fn opinions(&self, u: usize, v: usize, absolute: &[i32], directions: Directions) -> Opinions {
+    /// Collects what decided pixels around pixel (u, v) propose.
+    pub(super) fn opinions(&self, u: usize, v: usize, decided: Decided<'_>, directions: Directions) -> Opinions {
         let mut opinions = Opinions::default();
         let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
         let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
         let (width, height) = (self.map.width, self.map.height);
         let here = v * width + u;
         if horizontal {
-            self.walk(here, 1, width - 1 - u, absolute, &mut opinions);
-            self.walk(here, -1, u, absolute, &mut opinions);
+            self.walk(here, 1, width - 1 - u, decided, &mut opinions);
+            self.walk(here, -1, u, decided, &mut opinions);
         }
         if vertical {
-            self.walk(here, width as isize, height - 1 - v, absolute, &mut opinions);
-            self.walk(here, -(width as isize), v, absolute, &mut opinions);
+            self.walk(here, width as isize, height - 1 - v, decided, &mut opinions);
+            self.walk(here, -(width as isize), v, decided, &mut opinions);
         }
         opinions
     }
 
     /// Walks from `here` in steps of `stride` for at most `room` steps.
-    fn walk(&self, here: usize, stride: isize, room: usize, absolute: &[i32], opinions: &mut Opinions) {
+    fn walk(&self, here: usize, stride: isize, room: usize, decided: Decided<'_>, opinions: &mut Opinions) {
         let (mut at, mut risen, mut last_step) = (here, 0_i32, None);
         for _ in 0..room.min(MAX_WALK_PX) {
             let next = at.wrapping_add_signed(stride);
@@ -98,8 +120,8 @@ impl Neighbourhood<'_> {
             if !self.map.valid[next] || step.abs() > MAX_STEP || breaks || risen.abs() >= TURN {
                 return;
             }
-            if absolute[next] != UNDECIDED {
-                opinions.add(absolute[next] - risen);
+            if decided.absolute[next] != UNDECIDED {
+                opinions.add(decided.absolute[next] - risen, decided.delta[next]);
             }
             (at, last_step) = (next, Some(step));
         }
@@ -127,17 +149,21 @@ mod tests {
         let map = row(7000, 0);
         let absolute: Vec<i32> = (0..12).map(|i| 3 * TURN + i * 7000).collect();
         let around = Neighbourhood { map: &map, axis: EpipolarAxis::Horizontal };
-        let opinions = around.opinions(5, 0, &absolute, Directions::Along);
-        assert_eq!(opinions.votes_for(3 * TURN + 5 * 7000), opinions.total);
+        let decided = Decided { absolute: &absolute, delta: &[40; 12] };
+        let opinions = around.opinions(5, 0, decided, Directions::Along);
+        let own = 3 * TURN + 5 * 7000;
+        assert_eq!(opinions.votes_for(own, 50, 10), opinions.total);
+        assert_eq!(opinions.votes_for(own, 51, 10), 0);
+        assert_eq!(opinions.votes_for(own + TURN, 40, 10), 0);
         // Less than one period: nine steps of 7000 to either side, of which six and five lie in the image.
         assert_eq!(opinions.total, 11);
     }
 
     #[test]
     fn nobody_is_asked_beyond_a_period_or_a_jump() {
-        let absolute = vec![0; 12];
+        let decided = Decided { absolute: &[0; 12], delta: &[0; 12] };
         let count = |map: &PhaseMap| {
-            Neighbourhood { map, axis: EpipolarAxis::Horizontal }.opinions(5, 0, &absolute, Directions::Along).total
+            Neighbourhood { map, axis: EpipolarAxis::Horizontal }.opinions(5, 0, decided, Directions::Along).total
         };
         assert_eq!(count(&row(15000, 0)), 8);
         assert_eq!(count(&row(7000, 20000)), 5);

@@ -2,6 +2,25 @@
 
 use super::super::neighbourhood::Opinions;
 
+/// Where a candidate stands: its absolute phase and δ, turns · 65536.
+#[derive(Clone, Copy)]
+pub(super) struct Stand {
+    pub(super) absolute: i32,
+    pub(super) delta: i16,
+}
+
+impl From<Stand> for (i32, i16) {
+    fn from(stand: Stand) -> Self {
+        (stand.absolute, stand.delta)
+    }
+}
+
+impl Stand {
+    fn votes(self, opinions: &Opinions, tolerance: i32) -> u16 {
+        opinions.votes_for(self.absolute, self.delta, tolerance)
+    }
+}
+
 /// How many votes a candidate needs, and against what.
 pub(super) struct VoteRule {
     /// Decided pixels that must say the same.
@@ -22,24 +41,29 @@ impl VoteRule {
         Self { min_votes, outweighed: 1 }
     }
 
-    /// Whether opinions support an absolute phase against all others.
-    pub(super) fn supports(&self, absolute: i32, opinions: &Opinions) -> bool {
-        let votes = opinions.votes_for(absolute);
+    /// Whether opinions support a stand against all others.
+    pub(super) fn supports(&self, stand: Stand, opinions: &Opinions, tolerance: i32) -> bool {
+        let votes = stand.votes(opinions, tolerance);
         votes >= self.min_votes && votes * self.outweighed >= opinions.total - votes
     }
 
-    /// The candidate that opinions decide for; `candidates` yields indices and absolute phases.
-    pub(super) fn choose(&self, candidates: impl Iterator<Item = (usize, i32)>, opinions: &Opinions) -> Option<usize> {
+    /// The candidate that opinions decide for; `candidates` yields indices and where they stand.
+    pub(super) fn choose(
+        &self,
+        candidates: impl Iterator<Item = (usize, Stand)>,
+        opinions: &Opinions,
+        tolerance: i32,
+    ) -> Option<usize> {
         let (mut best, mut best_votes, mut all_votes) = (None, 0, 0);
-        for (k, absolute) in candidates {
-            let votes = opinions.votes_for(absolute);
+        for (k, stand) in candidates {
+            let votes = stand.votes(opinions, tolerance);
             all_votes += votes;
             if votes > best_votes {
-                (best, best_votes) = (Some((k, absolute)), votes);
+                (best, best_votes) = (Some((k, stand)), votes);
             }
         }
-        let (k, absolute) = best?;
+        let (k, stand) = best?;
         let leads = best_votes >= Self::LEAD * (all_votes - best_votes);
-        (leads && self.supports(absolute, opinions)).then_some(k)
+        (leads && self.supports(stand, opinions, tolerance)).then_some(k)
     }
 }

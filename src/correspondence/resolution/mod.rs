@@ -21,13 +21,16 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 
 use super::candidates::{Candidate, DeltaGate};
-use super::neighbourhood::{Directions, Neighbourhood, Opinions, TURN, UNDECIDED};
+use super::neighbourhood::{Decided, Directions, Neighbourhood, Opinions, TURN, UNDECIDED};
 use super::outcome::Outcome;
 use super::search::CandidateLists;
 use super::segment_table::SegmentTable;
 
-use decision::VoteRule;
+use decision::{Stand, VoteRule};
 use regions::Regions;
+
+/// Tolerance that every difference of δ meets.
+const ANY_DELTA: i32 = TURN;
 
 /// How the resolution weighs and when it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +69,8 @@ pub struct Evidence<'a> {
     pub candidates: &'a CandidateLists,
     /// The back-projection test proper: threshold 3·sd.
     pub gate: &'a DeltaGate,
+    /// Difference of δ between neighbours of one surface that is tolerated, turns.
+    pub delta_tolerance_turns: f32,
     /// The segment table of the rig.
     pub table: &'a SegmentTable,
 }
@@ -88,18 +93,22 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
     }
     // The regions stand; pixels at their borders, with few neighbours left, may join them with fewer votes.
     resolver.readmit();
+    resolver.tolerance = ANY_DELTA;
     resolver.sweep_until_settled(Directions::AlongAndAcross, &VoteRule::LENIENT);
     resolver.contradict_by_regions();
     resolver.resolution
 }
 
-/// δ of the reference correspondences alone, turns · 65536, pixel by pixel.
+/// δ of the reference correspondences, turns · 65536: of each, and its differences between horizontal neighbours.
 #[must_use]
-pub fn reference_deltas(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Vec<i16> {
+pub(super) fn reference_deltas(evidence: Evidence<'_>, settings: &ResolutionSettings) -> (Vec<i16>, Vec<i16>) {
     let mut resolver = Resolver::new(evidence, settings);
     resolver.select_references();
-    let decided = (0..resolver.absolute.len()).filter(|&i| resolver.absolute[i] != UNDECIDED);
-    decided.map(|i| resolver.chosen_candidate(i).delta).collect()
+    let is_decided = |&i: &usize| resolver.absolute[i] != UNDECIDED;
+    let decided: Vec<usize> = (0..resolver.absolute.len()).filter(is_decided).collect();
+    let deltas = decided.iter().map(|&i| resolver.delta[i]).collect();
+    let pairs = decided.windows(2).filter(|pair| pair[1] == pair[0] + 1);
+    (deltas, pairs.map(|pair| resolver.delta[pair[1]].wrapping_sub(resolver.delta[pair[0]])).collect())
 }
 
 /// State of the resolution.
@@ -109,6 +118,10 @@ struct Resolver<'a> {
     around: Neighbourhood<'a>,
     /// Absolute phase of the decided pixels, turns · 65536.
     absolute: Vec<i32>,
+    /// δ of the decided pixels, turns · 65536.
+    delta: Vec<i16>,
+    /// Difference of δ between neighbours of one surface that is tolerated, turns · 65536.
+    tolerance: i32,
     /// Bit k set: candidate k of the pixel was contradicted and does not come back.
     excluded: Vec<u32>,
     /// Pixels with candidates and without decision, ascending.
@@ -129,6 +142,8 @@ impl<'a> Resolver<'a> {
             settings,
             around: Neighbourhood { map: evidence.cam1, axis: evidence.table.epipolar_axis() },
             absolute: vec![UNDECIDED; pixels],
+            delta: vec![0; pixels],
+            tolerance: (evidence.delta_tolerance_turns * TURN as f32) as i32,
             excluded: vec![0; pixels],
             open: Vec::new(),
             resolution: Resolution {
@@ -142,16 +157,19 @@ impl<'a> Resolver<'a> {
     fn select_references(&mut self) {
         let pixels = self.absolute.len();
         let only: Vec<Option<u8>> = (0..pixels).into_par_iter().map(|i| self.only_passing(i)).collect();
-        let unique: Vec<i32> = (0..pixels)
+        let (absolute, delta): (Vec<i32>, Vec<i16>) = (0..pixels)
             .into_par_iter()
-            .map(|i| only[i].map_or(UNDECIDED, |k| self.absolute_phase(i, usize::from(k))))
-            .collect();
+            .map(|i| only[i].map_or((UNDECIDED, 0), |k| self.stand(i, usize::from(k)).into()))
+            .unzip();
+        let unique = Decided { absolute: &absolute, delta: &delta };
         let rule = VoteRule::strict(self.settings.min_votes);
         let is_reference: Vec<bool> = (0..pixels)
             .into_par_iter()
             .map(|i| {
-                unique[i] != UNDECIDED
-                    && rule.supports(unique[i], &self.opinions(i, &unique, Directions::AlongAndAcross))
+                only[i].is_some_and(|k| {
+                    let opinions = self.opinions(i, unique, Directions::AlongAndAcross);
+                    rule.supports(self.stand(i, usize::from(k)), &opinions, self.tolerance)
+                })
             })
             .collect();
         for i in 0..pixels {
@@ -173,14 +191,20 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn opinions(&self, pixel: usize, absolute: &[i32], directions: Directions) -> Opinions {
+    fn opinions(&self, pixel: usize, decided: Decided<'_>, directions: Directions) -> Opinions {
         let width = self.evidence.cam1.width;
-        self.around.opinions(pixel % width, pixel / width, absolute, directions)
+        self.around.opinions(pixel % width, pixel / width, decided, directions)
     }
 
-    fn absolute_phase(&self, pixel: usize, k: usize) -> i32 {
+    /// What has been decided so far.
+    fn decided(&self) -> Decided<'_> {
+        Decided { absolute: &self.absolute, delta: &self.delta }
+    }
+
+    fn stand(&self, pixel: usize, k: usize) -> Stand {
         let candidate = &self.evidence.candidates.of(pixel)[k];
-        i32::from(candidate.order) * TURN + i32::from(self.evidence.cam1.phase[pixel])
+        let absolute = i32::from(candidate.order) * TURN + i32::from(self.evidence.cam1.phase[pixel]);
+        Stand { absolute, delta: candidate.delta }
     }
 
     fn chosen_candidate(&self, pixel: usize) -> &'a Candidate {
@@ -188,7 +212,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn decide(&mut self, pixel: usize, k: usize, outcome: Outcome) {
-        self.absolute[pixel] = self.absolute_phase(pixel, k);
+        Stand { absolute: self.absolute[pixel], delta: self.delta[pixel] } = self.stand(pixel, k);
         self.resolution.chosen[pixel] = k as u8;
         self.resolution.outcomes[pixel] = outcome;
     }
@@ -217,8 +241,8 @@ impl<'a> Resolver<'a> {
             .open
             .par_iter()
             .map(|&pixel| {
-                let opinions = self.opinions(pixel as usize, &self.absolute, directions);
-                rule.choose(self.eligible(pixel as usize), &opinions).map(|k| k as u8)
+                let opinions = self.opinions(pixel as usize, self.decided(), directions);
+                rule.choose(self.eligible(pixel as usize), &opinions, self.tolerance).map(|k| k as u8)
             })
             .collect();
         let open = std::mem::take(&mut self.open);
@@ -232,11 +256,11 @@ impl<'a> Resolver<'a> {
         before - self.open.len()
     }
 
-    /// Candidates of a pixel that were not contradicted, with their absolute phases.
-    fn eligible(&self, pixel: usize) -> impl Iterator<Item = (usize, i32)> + '_ {
+    /// Candidates of a pixel that were not contradicted, with where they stand.
+    fn eligible(&self, pixel: usize) -> impl Iterator<Item = (usize, Stand)> + '_ {
         let count = self.evidence.candidates.of(pixel).len();
         let excluded = self.excluded[pixel];
-        (0..count).filter(move |&k| k >= 32 || excluded >> k & 1 == 0).map(move |k| (k, self.absolute_phase(pixel, k)))
+        (0..count).filter(move |&k| k >= 32 || excluded >> k & 1 == 0).map(move |k| (k, self.stand(pixel, k)))
     }
 
     fn outcome_of(&self, pixel: usize, directions: Directions) -> Outcome {
@@ -252,9 +276,11 @@ impl<'a> Resolver<'a> {
         let contradicted: Vec<u32> = (0..self.absolute.len() as u32)
             .into_par_iter()
             .filter(|&pixel| {
-                let own = self.absolute[pixel as usize];
-                own != UNDECIDED
-                    && !rule.supports(own, &self.opinions(pixel as usize, &self.absolute, Directions::AlongAndAcross))
+                let stand = Stand { absolute: self.absolute[pixel as usize], delta: self.delta[pixel as usize] };
+                stand.absolute != UNDECIDED && {
+                    let opinions = self.opinions(pixel as usize, self.decided(), Directions::AlongAndAcross);
+                    !rule.supports(stand, &opinions, self.tolerance)
+                }
             })
             .collect();
         self.undo(&contradicted);
@@ -262,7 +288,7 @@ impl<'a> Resolver<'a> {
 
     /// Undoes and excludes what whole regions contradict; yields how many pixels.
     fn contradict_by_regions(&mut self) -> usize {
-        let regions = Regions::of(&self.absolute, self.evidence.cam1.width);
+        let regions = Regions::of(self.decided(), self.tolerance, self.evidence.cam1.width);
         let credible = regions.credible(self);
         let contested = uniqueness::contested(self, &regions, &credible);
         let contradicted: Vec<u32> = (0..self.absolute.len())

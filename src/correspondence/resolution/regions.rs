@@ -6,7 +6,7 @@
 //! from pixel to pixel and the region ends where it leaves the test: there δ is spread evenly over ±3·sd, with standard
 //! deviation √3·sd.
 
-use super::super::neighbourhood::{TURN, UNDECIDED};
+use super::super::neighbourhood::{Decided, TURN, UNDECIDED};
 use super::Resolver;
 
 /// Largest difference of absolute phase between neighbours of one region.
@@ -28,13 +28,15 @@ pub(super) struct Regions {
 }
 
 impl Regions {
-    /// Regions of an image by the absolute phases of its decided pixels.
-    pub(super) fn of(absolute: &[i32], width: usize) -> Self {
+    /// Regions of an image: neighbours belong together if their absolute phases run on and their δ differ by no more than
+    /// `tolerance`.
+    pub(super) fn of(decided: Decided<'_>, tolerance: i32, width: usize) -> Self {
+        let absolute = decided.absolute;
         let mut regions = Self { label: vec![NONE; absolute.len()], sizes: Vec::new(), width };
         let mut frontier = Vec::new();
         for seed in 0..absolute.len() {
             if absolute[seed] != UNDECIDED && regions.label[seed] == NONE {
-                let size = regions.fill(seed, absolute, &mut frontier);
+                let size = regions.fill(seed, decided, tolerance, &mut frontier);
                 regions.sizes.push(size);
             }
         }
@@ -49,7 +51,8 @@ impl Regions {
     }
 
     /// Labels all pixels connected to `seed`; yields how many.
-    fn fill(&mut self, seed: usize, absolute: &[i32], frontier: &mut Vec<usize>) -> u32 {
+    fn fill(&mut self, seed: usize, decided: Decided<'_>, tolerance: i32, frontier: &mut Vec<usize>) -> u32 {
+        let Decided { absolute, delta } = decided;
         let label = self.sizes.len() as u32;
         self.label[seed] = label;
         frontier.push(seed);
@@ -57,7 +60,9 @@ impl Regions {
         while let Some(pixel) = frontier.pop() {
             size += 1;
             for next in neighbours(pixel, self.width, absolute.len()).into_iter().flatten() {
-                let linked = absolute[next] != UNDECIDED && (absolute[next] - absolute[pixel]).abs() <= MAX_STEP;
+                let linked = absolute[next] != UNDECIDED
+                    && (absolute[next] - absolute[pixel]).abs() <= MAX_STEP
+                    && (i32::from(delta[next]) - i32::from(delta[pixel])).abs() <= tolerance;
                 if linked && self.label[next] == NONE {
                     self.label[next] = label;
                     frontier.push(next);
@@ -140,10 +145,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn regions_end_where_the_absolute_phase_jumps() {
-        let row = [0, 6000, 12000, UNDECIDED, 18000, 18000 + TURN, 25000 + TURN];
-        let regions = Regions::of(&row, row.len());
-        assert_eq!(regions.sizes, [3, 1, 2]);
+    fn regions_end_where_the_absolute_phase_or_delta_jumps() {
+        let absolute = [0, 6000, 12000, UNDECIDED, 18000, 18000 + TURN, 25000 + TURN, 31000 + TURN];
+        let delta = [0, 0, 5, 0, 0, 0, 9, 50];
+        let regions = Regions::of(Decided { absolute: &absolute, delta: &delta }, 10, absolute.len());
+        assert_eq!(regions.sizes, [3, 1, 2, 1]);
         assert_eq!(regions.region_of(3), None);
         assert_eq!(regions.region_of(6), regions.region_of(5));
     }
