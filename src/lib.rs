@@ -33,6 +33,7 @@
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
+//! | [`reconstruction`] | the chain from images to cloud |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -41,3 +42,4 @@ pub mod correspondence;
 pub mod dataset;
 pub mod geometry;
 pub mod phase;
+pub mod reconstruction;

@@ -1,5 +1,9 @@
 //! Point clouds with the provenance of every point.
 
+mod triangulate;
+
+pub use triangulate::{TriangulationInput, triangulate};
+
 /// One measured point: one pixel of C1 and its correspondence in C2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudPoint {

@@ -28,7 +28,7 @@ impl EpipolarImage {
     #[must_use]
     pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
         let reach = table.sources.iter().filter(|s| s.index != SourcePixel::OUTSIDE).map(|s| s.index as usize).max();
-        if reach.is_some_and(|index| index + map.width + 1 >= map.phase.len() + 1) {
+        if reach.is_some_and(|index| index + map.width + 1 > map.phase.len()) {
             return None;
         }
         let width = table.epipolar_width;

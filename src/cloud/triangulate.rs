@@ -1,0 +1,74 @@
+//! From correspondences to points with their standard deviation.
+//!
+//! The correspondence lies on the epipolar line of its pixel, so the two rays meet; the depth is linear-fractional in the
+//! column of the epipolar frame.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use crate::correspondence::{Candidate, Matches, SegmentTable};
+use crate::geometry::{EpipolarFrame, Pixel, Vector3};
+use crate::phase::{PhaseMap, PhaseShifts};
+
+use super::{Cloud, CloudPoint};
+
+/// What the points are made of, beside the matches.
+#[derive(Clone, Copy)]
+pub struct TriangulationInput<'a> {
+    /// Phase of C1.
+    pub cam1: &'a PhaseMap,
+    /// Standard deviation of the grey levels of C2, see [`crate::phase::FitStatistics`].
+    pub cam2_noise_grey: f32,
+    /// Shifts of the sequence.
+    pub shifts: &'a PhaseShifts,
+    /// Segment table that the matches come from.
+    pub table: &'a SegmentTable,
+    /// Epipolar frame of the same rig.
+    pub frame: &'a EpipolarFrame,
+}
+
+/// Points of all matches, in the order of their pixels.
+///
+/// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in either camera (the modulation of C1 stands for both),
+/// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
+#[must_use]
+pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>) -> Cloud {
+    let width = input.cam1.width;
+    let rows = (0..input.cam1.height).into_par_iter().map(|v| {
+        let row = (v * width..(v + 1) * width).filter_map(|i| Some((i, matches.chosen[i]?)));
+        row.filter_map(|(i, candidate)| point(matches, &input, i, &candidate)).collect::<Vec<_>>()
+    });
+    Cloud { points: rows.collect::<Vec<_>>().concat() }
+}
+
+fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> Option<CloudPoint> {
+    let segment = &input.table.segments()[i];
+    let ray = Vector3::new(f64::from(segment.ray[0]), f64::from(segment.ray[1]), 1.0);
+    let line = input.frame.line(&ray)?;
+    let column_px = f64::from(candidate.column_px);
+    let depth_m = line.depth_of_column(column_px);
+    let cam2 = input.frame.cam2_pixel(&Pixel::new(column_px, f64::from(segment.row_px)))?;
+    let depth_per_column = depth_m * depth_m / line.column_per_inverse_depth.abs();
+    let sigma_m = column_sd_px(input, i, candidate) * depth_per_column * ray.norm();
+    let position = ray * depth_m;
+    let finite = depth_m > 0.0 && [position.norm(), sigma_m].iter().all(|x| x.is_finite());
+    finite.then(|| CloudPoint {
+        position_m: [position.x as f32, position.y as f32, position.z as f32],
+        intensity: input.cam1.mean[i],
+        cam1_px: [(i % input.cam1.width) as u16, (i / input.cam1.width) as u16],
+        cam2_px: [cam2.x as f32, cam2.y as f32],
+        order: candidate.order,
+        delta_rad: (f64::from(candidate.delta) / 65536.0 * TAU) as f32,
+        candidates: matches.passing[i],
+        stage: matches.outcomes[i] as u8,
+        sigma_m: sigma_m as f32,
+    })
+}
+
+/// Standard deviation of the column of a correspondence, pixels.
+fn column_sd_px(input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> f64 {
+    let noise_grey = f64::from(input.cam1.fit.noise_grey).hypot(f64::from(input.cam2_noise_grey));
+    let phase_sd_turns = input.shifts.noise_gain() * noise_grey / f64::from(input.cam1.modulation[i]) / TAU;
+    phase_sd_turns * 65536.0 / f64::from(candidate.slope.unsigned_abs().max(1))
+}
