@@ -166,7 +166,7 @@ mod tests {
         let ramp: Vec<i64> = (-300..=300).collect();
         // Even over ±300: variance 300²/3.
         assert!((statistics(&ramp) / 30_000.0 - 1.0).abs() < 0.01);
-        let coin = |i: u32| i.wrapping_mul(2_654_435_761).count_ones() % 2 == 0;
+        let coin = |i: u32| i.wrapping_mul(2_654_435_761).count_ones().is_multiple_of(2);
         let noise: Vec<i64> = (0..600).map(|i| if coin(i) { 300 } else { -300 }).collect();
         assert!(statistics(&noise) < 0.2 * 90_000.0, "{}", statistics(&noise));
     }
