@@ -49,7 +49,7 @@ impl Scan {
             '{' => self.braces += 1,
             '}' => {
                 self.braces = self.braces.saturating_sub(1);
-                self.modules.pop_if(|opened| *opened >= self.braces + 1);
+                self.modules.pop_if(|opened| *opened > self.braces);
             }
             _ => {}
         }
