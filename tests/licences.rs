@@ -20,8 +20,8 @@ fn every_dependency_has_an_allowed_licence() {
     let refused: Vec<String> = packages.iter().filter_map(|package| refusal(package, &allowed)).collect();
     assert!(
         refused.is_empty(),
-        "{}\nreplace the dependency, or add its licence to [licenses] allow of deny.toml if it asks for no more than its \
-         notice",
+        "{}\nreplace the dependency, or, if its licence asks for no more than its notice, add that to [licenses] allow of \
+         deny.toml",
         refused.join("\n")
     );
 }
@@ -86,7 +86,8 @@ fn host_platform() -> Outcome<String> {
 
 fn refusal(package: &Value, allowed: &[Licensee]) -> Option<String> {
     let objection = objection(package["license"].as_str(), allowed)?;
-    Some(format!("{} {}: {objection}", package["name"], package["version"]))
+    let text = |key: &str| package[key].as_str().unwrap_or("?").to_owned();
+    Some(format!("{} {}: {objection}", text("name"), text("version")))
 }
 
 /// Why a licence expression is not acceptable; `None` if it is.

@@ -1,5 +1,7 @@
-//! What a source file names: its paths, and whether it holds `unsafe`. A scanner of tokens, not a parser: `use` trees and
-//! qualified paths look alike wherever they stand. Comments, strings and what only `cfg(test)` compiles do not count.
+//! What a source file names: its paths, and whether it holds `unsafe`.
+//!
+//! A scanner of tokens, not a parser: `use` trees and qualified paths look alike wherever they stand. Comments, strings
+//! and what only `cfg(test)` compiles do not count.
 
 use crate::tokens::{Token, tokens};
 
