@@ -1,6 +1,6 @@
 //! Which points are right, where the truth is known.
 
-use super::colour::{BACKGROUND, BLUE, ORANGE, Rgb, SKY_BLUE, VERMILION, mix};
+use super::colour::{BACKGROUND, BLUE, Rgb, SKY_BLUE, VERMILION, YELLOW, mix};
 use super::legend::{Entry, with_legend};
 use super::picture::Picture;
 
@@ -79,7 +79,7 @@ fn colour(judgement: Judgement) -> Rgb {
         Judgement::None => BACKGROUND,
         Judgement::Correct => mix(BACKGROUND, BLUE, 0.6),
         Judgement::Wrong => VERMILION,
-        Judgement::Stray => ORANGE,
+        Judgement::Stray => YELLOW,
         Judgement::Missed => SKY_BLUE,
     }
 }

@@ -21,7 +21,10 @@ const LINE: usize = 12;
 
 impl Entry {
     fn text(&self) -> String {
-        format!("{} {:.1} %", self.name, self.share * 100.0)
+        let percent = self.share * 100.0;
+        // Rare kinds are the ones worth counting.
+        let digits = if percent < 1.0 { 2 } else { 1 };
+        format!("{} {percent:.digits$} %", self.name)
     }
 }
 
@@ -30,7 +33,7 @@ pub(super) fn with_legend(picture: Picture, entries: &[Entry]) -> Picture {
     let [width, height] = picture.size_px();
     let scale = text_scale(width);
     let widest = entries.iter().map(|e| text_size(&e.text(), scale)[0]).max().unwrap_or(0);
-    let column = widest + (SWATCH + 3 * PADDING) * scale;
+    let column = widest + (SWATCH + 5 * PADDING) * scale;
     let columns = ((width.saturating_sub(PADDING * scale)) / column.max(1)).clamp(1, entries.len().max(1));
     let lines = entries.len().div_ceil(columns);
     let mut picture = picture.with_strip_below((lines * LINE + 2 * PADDING) * scale, BACKGROUND);

@@ -5,9 +5,9 @@ const REACH: usize = 2;
 /// Neighbours further away in depth than this, per distance across, belong to another surface.
 const STEEPEST: f32 = 4.0;
 /// Direction from which the light comes, frame of C1: from the upper left behind the camera.
-const LIGHT: [f32; 3] = [-0.48, -0.6, -0.64];
+const LIGHT: [f32; 3] = [-0.36, -0.48, -0.8];
 /// Light that comes from everywhere.
-const AMBIENT: f32 = 0.3;
+const AMBIENT: f32 = 0.42;
 
 /// Points at the pixels of C1, row by row.
 pub(super) struct PointMap {
