@@ -33,6 +33,7 @@
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
+//! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -41,3 +42,5 @@ pub mod correspondence;
 pub mod dataset;
 pub mod geometry;
 pub mod phase;
+mod png_encoding;
+pub mod preview;

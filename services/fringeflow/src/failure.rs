@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
+use fringeflow::cloud::CloudWriteError;
 use fringeflow::dataset::DatasetError;
 
 /// Why a command did not finish.
@@ -19,6 +20,9 @@ pub(crate) enum Failure {
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// A cloud that could not be written.
+    #[error(transparent)]
+    Cloud(#[from] CloudWriteError),
     /// An output that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -29,7 +33,8 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
-            Self::Write(_) => 1,
+            Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
+            Self::Cloud(_) | Self::Write(_) => 1,
         }
     }
 
