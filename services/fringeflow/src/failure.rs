@@ -22,6 +22,9 @@ pub(crate) enum Failure {
     /// An output that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// Standard output.
+    #[error("standard output: {0}")]
+    Output(#[from] std::io::Error),
 }
 
 impl Failure {
@@ -29,7 +32,7 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
-            Self::Write(_) => 1,
+            Self::Write(_) | Self::Output(_) => 1,
         }
     }
 

@@ -109,8 +109,8 @@ fn refine(phases: [&AbsolutePhase; 2], wanted: [f32; 2], start: usize) -> Option
             return Some(at);
         }
         at += slopes.try_inverse()? * residual;
-        // Written so that a point that is no number ends here too.
-        if !((at - origin).norm() <= MAX_MOVE_PX) {
+        let moved_px = (at - origin).norm();
+        if moved_px.is_nan() || moved_px > MAX_MOVE_PX {
             return None;
         }
     }

@@ -5,9 +5,8 @@
 //! it, between the two rows that the line lies between.
 //!
 //! Along a line the absolute phase is monotone as long as the surface is, so the point is unique. Noise, mixed pixels
-//! and depth steps can make it cross the value more than once. Of several crossings the one counts that runs in the
-//! sense of most of the line and has the smallest step: a steep step is a depth edge, between whose sides there is no
-//! surface.
+//! and depth steps can make it cross the value more than once. Of several crossings in the sense in which most of the
+//! line runs, the one nearest to C1 counts: a surface there hides whatever lies behind it.
 
 use rayon::prelude::*;
 
@@ -16,7 +15,9 @@ use crate::geometry::{EpipolarFrame, EpipolarLine, MeasurementVolume, Pixel, Rig
 use crate::phase::AbsolutePhase;
 
 /// Neighbouring absolute phases that differ by more turns lie on different surfaces.
-const MAX_STEP_TURNS: f32 = 0.5;
+///
+/// Generous, since the mixed pixels of both cameras at a depth edge correspond too.
+const MAX_STEP_TURNS: f32 = 0.8;
 
 /// Matches absolute phases along epipolar lines; one entry a pixel of C1, row by row.
 ///
@@ -39,7 +40,7 @@ pub fn match_along_epipolar_lines(
         let (near_m, far_m) = depths_of(&ray, volume)?;
         let line = frame.line(&ray)?;
         let columns = columns_of(&line, near_m, far_m, resampled.width)?;
-        let column_px = resampled.rows_at(line.row_px)?.find(wanted, columns)?;
+        let column_px = resampled.rows_at(line.row_px)?.find(wanted, columns, line.column_per_inverse_depth > 0.0)?;
         let depth_m = line.depth_of_column(column_px);
         if !(near_m <= depth_m && depth_m <= far_m && depth_m.is_finite()) {
             return None;
@@ -122,7 +123,7 @@ struct RowPair<'a> {
 /// A place where the phase passes the value looked for.
 struct Crossing {
     column_px: f64,
-    step: f32,
+    rising: bool,
 }
 
 impl RowPair<'_> {
@@ -136,8 +137,8 @@ impl RowPair<'_> {
         if self.weight < 0.5 { a } else { b }
     }
 
-    /// Column between two whole ones where the line has the absolute phase `wanted`.
-    fn find(&self, wanted: f32, (from, to): (usize, usize)) -> Option<f64> {
+    /// Column where the line has the absolute phase `wanted`; `near_last` if the last columns are the nearest to C1.
+    fn find(&self, wanted: f32, (from, to): (usize, usize), near_last: bool) -> Option<f64> {
         let mut crossings = Vec::new();
         let (mut before, mut rising) = (self.at(from), 0_i32);
         for column in from + 1..=to {
@@ -147,19 +148,25 @@ impl RowPair<'_> {
                 rising += if step > 0.0 { 1 } else { -1 };
                 if (before < wanted) != (here < wanted) {
                     let share = f64::from((wanted - before) / step);
-                    crossings.push(Crossing { column_px: (column - 1) as f64 + share, step });
+                    crossings.push(Crossing { column_px: (column - 1) as f64 + share, rising: step > 0.0 });
                 }
             }
             before = here;
         }
-        best(&crossings, rising).map(|c| c.column_px)
+        nearest(&crossings, rising > 0, near_last)
     }
 }
 
-/// The crossing in the sense of the line with the smallest step, else the one with the smallest step.
-fn best(crossings: &[Crossing], rising: i32) -> Option<&Crossing> {
-    let against = |c: &Crossing| (c.step > 0.0) != (rising > 0);
-    crossings.iter().min_by(|a, b| against(a).cmp(&against(b)).then(a.step.abs().total_cmp(&b.step.abs())))
+/// Column of the crossing nearest to C1 of those in the sense of the line, else of all.
+fn nearest(crossings: &[Crossing], line_rises: bool, near_last: bool) -> Option<f64> {
+    let along = |c: &&Crossing| c.rising == line_rises;
+    let columns = || crossings.iter();
+    let found = if near_last {
+        columns().rev().find(along).or(columns().next_back())
+    } else {
+        columns().find(along).or(columns().next())
+    };
+    found.map(|c| c.column_px)
 }
 
 #[cfg(test)]
@@ -191,15 +198,15 @@ mod tests {
     }
 
     #[test]
-    fn of_several_crossings_the_one_on_the_surface_counts() {
-        // A noisy pixel at column 3 and a steep edge at column 8.
-        let row = [0.0, 0.1, 0.2, 0.12, 0.4, 0.5, 0.6, 0.7, 0.3, 0.31];
+    fn of_several_crossings_the_nearest_in_the_sense_of_the_line_counts() {
+        // A noisy pixel at column 3, and a second surface from column 8 on.
+        let row = [0.0, 0.1, 0.2, 0.12, 0.4, 0.5, 0.6, 0.7, 0.3, 0.51, 0.6];
         let pair = RowPair { upper: &row, lower: &row, weight: 0.3 };
-        let column = pair.find(0.55, (0, 9)).unwrap();
-        assert!((column - 5.5).abs() < 1e-5, "{column}");
-        let column = pair.find(0.15, (0, 9)).unwrap();
-        assert!((column - 1.5).abs() < 1e-5, "{column}");
-        assert!(pair.find(0.8, (0, 9)).is_none());
+        let column = |wanted, near_last| pair.find(wanted, (0, 10), near_last).unwrap();
+        assert!((column(0.55, false) - 5.5).abs() < 1e-5);
+        assert!((column(0.55, true) - 9.444).abs() < 1e-3);
+        assert!((column(0.15, false) - 1.5).abs() < 1e-5);
+        assert!(pair.find(0.8, (0, 10), false).is_none());
     }
 
     #[test]
@@ -208,7 +215,7 @@ mod tests {
         assert_eq!(pair.at(0), 5.0);
         assert!(pair.at(1).is_nan());
         assert!((pair.at(2) - 3.06).abs() < 1e-6);
-        assert!(pair.find(2.0, (0, 2)).is_none());
+        assert!(pair.find(2.0, (0, 2), false).is_none());
     }
 
     #[test]
