@@ -111,3 +111,32 @@ fn check_sizes(rig: &Rig, cam1: &AbsolutePhase, cam2: &AbsolutePhase) -> Result<
 fn order_of(turns: f32) -> i16 {
     turns.floor().clamp(f32::from(i16::MIN), f32::from(i16::MAX)) as i16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::test_scene::{PATTERN, Scene};
+    use super::*;
+
+    #[test]
+    fn the_points_of_a_cloud_project_onto_their_matches_and_fit_the_projector() {
+        let scene = Scene::new();
+        let (cam1, cam2) = (scene.cam1_columns(), scene.cam2_columns());
+        let matches = match_along_epipolar_lines(&scene.rig, &cam1, &cam2, None).unwrap();
+        let phase = PhaseMap {
+            width: cam1.width,
+            height: cam1.height,
+            phase: cam1.turns.iter().map(|t| (t.rem_euclid(1.0) * 65536.0) as u16).collect(),
+            mean: vec![77; cam1.turns.len()],
+            ..PhaseMap::default()
+        };
+        let cloud = reference_cloud(&scene.rig, &PATTERN, &phase, &matches, 0.05);
+        assert_eq!(cloud.points.len(), matches.iter().flatten().count());
+        for point in &cloud.points {
+            let position = Point3::from(point.position_m.map(f64::from));
+            let seen = scene.rig.project_cam2(&position).unwrap();
+            assert!((seen - Pixel::from(point.cam2_px.map(f64::from))).norm() < 1e-3);
+            assert!(point.delta_rad.abs() < 0.02, "{}", point.delta_rad);
+            assert!(point.sigma_m > 1e-6 && point.sigma_m < 1e-4, "{}", point.sigma_m);
+        }
+    }
+}

@@ -11,7 +11,7 @@ pub(super) struct Scene {
     distance_m: f64,
 }
 
-const PATTERN: FringePattern = FringePattern { period_px: 16.0, sign: -1.0, offset_rad: 0.7 };
+pub(super) const PATTERN: FringePattern = FringePattern { period_px: 16.0, sign: -1.0, offset_rad: 0.7 };
 const SIZE: [usize; 2] = [200, 160];
 
 impl Scene {
