@@ -34,12 +34,14 @@
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
+//! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
 
 pub mod atomic_file;
 pub mod calibration;
 pub mod cloud;
 pub mod correspondence;
 pub mod dataset;
+pub mod evaluation;
 pub mod geometry;
 pub mod phase;
 mod png_encoding;

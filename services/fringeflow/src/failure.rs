@@ -26,6 +26,9 @@ pub(crate) enum Failure {
     /// An output that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// Standard output.
+    #[error("standard output: {0}")]
+    Output(#[from] std::io::Error),
 }
 
 impl Failure {
@@ -34,7 +37,7 @@ impl Failure {
         match self {
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
-            Self::Cloud(_) | Self::Write(_) => 1,
+            Self::Cloud(_) | Self::Write(_) | Self::Output(_) => 1,
         }
     }
 
