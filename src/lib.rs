@@ -32,6 +32,7 @@
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
+//! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 
 pub mod atomic_file;
@@ -41,3 +42,4 @@ pub mod correspondence;
 pub mod dataset;
 pub mod geometry;
 pub mod phase;
+pub mod rig_report;
