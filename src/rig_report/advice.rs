@@ -9,6 +9,8 @@ use super::{Assumptions, RigReportError, RigSetup};
 const GRID_SHARE: usize = 20;
 /// Places of the projector on the base that are tried: first, last, spacing, in hundredths.
 const PLACES: (i32, i32, usize) = (20, 80, 2);
+/// Share of the false candidates that may remain for moving the projector to be worth the work.
+const WORTH_MOVING: f64 = 0.95;
 /// Factors by which the period is changed.
 const PERIOD_FACTORS: [f64; 4] = [0.75, 1.25, 1.5, 2.0];
 /// Factors by which the depth of the volume is changed.
@@ -22,7 +24,7 @@ pub enum Change {
     ProjectorPlace {
         /// Place now.
         from: f64,
-        /// Place with the least sum of efc and survivors on flat surfaces.
+        /// Place with the least sum of efc and survivors on flat surfaces, where that is worth a move.
         to: f64,
     },
     /// Another fringe period, projector pixels.
@@ -63,7 +65,8 @@ pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Fig
     let mut add = |change: Change, tried: Result<Figures, RigReportError>| {
         advice.extend(tried.ok().map(|figures| Advice { change, figures }));
     };
-    if let Some((to, best)) = best_place(setup, |moved| figures(moved, assumptions).ok()) {
+    let best = best_place(setup, |moved| figures(moved, assumptions).ok());
+    if let Some((to, best)) = best.filter(|(_, best)| false_candidates(best) < WORTH_MOVING * false_candidates(&base)) {
         add(Change::ProjectorPlace { from: setup.rig.projector_place_on_base(), to }, Ok(best));
     }
     let from_px = setup.pattern.period_px;
@@ -84,5 +87,9 @@ pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Fig
 fn best_place(setup: &RigSetup, figures: impl Fn(&RigSetup) -> Option<Figures>) -> Option<(f64, Figures)> {
     let places = (PLACES.0..=PLACES.1).step_by(PLACES.2).map(|hundredths| f64::from(hundredths) / 100.0);
     let tried = places.filter_map(|place| Some((place, figures(&setup.with_projector_place(place))?)));
-    tried.min_by(|(_, a), (_, b)| (a.efc + a.survivors).total_cmp(&(b.efc + b.survivors)))
+    tried.min_by(|(_, a), (_, b)| false_candidates(a).total_cmp(&false_candidates(b)))
+}
+
+fn false_candidates(figures: &Figures) -> f64 {
+    figures.efc + figures.survivors
 }

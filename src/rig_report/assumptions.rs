@@ -28,9 +28,10 @@ pub struct Assumptions {
 }
 
 impl Default for Assumptions {
-    /// Four steps, an ordinary 8-bit camera in good light, and a calibration error of a tenth of a pixel.
+    /// Four steps, an ordinary 8-bit camera in good light, and the calibration error that gives the paper's sd of 0.041
+    /// rad on a rig of its proportions.
     fn default() -> Self {
-        Self { steps: 4, noise_grey: 1.5, modulation_grey: 80.0, calibration: CalibrationQuality::ErrorPx(0.1) }
+        Self { steps: 4, noise_grey: 1.5, modulation_grey: 80.0, calibration: CalibrationQuality::ErrorPx(0.065) }
     }
 }
 

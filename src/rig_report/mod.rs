@@ -1,9 +1,9 @@
 //! The report on a rig: what the method can be expected to do with it, before anything is built or measured.
 //!
 //! In: a calibrated [`Rig`](crate::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and what is
-//! assumed of noise and calibration ([`Assumptions`]). Out: a [`RigReport`] with lengths and angles, coverage, the number n of fringe periods on
-//! a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the back-projection test on flat
-//! surfaces, and what changes of the rig would do to all of these.
+//! assumed of noise and calibration ([`Assumptions`]). Out: a [`RigReport`] with lengths and angles, coverage, the
+//! number n of fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
+//! back-projection test on flat surfaces, and what changes of the rig would do to all of these.
 //!
 //! Nothing is approximated: every figure comes from intersecting rays of the calibrated cameras with planes in the
 //! volume, over a grid of pixels of C1. Cost: about a second for a report. Without an object the surface has to be
@@ -19,6 +19,8 @@ mod layout;
 mod segment;
 mod setup;
 mod surface;
+#[cfg(test)]
+mod tests;
 
 use serde::Serialize;
 

@@ -8,7 +8,10 @@ use super::RigSetup;
 use super::surface::Surface;
 
 /// Parts into which a segment is cut, to find those that C2 sees lit.
-const PARTS: usize = 32;
+const PARTS: usize = 48;
+
+/// Least ratio of the near to the far depth: a volume around the camera itself has no near end.
+const NEAREST: f64 = 1e-3;
 
 /// The part of a pixel's ray inside the measurement volume.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +29,7 @@ impl Segment {
     pub(super) fn of(setup: &RigSetup, pixel: &Pixel) -> Option<Self> {
         let ray = setup.rig.cam1.ray(pixel)?;
         let (near_m, far_m) = setup.volume.clip(&ray)?;
-        Some(Self { ray, near_m, far_m })
+        Some(Self { ray, near_m: near_m.max(NEAREST * far_m), far_m })
     }
 
     /// Point at a share (0 to 1) of the way from near to far.
@@ -38,11 +41,11 @@ impl Segment {
         Point3::from(self.ray * depth_m)
     }
 
-    /// Places along the segment, evenly spaced in the image of C2, which inverse depth is in the epipolar frame.
-    fn places(&self) -> impl Iterator<Item = Point3> {
-        // A volume around the camera itself has no near end; 1e-3 of the far depth is near enough.
-        let (near, far) = (1.0 / self.near_m.max(1e-3 * self.far_m), 1.0 / self.far_m);
-        (0..=PARTS).map(move |i| self.at_depth(1.0 / (far + (near - far) * i as f64 / PARTS as f64)))
+    /// Places along the segment, from near to far in equal ratios of depth, so that deep volumes are as finely cut near
+    /// the camera as far from it.
+    fn places(&self) -> impl Iterator<Item = Point3> + '_ {
+        let ratio = self.far_m / self.near_m;
+        (0..=PARTS).map(move |i| self.at_depth(self.near_m * ratio.powf(i as f64 / PARTS as f64)))
     }
 }
 
@@ -88,8 +91,8 @@ pub(super) fn periods(setup: &RigSetup, segment: &Segment, surface: &Surface) ->
     let phases: Vec<Option<f64>> = segment.places().map(phase_seen).collect();
     let steps = phases.windows(2).filter_map(|pair| Some((pair[1]? - pair[0]?).abs()));
     let seen: f64 = steps.sum();
-    let ends = [segment.near_m, segment.far_m].map(|depth_m| setup.phase_turns(&segment.at_depth(depth_m)));
-    let spanned = (ends[1]? - ends[0]?).abs();
+    let in_projector: Vec<f64> = segment.places().filter_map(|place| setup.phase_turns(&place)).collect();
+    let spanned = (in_projector.last()? - in_projector.first()?).abs();
     (seen > 0.0).then_some(SegmentPeriods { seen, spanned })
 }
 

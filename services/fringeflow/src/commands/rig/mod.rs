@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Modulation of the fringes, grey levels.
     #[arg(long, value_name = "GREY", default_value_t = Assumptions::default().modulation_grey)]
     modulation: f64,
-    /// Standard deviation of the calibration error, pixels, in every coordinate of every image [default: 0.1].
+    /// Standard deviation of the calibration error, pixels, in every coordinate of every image [default: 0.065].
     #[arg(long, value_name = "PX", conflicts_with = "calibration_sd")]
     calibration_error_px: Option<f64>,
     /// Share of the calibration in sd, the standard deviation of δ, where it is known from measurements.
