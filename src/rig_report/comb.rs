@@ -20,6 +20,8 @@ use super::surface::Surface;
 const DEPTH_SHARES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Tilts of the surface about the axis perpendicular to base and view, degrees.
 const TILTS_DEG: [f64; 5] = [-40.0, -20.0, 0.0, 20.0, 40.0];
+/// Which of them faces the rig.
+const FACING: usize = 2;
 /// Steps of the secant method after which a phase counts as not found.
 const MAX_SECANT_STEPS: usize = 12;
 /// Phase error, turns, at which it has converged.
@@ -47,6 +49,8 @@ pub struct Comb {
     pub cases: u64,
     /// Surviving wrong candidates per true one on flat surfaces; compare with efc.
     pub survivors: f64,
+    /// The same on surfaces that face the rig, untilted: the worst case of a projector near the middle of the base.
+    pub survivors_facing: f64,
     /// One entry for each order from −K to K without 0.
     pub teeth: Vec<Tooth>,
 }
@@ -55,19 +59,24 @@ pub struct Comb {
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
     cases: u64,
+    /// Cases and survivors of untilted surfaces.
+    facing: (u64, u64),
     /// For orders 1, −1, 2, −2 and so on: present, surviving, sum of |δ| in turns.
     orders: Vec<(u64, u64, f64)>,
 }
 
 impl Tally {
     pub(super) fn new(max_order: i32) -> Self {
-        Self { cases: 0, orders: vec![(0, 0, 0.0); 2 * max_order.unsigned_abs() as usize] }
+        Self { cases: 0, facing: (0, 0), orders: vec![(0, 0, 0.0); 2 * max_order.unsigned_abs() as usize] }
     }
 
     /// Survivors per case; `None` without a case.
     pub(super) fn survivors(&self) -> Option<f64> {
-        let surviving: u64 = self.orders.iter().map(|o| o.1).sum();
-        (self.cases > 0).then(|| surviving as f64 / self.cases as f64)
+        (self.cases > 0).then(|| self.surviving() as f64 / self.cases as f64)
+    }
+
+    fn surviving(&self) -> u64 {
+        self.orders.iter().map(|o| o.1).sum()
     }
 
     fn max_order(&self) -> i32 {
@@ -85,6 +94,7 @@ impl Tally {
 impl AddAssign<&Self> for Tally {
     fn add_assign(&mut self, other: &Self) {
         self.cases += other.cases;
+        self.facing = (self.facing.0 + other.facing.0, self.facing.1 + other.facing.1);
         for (mine, theirs) in self.orders.iter_mut().zip(&other.orders) {
             *mine = (mine.0 + theirs.0, mine.1 + theirs.1, mine.2 + theirs.2);
         }
@@ -126,8 +136,13 @@ impl<'a> Cases<'a> {
             let Some(phase) = self.setup.lit_phase_turns(&point).filter(|_| self.setup.cam2_sees(&point)) else {
                 continue;
             };
-            for &normal in &self.normals {
+            for (tilt, &normal) in self.normals.iter().enumerate() {
+                let before = (tally.cases, tally.surviving());
                 self.add_case(&mut tally, segment, &Surface { point, normal }, phase);
+                if tilt == FACING {
+                    tally.facing.0 += tally.cases - before.0;
+                    tally.facing.1 += tally.surviving() - before.1;
+                }
             }
         }
         tally
@@ -236,7 +251,9 @@ pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
         }
     };
     let teeth = (-max_order..=max_order).filter(|&order| order != 0).map(tooth).collect();
-    Some(Comb { cases: tally.cases, survivors, teeth })
+    let (facing_cases, facing_surviving) = tally.facing;
+    let survivors_facing = facing_surviving as f64 / facing_cases.max(1) as f64;
+    Some(Comb { cases: tally.cases, survivors, survivors_facing, teeth })
 }
 
 /// An angle wrapped to [−π, π).

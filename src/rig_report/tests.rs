@@ -98,13 +98,14 @@ fn a_projector_in_the_middle_lets_every_second_order_survive() {
         assert_eq!(tooth.surviving_share, 0.0, "{tooth:?}");
     }
     assert!(comb.survivors > 1.0);
+    assert_close(comb.survivors_facing, comb.survivors, 0.1);
 }
 
 #[test]
 fn a_projector_at_0_38_lets_no_order_survive() {
     let comb = evaluate(&rectified(0.38), &exact_sd(), GRID_PX).unwrap().comb;
     assert!(comb.teeth.iter().any(|tooth| tooth.order == 12 && tooth.present_share > 0.0));
-    assert_eq!(comb.survivors, 0.0);
+    assert_eq!((comb.survivors, comb.survivors_facing), (0.0, 0.0));
     for tooth in comb.teeth.iter().filter(|tooth| tooth.present_share > 0.0) {
         let difference = tooth.mean_abs_delta_rad - tooth.approximate_abs_delta_rad;
         assert!(difference.abs() < 0.05, "{tooth:?}");

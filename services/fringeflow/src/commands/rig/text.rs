@@ -110,8 +110,8 @@ fn evaluation(out: &mut impl Write, e: &Evaluation) -> io::Result<()> {
 fn comb(out: &mut impl Write, comb: &Comb) -> io::Result<()> {
     writeln!(
         out,
-        "\nWrong fringe orders on flat surfaces (tilts to ±40°): {:.3} survive per true point",
-        comb.survivors
+        "\nWrong fringe orders on flat surfaces: {:.3} survive per true point over tilts to ±40°, {:.3} untilted",
+        comb.survivors, comb.survivors_facing
     )?;
     let worth = |share: f64| share >= WORTH_SHOWING;
     let surviving: Vec<_> = comb.teeth.iter().filter(|tooth| worth(tooth.surviving_share)).collect();
