@@ -32,6 +32,7 @@
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
+//! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
@@ -46,3 +47,4 @@ pub mod geometry;
 pub mod phase;
 mod png_encoding;
 pub mod preview;
+pub mod rig_report;

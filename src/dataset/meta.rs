@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::calibration::Unit;
 use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
 
-use super::{FringeSequence, GrayCode, Problem};
+use super::{DatasetError, FringeSequence, GrayCode, Problem};
 
 /// Fewest phase images that determine offset, modulation and phase.
 const MIN_STEPS: usize = 3;
@@ -99,14 +99,31 @@ impl Meta {
     pub(super) fn volume(&self, unit: Unit) -> Result<Option<(MeasurementVolume, Option<Pose>)>, Problem> {
         let Some(raw) = &self.volume else { return Ok(None) };
         let scale = unit.in_metres();
-        let cam1_from_volume = pose("volume.R_v", &raw.r_v, &raw.t_v, scale)?;
         let exact = match (&raw.r_v_exact, &raw.t_v_exact) {
             (Some(r), Some(t)) => Some(pose("volume.R_v_exact", r, t, scale)?),
             _ => None,
         };
-        let [min, max] = [raw.min, raw.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
-        Ok(Some((MeasurementVolume::new(cam1_from_volume, min, max)?, exact)))
+        Ok(Some((raw.placed(scale)?, exact)))
     }
+}
+
+impl RawVolume {
+    /// The volume with lengths multiplied by `scale`.
+    fn placed(&self, scale: f64) -> Result<MeasurementVolume, Problem> {
+        let cam1_from_volume = pose("volume.R_v", &self.r_v, &self.t_v, scale)?;
+        let [min, max] = [self.min, self.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
+        Ok(MeasurementVolume::new(cam1_from_volume, min, max)?)
+    }
+}
+
+/// Reads a measurement volume from a JSON file of its own: `R_v`, `T_v`, `min`, `max` in `unit`, as in `meta.json`.
+///
+/// # Errors
+/// An unreadable file, a missing field, a matrix that is no rotation, or an empty box.
+pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
+    let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
+    let raw = text.and_then(|text| serde_json::from_str::<RawVolume>(&text).map_err(|e| Problem::Json(e.to_string())));
+    raw.and_then(|raw| raw.placed(unit.in_metres())).map_err(|problem| DatasetError::new(path, problem))
 }
 
 fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {

@@ -21,6 +21,7 @@ use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
+pub use meta::read_volume;
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 
 /// Which camera of the rig.

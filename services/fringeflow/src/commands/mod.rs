@@ -1,6 +1,7 @@
 //! One module a subcommand: its arguments and what it does with the library.
 
 mod evaluate;
+mod rig;
 
 use crate::failure::Failure;
 
@@ -9,6 +10,12 @@ use crate::failure::Failure;
 pub(crate) enum Command {
     /// Compare a reconstruction with the truth or with Gray code: com, miss, fpc, 3D error.
     Evaluate(evaluate::Args),
+    /// Report on a rig: n, sd and efc, which wrong fringe orders survive where, and what changes would do.
+    ///
+    /// Needs no image, so it can be asked before anything is built. Example:
+    ///
+    ///   fringeflow rig calibration.yml --volume=-50,-40,280,50,40,325 --period 16 --steps 4
+    Rig(rig::Args),
 }
 
 impl Command {
@@ -16,6 +23,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         match self {
             Self::Evaluate(args) => args.run(),
+            Self::Rig(args) => args.run(),
         }
     }
 }
