@@ -33,6 +33,7 @@
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
+//! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -41,3 +42,4 @@ pub mod correspondence;
 pub mod dataset;
 pub mod geometry;
 pub mod phase;
+pub mod simulation;

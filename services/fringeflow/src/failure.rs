@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
-use fringeflow::dataset::DatasetError;
+use fringeflow::dataset::{DatasetError, Problem};
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,9 @@ pub(crate) enum Failure {
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// Standard output that could not be written.
+    #[error("the result cannot be printed: {0}")]
+    Output(#[source] std::io::Error),
     /// An output that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -28,8 +31,9 @@ impl Failure {
     /// 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
+            Self::Dataset(DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
-            Self::Write(_) => 1,
+            Self::Write(_) | Self::Output(_) => 1,
         }
     }
 

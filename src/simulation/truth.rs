@@ -1,0 +1,59 @@
+//! What is true of a simulated dataset, per pixel of C1.
+
+use rayon::prelude::*;
+
+use crate::calibration::Unit;
+use crate::dataset::{CameraId, RenderedTruth};
+use crate::geometry::{MeasurementVolume, Pixel, Rig};
+
+use super::scene::Scene;
+use super::trace::is_free;
+use super::view::Eye;
+
+/// What is true at the middle of one pixel of C1.
+#[derive(Clone, Copy, Debug)]
+struct PixelTruth {
+    cam2_px: [f32; 2],
+    point: [f32; 3],
+    seen_by_cam2: bool,
+    lit: bool,
+    in_volume: bool,
+}
+
+/// A pixel whose ray meets nothing.
+const NOTHING: PixelTruth =
+    PixelTruth { cam2_px: [f32::NAN; 2], point: [0.0; 3], seen_by_cam2: false, lit: false, in_volume: false };
+
+/// The truth of a scene that `rig` looks at; points in `unit`, frame of the exact C1.
+///
+/// `reference` is everything measurable: every point that a perfect Gray code would find.
+#[must_use]
+pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, unit: Unit) -> RenderedTruth {
+    let eye = Eye::new(rig, scene, CameraId::Cam1);
+    let cam2 = scene.to_object(&rig.centre_of_cam2());
+    let (width, height) = (rig.cam1.width_px(), rig.cam1.height_px());
+    let at = |i: usize| {
+        let hit = eye.hit(&Pixel::new((i % width) as f64, (i / width) as f64))?;
+        let point = scene.to_cam1(&hit.point);
+        let seen = rig.project_cam2(&point)?;
+        Some(PixelTruth {
+            cam2_px: [seen.x as f32, seen.y as f32],
+            point: (point.coords / unit.in_metres()).map(|c| c as f32).into(),
+            seen_by_cam2: rig.cam2.sees(&seen) && is_free(scene, &hit, &cam2),
+            lit: eye.lit_by(&hit).is_some(),
+            in_volume: volume.contains(&point),
+        })
+    };
+    let pixels: Vec<_> = (0..width * height).into_par_iter().map(|i| at(i).unwrap_or(NOTHING)).collect();
+    let measurable: Vec<bool> = pixels.iter().map(|p| p.seen_by_cam2 && p.lit && p.in_volume).collect();
+    RenderedTruth {
+        cam2_px: pixels.iter().map(|p| p.cam2_px).collect(),
+        point: pixels.iter().map(|p| p.point).collect(),
+        seen_by_cam2: pixels.iter().map(|p| p.seen_by_cam2).collect(),
+        lit: pixels.iter().map(|p| p.lit).collect(),
+        in_volume: pixels.iter().map(|p| p.in_volume).collect(),
+        reference: measurable.clone(),
+        measurable,
+        gray_cam2_px: None,
+    }
+}
