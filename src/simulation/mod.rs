@@ -33,8 +33,9 @@ pub use scene::{Board, Scene, Surface};
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};
 pub use sequence::{Simulation, SimulationOptions, SimulationSummary};
 pub use solid::{PointMm, Solid};
+pub use trace::Hit;
 pub use truth::truth;
-pub use view::{Sample, View};
+pub use view::{Centre, Sample, View};
 
 use crate::dataset::DatasetError;
 use crate::geometry::VolumeError;

@@ -78,7 +78,7 @@ impl Simulation {
         let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
         let view = |camera| View::trace(&rig.exact, &scene, camera, options.supersampling);
         let views = [view(CameraId::Cam1)?, view(CameraId::Cam2)?];
-        let truth = truth(&rig.exact, &rig.exact_volume, &scene, UNIT);
+        let truth = truth(&rig.exact, &rig.exact_volume, &scene, &views[0], UNIT);
         Ok(Self { options, rig, views, truth })
     }
 

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use crate::calibration::Unit;
-use crate::dataset::{CameraId, RenderedTruth};
-use crate::geometry::{MeasurementVolume, Pixel, Rig};
+use crate::dataset::RenderedTruth;
+use crate::geometry::{MeasurementVolume, Rig};
 
 use super::scene::Scene;
 use super::trace::is_free;
-use super::view::Eye;
+use super::view::{Centre, View};
 
 /// What is true at the middle of one pixel of C1.
 #[derive(Clone, Copy, Debug)]
@@ -24,27 +24,25 @@ struct PixelTruth {
 const NOTHING: PixelTruth =
     PixelTruth { cam2_px: [f32::NAN; 2], point: [0.0; 3], seen_by_cam2: false, lit: false, in_volume: false };
 
-/// The truth of a scene that `rig` looks at; points in `unit`, frame of the exact C1.
+/// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
 ///
 /// `reference` is everything measurable: every point that a perfect Gray code would find.
 #[must_use]
-pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, unit: Unit) -> RenderedTruth {
-    let eye = Eye::new(rig, scene, CameraId::Cam1);
+pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());
-    let (width, height) = (rig.cam1.width_px(), rig.cam1.height_px());
-    let at = |i: usize| {
-        let hit = eye.hit(&Pixel::new((i % width) as f64, (i / width) as f64))?;
+    let at = |centre: &Centre| {
+        let hit = centre.hit?;
         let point = scene.to_cam1(&hit.point);
         let seen = rig.project_cam2(&point)?;
         Some(PixelTruth {
             cam2_px: [seen.x as f32, seen.y as f32],
             point: (point.coords / unit.in_metres()).map(|c| c as f32).into(),
             seen_by_cam2: rig.cam2.sees(&seen) && is_free(scene, &hit, &cam2),
-            lit: eye.lit_by(&hit).is_some(),
+            lit: centre.sample.reflected > 0.0,
             in_volume: volume.contains(&point),
         })
     };
-    let pixels: Vec<_> = (0..width * height).into_par_iter().map(|i| at(i).unwrap_or(NOTHING)).collect();
+    let pixels: Vec<_> = view.centres.par_iter().map(|centre| at(centre).unwrap_or(NOTHING)).collect();
     let measurable: Vec<bool> = pixels.iter().map(|p| p.seen_by_cam2 && p.lit && p.in_volume).collect();
     RenderedTruth {
         cam2_px: pixels.iter().map(|p| p.cam2_px).collect(),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::dataset::CameraId;
 use crate::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
 
-use super::scene::{Scene, Surface};
+use super::scene::Scene;
 use super::solid::PointMm;
 use super::trace::{Hit, Ray, first_hit, is_free};
 use super::{SimulationError, check_range};
@@ -38,11 +38,22 @@ pub struct View {
     pub per_pixel: usize,
     /// `width · height · per_pixel` samples.
     pub samples: Vec<Sample>,
+    /// What the middle of every pixel sees.
+    pub centres: Vec<Centre>,
+}
+
+/// What the middle of a pixel sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Centre {
+    /// The place that its ray meets; `None` where there is nothing.
+    pub hit: Option<Hit>,
+    /// How it is lit.
+    pub sample: Sample,
 }
 
 /// Differences to the linear course up to which samples are not traced: projector pixels, and share of the brightness.
-const SMOOTH_PX: f32 = 0.02;
-const SMOOTH_SHARE: f32 = 0.02;
+const SMOOTH_PX: f32 = 0.08;
+const SMOOTH_SHARE: f32 = 0.1;
 /// Distance from the projector at which `reflected` is albedo times cosine, metres.
 const REFERENCE_DISTANCE_M: f64 = 0.31;
 
@@ -63,7 +74,7 @@ impl View {
                 centres.fill(&eye, u, v, supersampling, pixel);
             }
         });
-        Ok(Self { width, height, per_pixel, samples })
+        Ok(Self { width, height, per_pixel, samples, centres: centres.pixels })
     }
 
     /// Samples of a pixel.
@@ -129,16 +140,16 @@ impl<'a> Eye<'a> {
 struct Centres {
     width: usize,
     height: usize,
-    pixels: Vec<(Option<Surface>, Sample)>,
+    pixels: Vec<Centre>,
 }
 
 impl Centres {
     fn trace(eye: &Eye<'_>, width: usize, height: usize) -> Self {
-        let mut pixels = vec![(None, Sample::default()); width * height];
+        let mut pixels = vec![Centre::default(); width * height];
         pixels.par_chunks_mut(width).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.iter_mut().enumerate() {
                 if let Some(hit) = eye.hit(&Pixel::new(u as f64, v as f64)) {
-                    *pixel = (Some(hit.surface), eye.sample(&hit));
+                    *pixel = Centre { hit: Some(hit), sample: eye.sample(&hit) };
                 }
             }
         });
@@ -152,7 +163,7 @@ impl Centres {
             let offset = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
             let (du, dv) = (offset(i % side), offset(i / side));
             *sample = match (&slopes, side) {
-                (_, 1) => self.pixels[v * self.width + u].1,
+                (_, 1) => self.pixels[v * self.width + u].sample,
                 (Some(slopes), _) => slopes.sample(du as f32, dv as f32),
                 (None, _) => {
                     let hit = eye.hit(&Pixel::new(u as f64 + du, v as f64 + dv));
@@ -167,7 +178,10 @@ impl Centres {
         if u == 0 || v == 0 || u + 1 >= self.width || v + 1 >= self.height {
             return None;
         }
-        let at = |du: usize, dv: usize| self.pixels[(v + dv - 1) * self.width + u + du - 1];
+        let at = |du: usize, dv: usize| {
+            let Centre { hit, sample } = self.pixels[(v + dv - 1) * self.width + u + du - 1];
+            (hit.map(|h| h.surface), sample)
+        };
         let (surface, middle) = at(1, 1);
         for (a, b) in [((0, 1), (2, 1)), ((1, 0), (1, 2)), ((0, 0), (2, 2)), ((2, 0), (0, 2))] {
             let ((surface_a, a), (surface_b, b)) = (at(a.0, a.1), at(b.0, b.1));

@@ -70,7 +70,7 @@ impl Object {
             Self::Teeth => Box::new(teeth::Teeth::new()),
             Self::Tooth => Box::new(tooth::Tooth),
             Self::Nose => Box::new(nose::Nose),
-            Self::Elephant => Box::new(elephant::Elephant),
+            Self::Elephant => Box::new(elephant::Elephant::new()),
         }
     }
 }

@@ -1,11 +1,13 @@
 //! The prism: a three-sided prism lying on the board, and a flight of steps beside it.
 
-use crate::simulation::solid::{PointMm, Solid, rounded_box, turned};
+use crate::simulation::solid::{PointMm, Solid, rounded_box};
 
 /// Prism and steps; sharp edges, as milled.
 pub(super) struct Prism {
     /// Outward normals of the prism's two upper faces.
     faces: [PointMm; 2],
+    /// Sine and cosine of the prism's turn on the board.
+    turn: [f64; 2],
 }
 
 /// Height of the prism's ridge and half of its width at the board.
@@ -23,11 +25,12 @@ const STEPS: [[f64; 2]; 3] = [[17.0, 15.0], [25.0, 10.0], [33.0, 5.0]];
 impl Prism {
     pub(super) fn new() -> Self {
         let face = |side: f64| PointMm::new(side * RIDGE, 0.0, HALF_WIDTH).normalize();
-        Self { faces: [face(-1.0), face(1.0)] }
+        Self { faces: [face(-1.0), face(1.0)], turn: TURN_RAD.sin_cos().into() }
     }
 
     fn prism(&self, point: &PointMm) -> f64 {
-        let p = turned(&(point - PointMm::new(PLACE[0], PLACE[1], 0.0)), -TURN_RAD);
+        let (offset, [sin, cos]) = (point - PointMm::new(PLACE[0], PLACE[1], 0.0), self.turn);
+        let p = PointMm::new(cos * offset.x + sin * offset.y, cos * offset.y - sin * offset.x, offset.z);
         let below_ridge = p - PointMm::new(0.0, 0.0, RIDGE);
         let sides = self.faces.map(|normal| normal.dot(&below_ridge));
         sides[0].max(sides[1]).max(p.y.abs() - HALF_LENGTH).max(-p.z)

@@ -1,22 +1,24 @@
 //! The set of teeth: a plaster arch with fourteen teeth, incisors to molars.
 
-use crate::simulation::solid::{PointMm, Solid, round_cone, rounded_box, smooth_cut, smooth_union, sphere, turned};
+use crate::simulation::solid::{PointMm, RoundCone, Solid, rounded_box, smooth_cut, smooth_union, sphere};
 
 /// An arch of 66 mm × 54 mm, 22 mm high.
 pub(super) struct Teeth {
     /// Bars of the alveolar ridge that the teeth stand in.
-    ridge: Vec<(PointMm, PointMm)>,
+    ridge: Vec<RoundCone>,
     teeth: Vec<Tooth>,
 }
 
 /// One tooth in its place.
 struct Tooth {
     centre: PointMm,
-    /// Direction along the arch.
-    turn_rad: f64,
+    /// Sine and cosine of the direction along the arch.
+    along: [f64; 2],
     /// Half width along the arch, half depth across.
     half: [f64; 2],
     cusps: &'static [[f64; 2]],
+    /// Runs along the arch between the inner and the outer cusps.
+    fissure: RoundCone,
 }
 
 /// Half width along the arch, half depth across, height of the crown: second molar to central incisor, millimetres.
@@ -41,15 +43,18 @@ const ARCH: [f64; 2] = [26.0, 43.0];
 const BACK_Y: f64 = -21.0;
 /// Height at which the crowns leave the ridge.
 const RIDGE_Z: f64 = 8.5;
-/// Radius of a ball about its centre that encloses a tooth.
-const REACH: f64 = 15.0;
+const RIDGE_RADIUS: f64 = 6.2;
+/// Radius of a ball about the middle of its crown and root that encloses a tooth, and the depth of that middle below the
+/// top of the crown, millimetres.
+const REACH: f64 = 11.0;
+const MIDDLE_DEPTH: f64 = 6.0;
 /// Distances are not told apart beyond this: it is more than any fillet reaches, and saves most of the work.
-const FAR: f64 = 8.0;
+const FAR: f64 = 4.0;
 
 impl Teeth {
     pub(super) fn new() -> Self {
         let places = places();
-        let ridge = places.windows(2).map(|p| (p[0].0, p[1].0)).collect();
+        let ridge = places.windows(2).map(|p| RoundCone::new((p[0].0, RIDGE_RADIUS), (p[1].0, RIDGE_RADIUS))).collect();
         let teeth = places.iter().enumerate().map(|(i, &(centre, turn_rad))| {
             let rank = i.min(13 - i);
             let [half_width, half_depth, height] = SIZES[rank];
@@ -60,7 +65,14 @@ impl Teeth {
                 _ => INCISOR,
             };
             let centre = PointMm::new(centre.x, centre.y, height);
-            Tooth { centre, turn_rad, half: [half_width, half_depth], cusps }
+            let [from, to] = [-1.1, 1.1].map(|side| (PointMm::new(side * half_width, 0.0, 0.2), 0.9));
+            Tooth {
+                centre,
+                along: turn_rad.sin_cos().into(),
+                half: [half_width, half_depth],
+                cusps,
+                fissure: RoundCone::new(from, to),
+            }
         });
         Self { ridge, teeth: teeth.collect() }
     }
@@ -92,28 +104,32 @@ fn places() -> Vec<(PointMm, f64)> {
 
 impl Tooth {
     fn distance(&self, point: &PointMm) -> f64 {
-        if (point - self.centre).norm() > REACH + FAR {
+        let middle = self.centre - PointMm::z() * MIDDLE_DEPTH;
+        if (point - middle).norm_squared() > (REACH + FAR) * (REACH + FAR) {
             return FAR;
         }
-        let p = turned(&(point - self.centre), -self.turn_rad);
+        let (offset, [sin, cos]) = (point - self.centre, self.along);
+        let p = PointMm::new(cos * offset.x + sin * offset.y, cos * offset.y - sin * offset.x, offset.z);
         let [width, depth] = self.half;
-        let crown = rounded_box(&p, PointMm::new(0.0, 0.0, -6.0), PointMm::new(width, depth, 6.0), depth.min(2.6));
+        let crown = rounded_box(
+            &p,
+            PointMm::new(0.0, 0.0, -MIDDLE_DEPTH),
+            PointMm::new(width, depth, MIDDLE_DEPTH),
+            depth.min(2.6),
+        );
         let cusp =
             |[x, y]: [f64; 2]| sphere(&p, PointMm::new(x * width, y * depth, -1.3), 0.38 * width.min(depth) + 0.3);
         let body = self.cusps.iter().fold(crown, |body, &at| smooth_union(body, cusp(at), 1.2));
         if self.cusps.len() < 2 {
             return body;
         }
-        // The fissure runs along the arch between the inner and the outer cusps.
-        let ends = [-1.1, 1.1].map(|side| (PointMm::new(side * width, 0.0, 0.2), 0.9));
-        smooth_cut(body, round_cone(&p, ends[0], ends[1]), 0.9)
+        smooth_cut(body, self.fissure.distance(&p), 0.9)
     }
 }
 
 impl Solid for Teeth {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let bar = |(a, b): &(PointMm, PointMm)| round_cone(point, (*a, 6.2), (*b, 6.2));
-        let ridge = self.ridge.iter().map(bar).fold(f64::INFINITY, f64::min);
+        let ridge = self.ridge.iter().map(|bar| bar.distance(point)).fold(f64::INFINITY, f64::min);
         let base = rounded_box(point, PointMm::new(0.0, -1.0, 1.5), PointMm::new(33.5, 27.5, 1.5), 1.0);
         let plaster = smooth_union(ridge, base, 4.0);
         let teeth = self.teeth.iter().map(|t| t.distance(point)).fold(FAR, f64::min);
