@@ -23,7 +23,7 @@ use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
-pub use write::{DatasetDescription, DatasetWriter, ImageKind};
+pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 
 /// Which camera of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

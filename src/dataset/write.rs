@@ -188,8 +188,11 @@ impl DatasetWriter {
     }
 }
 
-/// A dataset may take the place of nothing or of an empty folder.
-fn check_new(target: &Path) -> Result<(), DatasetError> {
+/// Checks that a dataset may be written at `target`, where nothing or an empty folder must be.
+///
+/// # Errors
+/// [`Problem::TargetExists`].
+pub fn check_new(target: &Path) -> Result<(), DatasetError> {
     let is_new = match std::fs::read_dir(target) {
         Ok(mut entries) => entries.next().is_none(),
         Err(e) => e.kind() == std::io::ErrorKind::NotFound,

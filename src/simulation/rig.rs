@@ -172,12 +172,14 @@ fn exact_rig(
     depth_m: f64,
 ) -> Result<(Rig, MeasurementVolume), SimulationError> {
     let a = arrangement;
-    let half_base = a.base_m / 2.0;
-    let along = a.base_m * (a.projector_place - 0.5);
     // A hair of asymmetry: no assembled sensor is level to the micrometre.
-    let cam1 = looking_at_centre(Point3::new(-half_base, 0.0, -a.distance_m), 0.006);
-    let cam2 = looking_at_centre(Point3::new(half_base, 0.0018, -a.distance_m + 0.001), -0.009);
-    let projector = looking_at_centre(Point3::new(along, -a.projector_height_m, -a.distance_m - 0.004), 0.011);
+    let centre1 = Point3::new(-a.base_m / 2.0, 0.0, -a.distance_m);
+    let base = Vector3::new(a.base_m, 0.0018, 0.001);
+    let above = Vector3::new(0.0, -a.projector_height_m, -0.004);
+    let across = above - base * (above.dot(&base) / base.norm_squared());
+    let cam1 = looking_at_centre(centre1, 0.006);
+    let cam2 = looking_at_centre(centre1 + base, -0.009);
+    let projector = looking_at_centre(centre1 + base * a.projector_place + across, 0.011);
     let lens = |coefficients: [f64; 5]| {
         if a.distorted { Distortion::from_opencv(&coefficients) } else { Distortion::default() }
     };
@@ -213,4 +215,71 @@ fn camera(focal_px: f64, off_centre_px: [f64; 2], lens: Distortion, size_px: [us
 
 fn projector_lens(focal_px: f64, lens: Distortion) -> Camera {
     Camera::new([focal_px, focal_px], [514.3, 508.2], lens, [PROJECTOR_PX, PROJECTOR_PX])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> RigOptions {
+        RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: [640, 512],
+            depth_m: 0.025,
+            period_px: 16.0,
+            sd_rad: 0.041,
+            seed: 1,
+        }
+    }
+
+    #[test]
+    fn the_usual_rig_has_the_numbers_of_the_paper() {
+        let rig = VirtualRig::new(&options()).unwrap();
+        let n = rig.mean_periods();
+        assert!((5.5..6.5).contains(&n), "n {n}");
+        let efc = 3.0 * rig.deviation.delta_rms * (n - 1.0) / PI;
+        assert!((0.17..0.22).contains(&efc), "efc {efc}");
+        assert!((rig.exact.projector_place_on_base() - 0.38).abs() < 1e-9);
+        assert_eq!(rig.gray_images(), 7);
+    }
+
+    #[test]
+    fn the_calibration_error_is_the_wanted_one_and_hardly_vertical() {
+        for seed in 0..12 {
+            for sd_rad in [0.004, 0.041, 0.12] {
+                let rig = VirtualRig::new(&RigOptions { seed, sd_rad, ..options() }).unwrap();
+                let d = rig.deviation;
+                assert!((d.delta_rms - sd_rad).abs() < 1e-6, "seed {seed}: {d:?}");
+                assert!(d.delta_mean.abs() < 1e-6 && d.epi_rms < 0.1, "seed {seed}: {d:?}");
+                assert!(rig.calibrated != rig.exact);
+            }
+        }
+    }
+
+    #[test]
+    fn without_calibration_error_both_rigs_agree() {
+        let rig = VirtualRig::new(&RigOptions { sd_rad: 0.0, ..options() }).unwrap();
+        assert!(rig.deviation.delta_rms < 1e-9 && rig.deviation.epi_max < 1e-9);
+        let drift =
+            rig.volume.cam1_from_volume().to_homogeneous() - rig.exact_volume.cam1_from_volume().to_homogeneous();
+        assert!(drift.amax() < 1e-9);
+    }
+
+    #[test]
+    fn knobs_move_the_number_of_periods() {
+        let periods = |o: RigOptions| VirtualRig::new(&o).unwrap().mean_periods();
+        let usual = periods(options());
+        assert!(periods(RigOptions { depth_m: 0.05, ..options() }) > 1.8 * usual);
+        assert!((periods(RigOptions { period_px: 32.0, ..options() }) - usual / 2.0).abs() < 1e-9);
+        let large = periods(RigOptions { size_px: [1280, 1024], ..options() });
+        assert!((large - usual).abs() < 0.05 * usual);
+    }
+
+    #[test]
+    fn options_out_of_range_are_refused_with_their_value() {
+        let refused = VirtualRig::new(&RigOptions { depth_m: f64::NAN, ..options() }).unwrap_err();
+        assert!(refused.to_string().contains("depth is NaN mm"), "{refused}");
+        assert!(VirtualRig::new(&RigOptions { size_px: [0, 512], ..options() }).is_err());
+        assert!(VirtualRig::new(&RigOptions { period_px: 0.0, ..options() }).is_err());
+    }
 }

@@ -107,7 +107,7 @@ impl Sensor {
     /// Exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing saturates.
     #[must_use]
     pub fn exposed(noise: Option<Noise>, gamma: f64) -> Self {
-        Self { gain: 222.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise }
+        Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise }
     }
 
     /// The image of a pattern.

@@ -6,7 +6,7 @@ use crate::calibration::Unit;
 use crate::dataset::RenderedTruth;
 use crate::geometry::{MeasurementVolume, Rig};
 
-use super::scene::Scene;
+use super::scene::{Board, Scene, Surface};
 use super::trace::is_free;
 use super::view::{Centre, View};
 
@@ -18,15 +18,22 @@ struct PixelTruth {
     seen_by_cam2: bool,
     lit: bool,
     in_volume: bool,
+    bright: bool,
 }
 
 /// A pixel whose ray meets nothing.
-const NOTHING: PixelTruth =
-    PixelTruth { cam2_px: [f32::NAN; 2], point: [0.0; 3], seen_by_cam2: false, lit: false, in_volume: false };
+const NOTHING: PixelTruth = PixelTruth {
+    cam2_px: [f32::NAN; 2],
+    point: [0.0; 3],
+    seen_by_cam2: false,
+    lit: false,
+    in_volume: false,
+    bright: false,
+};
 
 /// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
 ///
-/// `reference` is everything measurable: every point that a perfect Gray code would find.
+/// `reference` is everything measurable that is bright enough to be: not a dark board.
 #[must_use]
 pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());
@@ -40,6 +47,7 @@ pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, 
             seen_by_cam2: rig.cam2.sees(&seen) && is_free(scene, &hit, &cam2),
             lit: centre.sample.reflected > 0.0,
             in_volume: volume.contains(&point),
+            bright: hit.surface == Surface::Object || scene.board == Board::Visible,
         })
     };
     let pixels: Vec<_> = view.centres.par_iter().map(|centre| at(centre).unwrap_or(NOTHING)).collect();
@@ -50,7 +58,7 @@ pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, 
         seen_by_cam2: pixels.iter().map(|p| p.seen_by_cam2).collect(),
         lit: pixels.iter().map(|p| p.lit).collect(),
         in_volume: pixels.iter().map(|p| p.in_volume).collect(),
-        reference: measurable.clone(),
+        reference: pixels.iter().zip(&measurable).map(|(p, &measurable)| measurable && p.bright).collect(),
         measurable,
         gray_cam2_px: None,
     }

@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use fringeflow::dataset::check_new;
 use fringeflow::simulation::{
     Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
     SimulationSummary,
@@ -75,6 +76,7 @@ struct Report<'a> {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        check_new(&self.output)?;
         let simulation = Simulation::new(self.options())?;
         let bar = progress::bar("taking images", simulation.images().len() as u64);
         simulation.write(&self.output, || bar.inc(1))?;
