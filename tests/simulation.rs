@@ -52,6 +52,9 @@ fn phase(values: &[f64]) -> (f64, f64) {
 
 /// Projector columns (or rows) of the truth around a pixel, if it lies within one smooth piece of measurable surface.
 fn on_smooth_surface(simulation: &Simulation, u: usize, v: usize, along: Direction) -> Option<f64> {
+    if u == 0 || v == 0 || u + 1 == SIZE[0] || v + 1 == SIZE[1] {
+        return None;
+    }
     let truth = simulation.truth();
     let place = |i: usize| {
         let pixel = simulation.rig().exact.project_projector(&point_m(truth.point[i]))?;
@@ -67,39 +70,48 @@ fn on_smooth_surface(simulation: &Simulation, u: usize, v: usize, along: Directi
     Some(middle)
 }
 
+/// Errors of the decoded phase over bright, smooth surface: before and after rounding to 8 bits, rad.
+fn phase_errors(simulation: &Simulation, direction: Direction) -> (Vec<f64>, Vec<f64>) {
+    let sensor = Sensor::exposed(None, 1.0);
+    let view = &simulation.views()[0];
+    let pattern = match direction {
+        Direction::Columns => simulation.rig().columns,
+        Direction::Rows => simulation.rig().rows,
+    };
+    let fringes = |k: usize| Projected::Fringes { direction, pattern, shift_rad: TAU * k as f64 / 8.0 };
+    let seed = ImageSeed { seed: 0, camera: 0, image: 0 };
+    let images: Vec<_> = (0..8).map(|k| sensor.image(view, &fringes(k), seed)).collect();
+    let (mut unrounded, mut rounded) = (Vec::new(), Vec::new());
+    for i in 0..SIZE[0] * SIZE[1] {
+        let Some(place) = on_smooth_surface(simulation, i % SIZE[0], i / SIZE[0], direction) else { continue };
+        let (exact, modulation) = phase(&std::array::from_fn::<f64, 8, _>(|k| sensor.grey(view, &fringes(k), i)));
+        if modulation > 60.0 {
+            let expected = TAU * pattern.phase_turns(place);
+            let (decoded, _) = phase(&std::array::from_fn::<f64, 8, _>(|k| f64::from(images[k].pixels[i])));
+            unrounded.push(wrapped(exact - expected).abs());
+            rounded.push(wrapped(decoded - expected).abs());
+        }
+    }
+    (unrounded, rounded)
+}
+
 #[test]
 fn decoded_phase_is_the_phase_of_the_true_projector_pixel() {
     for object in [Object::Plane, Object::Nose] {
-        let simulation = Simulation::new(options(object)).unwrap();
-        let sensor = Sensor::exposed(None, 1.0);
-        let view = &simulation.views()[0];
-        for (direction, pattern) in
-            [(Direction::Columns, simulation.rig().columns), (Direction::Rows, simulation.rig().rows)]
-        {
-            let fringes = |k: usize| Projected::Fringes { direction, pattern, shift_rad: TAU * k as f64 / 8.0 };
-            let seed = ImageSeed { seed: 0, camera: 0, image: 0 };
-            let images: Vec<_> = (0..8).map(|k| sensor.image(view, &fringes(k), seed)).collect();
-            let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0);
-            for i in 0..SIZE[0] * SIZE[1] {
-                let (u, v) = (i % SIZE[0], i / SIZE[0]);
-                if u == 0 || v == 0 || u + 1 == SIZE[0] || v + 1 == SIZE[1] {
-                    continue;
-                }
-                let Some(place) = on_smooth_surface(&simulation, u, v, direction) else { continue };
-                let expected = TAU * pattern.phase_turns(place);
-                let exact: Vec<f64> = (0..8).map(|k| sensor.grey(view, &fringes(k), i)).collect();
-                worst = worst.max(wrapped(phase(&exact).0 - expected).abs());
-                let rounded: Vec<f64> = images.iter().map(|image| f64::from(image.pixels[i])).collect();
-                let (decoded, modulation) = phase(&rounded);
-                if modulation > 60.0 {
-                    squares += wrapped(decoded - expected).powi(2);
-                    count += 1;
-                }
+        for supersampling in [1, 2] {
+            let simulation = Simulation::new(SimulationOptions { supersampling, ..options(object) }).unwrap();
+            for direction in [Direction::Columns, Direction::Rows] {
+                let (mut unrounded, rounded) = phase_errors(&simulation, direction);
+                let count = rounded.len();
+                assert!(count > 10_000, "{object:?} {direction:?}: {count} bright pixels");
+                unrounded.sort_by(f64::total_cmp);
+                // A pixel's own extent weighs its phases by their brightness: not an error of the simulation.
+                let (worst, bound) =
+                    if supersampling == 1 { (unrounded[count - 1], 5e-4) } else { (unrounded[count * 99 / 100], 5e-3) };
+                assert!(worst < bound, "{object:?} {direction:?} {supersampling}: {worst} rad before rounding");
+                let rms = (rounded.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt();
+                assert!(rms < 0.003, "{object:?} {direction:?}: {rms} rad after rounding");
             }
-            assert!(count > 10_000, "{object:?} {direction:?}: {count} bright pixels");
-            assert!(worst < 0.005, "{object:?} {direction:?}: {worst} rad before rounding");
-            let rms = (squares / f64::from(count)).sqrt();
-            assert!(rms < 0.003, "{object:?} {direction:?}: {rms} rad after rounding");
         }
     }
 }
@@ -133,6 +145,9 @@ fn every_object_can_be_measured_and_its_truth_fits_the_rig() {
     }
 }
 
+/// No object of the usual volume is higher than this, millimetres.
+const HIGHEST_MM: f64 = 25.0;
+
 /// Whether the straight way from a surface point to a device is free: small equal steps, nothing clever.
 fn brute_force_free(solid: &dyn Solid, point: &PointMm, target: &PointMm) -> Option<bool> {
     let way = target - point;
@@ -140,7 +155,7 @@ fn brute_force_free(solid: &dyn Solid, point: &PointMm, target: &PointMm) -> Opt
     let mut least = f64::INFINITY;
     // The first 50 µm are the surface itself.
     let mut share = 5.0 * step;
-    while share < 0.3 {
+    while share < 1.0 && (point + way * share).z < HIGHEST_MM {
         let p = point + way * share;
         least = least.min(solid.distance_mm(&p)).min(if p.z > 0.0 { f64::INFINITY } else { -1.0 });
         share += step;
@@ -168,7 +183,7 @@ fn light_and_sight_agree_with_brute_force() {
         let (light, cam2) =
             (centre_mm(&scene, &rig.exact.centre_of_projector()), centre_mm(&scene, &rig.exact.centre_of_cam2()));
         let (mut judged, mut dark, mut hidden, mut wrong) = (0, 0, 0, 0);
-        for i in (0..SIZE[0] * SIZE[1]).step_by(331) {
+        for i in (0..SIZE[0] * SIZE[1]).step_by(97) {
             let Some(hit) = view.centres[i].hit else { continue };
             let point = point_m(truth.point[i]);
             if !sees(&rig.exact, &point) || !rig.exact.project_cam2(&point).is_some_and(|q| rig.exact.cam2.sees(&q)) {

@@ -85,6 +85,10 @@ pub(super) fn draw(
 ) -> Result<Drawn, SimulationError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let probe = Probe::new(exact, volume, pattern);
+    if sd_rad == 0.0 {
+        let deviation = CalibrationDeviation::default();
+        return Ok(Drawn { rig: exact.clone(), cam1_from_volume: *volume.cam1_from_volume(), deviation });
+    }
     let cam2 = Draw::new(&mut rng);
     let base = probe.with_cam2_error(&cam2, sd_rad);
     for _ in 0..MAX_DRAWS {
@@ -114,7 +118,8 @@ impl<'a> Probe<'a> {
         let mut points = Vec::new();
         for i in 0..steps[0] * steps[1] * steps[2] {
             let place = [i % steps[0], i / steps[0] % steps[1], i / (steps[0] * steps[1])];
-            let offset = Vector3::from_fn(|axis, _| extent[axis] * (place[axis] as f64 + 0.5) / steps[axis] as f64);
+            let offset =
+                Vector3::from_fn(|axis, _| extent[axis] * (f64::from(place[axis]) + 0.5) / f64::from(steps[axis]));
             let point = volume.cam1_from_volume() * (volume.min() + offset);
             let seen = (exact.cam1.project(&point), exact.project_cam2(&point), exact.project_projector(&point));
             if let (Some(p), Some(q), Some(lit)) = seen {
