@@ -63,3 +63,23 @@ impl Projected {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gray_code_counts_half_periods_and_changes_one_bit_a_cell() {
+        let pattern = FringePattern { period_px: 16.0, sign: 1.0, offset_rad: TAU / 32.0 };
+        let code = |column: usize| {
+            let sample = Sample { column_px: column as f32, ..Sample::default() };
+            let bit = |bit| Projected::Gray { direction: Direction::Columns, pattern, bit }.brightness(&sample) as u32;
+            (0..7).map(|k| bit(k) << k).sum::<u32>()
+        };
+        for column in 0..1024 {
+            let cell = column as u32 / 8;
+            assert_eq!(code(column), cell ^ (cell >> 1), "column {column}");
+            assert_eq!((code(column) ^ code((column + 8) % 1024)).count_ones(), 1);
+        }
+    }
+}

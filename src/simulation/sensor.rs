@@ -125,7 +125,7 @@ impl Sensor {
         GreyImage { width: view.width, height: view.height, pixels }
     }
 
-    /// Grey level of a pixel before noise and rounding.
+    /// Grey level of a pixel before noise and rounding; `index` counts row by row, below `width · height`.
     #[must_use]
     pub fn grey(&self, view: &View, pattern: &Projected, index: usize) -> f64 {
         let samples = view.pixel(index);

@@ -73,6 +73,14 @@ impl RoundCone {
         let share = (offset.dot(&self.axis) * self.inverse_length_squared).clamp(0.0, 1.0);
         ((offset - self.axis * share).norm() - self.radius - self.growth * share) * self.taming
     }
+
+    /// Square of the distance from the bar's axis: bars of one radius need one root between them.
+    #[inline]
+    pub(super) fn axis_distance_squared(&self, p: &PointMm) -> f64 {
+        let offset = p - self.start;
+        let share = (offset.dot(&self.axis) * self.inverse_length_squared).clamp(0.0, 1.0);
+        (offset - self.axis * share).norm_squared()
+    }
 }
 
 /// [`RoundCone`] for bars known when compiled.

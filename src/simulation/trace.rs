@@ -138,3 +138,49 @@ fn normal(solid: &dyn Solid, point: &PointMm) -> PointMm {
     let gradient: PointMm = corners.iter().map(|c| c * solid.distance_mm(&(point + c * NORMAL_SPAN_MM))).sum();
     gradient.try_normalize(0.0).unwrap_or_else(PointMm::z)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::solid::{ellipsoid, sphere};
+    use super::*;
+
+    /// A ball, by its exact field or by one that is far too low beside it.
+    struct Ball {
+        low: bool,
+    }
+
+    impl Solid for Ball {
+        fn distance_mm(&self, p: &PointMm) -> f64 {
+            let centre = PointMm::new(1.0, -2.0, 12.0);
+            let exact = sphere(p, centre, 10.0);
+            if self.low { 0.3 * ellipsoid(p, centre, PointMm::repeat(10.0)) } else { exact }
+        }
+
+        fn bounds_mm(&self) -> (PointMm, PointMm) {
+            (PointMm::new(-10.0, -13.0, 1.0), PointMm::new(12.0, 9.0, 23.0))
+        }
+    }
+
+    #[test]
+    fn hits_are_true_to_a_fraction_of_a_micrometre() {
+        for low in [false, true] {
+            let ball = Ball { low };
+            for i in 0..2000 {
+                let target = PointMm::new(f64::from(i % 50) * 0.5 - 11.5, f64::from(i / 50) * 0.6 - 14.0, 12.0);
+                let origin = PointMm::new(40.0, 20.0, 300.0);
+                let ray = Ray { origin, direction: (target - origin).normalize() };
+                let to_centre = PointMm::new(1.0, -2.0, 12.0) - origin;
+                let along = to_centre.dot(&ray.direction);
+                let inside = 100.0 - (to_centre.norm_squared() - along * along);
+                let found = march(&ball, &ray, f64::INFINITY);
+                // Rays that cut off less than a sliver may miss.
+                if inside > 1e-3 {
+                    let error = found.unwrap() - (along - inside.sqrt());
+                    assert!(error.abs() < 1e-5, "{error} mm off");
+                } else if inside < 0.0 {
+                    assert!(found.is_none());
+                }
+            }
+        }
+    }
+}

@@ -69,7 +69,7 @@ impl View {
         let centres = Centres::trace(&eye, width, height);
         let per_pixel = supersampling * supersampling;
         let mut samples = vec![Sample::default(); width * height * per_pixel];
-        samples.par_chunks_mut(width * per_pixel).enumerate().for_each(|(v, row)| {
+        samples.par_chunks_mut((width * per_pixel).max(1)).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.chunks_exact_mut(per_pixel).enumerate() {
                 centres.fill(&eye, u, v, supersampling, pixel);
             }
@@ -84,7 +84,7 @@ impl View {
 }
 
 /// A camera and the projector, in the frame of the object.
-pub(super) struct Eye<'a> {
+struct Eye<'a> {
     rig: &'a Rig,
     scene: &'a Scene,
     camera: &'a Camera,
@@ -96,7 +96,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    pub(super) fn new(rig: &'a Rig, scene: &'a Scene, camera: CameraId) -> Self {
+    fn new(rig: &'a Rig, scene: &'a Scene, camera: CameraId) -> Self {
         let (camera, cam1_from_camera) = match camera {
             CameraId::Cam1 => (&rig.cam1, Pose::identity()),
             CameraId::Cam2 => (&rig.cam2, rig.cam2_from_cam1.inverse()),
@@ -112,14 +112,14 @@ impl<'a> Eye<'a> {
     }
 
     /// What the ray of an image point meets first.
-    pub(super) fn hit(&self, pixel: &Pixel) -> Option<Hit> {
+    fn hit(&self, pixel: &Pixel) -> Option<Hit> {
         let direction: Vector3 = self.cam1_from_camera.rotation * self.camera.ray(pixel)?;
         let direction = self.scene.direction_to_object(&direction.normalize());
         first_hit(self.scene, &Ray { origin: self.centre, direction })
     }
 
     /// The projector pixel that lights a place; `None` in shadow and beside the display.
-    pub(super) fn lit_by(&self, hit: &Hit) -> Option<Pixel> {
+    fn lit_by(&self, hit: &Hit) -> Option<Pixel> {
         let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
         (self.rig.projector.sees(&pixel) && is_free(self.scene, hit, &self.light)).then_some(pixel)
     }
@@ -146,7 +146,7 @@ struct Centres {
 impl Centres {
     fn trace(eye: &Eye<'_>, width: usize, height: usize) -> Self {
         let mut pixels = vec![Centre::default(); width * height];
-        pixels.par_chunks_mut(width).enumerate().for_each(|(v, row)| {
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.iter_mut().enumerate() {
                 if let Some(hit) = eye.hit(&Pixel::new(u as f64, v as f64)) {
                     *pixel = Centre { hit: Some(hit), sample: eye.sample(&hit) };

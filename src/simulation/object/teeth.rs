@@ -49,7 +49,7 @@ const RIDGE_RADIUS: f64 = 6.2;
 const REACH: f64 = 11.0;
 const MIDDLE_DEPTH: f64 = 6.0;
 /// Distances are not told apart beyond this: it is more than any fillet reaches, and saves most of the work.
-const FAR: f64 = 4.0;
+const FAR: f64 = 2.5;
 
 impl Teeth {
     pub(super) fn new() -> Self {
@@ -129,7 +129,8 @@ impl Tooth {
 
 impl Solid for Teeth {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let ridge = self.ridge.iter().map(|bar| bar.distance(point)).fold(f64::INFINITY, f64::min);
+        let along_ridge = self.ridge.iter().map(|bar| bar.axis_distance_squared(point)).fold(f64::INFINITY, f64::min);
+        let ridge = along_ridge.sqrt() - RIDGE_RADIUS;
         let base = rounded_box(point, PointMm::new(0.0, -1.0, 1.5), PointMm::new(33.5, 27.5, 1.5), 1.0);
         let plaster = smooth_union(ridge, base, 4.0);
         let teeth = self.teeth.iter().map(|t| t.distance(point)).fold(FAR, f64::min);

@@ -1,8 +1,6 @@
 //! The plaster tooth: a molar, its crown with four cusps and crossing fissures, on a socle.
 
-use crate::simulation::solid::{
-    PointMm, Solid, cylinder, ellipsoid, round_cone, rounded_box, smooth_cut, smooth_union, sphere,
-};
+use crate::simulation::solid::{PointMm, Solid, cylinder, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
 
 /// A molar of 15 mm × 13.5 mm, 20 mm high with its socle.
 pub(super) struct Tooth;
@@ -14,7 +12,7 @@ const CUSPS: [[f64; 4]; 4] =
 impl Solid for Tooth {
     fn distance_mm(&self, point: &PointMm) -> f64 {
         let socle = cylinder(point, [0.0, 0.0], 12.5, [0.0, 4.0], 1.0);
-        let rim = rounded_box(point, PointMm::new(0.0, 0.0, 4.5), PointMm::new(8.5, 7.8, 1.5), 1.4);
+        let rim = cylinder(point, [0.0, 0.0], 9.0, [2.0, 6.0], 1.4);
         smooth_union(smooth_union(socle, rim, 1.5), crown(point), 1.2)
     }
 
@@ -30,13 +28,13 @@ fn crown(p: &PointMm) -> f64 {
     for [x, y, z, radius] in CUSPS {
         body = smooth_union(body, sphere(p, PointMm::new(x, y, z), radius), 1.8);
     }
-    let groove = |a: [f64; 3], b: [f64; 3]| round_cone(p, (PointMm::from(a), 0.55), (PointMm::from(b), 0.75));
+    let groove = |a: [f64; 3], b: [f64; 3]| round_cone(p, (PointMm::from(a), 0.45), (PointMm::from(b), 0.65));
     let fissures = [
         groove([-6.0, 0.3, 16.6], [0.0, 0.0, 15.6]),
         groove([0.0, 0.0, 15.6], [6.0, 0.2, 16.2]),
         groove([0.4, 5.8, 16.6], [0.0, 0.0, 15.6]),
         groove([-0.2, -5.8, 16.2], [0.0, 0.0, 15.6]),
     ];
-    let pit = sphere(p, PointMm::new(0.0, 0.0, 16.6), 1.7);
+    let pit = sphere(p, PointMm::new(0.0, 0.0, 16.6), 1.5);
     fissures.into_iter().fold(smooth_cut(body, pit, 1.2), |body, groove| smooth_cut(body, groove, 0.8))
 }
