@@ -36,6 +36,7 @@
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
+//! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -48,3 +49,4 @@ pub mod phase;
 mod png_encoding;
 pub mod preview;
 pub mod rig_report;
+pub mod simulation;

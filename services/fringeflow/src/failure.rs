@@ -53,6 +53,7 @@ impl Failure {
     /// 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
+            Self::Dataset(DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Volume(_) | Self::RigReport(_) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
             Self::Cloud(_) | Self::Picture { .. } | Self::Write(_) | Self::Output(_) => 1,

@@ -2,6 +2,7 @@
 
 mod evaluate;
 mod rig;
+mod simulate;
 
 use crate::failure::Failure;
 
@@ -16,6 +17,8 @@ pub(crate) enum Command {
     ///
     ///   fringeflow rig calibration.yml --volume=-50,-40,280,50,40,325 --period 16 --steps 4
     Rig(rig::Args),
+    /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
+    Simulate(simulate::Args),
 }
 
 impl Command {
@@ -24,6 +27,7 @@ impl Command {
         match self {
             Self::Evaluate(args) => args.run(),
             Self::Rig(args) => args.run(),
+            Self::Simulate(args) => args.run(),
         }
     }
 }
