@@ -32,14 +32,23 @@
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
+//! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`reconstruction`] | the chain from images to cloud |
+//! | [`preview`] | pictures of phase, depth, decisions and δ for people |
+//! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
+//! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
 
 pub mod atomic_file;
 pub mod calibration;
 pub mod cloud;
 pub mod correspondence;
 pub mod dataset;
+pub mod evaluation;
 pub mod geometry;
 pub mod phase;
+mod png_encoding;
+pub mod preview;
 pub mod reconstruction;
+pub mod rig_report;
+pub mod simulation;

@@ -1,4 +1,12 @@
-//! Point clouds with the provenance of every point.
+//! Point clouds with the provenance of every point, and the files they are exported to.
+
+mod export;
+mod npz;
+mod pcd;
+mod ply;
+mod record;
+
+pub use export::{CloudExport, CloudFormat, CloudWriteError};
 
 mod triangulate;
 

@@ -16,6 +16,7 @@ mod epipolar_image;
 mod matching;
 mod neighbourhood;
 mod outcome;
+pub mod reference_methods;
 mod resolution;
 mod search;
 mod segment_table;

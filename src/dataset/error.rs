@@ -41,6 +41,9 @@ pub enum Problem {
     /// The file cannot be written.
     #[error("cannot be written: {0}")]
     Unwritable(#[source] std::io::Error),
+    /// There is something where a new dataset folder should go.
+    #[error("already exists and is not an empty folder; give another path, or remove it first")]
+    TargetExists,
     /// Neither the folder nor the user states a unit.
     #[error("field unit is missing; add \"unit\": \"mm\" or give --units mm|m")]
     NoUnit,

@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::png_encoding;
+
 use super::{DatasetError, Problem};
 
 /// An 8-bit grey image, row by row.
@@ -55,13 +57,8 @@ pub fn read_png(path: &Path, expected_px: Option<[usize; 2]>) -> Result<GreyImag
 pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), Problem> {
     let file = File::create(path).map_err(Problem::Unwritable)?;
     let mut out = BufWriter::new(file);
-    let unwritable = |e: png::EncodingError| Problem::Unwritable(std::io::Error::other(e));
-    let mut encoder = png::Encoder::new(&mut out, image.width as u32, image.height as u32);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header().map_err(unwritable)?;
-    writer.write_image_data(&image.pixels).map_err(unwritable)?;
-    writer.finish().map_err(unwritable)?;
+    let size = [image.width, image.height];
+    png_encoding::encode(&mut out, size, png::ColorType::Grayscale, &image.pixels).map_err(Problem::Unwritable)?;
     out.flush().map_err(Problem::Unwritable)
 }
 

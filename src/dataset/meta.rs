@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::calibration::Unit;
 use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
 
-use super::{FringeSequence, GrayCode, Problem};
+use super::{DatasetError, FringeSequence, GrayCode, Problem};
 
 /// Fewest phase images that determine offset, modulation and phase.
 const MIN_STEPS: usize = 3;
@@ -26,24 +26,25 @@ struct RawMeta {
     volume: Option<RawVolume>,
 }
 
-#[derive(Deserialize)]
-struct RawSequence {
+#[derive(Deserialize, Serialize)]
+pub(super) struct RawSequence {
     phase_shift_rad: Vec<f64>,
     period_px: f64,
     phase_sign: f64,
     phase_offset_rad: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     gray: Option<RawGray>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 struct RawGray {
     images: usize,
     cell_periods: f64,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
-struct RawVolume {
+pub(super) struct RawVolume {
     #[serde(rename = "R_v")]
     r_v: [[f64; 3]; 3],
     #[serde(rename = "T_v")]
@@ -54,6 +55,41 @@ struct RawVolume {
     t_v_exact: Option<[f64; 3]>,
     min: [f64; 3],
     max: [f64; 3],
+}
+
+impl From<&FringeSequence> for RawSequence {
+    fn from(sequence: &FringeSequence) -> Self {
+        Self {
+            phase_shift_rad: sequence.shifts_rad.clone(),
+            period_px: sequence.pattern.period_px,
+            phase_sign: sequence.pattern.sign,
+            phase_offset_rad: sequence.pattern.offset_rad,
+            gray: sequence.gray.map(|g| RawGray { images: g.images, cell_periods: g.cell_periods }),
+        }
+    }
+}
+
+impl RawVolume {
+    /// A volume in `unit`, and its pose in the frame of the truth where that differs.
+    pub(super) fn new(volume: &MeasurementVolume, exact: Option<&Pose>, unit: Unit) -> Self {
+        let scale = unit.in_metres();
+        let (r_v, t_v) = raw_pose(volume.cam1_from_volume(), scale);
+        let exact = exact.map(|pose| raw_pose(pose, scale));
+        Self {
+            r_v,
+            t_v,
+            r_v_exact: exact.map(|(r, _)| r),
+            t_v_exact: exact.map(|(_, t)| t),
+            min: (volume.min().coords / scale).into(),
+            max: (volume.max().coords / scale).into(),
+        }
+    }
+}
+
+fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
+    let rotation = pose.rotation.to_rotation_matrix();
+    let rows = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
+    (rows, (pose.translation.vector / scale).into())
 }
 
 /// What `meta.json` says, checked.
@@ -99,14 +135,31 @@ impl Meta {
     pub(super) fn volume(&self, unit: Unit) -> Result<Option<(MeasurementVolume, Option<Pose>)>, Problem> {
         let Some(raw) = &self.volume else { return Ok(None) };
         let scale = unit.in_metres();
-        let cam1_from_volume = pose("volume.R_v", &raw.r_v, &raw.t_v, scale)?;
         let exact = match (&raw.r_v_exact, &raw.t_v_exact) {
             (Some(r), Some(t)) => Some(pose("volume.R_v_exact", r, t, scale)?),
             _ => None,
         };
-        let [min, max] = [raw.min, raw.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
-        Ok(Some((MeasurementVolume::new(cam1_from_volume, min, max)?, exact)))
+        Ok(Some((raw.placed(scale)?, exact)))
     }
+}
+
+impl RawVolume {
+    /// The volume with lengths multiplied by `scale`.
+    fn placed(&self, scale: f64) -> Result<MeasurementVolume, Problem> {
+        let cam1_from_volume = pose("volume.R_v", &self.r_v, &self.t_v, scale)?;
+        let [min, max] = [self.min, self.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
+        Ok(MeasurementVolume::new(cam1_from_volume, min, max)?)
+    }
+}
+
+/// Reads a measurement volume from a JSON file of its own: `R_v`, `T_v`, `min`, `max` in `unit`, as in `meta.json`.
+///
+/// # Errors
+/// An unreadable file, a missing field, a matrix that is no rotation, or an empty box.
+pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
+    let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
+    let raw = text.and_then(|text| serde_json::from_str::<RawVolume>(&text).map_err(|e| Problem::Json(e.to_string())));
+    raw.and_then(|raw| raw.placed(unit.in_metres())).map_err(|problem| DatasetError::new(path, problem))
 }
 
 fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {

@@ -13,6 +13,7 @@ mod error;
 mod image;
 mod meta;
 mod truth;
+mod write;
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +22,9 @@ use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
+pub use meta::read_volume;
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
+pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 
 /// Which camera of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,6 +96,8 @@ pub struct Dataset {
 
 /// Name of the calibration file in a dataset folder.
 pub const CALIBRATION_FILE: &str = "calibration.yml";
+/// Name of the exact calibration of a simulated dataset.
+pub const EXACT_CALIBRATION_FILE: &str = "calibration_exact.yml";
 /// Name of the description in a dataset folder.
 pub const META_FILE: &str = "meta.json";
 /// Name of the truth in a dataset folder.

@@ -1,10 +1,11 @@
 //! `truth.npz`: what is true of a dataset.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 
-use npyz::npz::NpzArchive;
+use npyz::npz::{NpzArchive, NpzWriter};
+use npyz::{AutoSerialize, WriterBuilder};
 
 use super::Problem;
 
@@ -57,6 +58,51 @@ pub(super) fn read(path: &Path, size_px: [usize; 2]) -> Result<Truth, Problem> {
     let archive = NpzArchive::new(BufReader::new(file)).map_err(|e| Problem::Truth(e.to_string()))?;
     let mut arrays = Arrays { archive, shape: [size_px[1] as u64, size_px[0] as u64] };
     if arrays.has("gt") { arrays.rendered().map(Truth::Rendered) } else { arrays.captured().map(Truth::Captured) }
+}
+
+/// Writes the truth of a rendered dataset as NumPy arrays; `valid` is where the ray hit something.
+pub(super) fn write(path: &Path, truth: &RenderedTruth, size_px: [usize; 2]) -> Result<(), Problem> {
+    let mut out = File::create(path).map(BufWriter::new).map_err(Problem::Unwritable)?;
+    write_arrays(&mut out, truth, size_px).and_then(|()| out.flush()).map_err(Problem::Unwritable)
+}
+
+fn write_arrays(out: &mut BufWriter<File>, truth: &RenderedTruth, size_px: [usize; 2]) -> io::Result<()> {
+    let [cols, rows] = size_px.map(|n| n as u64);
+    let mut npz = NpzWriter::new(out);
+    let valid: Vec<bool> = truth.cam2_px.iter().map(|q| q[0].is_finite()).collect();
+    write_array(&mut npz, "XYZ", truth.point.as_flattened(), &[rows, cols, 3])?;
+    write_array(&mut npz, "x2", truth.cam2_px.as_flattened(), &[rows, cols, 2])?;
+    let masks = [
+        ("valid", &valid),
+        ("vis2", &truth.seen_by_cam2),
+        ("lit", &truth.lit),
+        ("involume", &truth.in_volume),
+        ("gt", &truth.measurable),
+        ("rd", &truth.reference),
+    ];
+    for (name, mask) in masks {
+        write_array(&mut npz, name, mask, &[rows, cols])?;
+    }
+    if let Some(gray) = &truth.gray_cam2_px {
+        write_array(&mut npz, "egc_x2", gray.as_flattened(), &[rows, cols, 2])?;
+    }
+    // Dropping the writer would write the directory of the archive too, but swallow its errors.
+    npz.zip_writer().finish()?;
+    Ok(())
+}
+
+fn write_array<T: AutoSerialize + Copy>(
+    npz: &mut NpzWriter<&mut BufWriter<File>>,
+    name: &str,
+    values: &[T],
+    shape: &[u64],
+) -> io::Result<()> {
+    // A fixed time, so that the same truth is the same bytes.
+    let options = npyz::zip::write::FileOptions::default().last_modified_time(npyz::zip::DateTime::default());
+    let options = options.compression_method(npyz::zip::CompressionMethod::Stored);
+    let mut array = npz.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
+    array.extend(values.iter().copied())?;
+    array.finish()
 }
 
 struct Arrays {
@@ -114,7 +160,7 @@ impl Arrays {
     }
 
     fn flat<T: npyz::Deserialize>(&mut self, name: &str, shape: Option<&[u64]>) -> Result<Vec<T>, Problem> {
-        let broken = |e: std::io::Error| Problem::Truth(format!("array {name}: {e}"));
+        let broken = |e: io::Error| Problem::Truth(format!("array {name}: {e}"));
         let array = self.archive.by_name(name).map_err(broken)?;
         let array = array.ok_or_else(|| Problem::Truth(format!("array {name} is missing")))?;
         if let Some(shape) = shape

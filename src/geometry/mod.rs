@@ -9,6 +9,7 @@ mod distortion;
 mod epipolar;
 mod pattern;
 mod rig;
+mod triangulation;
 mod volume;
 
 pub use camera::Camera;
@@ -16,6 +17,7 @@ pub use distortion::Distortion;
 pub use epipolar::{EpipolarError, EpipolarFrame, EpipolarLine};
 pub use pattern::FringePattern;
 pub use rig::Rig;
+pub use triangulation::{Triangulation, meet, range_per_pixel, triangulate};
 pub use volume::{MeasurementVolume, VolumeError};
 
 /// Rigid transform `b_from_a`: `x_b = R · x_a + T`, lengths in metres.

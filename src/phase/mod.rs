@@ -5,9 +5,11 @@
 
 mod arctangent;
 mod decode;
+mod gray_code;
 mod map;
 mod shifts;
 
 pub use decode::{Validity, decode};
+pub use gray_code::{AbsolutePhase, GrayCodeError, Threshold, decode_gray_code};
 pub use map::{FitStatistics, PhaseMap};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

@@ -1,11 +1,15 @@
 //! What can go wrong in a command, and the exit code it ends with.
 
 use std::io::Write as _;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
-use fringeflow::dataset::DatasetError;
+use fringeflow::cloud::CloudWriteError;
+use fringeflow::dataset::{DatasetError, Problem};
+use fringeflow::geometry::VolumeError;
+use fringeflow::rig_report::RigReportError;
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +23,27 @@ pub(crate) enum Failure {
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// A cloud that could not be written.
+    #[error(transparent)]
+    Cloud(#[from] CloudWriteError),
+    /// A measurement volume given on the command line.
+    #[error("--volume: {0}")]
+    Volume(#[from] VolumeError),
+    /// A rig that cannot be reported on.
+    #[error(transparent)]
+    RigReport(#[from] RigReportError),
+    /// A picture that could not be written.
+    #[error("{}: {problem}", file.display())]
+    Picture {
+        /// The file.
+        file: PathBuf,
+        /// What was in the way.
+        #[source]
+        problem: Problem,
+    },
+    /// Standard output that went away.
+    #[error("standard output: {0}")]
+    Output(#[from] std::io::Error),
     /// An output that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -28,8 +53,10 @@ impl Failure {
     /// 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
-            Self::Write(_) => 1,
+            Self::Dataset(DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
+            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Volume(_) | Self::RigReport(_) => 2,
+            Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
+            Self::Cloud(_) | Self::Picture { .. } | Self::Write(_) | Self::Output(_) => 1,
         }
     }
 

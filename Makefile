@@ -1,0 +1,17 @@
+# make demo   simulates a scan, measures it without Gray code, compares it with the truth
+# make test   every check a change must pass
+# make setup  what both need from the system; they run it themselves
+
+# A toolchain just installed by rustup is not yet on the PATH of this shell.
+export PATH := $(PATH):$(HOME)/.cargo/bin
+
+.PHONY: demo test setup
+
+demo: setup
+	@scripts/demo.sh
+
+test: setup
+	@scripts/test.sh
+
+setup:
+	@scripts/setup.sh

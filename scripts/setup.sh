@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# Installs what building needs and the system lacks: a C compiler with its headers and git, from apt. The Rust toolchain
+# is the user's choice; where it is missing or too old, this says how to get it.
+# Exit codes: 0 all there, 1 an installation failed, 2 something is missing that this script may not or cannot install.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# Command that shows a package is there, and the package.
+readonly NEEDED=(
+    "cc build-essential" # zstd and bzip2 inside .npz archives are C
+    "git git"
+)
+
+missing_packages() {
+    local entry
+    for entry in "${NEEDED[@]}"; do
+        command -v "${entry%% *}" >/dev/null || printf '%s\n' "${entry##* }"
+    done
+}
+
+# The prefix that gives the rights to install, as words of the array `as_root`; fails where there is none.
+find_root() {
+    as_root=()
+    [ "$(id -u)" -eq 0 ] && return
+    command -v sudo >/dev/null || return 1
+    as_root=(sudo)
+    # Nobody is there to type a password.
+    [ -t 0 ] || as_root+=(--non-interactive)
+    "${as_root[@]}" true
+}
+
+install_packages() {
+    if ! command -v apt-get >/dev/null; then
+        echo "setup: missing: $*; there is no apt-get here: install what these Debian packages hold, then try again" >&2
+        exit 2
+    fi
+    if ! find_root; then
+        echo "setup: missing: $*; no rights to install them: run 'sudo apt-get install $*', then try again" >&2
+        exit 2
+    fi
+    echo "setup: installing $*"
+    "${as_root[@]}" apt-get update --quiet </dev/null
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get install --yes --quiet --no-install-recommends "$@" </dev/null
+}
+
+check_rust() {
+    local wanted found
+    if ! command -v cargo >/dev/null; then
+        echo "setup: there is no cargo: install Rust from https://rustup.rs, then try again" >&2
+        exit 2
+    fi
+    wanted=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)
+    found=$(rustc --version | cut -d ' ' -f 2)
+    if [ "$(printf '%s\n' "$wanted" "$found" | sort --version-sort | head -n 1)" != "$wanted" ]; then
+        echo "setup: Rust is $found, at least $wanted is needed: run 'rustup update stable', then try again" >&2
+        exit 2
+    fi
+}
+
+mapfile -t missing < <(missing_packages)
+[ "${#missing[@]}" -eq 0 ] || install_packages "${missing[@]}"
+check_rust

@@ -1,0 +1,131 @@
+//! `fringeflow rig`: what a rig can be expected to do, from its calibration alone.
+
+mod picture;
+mod text;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use fringeflow::calibration::{Unit, read_calibration};
+use fringeflow::dataset::{Dataset, read_volume};
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose};
+use fringeflow::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
+
+use crate::failure::Failure;
+
+/// Arguments of `fringeflow rig`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Calibration file (OpenCV YAML), or a dataset folder, which also states unit, volume, pattern and steps.
+    calibration: PathBuf,
+    /// Unit of lengths in the calibration file and the volume: mm or m; that of the dataset, else mm.
+    #[arg(long, value_name = "UNIT")]
+    units: Option<Unit>,
+    /// Measurement volume: xmin,ymin,zmin,xmax,ymax,zmax in the frame of camera 1 (write --volume=-50,…), or a JSON
+    /// file with `R_v`, `T_v`, `min`, `max` as in a dataset's meta.json. Needed with a calibration file.
+    #[arg(long, value_name = "BOX|FILE", allow_hyphen_values = true)]
+    volume: Option<String>,
+    /// Period of the fringes, projector pixels; that of the dataset, else 16.
+    #[arg(long, value_name = "PX")]
+    period: Option<f64>,
+    /// Sense in which the phase grows with the projector column: 1 or -1; that of the dataset, else 1.
+    #[arg(long, value_name = "SIGN", allow_hyphen_values = true)]
+    sign: Option<f64>,
+    /// Phase images of a measurement; that of the dataset, else 4.
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+    /// Standard deviation of the camera noise, grey levels.
+    #[arg(long, value_name = "GREY", default_value_t = Assumptions::default().noise_grey)]
+    noise: f64,
+    /// Modulation of the fringes, grey levels.
+    #[arg(long, value_name = "GREY", default_value_t = Assumptions::default().modulation_grey)]
+    modulation: f64,
+    /// Standard deviation of the calibration error, pixels, in every coordinate of every image [default: 0.065].
+    #[arg(long, value_name = "PX", conflicts_with = "calibration_sd")]
+    calibration_error_px: Option<f64>,
+    /// Share of the calibration in sd, the standard deviation of δ, where it is known from measurements.
+    #[arg(long, value_name = "RAD")]
+    calibration_sd: Option<f64>,
+    /// Look at every PX-th pixel of camera 1.
+    #[arg(long, value_name = "PX", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
+    grid: u16,
+    /// Print one JSON object (metres, radians, pixels) instead of text.
+    #[arg(long)]
+    json: bool,
+    /// Write maps of n (periods.png) and of the surviving wrong candidates (survivors.png) to this folder.
+    #[arg(short = 'o', long, value_name = "DIR")]
+    preview: Option<PathBuf>,
+}
+
+impl Args {
+    /// Prints the report.
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let (setup, steps) = self.setup()?;
+        if let Some(folder) = &self.preview {
+            picture::check_folder(folder)?;
+        }
+        let report = report(&setup, &self.assumptions(steps), usize::from(self.grid))?;
+        if let Some(folder) = &self.preview {
+            picture::write(folder, &report.evaluation)?;
+        }
+        let mut out = std::io::stdout().lock();
+        if self.json {
+            serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
+            writeln!(out)?;
+        } else {
+            text::write(&mut out, &report)?;
+        }
+        Ok(())
+    }
+
+    /// Rig, volume and pattern, and the number of steps.
+    fn setup(&self) -> Result<(RigSetup, usize), Failure> {
+        let defaults = (FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 }, Assumptions::default().steps);
+        let (rig, unit, volume, (pattern, steps)) = if self.calibration.is_dir() {
+            let set = Dataset::open(&self.calibration, self.units)?;
+            (set.rig, set.unit, set.volume, (set.sequence.pattern, set.steps))
+        } else {
+            let unit = self.units.unwrap_or(Unit::Millimetre);
+            (read_calibration(&self.calibration, unit)?, unit, None, defaults)
+        };
+        let volume = match &self.volume {
+            Some(given) => Some(volume_of(given, unit)?),
+            None => volume,
+        };
+        let volume = volume.ok_or_else(|| {
+            let calibration = self.calibration.display();
+            Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
+        })?;
+        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern)? }, self.steps.unwrap_or(steps)))
+    }
+
+    fn pattern(&self, pattern: FringePattern) -> Result<FringePattern, Failure> {
+        let sign = self.sign.unwrap_or(pattern.sign);
+        if sign.abs() != 1.0 {
+            return Err(Failure::Usage(format!("--sign {sign}: must be 1 or -1")));
+        }
+        Ok(FringePattern { period_px: self.period.unwrap_or(pattern.period_px), sign, ..pattern })
+    }
+
+    fn assumptions(&self, steps: usize) -> Assumptions {
+        let by_sd = self.calibration_sd.map(CalibrationQuality::SdRad);
+        let by_error = self.calibration_error_px.map(CalibrationQuality::ErrorPx);
+        let calibration = by_sd.or(by_error).unwrap_or(Assumptions::default().calibration);
+        Assumptions { steps, noise_grey: self.noise, modulation_grey: self.modulation, calibration }
+    }
+}
+
+/// A volume written out as six numbers, or in a file.
+fn volume_of(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
+    let numbers: Result<Vec<f64>, _> = given.split(',').map(|number| number.trim().parse::<f64>()).collect();
+    let Ok(numbers) = numbers else {
+        return Ok(read_volume(Path::new(given), unit)?);
+    };
+    let &[x0, y0, z0, x1, y1, z1] = &numbers[..] else {
+        let count = numbers.len();
+        let what = format!("--volume {given}: has {count} numbers; expected xmin,ymin,zmin,xmax,ymax,zmax");
+        return Err(Failure::Usage(what));
+    };
+    let corner = |corner: [f64; 3]| Point3::from(corner.map(|c| c * unit.in_metres()));
+    Ok(MeasurementVolume::new(Pose::identity(), corner([x0, y0, z0]), corner([x1, y1, z1]))?)
+}

@@ -1,0 +1,151 @@
+//! `fringeflow simulate`: a dataset folder from the virtual scanner.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use fringeflow::dataset::check_new;
+use fringeflow::simulation::{
+    Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
+    SimulationSummary,
+};
+
+use crate::failure::Failure;
+use crate::progress;
+
+/// Arguments of `fringeflow simulate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Dataset folder to write; it must not exist, or be empty.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant.
+    #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
+    object: Object,
+    /// What it lies on: visible, dark or none.
+    #[arg(long, value_name = "KIND", default_value = "visible", value_parser = Board::from_str)]
+    board: Board,
+    /// Phase images a direction, 3 to 16.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    steps: usize,
+    /// Width and height of the images, pixels.
+    #[arg(long, value_name = "WxH", default_value = "640x512", value_parser = size)]
+    size: [usize; 2],
+    /// Noise of the cameras: none, low, normal or high.
+    #[arg(long, value_name = "LEVEL", default_value = "normal", value_parser = NoiseLevel::from_str)]
+    noise: NoiseLevel,
+    /// Exponent of the projector, 1 for a linear one.
+    #[arg(long, value_name = "G", default_value_t = 1.0)]
+    gamma: f64,
+    /// Seed of noise and calibration error; the same seed gives the same bytes.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Standard deviation of δ that the calibration error causes, rad; 0 for an exact calibration.
+    #[arg(long, value_name = "RAD", default_value_t = 0.041)]
+    sd: f64,
+    /// Depth of the measurement volume, millimetres; 25, for the nose 45.
+    #[arg(long, value_name = "MM")]
+    depth: Option<f64>,
+    /// Fringe period, projector pixels.
+    #[arg(long, value_name = "PX", default_value_t = 16.0)]
+    period: f64,
+    /// Put the projector in the middle of the base, where every second wrong fringe order passes the test.
+    #[arg(long)]
+    symmetric: bool,
+    /// Fringes (and Gray code) along the projector's rows as well.
+    #[arg(long)]
+    two_directions: bool,
+    /// No Gray-code images.
+    #[arg(long)]
+    no_gray: bool,
+    /// Samples along each side of a pixel, 1 to 4.
+    #[arg(long, value_name = "K", default_value_t = 2)]
+    supersampling: usize,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    folder: &'a std::path::Path,
+    object: &'static str,
+    #[serde(flatten)]
+    summary: SimulationSummary,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        check_new(&self.output)?;
+        let simulation = Simulation::new(self.options())?;
+        let bar = progress::bar("taking images", simulation.images().len() as u64);
+        simulation.write(&self.output, || bar.inc(1))?;
+        bar.finish_and_clear();
+        self.print(&simulation.summary())
+    }
+
+    fn options(&self) -> SimulationOptions {
+        let depth_m = self.depth.map_or(self.object.usual_depth_m(), |mm| mm * 1e-3);
+        let arrangement = if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP };
+        SimulationOptions {
+            object: self.object,
+            board: self.board,
+            rig: RigOptions {
+                arrangement,
+                size_px: self.size,
+                depth_m,
+                period_px: self.period,
+                sd_rad: self.sd,
+                seed: self.seed,
+            },
+            steps: self.steps,
+            two_directions: self.two_directions,
+            gray: !self.no_gray,
+            noise: self.noise,
+            gamma: self.gamma,
+            supersampling: self.supersampling,
+            seed: self.seed,
+        }
+    }
+
+    fn print(&self, summary: &SimulationSummary) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        let s = summary;
+        let written = if self.json {
+            let report = Report { folder: &self.output, object: self.object.name(), summary: *s };
+            serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from).and_then(|()| writeln!(out))
+        } else {
+            writeln!(
+                out,
+                "{}: {} images a camera, {} measurable pixels\n\
+                 n {:.2} periods on a segment, sd of δ {:.4} rad, efc {:.3}, projector at {:.2} of the base\n\
+                 epipolar error of the calibration {:.3} px rms",
+                self.output.display(),
+                s.images,
+                s.measurable,
+                s.mean_periods,
+                s.calibration_error.delta_rms,
+                s.expected_false_candidates,
+                s.projector_place,
+                s.calibration_error.epi_rms,
+            )
+        };
+        written.map_err(Failure::Output)
+    }
+}
+
+/// `WxH` as width and height.
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let wrong = || format!("{text:?} is not a size; write width and height as in 640x512");
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    Ok([width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?])
+}
+
+impl From<SimulationError> for Failure {
+    fn from(error: SimulationError) -> Self {
+        match error {
+            SimulationError::Dataset(error) => Self::Dataset(error),
+            error => Self::Usage(error.to_string()),
+        }
+    }
+}

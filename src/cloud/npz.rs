@@ -1,0 +1,125 @@
+//! NPZ for NumPy: one array a field, stored without compression, and the remarks as byte strings.
+
+use std::io::{self, Seek, Write};
+
+use npyz::npz::NpzWriter;
+use npyz::{AutoSerialize, DType, WriterBuilder};
+use zip::write::FileOptions;
+use zip::{CompressionMethod, DateTime};
+
+use super::{CloudExport, CloudPoint};
+
+/// Writes an NPZ file.
+pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
+    let mut fields = FieldWriter { npz: NpzWriter::new(&mut *out), points };
+    let per_metre = export.per_metre();
+    fields.write("x", |p| p.position_m[0] * per_metre)?;
+    fields.write("y", |p| p.position_m[1] * per_metre)?;
+    fields.write("z", |p| p.position_m[2] * per_metre)?;
+    fields.write("intensity", |p| p.intensity)?;
+    fields.write("u1", |p| p.cam1_px[0])?;
+    fields.write("v1", |p| p.cam1_px[1])?;
+    fields.write("u2", |p| p.cam2_px[0])?;
+    fields.write("v2", |p| p.cam2_px[1])?;
+    fields.write("order", |p| p.order)?;
+    fields.write("delta", |p| p.delta_rad)?;
+    fields.write("candidates", |p| p.candidates)?;
+    fields.write("stage", |p| p.stage)?;
+    fields.write("sigma", |p| p.sigma_m * per_metre)?;
+    for (key, value) in export.remarks() {
+        fields.write_text(key, &value)?;
+    }
+    // Dropping the writer would write the directory of the archive too, but swallow its errors.
+    fields.npz.zip_writer().finish()?;
+    Ok(())
+}
+
+struct FieldWriter<'a, W: Write + Seek> {
+    npz: NpzWriter<W>,
+    points: &'a [CloudPoint],
+}
+
+impl<W: Write + Seek> FieldWriter<'_, W> {
+    fn write<T: AutoSerialize>(&mut self, name: &str, field: impl Fn(&CloudPoint) -> T) -> io::Result<()> {
+        let array = self.npz.array(name, options())?.default_dtype().shape(&[self.points.len() as u64]);
+        let mut array = array.begin_nd()?;
+        array.extend(self.points.iter().map(field))?;
+        array.finish()
+    }
+
+    /// A zero-dimensional array of bytes: `str(npz["unit"].item(), "ascii")` in Python.
+    fn write_text(&mut self, name: &str, text: &str) -> io::Result<()> {
+        // NumPy knows no strings of no bytes.
+        let type_str = format!("|S{}", text.len().max(1)).parse().map_err(io::Error::other)?;
+        let array = self.npz.array::<[u8]>(name, options())?.dtype(DType::Plain(type_str)).shape(&[]);
+        let mut array = array.begin_nd()?;
+        array.push(text.as_bytes())?;
+        array.finish()
+    }
+}
+
+/// Stored as it is, at the zero of ZIP time: the same cloud is the same bytes on any day.
+fn options() -> FileOptions {
+    FileOptions::default().compression_method(CompressionMethod::Stored).last_modified_time(DateTime::default())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use npyz::npz::NpzArchive;
+
+    use super::super::export::tests::{EXPORT_MM, sample_points};
+    use super::*;
+    use crate::cloud::record::FIELDS;
+
+    fn written(points: &[CloudPoint]) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        write(&mut out, points, &EXPORT_MM).unwrap();
+        out.into_inner()
+    }
+
+    fn read<T: npyz::Deserialize>(bytes: &[u8], name: &str) -> Vec<T> {
+        let mut archive = NpzArchive::new(Cursor::new(bytes)).unwrap();
+        archive.by_name(name).unwrap().unwrap().into_vec().unwrap()
+    }
+
+    #[test]
+    fn arrays_read_back_in_the_export_unit() {
+        let points = sample_points();
+        let bytes = written(&points);
+        let each = |f: fn(&CloudPoint) -> f32| points.iter().map(f).collect::<Vec<_>>();
+        assert_eq!(read::<f32>(&bytes, "x"), each(|p| p.position_m[0] * 1000.0));
+        assert_eq!(read::<f32>(&bytes, "y"), each(|p| p.position_m[1] * 1000.0));
+        assert_eq!(read::<f32>(&bytes, "z"), each(|p| p.position_m[2] * 1000.0));
+        assert_eq!(read::<f32>(&bytes, "u2"), each(|p| p.cam2_px[0]));
+        assert_eq!(read::<f32>(&bytes, "v2"), each(|p| p.cam2_px[1]));
+        assert_eq!(read::<f32>(&bytes, "delta"), each(|p| p.delta_rad));
+        assert_eq!(read::<f32>(&bytes, "sigma"), each(|p| p.sigma_m * 1000.0));
+        assert_eq!(read::<u16>(&bytes, "u1"), points.iter().map(|p| p.cam1_px[0]).collect::<Vec<_>>());
+        assert_eq!(read::<u16>(&bytes, "v1"), points.iter().map(|p| p.cam1_px[1]).collect::<Vec<_>>());
+        assert_eq!(read::<i16>(&bytes, "order"), points.iter().map(|p| p.order).collect::<Vec<_>>());
+        assert_eq!(read::<u8>(&bytes, "intensity"), [200, 7]);
+        assert_eq!(read::<u8>(&bytes, "candidates"), [5, 1]);
+        assert_eq!(read::<u8>(&bytes, "stage"), [2, 4]);
+        assert_eq!(read::<Vec<u8>>(&bytes, "unit"), [b"mm"]);
+        assert_eq!(read::<Vec<u8>>(&bytes, "dataset"), [b"nose"]);
+    }
+
+    #[test]
+    fn the_arrays_are_the_fields_of_the_other_formats_and_the_remarks() {
+        let bytes = written(&sample_points());
+        let archive = NpzArchive::new(Cursor::new(&bytes)).unwrap();
+        let mut names: Vec<_> = archive.array_names().collect();
+        let mut expected: Vec<_> = FIELDS.map(|(name, _)| name).to_vec();
+        expected.extend(["unit", "frame", "software", "dataset"]);
+        names.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(names, expected);
+    }
+
+    #[test]
+    fn an_empty_cloud_has_empty_arrays() {
+        assert!(read::<f32>(&written(&[]), "x").is_empty());
+    }
+}

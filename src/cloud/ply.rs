@@ -1,0 +1,112 @@
+//! PLY, binary little-endian: one vertex a point.
+
+use std::io::{self, Write};
+
+use super::record::{FIELDS, Scalar, write_records};
+use super::{CloudExport, CloudPoint};
+
+/// Writes a PLY file.
+pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
+    out.write_all(header(points.len(), export).as_bytes())?;
+    write_records(out, points, export.per_metre())
+}
+
+fn header(count: usize, export: &CloudExport<'_>) -> String {
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
+    for (key, value) in export.remarks() {
+        header += &format!("comment {key} {value}\n");
+    }
+    header += &format!("element vertex {count}\n");
+    for (name, scalar) in FIELDS {
+        header += &format!("property {} {name}\n", type_name(scalar));
+    }
+    header + "end_header\n"
+}
+
+fn type_name(scalar: Scalar) -> &'static str {
+    match scalar {
+        Scalar::U8 => "uchar",
+        Scalar::U16 => "ushort",
+        Scalar::I16 => "short",
+        Scalar::F32 => "float",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::export::tests::{EXPORT_MM, sample_points};
+    use super::*;
+    use crate::cloud::record::RECORD_BYTES;
+
+    const HEADER: &str = concat!(
+        "ply\n",
+        "format binary_little_endian 1.0\n",
+        "comment unit mm\n",
+        "comment frame cam1 (x right, y down, z forward)\n",
+        "comment software fringeflow ",
+        env!("CARGO_PKG_VERSION"),
+        "\n",
+        "comment dataset nose\n",
+        "element vertex 2\n",
+        "property float x\n",
+        "property float y\n",
+        "property float z\n",
+        "property uchar intensity\n",
+        "property ushort u1\n",
+        "property ushort v1\n",
+        "property float u2\n",
+        "property float v2\n",
+        "property short order\n",
+        "property float delta\n",
+        "property uchar candidates\n",
+        "property uchar stage\n",
+        "property float sigma\n",
+        "end_header\n",
+    );
+
+    fn written(points: &[CloudPoint]) -> Vec<u8> {
+        let mut out = Vec::new();
+        write(&mut out, points, &EXPORT_MM).unwrap();
+        out
+    }
+
+    #[test]
+    fn the_file_is_the_header_and_the_packed_fields_in_order() {
+        let bytes = written(&sample_points());
+        let (header, body) = bytes.split_at(HEADER.len());
+        assert_eq!(std::str::from_utf8(header).unwrap(), HEADER);
+        assert_eq!(body.len(), 2 * RECORD_BYTES);
+        // x = 1 m = 1000 mm … sigma = 0.5 mm, written out by hand.
+        let mut expected = Vec::new();
+        for x in [1000.0_f32, -250.0, 500.0] {
+            expected.extend(x.to_le_bytes());
+        }
+        expected.extend([200, 0x02, 0x01, 0x04, 0x03]);
+        expected.extend(12.5_f32.to_le_bytes());
+        expected.extend(772.25_f32.to_le_bytes());
+        expected.extend((-3_i16).to_le_bytes());
+        expected.extend(0.0625_f32.to_le_bytes());
+        expected.extend([5, 2]);
+        expected.extend(0.5_f32.to_le_bytes());
+        assert_eq!(&body[..RECORD_BYTES], expected);
+    }
+
+    #[test]
+    fn an_empty_cloud_is_a_header_alone() {
+        let text = String::from_utf8(written(&[])).unwrap();
+        assert_eq!(text, HEADER.replace("vertex 2", "vertex 0"));
+    }
+
+    #[test]
+    fn every_chunk_is_written() {
+        let mut points = sample_points().repeat(10_000);
+        for (i, point) in points.iter_mut().enumerate() {
+            point.cam1_px[0] = i as u16;
+        }
+        let bytes = written(&points);
+        let body = &bytes[bytes.len() - points.len() * RECORD_BYTES..];
+        for (record, point) in body.chunks_exact(RECORD_BYTES).zip(&points) {
+            assert_eq!(u16::from_le_bytes([record[13], record[14]]), point.cam1_px[0]);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! One point as the exported files hold it: names, types and order of its fields.
+//!
+//! PLY and PCD store the same 37 bytes a point, little-endian and without padding; NPZ stores one array a field under
+//! the same names.
+
+use super::CloudPoint;
+
+/// Scalar type of a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    U8,
+    U16,
+    I16,
+    F32,
+}
+
+impl Scalar {
+    /// Bytes of one value.
+    pub(super) const fn size(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+/// Name and type of every field, in the order of the record.
+pub(super) const FIELDS: [(&str, Scalar); 13] = [
+    ("x", Scalar::F32),
+    ("y", Scalar::F32),
+    ("z", Scalar::F32),
+    ("intensity", Scalar::U8),
+    ("u1", Scalar::U16),
+    ("v1", Scalar::U16),
+    ("u2", Scalar::F32),
+    ("v2", Scalar::F32),
+    ("order", Scalar::I16),
+    ("delta", Scalar::F32),
+    ("candidates", Scalar::U8),
+    ("stage", Scalar::U8),
+    ("sigma", Scalar::F32),
+];
+
+/// Bytes of one record.
+pub(super) const RECORD_BYTES: usize = {
+    let mut sum = 0;
+    let mut i = 0;
+    while i < FIELDS.len() {
+        sum += FIELDS[i].1.size();
+        i += 1;
+    }
+    sum
+};
+
+/// Records encoded at a time: large enough for one system call each, small enough for the cache.
+const CHUNK_POINTS: usize = 8192;
+
+/// Writes all points as packed little-endian records; lengths times `per_metre`.
+pub(super) fn write_records(
+    out: &mut impl std::io::Write,
+    points: &[CloudPoint],
+    per_metre: f32,
+) -> std::io::Result<()> {
+    let mut bytes = vec![0; CHUNK_POINTS.min(points.len()) * RECORD_BYTES];
+    for chunk in points.chunks(CHUNK_POINTS) {
+        let bytes = &mut bytes[..chunk.len() * RECORD_BYTES];
+        let (records, _) = bytes.as_chunks_mut::<RECORD_BYTES>();
+        for (record, point) in records.iter_mut().zip(chunk) {
+            encode(point, per_metre, record);
+        }
+        out.write_all(bytes)?;
+    }
+    Ok(())
+}
+
+/// Encodes one point; the order and the types are those of [`FIELDS`].
+fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
+    let [x, y, z] = point.position_m.map(|c| c * per_metre);
+    record[0..4].copy_from_slice(&x.to_le_bytes());
+    record[4..8].copy_from_slice(&y.to_le_bytes());
+    record[8..12].copy_from_slice(&z.to_le_bytes());
+    record[12] = point.intensity;
+    record[13..15].copy_from_slice(&point.cam1_px[0].to_le_bytes());
+    record[15..17].copy_from_slice(&point.cam1_px[1].to_le_bytes());
+    record[17..21].copy_from_slice(&point.cam2_px[0].to_le_bytes());
+    record[21..25].copy_from_slice(&point.cam2_px[1].to_le_bytes());
+    record[25..27].copy_from_slice(&point.order.to_le_bytes());
+    record[27..31].copy_from_slice(&point.delta_rad.to_le_bytes());
+    record[31] = point.candidates;
+    record[32] = point.stage;
+    record[33..37].copy_from_slice(&(point.sigma_m * per_metre).to_le_bytes());
+}

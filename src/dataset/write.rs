@@ -1,0 +1,201 @@
+//! Writing a dataset folder, all or not at all: into a folder beside it that takes its name in the end.
+
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use tempfile::TempDir;
+
+use crate::calibration::{Unit, write_calibration};
+use crate::geometry::{MeasurementVolume, Pose, Rig};
+
+use super::meta::{RawSequence, RawVolume};
+use super::{
+    CALIBRATION_FILE, CameraId, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE, Problem,
+    RenderedTruth, TRUTH_FILE, truth, write_png,
+};
+
+/// What `meta.json` is to say.
+#[derive(Clone, Debug)]
+pub struct DatasetDescription {
+    /// Name of the dataset.
+    pub name: String,
+    /// Unit of calibration files, volume and truth.
+    pub unit: Unit,
+    /// Width and height of all images, pixels.
+    pub image_size_px: [usize; 2],
+    /// Length of the shift cycle.
+    pub steps: usize,
+    /// Fringes along the projector's columns.
+    pub sequence: FringeSequence,
+    /// Fringes along the projector's rows, if there are any.
+    pub second_direction: Option<FringeSequence>,
+    /// Measurement volume.
+    pub volume: MeasurementVolume,
+    /// Pose of the volume in the frame of the truth, where that differs.
+    pub exact_cam1_from_volume: Option<Pose>,
+    /// Further fields, which readers may ignore.
+    pub remarks: serde_json::Map<String, serde_json::Value>,
+}
+
+/// Which image of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageKind {
+    /// Phase image by number.
+    Phase(usize),
+    /// Gray-code image by number, 0 the most significant bit.
+    Gray(usize),
+    /// Phase image of the second direction.
+    SecondPhase(usize),
+    /// Gray-code image of the second direction.
+    SecondGray(usize),
+    /// Fully lit.
+    White,
+    /// Unlit.
+    Black,
+}
+
+impl ImageKind {
+    /// Name of its file.
+    #[must_use]
+    pub fn file_name(self) -> String {
+        match self {
+            Self::Phase(n) => format!("phase_{n:02}.png"),
+            Self::Gray(n) => format!("gray_{n:02}.png"),
+            Self::SecondPhase(n) => format!("vphase_{n:02}.png"),
+            Self::SecondGray(n) => format!("vgray_{n:02}.png"),
+            Self::White => "white.png".to_owned(),
+            Self::Black => "black.png".to_owned(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct WrittenMeta<'a> {
+    name: &'a str,
+    unit: &'static str,
+    image_size: [usize; 2],
+    steps: usize,
+    n_phase_images: usize,
+    #[serde(flatten)]
+    sequence: RawSequence,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    second_direction: Option<RawSequence>,
+    volume: RawVolume,
+    #[serde(flatten)]
+    remarks: &'a serde_json::Map<String, serde_json::Value>,
+}
+
+/// A dataset folder in the making; dropped before [`Self::finish`] it leaves nothing.
+#[derive(Debug)]
+pub struct DatasetWriter {
+    target: PathBuf,
+    unfinished: TempDir,
+    image_size_px: [usize; 2],
+}
+
+impl DatasetWriter {
+    /// Starts a folder and writes its `meta.json`.
+    ///
+    /// # Errors
+    /// There is something at `target` that is no empty folder, or the folder around it cannot be written.
+    pub fn create(target: &Path, description: &DatasetDescription) -> Result<Self, DatasetError> {
+        let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
+        check_new(target)?;
+        let around = match target.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        // The umask still applies; tempfile's own default would hide the result from everybody else.
+        builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
+        let unfinished = builder.tempdir_in(around).map_err(fail)?;
+        for camera in CameraId::BOTH {
+            std::fs::create_dir(unfinished.path().join(camera.folder())).map_err(fail)?;
+        }
+        let writer = Self { target: target.to_owned(), unfinished, image_size_px: description.image_size_px };
+        writer.meta(description)?;
+        Ok(writer)
+    }
+
+    fn meta(&self, description: &DatasetDescription) -> Result<(), DatasetError> {
+        let d = description;
+        let meta = WrittenMeta {
+            name: &d.name,
+            unit: d.unit.symbol(),
+            image_size: d.image_size_px,
+            steps: d.steps,
+            n_phase_images: d.sequence.shifts_rad.len(),
+            sequence: RawSequence::from(&d.sequence),
+            second_direction: d.second_direction.as_ref().map(RawSequence::from),
+            volume: RawVolume::new(&d.volume, d.exact_cam1_from_volume.as_ref(), d.unit),
+            remarks: &d.remarks,
+        };
+        let text = serde_json::to_string_pretty(&meta).map_err(|e| self.failed(META_FILE, e.into()))?;
+        std::fs::write(self.path(META_FILE), text).map_err(|e| self.failed(META_FILE, e))
+    }
+
+    /// Writes the calibration, and the exact one where the dataset is simulated.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn calibration(&self, rig: &Rig, exact: Option<&Rig>, unit: Unit) -> Result<(), DatasetError> {
+        write_calibration(&self.path(CALIBRATION_FILE), rig, unit)?;
+        if let Some(exact) = exact {
+            write_calibration(&self.path(EXACT_CALIBRATION_FILE), exact, unit)?;
+        }
+        Ok(())
+    }
+
+    /// Writes one image of a camera.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn image(&self, camera: CameraId, kind: ImageKind, image: &GreyImage) -> Result<(), DatasetError> {
+        let name = Path::new(camera.folder()).join(kind.file_name());
+        write_png(&self.path(&name), image).map_err(|p| DatasetError::new(&self.target.join(&name), p))
+    }
+
+    /// Writes what is true.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn truth(&self, truth: &RenderedTruth) -> Result<(), DatasetError> {
+        let written = truth::write(&self.path(TRUTH_FILE), truth, self.image_size_px);
+        written.map_err(|p| DatasetError::new(&self.target.join(TRUTH_FILE), p))
+    }
+
+    /// Gives the folder its name.
+    ///
+    /// # Errors
+    /// Something has come to stand there in the meantime, or the folder around it cannot be written.
+    pub fn finish(self) -> Result<(), DatasetError> {
+        check_new(&self.target)?;
+        let renamed = std::fs::rename(self.unfinished.path(), &self.target);
+        renamed.map_err(|e| DatasetError::new(&self.target, Problem::Unwritable(e)))?;
+        // Nothing is left to clean up under the old name.
+        let _ = self.unfinished.keep();
+        Ok(())
+    }
+
+    fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.unfinished.path().join(name)
+    }
+
+    fn failed(&self, name: &str, error: std::io::Error) -> DatasetError {
+        DatasetError::new(&self.target.join(name), Problem::Unwritable(error))
+    }
+}
+
+/// Checks that a dataset may be written at `target`, where nothing or an empty folder must be.
+///
+/// # Errors
+/// [`Problem::TargetExists`].
+pub fn check_new(target: &Path) -> Result<(), DatasetError> {
+    let is_new = match std::fs::read_dir(target) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(e) => e.kind() == std::io::ErrorKind::NotFound,
+    };
+    if is_new { Ok(()) } else { Err(DatasetError::new(target, Problem::TargetExists)) }
+}

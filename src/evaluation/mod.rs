@@ -1,0 +1,107 @@
+//! How good a cloud is: completeness, completeness error, false positive correspondences (paper, section 3) and 3D error.
+//!
+//! In: a cloud and what is known of its scene. Out: [`Scores`], and a [`Judgement`] for every pixel of C1. What is
+//! known can be the exact truth of a rendered scene, the Gray-code reference of a captured one, or another cloud.
+//!
+//! A point is correct if its correspondence lies within [`TOLERANCE_PX`] of the reference's. At silhouettes a pixel
+//! sees two surfaces; a point within [`EDGE_TOLERANCE_PX`] of what a neighbour in 3 × 3 truly corresponds to is
+//! tolerated: neither complete nor false.
+
+mod against_captured;
+mod against_cloud;
+mod against_rendered;
+mod paper_tables;
+mod pixel_grid;
+mod scores;
+
+pub use against_captured::against_captured;
+pub use against_cloud::against_cloud;
+pub use against_rendered::{Frames, against_rendered};
+pub use paper_tables::{
+    CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, PaperRow, SequenceRow, completeness_table, sequence_table,
+};
+pub use scores::Scores;
+
+/// Greatest distance in C2 between a correct point and the reference, pixels.
+pub const TOLERANCE_PX: f64 = 2.0;
+/// Greatest distance in C2 to what a neighbour of the pixel corresponds to, pixels.
+pub const EDGE_TOLERANCE_PX: f64 = 3.0;
+/// Greatest back-projection residual of a captured reference that is judged by, rad; beyond it Gray code itself erred.
+pub const MAX_REFERENCE_RESIDUAL_RAD: f32 = 0.15;
+
+/// What a cloud makes of a pixel of C1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Judgement {
+    /// Neither a point nor a reference.
+    Nothing,
+    /// The point is where the reference is.
+    Correct,
+    /// The point is elsewhere than the reference; counts as false positive.
+    Wrong,
+    /// There is a point where truly there is no correspondence; counts as false positive.
+    Stray,
+    /// A point that misses the reference, but a neighbour or the Gray-code reference explains it.
+    Tolerated,
+    /// There is a reference, but no point.
+    Missed,
+    /// There is a point, but nothing to judge it by.
+    Unjudged,
+}
+
+/// The figures of a cloud and the judgement of every pixel, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// The figures.
+    pub scores: Scores,
+    /// One a pixel of C1.
+    pub judgements: Vec<Judgement>,
+}
+
+/// Why a cloud cannot be evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EvaluationError {
+    /// There is nothing to compare with.
+    #[error("the reference has no correspondence, so there is nothing to judge by; check the truth or the Gray code")]
+    NoReference,
+    /// A point lies outside the image.
+    #[error("a point of the cloud belongs to pixel ({u}, {v}), outside the {width} × {height} pixels of camera 1")]
+    OutsideImage {
+        /// Column.
+        u: u16,
+        /// Row.
+        v: u16,
+        /// Width of the image, pixels.
+        width: usize,
+        /// Height of the image, pixels.
+        height: usize,
+    },
+    /// An array of the truth has another size than the image.
+    #[error("the truth covers {found} pixels, the image of camera 1 {expected}; they must belong together")]
+    Size {
+        /// Pixels of the truth.
+        found: usize,
+        /// Pixels of the image.
+        expected: usize,
+    },
+}
+
+#[cfg(test)]
+mod test_cloud {
+    use crate::cloud::{Cloud, CloudPoint};
+
+    /// A cloud of points (pixel of C1, point in C2, depth in metres).
+    pub(super) fn cloud(points: &[([u16; 2], [f32; 2], f32)]) -> Cloud {
+        let point = |&(cam1_px, cam2_px, depth_m): &([u16; 2], [f32; 2], f32)| CloudPoint {
+            position_m: [0.0, 0.0, depth_m],
+            intensity: 0,
+            cam1_px,
+            cam2_px,
+            order: 0,
+            delta_rad: 0.0,
+            candidates: 1,
+            stage: 0,
+            sigma_m: 0.0,
+        };
+        Cloud { points: points.iter().map(point).collect() }
+    }
+}

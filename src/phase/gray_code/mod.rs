@@ -1,0 +1,284 @@
+//! Absolute phase from Gray code, for the reference methods CGC and EGC alone (paper, Table 2).
+//!
+//! In: the wrapped phase of a camera and its Gray-code images, most significant first. Out: the absolute phase in turns,
+//! counted as [`FringePattern::phase_turns`] counts it.
+//!
+//! The binary-reflected code counts cells of `cell_periods` fringe periods from the left edge of projector column 0 on,
+//! in the sense of increasing columns. A cell states the absolute phase to half its width; the wrapped phase states it
+//! up to whole turns; together they yield it. Where a bit lies too close to its threshold, the readings of the code vote
+//! (see `cells`); what stays undecided is invalid. No order is guessed.
+
+mod cells;
+
+use rayon::prelude::*;
+
+use self::cells::{Bits, Cells};
+use super::PhaseMap;
+use crate::dataset::{GrayCode, GreyImage};
+use crate::geometry::FringePattern;
+
+/// A bit is unsure closer to its threshold than this many standard deviations of the noise.
+const MARGIN_IN_SD: f32 = 2.0;
+
+/// Absolute phase of one camera, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AbsolutePhase {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Absolute phase, turns (1 turn = 2π); zero where not valid.
+    pub turns: Vec<f32>,
+    /// Whether the wrapped phase was valid and the code decided its order.
+    pub valid: Vec<bool>,
+}
+
+/// What the images of a Gray code are compared with.
+#[derive(Clone, Copy, Debug)]
+pub enum Threshold<'a> {
+    /// The mean of a fully lit and an unlit image.
+    WhiteAndBlack(&'a GreyImage, &'a GreyImage),
+    /// The mean of the phase images, as the phase map has it.
+    MeanOfPhaseImages,
+}
+
+/// Why Gray-code images cannot be decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GrayCodeError {
+    /// Not as many images as the code has bits.
+    #[error("{found} Gray-code images for a code of {expected}; give all of them, the most significant first")]
+    Count {
+        /// Images given.
+        found: usize,
+        /// Images of the code.
+        expected: usize,
+    },
+    /// An image has another size than the phase map.
+    #[error(
+        "image {index} of the Gray code and its thresholds is {width} × {height} pixels, the phase map {map_width} × \
+         {map_height}; they must come from the same camera"
+    )]
+    Size {
+        /// Which one: first those of the code, then white and black.
+        index: usize,
+        /// Its width, pixels.
+        width: usize,
+        /// Its height, pixels.
+        height: usize,
+        /// Width of the phase map, pixels.
+        map_width: usize,
+        /// Height of the phase map, pixels.
+        map_height: usize,
+    },
+}
+
+/// Decodes the Gray code of a camera; `noise_grey` is the standard deviation of its noise in grey levels.
+///
+/// # Errors
+/// Images of a wrong number or size.
+pub fn decode_gray_code(
+    phase: &PhaseMap,
+    pattern: &FringePattern,
+    code: &GrayCode,
+    images: &[GreyImage],
+    threshold: Threshold<'_>,
+    noise_grey: f32,
+) -> Result<AbsolutePhase, GrayCodeError> {
+    check(phase, code, images, threshold)?;
+    let cells = Cells::new(pattern, code.cell_periods);
+    let margin = MARGIN_IN_SD * noise_grey;
+    let decode = |i: usize| {
+        let level = threshold.level(phase, i);
+        let bits = Bits::read(images.iter().map(|image| f32::from(image.pixels[i]) - level), margin);
+        let turns = phase.valid[i].then(|| cells.absolute_turns(&bits, f64::from(phase.phase[i]) / 65536.0)).flatten();
+        (turns.map_or(0.0, |t| t as f32), turns.is_some())
+    };
+    let (turns, valid) = (0..phase.phase.len()).into_par_iter().map(decode).unzip();
+    Ok(AbsolutePhase { width: phase.width, height: phase.height, turns, valid })
+}
+
+fn check(
+    phase: &PhaseMap,
+    code: &GrayCode,
+    images: &[GreyImage],
+    threshold: Threshold<'_>,
+) -> Result<(), GrayCodeError> {
+    if images.len() != code.images {
+        return Err(GrayCodeError::Count { found: images.len(), expected: code.images });
+    }
+    let (map_width, map_height) = (phase.width, phase.height);
+    let misfit = images.iter().chain(threshold.images()).enumerate();
+    for (index, &GreyImage { width, height, .. }) in misfit {
+        if [width, height] != [map_width, map_height] {
+            return Err(GrayCodeError::Size { index, width, height, map_width, map_height });
+        }
+    }
+    Ok(())
+}
+
+impl<'a> Threshold<'a> {
+    fn images(self) -> impl Iterator<Item = &'a GreyImage> {
+        let pair = match self {
+            Self::WhiteAndBlack(white, black) => [Some(white), Some(black)],
+            Self::MeanOfPhaseImages => [None; 2],
+        };
+        pair.into_iter().flatten()
+    }
+
+    /// Grey level between dark and lit at a pixel.
+    fn level(self, phase: &PhaseMap, pixel: usize) -> f32 {
+        match self {
+            Self::WhiteAndBlack(white, black) => {
+                (f32::from(white.pixels[pixel]) + f32::from(black.pixels[pixel])) / 2.0
+            }
+            Self::MeanOfPhaseImages => f32::from(phase.mean[pixel]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BITS: usize = 6;
+
+    fn image(pixels: Vec<u8>) -> GreyImage {
+        GreyImage { width: pixels.len(), height: 1, pixels }
+    }
+
+    /// Grey levels of the code images at projector columns, dark 40 and lit 160, blurred over `blur_px` columns.
+    fn encode(columns: &[f64], cell_px: f64, blur_px: f64) -> Vec<GreyImage> {
+        let lit = |k: usize, column: f64| {
+            let cell = ((column + 0.5) / cell_px).floor().clamp(0.0, 63.0) as u32;
+            f64::from((cell ^ cell >> 1) >> (BITS - 1 - k) & 1)
+        };
+        let level = |k: usize, column: f64| {
+            let samples = 32;
+            let offsets = (0..samples).map(|s| (f64::from(s) + 0.5) / f64::from(samples) - 0.5);
+            let mean = offsets.map(|o| lit(k, column + o * blur_px)).sum::<f64>() / f64::from(samples);
+            (40.0 + 120.0 * mean).round() as u8
+        };
+        (0..BITS).map(|k| image(columns.iter().map(|&c| level(k, c)).collect())).collect()
+    }
+
+    fn phase_map(pattern: &FringePattern, columns: &[f64], error_turns: f64) -> PhaseMap {
+        let wrapped = |c: &f64| ((pattern.phase_turns(*c) + error_turns).rem_euclid(1.0) * 65536.0) as u16;
+        PhaseMap {
+            width: columns.len(),
+            height: 1,
+            phase: columns.iter().map(wrapped).collect(),
+            modulation: vec![60.0; columns.len()],
+            mean: vec![100; columns.len()],
+            valid: vec![true; columns.len()],
+            ..PhaseMap::default()
+        }
+    }
+
+    /// Shares of correct and of wrong pixels of a decoded ramp.
+    fn decoded(pattern: &FringePattern, cell_periods: f64, blur_px: f64, error_turns: f64) -> (f64, f64) {
+        let (code, cell_px) = (GrayCode { images: BITS, cell_periods }, pattern.period_px * cell_periods);
+        let count = 1500;
+        let columns: Vec<f64> =
+            (0..count).map(|i| (64.0 * cell_px - 20.0) * f64::from(i) / f64::from(count) + 10.0).collect();
+        let (map, images) = (phase_map(pattern, &columns, error_turns), encode(&columns, cell_px, blur_px));
+        let found = decode_gray_code(&map, pattern, &code, &images, Threshold::MeanOfPhaseImages, 4.0).unwrap();
+        let (mut correct, mut wrong) = (0.0, 0.0);
+        for (i, column) in columns.iter().enumerate().filter(|&(i, _)| found.valid[i]) {
+            let off = (f64::from(found.turns[i]) - pattern.phase_turns(*column)).abs();
+            if off < 0.2 { correct += 1.0 } else { wrong += 1.0 }
+        }
+        (correct / f64::from(count), wrong / f64::from(count))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn half_period_cells_survive_blur_and_phase_errors_at_their_borders(
+            offset_rad in 0.0..6.2, negative: bool, blur_px in 0.0..5.0, error_turns in -0.08..0.08,
+        ) {
+            let pattern = FringePattern { period_px: 18.0, sign: if negative { -1.0 } else { 1.0 }, offset_rad };
+            let (correct, wrong) = decoded(&pattern, 0.5, blur_px, error_turns);
+            prop_assert!(wrong == 0.0 && correct == 1.0, "{} {}", correct, wrong);
+        }
+
+        #[test]
+        fn whole_period_cells_are_corrected_where_the_bit_at_the_border_is_unsure(
+            offset_rad in 0.0..6.2, negative: bool,
+        ) {
+            let pattern = FringePattern { period_px: 18.0, sign: if negative { -1.0 } else { 1.0 }, offset_rad };
+            let (correct, wrong) = decoded(&pattern, 1.0, 3.0, 0.0);
+            prop_assert!(wrong == 0.0 && correct == 1.0, "{} {}", correct, wrong);
+            // The bit is unsure within 0.2 columns of the border, the phase off by 0.1: the rest is as good as sure.
+            let (correct, wrong) = decoded(&pattern, 1.0, 3.0, 0.1 / 18.0);
+            prop_assert!(wrong == 0.0 && correct == 1.0, "{} {}", correct, wrong);
+        }
+    }
+
+    /// A code of one pixel, whose `which` bit lies on the threshold.
+    fn with_unsure_bit(cell_periods: f64, which: usize, column: f64) -> (AbsolutePhase, FringePattern) {
+        let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
+        let code = GrayCode { images: BITS, cell_periods };
+        let mut images = encode(&[column], pattern.period_px * cell_periods, 0.0);
+        images[which].pixels[0] = 101;
+        let map = phase_map(&pattern, &[column], 0.0);
+        (decode_gray_code(&map, &pattern, &code, &images, Threshold::MeanOfPhaseImages, 4.0).unwrap(), pattern)
+    }
+
+    #[test]
+    fn an_unsure_bit_amid_a_cell_is_settled_by_half_period_cells_alone() {
+        for which in 0..BITS {
+            // The middle of cell 21: columns 189 − 0.5 to 198 − 0.5.
+            let (found, pattern) = with_unsure_bit(0.5, which, 193.0);
+            assert!(found.valid[0], "bit {which}");
+            assert!((f64::from(found.turns[0]) - pattern.phase_turns(193.0)).abs() < 1e-3);
+            let (found, _) = with_unsure_bit(1.0, which, 386.5);
+            assert!(!found.valid[0], "bit {which}");
+        }
+    }
+
+    #[test]
+    fn an_unsure_bit_never_yields_a_wrong_order_with_half_period_cells() {
+        for (which, step) in (0..BITS).flat_map(|w| (0..200).map(move |s| (w, s))) {
+            let column = 30.0 + 0.9 * f64::from(step);
+            let (found, pattern) = with_unsure_bit(0.5, which, column);
+            let off = (f64::from(found.turns[0]) - pattern.phase_turns(column)).abs();
+            assert!(!found.valid[0] || off < 0.01, "column {column}, bit {which}: {off}");
+        }
+    }
+
+    #[test]
+    fn a_cell_that_contradicts_the_phase_is_refused() {
+        let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
+        let images = encode(&[193.0], 9.0, 0.0);
+        let map = phase_map(&pattern, &[193.0], 0.5);
+        let code = GrayCode { images: BITS, cell_periods: 0.5 };
+        let found = decode_gray_code(&map, &pattern, &code, &images, Threshold::MeanOfPhaseImages, 1.0).unwrap();
+        assert!(!found.valid[0]);
+    }
+
+    #[test]
+    fn white_and_black_set_the_threshold() {
+        let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
+        let map = PhaseMap { mean: vec![0], ..phase_map(&pattern, &[193.0], 0.0) };
+        let (images, code) = (encode(&[193.0], 9.0, 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
+        let (white, black) = (image(vec![160]), image(vec![40]));
+        let threshold = Threshold::WhiteAndBlack(&white, &black);
+        let found = decode_gray_code(&map, &pattern, &code, &images, threshold, 1.0).unwrap();
+        assert!((f64::from(found.turns[0]) - pattern.phase_turns(193.0)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn missing_and_misfit_images_are_refused() {
+        let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
+        let (map, code) = (phase_map(&pattern, &[193.0], 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
+        let mut images = encode(&[193.0], 9.0, 0.0);
+        let decode = |images: &[GreyImage]| {
+            decode_gray_code(&map, &pattern, &code, images, Threshold::MeanOfPhaseImages, 1.0).unwrap_err()
+        };
+        assert_eq!(decode(&images[1..]), GrayCodeError::Count { found: 5, expected: 6 });
+        images[2] = image(vec![0, 0]);
+        assert!(matches!(decode(&images), GrayCodeError::Size { index: 2, width: 2, .. }));
+    }
+}

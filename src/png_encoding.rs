@@ -1,0 +1,27 @@
+//! Encoding 8-bit pixels as PNG, for every writer of images.
+
+use std::io::{self, Write};
+
+/// Writes `width · height` pixels, row by row, one byte a channel of `color`.
+pub(crate) fn encode(
+    out: impl Write,
+    [width, height]: [usize; 2],
+    color: png::ColorType,
+    bytes: &[u8],
+) -> io::Result<()> {
+    let side = |pixels: usize| u32::try_from(pixels).map_err(io::Error::other);
+    let mut encoder = png::Encoder::new(out, side(width)?, side(height)?);
+    encoder.set_color(color);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().map_err(io_error)?;
+    writer.write_image_data(bytes).map_err(io_error)?;
+    writer.finish().map_err(io_error)
+}
+
+/// The error of the operating system as it was, so that a full disk is still recognized.
+fn io_error(error: png::EncodingError) -> io::Error {
+    match error {
+        png::EncodingError::IoError(e) => e,
+        other => io::Error::other(other),
+    }
+}

@@ -1,0 +1,109 @@
+//! Which points are right, where the truth is known.
+
+use super::colour::{BACKGROUND, BLUE, Rgb, SKY_BLUE, VERMILION, YELLOW, mix};
+use super::legend::{Entry, with_legend};
+use super::picture::Picture;
+
+/// What the truth says about a pixel of C1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Judgement {
+    /// No point, and none was to be found.
+    #[default]
+    None,
+    /// A point at the right place.
+    Correct,
+    /// A point at a wrong place, though there is a right one.
+    Wrong,
+    /// A point where there is none to be found.
+    Stray,
+    /// No point, though there is one to be found.
+    Missed,
+}
+
+impl Judgement {
+    /// All judgements, those with a point first.
+    pub const ALL: [Self; 5] = [Self::Correct, Self::Wrong, Self::Stray, Self::Missed, Self::None];
+
+    /// Name in legends.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Correct => "correct",
+            Self::Wrong => "wrong",
+            Self::Stray => "stray",
+            Self::Missed => "missed",
+        }
+    }
+
+    fn is_false(self) -> bool {
+        matches!(self, Self::Wrong | Self::Stray)
+    }
+}
+
+/// The judgement of every pixel of C1 in colours, with a legend and the shares below.
+///
+/// False points are drawn 3 × 3 pixels large, since single ones vanish on a screen; the shares count pixels. `judgements`
+/// row by row for an image of `size_px` (width, height).
+#[must_use]
+pub fn judgement_picture(judgements: &[Judgement], size_px: [usize; 2]) -> Picture {
+    let at = |i: usize| judgements.get(i).copied().unwrap_or_default();
+    let mut picture = Picture::of(size_px, |i| colour(at(i)));
+    for i in (0..size_px[0] * size_px[1]).filter(|&i| at(i).is_false()) {
+        let [u, v] = [i % size_px[0], i / size_px[0]];
+        for v in v.saturating_sub(1)..(v + 2).min(size_px[1]) {
+            for u in u.saturating_sub(1)..(u + 2).min(size_px[0]) {
+                // Neighbouring false points keep their own colours.
+                if !at(v * size_px[0] + u).is_false() {
+                    picture.set(u, v, colour(at(i)));
+                }
+            }
+        }
+    }
+    with_legend(picture, &legend(judgements))
+}
+
+fn legend(judgements: &[Judgement]) -> Vec<Entry> {
+    let count = |judgement| judgements.iter().filter(|&&j| j == judgement).count();
+    let entry = |judgement: Judgement| Entry {
+        name: judgement.name().to_owned(),
+        colour: colour(judgement),
+        share: count(judgement) as f64 / judgements.len().max(1) as f64,
+    };
+    Judgement::ALL.into_iter().filter(|&j| count(j) > 0).map(entry).collect()
+}
+
+/// Calm for what is right, loud for what is not.
+fn colour(judgement: Judgement) -> Rgb {
+    match judgement {
+        Judgement::None => BACKGROUND,
+        Judgement::Correct => mix(BACKGROUND, BLUE, 0.6),
+        Judgement::Wrong => VERMILION,
+        Judgement::Stray => YELLOW,
+        Judgement::Missed => SKY_BLUE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn false_points_are_seen_and_counted_once() {
+        let mut judgements = vec![Judgement::Correct; 100 * 50];
+        judgements[20 * 100 + 30] = Judgement::Wrong;
+        judgements[49 * 100 + 99] = Judgement::Stray;
+        judgements[0] = Judgement::Missed;
+        let picture = judgement_picture(&judgements, [100, 50]);
+        let of = |j: Judgement| picture.pixels()[..5000].iter().filter(|&&p| p == colour(j)).count();
+        assert_eq!([of(Judgement::Wrong), of(Judgement::Stray), of(Judgement::Missed)], [9, 4, 1]);
+        let entries = legend(&judgements);
+        let shares: Vec<_> = entries.iter().map(|e| (e.name.as_str(), (e.share * 5000.0).round())).collect();
+        assert_eq!(shares, [("correct", 4997.0), ("wrong", 1.0), ("stray", 1.0), ("missed", 1.0)]);
+    }
+
+    #[test]
+    fn no_pixels_make_an_empty_legend() {
+        assert!(legend(&[]).is_empty());
+    }
+}

@@ -1,0 +1,89 @@
+//! Wrapped phase and modulation as pictures.
+
+use crate::phase::PhaseMap;
+
+use super::colour::{INVALID, cyclic_map};
+use super::picture::Picture;
+
+/// Share of the pixels that the stretch of the modulation lets run into white.
+const WHITE_SHARE: f64 = 0.005;
+
+/// The wrapped phase in cyclic colours; invalid pixels are dark grey.
+#[must_use]
+pub fn phase_picture(map: &PhaseMap) -> Picture {
+    let colours = cyclic_map();
+    Picture::of(
+        [map.width, map.height],
+        |i| {
+            if map.valid[i] { colours[usize::from(map.phase[i] >> 8)] } else { INVALID }
+        },
+    )
+}
+
+/// The modulation in grey: black is none, white its 99.5th percentile.
+#[must_use]
+pub fn modulation_picture(map: &PhaseMap) -> Picture {
+    let white = upper_percentile(&map.modulation);
+    Picture::of([map.width, map.height], |i| {
+        // The cast takes what lies outside 0 to 255, and what is no number, to the nearest grey level.
+        [(map.modulation[i] / white * 255.0).round() as u8; 3]
+    })
+}
+
+fn upper_percentile(modulation: &[f32]) -> f32 {
+    let mut sorted: Vec<f32> = modulation.iter().copied().filter(|m| m.is_finite()).collect();
+    let rank = ((sorted.len() as f64 * (1.0 - WHITE_SHARE)) as usize).min(sorted.len().saturating_sub(1));
+    if sorted.is_empty() {
+        return 1.0;
+    }
+    let (_, &mut white, _) = sorted.select_nth_unstable_by(rank, f32::total_cmp);
+    white.max(f32::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> PhaseMap {
+        let count = 40 * 30;
+        PhaseMap {
+            width: 40,
+            height: 30,
+            phase: (0..count).map(|i| (i * 997) as u16).collect(),
+            modulation: (0..count).map(|i| i as f32 / 10.0).collect(),
+            mean: vec![0; count],
+            valid: (0..count).map(|i| i % 7 != 0).collect(),
+            residual_share: None,
+        }
+    }
+
+    #[test]
+    fn invalid_pixels_alone_are_dark_grey() {
+        let map = map();
+        let picture = phase_picture(&map);
+        assert_eq!(picture.size_px(), [40, 30]);
+        for (pixel, valid) in picture.pixels().iter().zip(&map.valid) {
+            assert_eq!(*pixel == INVALID, !valid);
+        }
+    }
+
+    #[test]
+    fn the_last_phase_looks_like_the_first() {
+        let [first, last] = [0, 65535].map(|phase| {
+            let map = PhaseMap { width: 1, height: 1, phase: vec![phase], valid: vec![true], ..PhaseMap::default() };
+            phase_picture(&map).pixels()[0]
+        });
+        assert!((0..3).all(|c| first[c].abs_diff(last[c]) <= 6), "{first:?} {last:?}");
+    }
+
+    #[test]
+    fn modulation_fills_the_greys() {
+        let picture = modulation_picture(&map());
+        let greys = picture.pixels();
+        assert_eq!(greys[0], [0; 3]);
+        assert_eq!(greys[1199], [255; 3]);
+        assert!((120..=135).contains(&greys[600][0]));
+        let none = PhaseMap { width: 2, height: 1, modulation: vec![0.0, f32::NAN], ..PhaseMap::default() };
+        assert_eq!(modulation_picture(&none).pixels(), [[0; 3], [0; 3]]);
+    }
+}

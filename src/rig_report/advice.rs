@@ -1,0 +1,95 @@
+//! What changes of a rig would do, each found by evaluating the changed rig.
+
+use serde::Serialize;
+
+use super::evaluate::{Figures, evaluate};
+use super::{Assumptions, RigReportError, RigSetup};
+
+/// Pixels of C1's larger image axis between two pixels of the grid, as a share: advice compares, it need not be fine.
+const GRID_SHARE: usize = 20;
+/// Places of the projector on the base that are tried: first, last, spacing, in hundredths.
+const PLACES: (i32, i32, usize) = (20, 80, 2);
+/// Share of the false candidates that may remain for moving the projector to be worth the work.
+const WORTH_MOVING: f64 = 0.95;
+/// Factors by which the period is changed.
+const PERIOD_FACTORS: [f64; 4] = [0.75, 1.25, 1.5, 2.0];
+/// Factors by which the depth of the volume is changed.
+const DEPTH_FACTORS: [f64; 2] = [0.75, 0.5];
+
+/// A change of the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Change {
+    /// The projector moved along the base, aimed at the volume as before; places r from 0 (C1) to 1 (C2).
+    ProjectorPlace {
+        /// Place now.
+        from: f64,
+        /// Place with the least sum of efc and survivors on flat surfaces, where that is worth a move.
+        to: f64,
+    },
+    /// Another fringe period, projector pixels.
+    Period {
+        /// Period now.
+        from_px: f64,
+        /// Period tried.
+        to_px: f64,
+    },
+    /// Another depth of the volume about the same centre, metres.
+    Depth {
+        /// Depth now.
+        from_m: f64,
+        /// Depth tried.
+        to_m: f64,
+    },
+}
+
+/// A change and the figures of the changed rig.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Advice {
+    /// The change.
+    pub change: Change,
+    /// The figures with it, on the grid of the advice.
+    pub figures: Figures,
+}
+
+/// Figures of the rig as it is, on the grid of the advice, and the changes tried.
+pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Figures, Vec<Advice>), RigReportError> {
+    let cam1 = &setup.rig.cam1;
+    let step_px = (cam1.width_px().max(cam1.height_px()) / GRID_SHARE).max(1);
+    let figures = |setup: &RigSetup, assumptions: &Assumptions| {
+        evaluate(setup, assumptions, step_px).map(|evaluation| evaluation.figures())
+    };
+    let base = figures(setup, assumptions)?;
+    let mut advice = Vec::new();
+    // A changed rig that cannot measure is no advice; it is left out.
+    let mut add = |change: Change, tried: Result<Figures, RigReportError>| {
+        advice.extend(tried.ok().map(|figures| Advice { change, figures }));
+    };
+    let best = best_place(setup, |moved| figures(moved, assumptions).ok());
+    if let Some((to, best)) = best.filter(|(_, best)| false_candidates(best) < WORTH_MOVING * false_candidates(&base)) {
+        add(Change::ProjectorPlace { from: setup.rig.projector_place_on_base(), to }, Ok(best));
+    }
+    let from_px = setup.pattern.period_px;
+    for factor in PERIOD_FACTORS.into_iter().filter(|factor| factor * from_px >= 2.0) {
+        let changed = figures(&setup.with_period_scaled(factor), &assumptions.with_period_scaled(factor));
+        add(Change::Period { from_px, to_px: factor * from_px }, changed);
+    }
+    let from_m = setup.depth_m();
+    for factor in DEPTH_FACTORS {
+        if let Ok(changed) = setup.with_depth_scaled(factor) {
+            add(Change::Depth { from_m, to_m: factor * from_m }, figures(&changed, assumptions));
+        }
+    }
+    Ok((base, advice))
+}
+
+/// The place of the projector with the fewest false candidates, flat and irregular surfaces counted alike.
+fn best_place(setup: &RigSetup, figures: impl Fn(&RigSetup) -> Option<Figures>) -> Option<(f64, Figures)> {
+    let places = (PLACES.0..=PLACES.1).step_by(PLACES.2).map(|hundredths| f64::from(hundredths) / 100.0);
+    let tried = places.filter_map(|place| Some((place, figures(&setup.with_projector_place(place))?)));
+    tried.min_by(|(_, a), (_, b)| false_candidates(a).total_cmp(&false_candidates(b)))
+}
+
+fn false_candidates(figures: &Figures) -> f64 {
+    figures.efc + figures.survivors
+}

@@ -1,0 +1,262 @@
+//! The comb: which wrong fringe orders pass the back-projection test on a locally flat surface, and how often.
+//!
+//! Eq. 1 supposes that δ of a wrong candidate is uniform. On a flat surface it is not: k orders away it is close to
+//! 2π·k·r, r the place of the projector on the base, so that the same orders survive over the whole image. Here each
+//! case (pixel, depth, tilt of the surface) is followed exactly: along the epipolar line on the surface to the point
+//! that C2 sees with the same wrapped phase, back to the ray of C1, and into the projector.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::AddAssign;
+
+use serde::Serialize;
+
+use crate::geometry::{Point3, Vector3};
+
+use super::RigSetup;
+use super::segment::Segment;
+use super::surface::Surface;
+
+/// Depths of the true point, as shares of the segment.
+const DEPTH_SHARES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+/// Tilts of the surface about the axis perpendicular to base and view, degrees.
+const TILTS_DEG: [f64; 5] = [-40.0, -20.0, 0.0, 20.0, 40.0];
+/// Which of them faces the rig.
+const FACING: usize = 2;
+/// Steps of the secant method after which a phase counts as not found.
+const MAX_SECANT_STEPS: usize = 12;
+/// Phase error, turns, at which it has converged.
+const PHASE_TOLERANCE: f64 = 1e-8;
+
+/// A wrong fringe order.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Tooth {
+    /// Fringe orders between the wrong candidate and the true point, not 0.
+    pub order: i32,
+    /// Share of the cases in which that candidate lies on the segment.
+    pub present_share: f64,
+    /// Share of the cases in which it also survives |δ| < thr.
+    pub surviving_share: f64,
+    /// Mean of |δ| where present, rad; 0 where never present.
+    pub mean_abs_delta_rad: f64,
+    /// |2π·order·r|, wrapped: what a flat surface far away gives, rad.
+    pub approximate_abs_delta_rad: f64,
+}
+
+/// The wrong fringe orders of a rig.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comb {
+    /// Cases looked at: pixels × depths × tilts in which all three devices see the true point.
+    pub cases: u64,
+    /// Surviving wrong candidates per true one on flat surfaces; compare with efc.
+    pub survivors: f64,
+    /// The same on surfaces that face the rig, untilted: the worst case of a projector near the middle of the base.
+    pub survivors_facing: f64,
+    /// One entry for each order from −K to K without 0.
+    pub teeth: Vec<Tooth>,
+}
+
+/// What the cases of a pixel, or of several, add up to.
+#[derive(Clone, Debug)]
+pub(super) struct Tally {
+    cases: u64,
+    /// Cases and survivors of untilted surfaces.
+    facing: (u64, u64),
+    /// For orders 1, −1, 2, −2 and so on: present, surviving, sum of |δ| in turns.
+    orders: Vec<(u64, u64, f64)>,
+}
+
+impl Tally {
+    pub(super) fn new(max_order: i32) -> Self {
+        Self { cases: 0, facing: (0, 0), orders: vec![(0, 0, 0.0); 2 * max_order.unsigned_abs() as usize] }
+    }
+
+    /// Survivors per case; `None` without a case.
+    pub(super) fn survivors(&self) -> Option<f64> {
+        (self.cases > 0).then(|| self.surviving() as f64 / self.cases as f64)
+    }
+
+    fn surviving(&self) -> u64 {
+        self.orders.iter().map(|o| o.1).sum()
+    }
+
+    fn max_order(&self) -> i32 {
+        (self.orders.len() / 2) as i32
+    }
+
+    fn add_candidate(&mut self, order: i32, abs_delta_turns: f64, threshold_turns: f64) {
+        let (present, surviving, sum) = &mut self.orders[slot(order)];
+        *present += 1;
+        *surviving += u64::from(abs_delta_turns < threshold_turns);
+        *sum += abs_delta_turns;
+    }
+}
+
+impl AddAssign<&Self> for Tally {
+    fn add_assign(&mut self, other: &Self) {
+        self.cases += other.cases;
+        self.facing = (self.facing.0 + other.facing.0, self.facing.1 + other.facing.1);
+        for (mine, theirs) in self.orders.iter_mut().zip(&other.orders) {
+            *mine = (mine.0 + theirs.0, mine.1 + theirs.1, mine.2 + theirs.2);
+        }
+    }
+}
+
+/// Place of an order in a tally.
+fn slot(order: i32) -> usize {
+    2 * (order.unsigned_abs() as usize - 1) + usize::from(order < 0)
+}
+
+/// What is the same for all cases of a rig.
+pub(super) struct Cases<'a> {
+    setup: &'a RigSetup,
+    normals: Vec<Vector3>,
+    cam2: Point3,
+    eyes: [Point3; 3],
+    threshold_turns: f64,
+    max_order: i32,
+}
+
+impl<'a> Cases<'a> {
+    pub(super) fn new(setup: &'a RigSetup, threshold_rad: f64, max_order: i32) -> Self {
+        let cam2 = setup.rig.centre_of_cam2();
+        Self {
+            setup,
+            normals: Surface::tilted_normals(setup, &TILTS_DEG.map(f64::to_radians)),
+            cam2,
+            eyes: [Point3::origin(), cam2, setup.rig.centre_of_projector()],
+            threshold_turns: threshold_rad / TAU,
+            max_order,
+        }
+    }
+
+    /// All cases of one pixel.
+    pub(super) fn of_pixel(&self, segment: &Segment) -> Tally {
+        let mut tally = Tally::new(self.max_order);
+        for point in DEPTH_SHARES.map(|share| segment.at_share(share)) {
+            let Some(phase) = self.setup.lit_phase_turns(&point).filter(|_| self.setup.cam2_sees(&point)) else {
+                continue;
+            };
+            for (tilt, &normal) in self.normals.iter().enumerate() {
+                let before = (tally.cases, tally.surviving());
+                self.add_case(&mut tally, segment, &Surface { point, normal }, phase);
+                if tilt == FACING {
+                    tally.facing.0 += tally.cases - before.0;
+                    tally.facing.1 += tally.surviving() - before.1;
+                }
+            }
+        }
+        tally
+    }
+
+    /// One case: the flat `surface` through the true point, whose phase is `phase` turns.
+    fn add_case(&self, tally: &mut Tally, segment: &Segment, surface: &Surface, phase: f64) {
+        if !surface.shows_one_side_to(&self.eyes) {
+            return;
+        }
+        let Some(trace) = Trace::new(self, segment, surface, phase) else { return };
+        tally.cases += 1;
+        for sense in [1, -1] {
+            let mut place_m = 0.0;
+            // Phase and depth are monotone along the trace: past the first candidate that is lost there are no others.
+            for order in (1..=tally.max_order()).map(|k| sense * k) {
+                let Some((found_m, candidate)) = trace.candidate(self, segment, place_m, f64::from(order)) else {
+                    break;
+                };
+                place_m = found_m;
+                let Some(back) = self.setup.lit_phase_turns(&candidate) else { break };
+                let delta = back - phase;
+                tally.add_candidate(order, (delta - delta.round()).abs(), self.threshold_turns);
+            }
+        }
+    }
+}
+
+/// The line in which the epipolar plane of a pixel cuts a surface.
+struct Trace {
+    origin: Point3,
+    direction: Vector3,
+    phase: f64,
+    /// Metres along the line for a turn of phase, at the true point.
+    metres_per_turn: f64,
+    /// Normal, in the epipolar plane, of C1's ray.
+    across_ray: Vector3,
+}
+
+impl Trace {
+    fn new(cases: &Cases, segment: &Segment, surface: &Surface, phase: f64) -> Option<Self> {
+        let epipolar_normal = segment.ray.cross(&cases.cam2.coords);
+        let direction = surface.normal.cross(&epipolar_normal).try_normalize(1e-12)?;
+        let step_m = 1e-4 * segment.far_m;
+        let turns = cases.setup.phase_turns(&(surface.point + direction * step_m))? - phase;
+        let metres_per_turn = step_m / turns;
+        metres_per_turn.is_finite().then(|| Self {
+            origin: surface.point,
+            direction,
+            phase,
+            metres_per_turn,
+            across_ray: epipolar_normal.cross(&segment.ray),
+        })
+    }
+
+    /// The candidate `order` turns away: its place on the trace, and the point that C1 and C2 would triangulate.
+    fn candidate(&self, cases: &Cases, segment: &Segment, from_m: f64, order: f64) -> Option<(f64, Point3)> {
+        let place_m = self.place_of_phase(cases.setup, from_m, self.phase + order)?;
+        let on_surface = self.origin + self.direction * place_m;
+        cases.setup.lit_phase_turns(&on_surface)?;
+        let candidate = self.on_ray(cases, segment, &on_surface)?;
+        cases.setup.cam2_sees(&candidate).then_some((place_m, candidate))
+    }
+
+    /// Place at which the phase is `target` turns, by the secant method from the last place found.
+    fn place_of_phase(&self, setup: &RigSetup, from_m: f64, target: f64) -> Option<f64> {
+        let error_at = |place_m: f64| Some(setup.phase_turns(&(self.origin + self.direction * place_m))? - target);
+        let (mut before_m, mut before) = (from_m, error_at(from_m)?);
+        let mut place_m = from_m - before * self.metres_per_turn;
+        for _ in 0..MAX_SECANT_STEPS {
+            let error = error_at(place_m)?;
+            if error.abs() < PHASE_TOLERANCE {
+                return Some(place_m);
+            }
+            let next_m = place_m - error * (place_m - before_m) / (error - before);
+            (before_m, before, place_m) = (place_m, error, next_m);
+            if !place_m.is_finite() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Where C2's ray through a point of the trace meets C1's ray, if on the segment.
+    fn on_ray(&self, cases: &Cases, segment: &Segment, on_surface: &Point3) -> Option<Point3> {
+        let direction = on_surface - cases.cam2;
+        let distance = -self.across_ray.dot(&cases.cam2.coords) / self.across_ray.dot(&direction);
+        let candidate = cases.cam2 + direction * distance;
+        (distance > 0.0 && (segment.near_m..=segment.far_m).contains(&candidate.z)).then_some(candidate)
+    }
+}
+
+/// The comb of all cases of a rig whose projector stands at `place_on_base`.
+pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
+    let survivors = tally.survivors()?;
+    let max_order = tally.max_order();
+    let cases = tally.cases as f64;
+    let tooth = |order: i32| {
+        let (present, surviving, sum) = tally.orders[slot(order)];
+        Tooth {
+            order,
+            present_share: present as f64 / cases,
+            surviving_share: surviving as f64 / cases,
+            mean_abs_delta_rad: if present == 0 { 0.0 } else { TAU * sum / present as f64 },
+            approximate_abs_delta_rad: wrapped(TAU * f64::from(order) * place_on_base).abs(),
+        }
+    };
+    let teeth = (-max_order..=max_order).filter(|&order| order != 0).map(tooth).collect();
+    let (facing_cases, facing_surviving) = tally.facing;
+    let survivors_facing = facing_surviving as f64 / facing_cases.max(1) as f64;
+    Some(Comb { cases: tally.cases, survivors, survivors_facing, teeth })
+}
+
+/// An angle wrapped to [−π, π).
+fn wrapped(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(TAU) - PI
+}

@@ -1,0 +1,133 @@
+//! The figures of one rig over a grid of pixels, row by row.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::geometry::Pixel;
+
+use super::comb::{self, Cases, Comb, Tally};
+use super::deviation::{self, Deviation, PixelDeviation};
+use super::segment::{self, Periods, Segment, SegmentPeriods};
+use super::surface::Surface;
+use super::{Assumptions, RigReportError, RigSetup};
+
+/// Most fringe orders to either side that the comb follows.
+const MAX_ORDERS: f64 = 40.0;
+
+/// A figure per pixel of the grid, row by row; `None` where there is none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PixelMap {
+    /// Pixels of the grid in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The figures.
+    pub values: Vec<Option<f64>>,
+}
+
+/// What the method can expect of a rig.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// Spacing of the grid, pixels of C1.
+    pub grid_step_px: usize,
+    /// Fringe periods on a segment.
+    pub periods: Periods,
+    /// Standard deviation of δ.
+    pub deviation: Deviation,
+    /// Expected false candidates per true one on arbitrary surfaces, 3·sd·(n − 1)/π (paper, Eq. 1).
+    pub efc: f64,
+    /// Wrong orders that survive on flat surfaces.
+    pub comb: Comb,
+    /// Periods n over the grid.
+    #[serde(skip)]
+    pub periods_map: PixelMap,
+    /// Surviving wrong candidates per true one on flat surfaces, over the grid.
+    #[serde(skip)]
+    pub survivors_map: PixelMap,
+}
+
+/// The figures by which rigs are compared.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Figures {
+    /// Mean number of periods on a segment.
+    pub n: f64,
+    /// Standard deviation of δ, rad.
+    pub sd_rad: f64,
+    /// Expected false candidates per true one (paper, Eq. 1).
+    pub efc: f64,
+    /// Surviving wrong candidates per true one on flat surfaces.
+    pub survivors: f64,
+    /// Standard deviation of the depth by camera noise, metres.
+    pub depth_sd_m: f64,
+}
+
+impl Evaluation {
+    /// The figures for comparison.
+    #[must_use]
+    pub fn figures(&self) -> Figures {
+        Figures {
+            n: self.periods.mean,
+            sd_rad: self.deviation.sd_rad,
+            efc: self.efc,
+            survivors: self.comb.survivors,
+            depth_sd_m: self.deviation.depth_sd_m,
+        }
+    }
+}
+
+/// What is known of a pixel before the threshold is.
+type Basics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
+
+/// Evaluates a rig over every `grid_step_px`-th pixel.
+pub(super) fn evaluate(
+    setup: &RigSetup,
+    assumptions: &Assumptions,
+    grid_step_px: usize,
+) -> Result<Evaluation, RigReportError> {
+    let nothing = RigReportError::NoSegments { grid_step_px };
+    let surface = Surface::facing(setup, setup.centre_cam1());
+    let grid = segment::grid(&setup.rig.cam1, grid_step_px);
+    let basics = by_row(&grid, |pixel| basics(setup, assumptions, &surface, pixel));
+    let periods = segment::summary(&basics.iter().filter_map(|b| b.1).collect::<Vec<_>>()).ok_or(nothing)?;
+    let deviations: Vec<_> = basics.iter().filter_map(|b| b.2).collect();
+    let deviation = deviation::summary(assumptions, &deviations).ok_or(nothing)?;
+
+    let max_order = periods.max.max(periods.orders_spanned_max).ceil().clamp(1.0, MAX_ORDERS) as i32;
+    let cases = Cases::new(setup, deviation.threshold_rad, max_order);
+    let segments: Vec<Vec<Option<Segment>>> =
+        basics.chunks(grid[0].len()).map(|row| row.iter().map(|b| b.0).collect()).collect();
+    let tallies = by_row(&segments, |segment| segment.map(|s| cases.of_pixel(&s)));
+    let mut total = Tally::new(max_order);
+    tallies.iter().flatten().for_each(|tally| total += tally);
+    let comb = comb::summary(&total, setup.rig.projector_place_on_base()).ok_or(nothing)?;
+
+    let map = |values| PixelMap { width: grid[0].len(), height: grid.len(), values };
+    Ok(Evaluation {
+        grid_step_px,
+        efc: efc(deviation.sd_rad, periods.mean),
+        periods_map: map(basics.iter().map(|b| b.1.map(|p| p.seen)).collect()),
+        survivors_map: map(tallies.iter().map(|t| t.as_ref().and_then(Tally::survivors)).collect()),
+        periods,
+        deviation,
+        comb,
+    })
+}
+
+fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> Basics {
+    let Some(segment) = Segment::of(setup, pixel) else { return (None, None, None) };
+    let periods = segment::periods(setup, &segment, surface);
+    (Some(segment), periods, deviation::at(setup, assumptions, &segment))
+}
+
+/// Expected false candidates per true one (paper, Eq. 1); 0 where a segment has less than a period.
+fn efc(sd_rad: f64, n: f64) -> f64 {
+    (3.0 * sd_rad * (n - 1.0) / PI).max(0.0)
+}
+
+/// Maps all cells of a grid, rows in parallel; the order of the results is that of the cells.
+fn by_row<T: Sync, U: Send>(grid: &[Vec<T>], of: impl Fn(&T) -> U + Sync) -> Vec<U> {
+    let rows: Vec<Vec<U>> = grid.par_iter().map(|row| row.iter().map(&of).collect()).collect();
+    rows.into_iter().flatten().collect()
+}

@@ -1,0 +1,72 @@
+//! The report on a rig: what the method can be expected to do with it, before anything is built or measured.
+//!
+//! In: a calibrated [`Rig`](crate::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and what is
+//! assumed of noise and calibration ([`Assumptions`]). Out: a [`RigReport`] with lengths and angles, coverage, the
+//! number n of fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
+//! back-projection test on flat surfaces, and what changes of the rig would do to all of these.
+//!
+//! Nothing is approximated: every figure comes from intersecting rays of the calibrated cameras with planes in the
+//! volume, over a grid of pixels of C1. Cost: about a second for a report. Without an object the surface has to be
+//! supposed: n and sd use a plane across the mean viewing direction, the surviving orders use tilted ones too.
+
+mod advice;
+mod assumptions;
+mod comb;
+mod deviation;
+mod error;
+mod evaluate;
+mod layout;
+mod segment;
+mod setup;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+use serde::Serialize;
+
+pub use advice::{Advice, Change};
+pub use assumptions::{Assumptions, CalibrationQuality};
+pub use comb::{Comb, Tooth};
+pub use deviation::Deviation;
+pub use error::{Device, RigReportError};
+pub use evaluate::{Evaluation, Figures, PixelMap};
+pub use layout::{Coverage, Layout};
+pub use segment::Periods;
+pub use setup::RigSetup;
+
+/// Everything the report says.
+#[derive(Clone, Debug, Serialize)]
+pub struct RigReport {
+    /// Lengths, angles and resolution.
+    pub layout: Layout,
+    /// What of image and volume can be measured.
+    pub coverage: Coverage,
+    /// What is assumed of noise and calibration.
+    pub assumptions: Assumptions,
+    /// Periods, sd, efc and surviving orders.
+    pub evaluation: Evaluation,
+    /// The figures on the coarser grid of the advice, for comparison with it.
+    pub advice_base: Figures,
+    /// What changes of the rig would do.
+    pub advice: Vec<Advice>,
+}
+
+/// Reports on a rig over every `grid_step_px`-th pixel of C1.
+///
+/// # Errors
+/// [`RigReportError`]: impossible assumptions, or a volume that C1, C2 or the projector never sees.
+pub fn report(setup: &RigSetup, assumptions: &Assumptions, grid_step_px: usize) -> Result<RigReport, RigReportError> {
+    assumptions.check()?;
+    setup.check()?;
+    let coverage = layout::coverage(setup, grid_step_px)?;
+    let evaluation = evaluate::evaluate(setup, assumptions, grid_step_px)?;
+    let (advice_base, advice) = advice::advise(setup, assumptions)?;
+    Ok(RigReport {
+        layout: layout::layout(setup, assumptions),
+        coverage,
+        assumptions: *assumptions,
+        evaluation,
+        advice_base,
+        advice,
+    })
+}

@@ -1,0 +1,109 @@
+//! Epipolar segments of a grid of pixels, and the fringe periods on them.
+
+use serde::Serialize;
+
+use crate::geometry::{Camera, Pixel, Point3, Vector3};
+
+use super::RigSetup;
+use super::surface::Surface;
+
+/// Parts into which a segment is cut, to find those that C2 sees lit.
+const PARTS: usize = 48;
+
+/// Least ratio of the near to the far depth: a volume around the camera itself has no near end.
+const NEAREST: f64 = 1e-3;
+
+/// The part of a pixel's ray inside the measurement volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Segment {
+    /// Direction with `z = 1`, so that points are `ray · depth`.
+    pub(super) ray: Vector3,
+    /// Depth of `Q_min`, metres.
+    pub(super) near_m: f64,
+    /// Depth of `Q_max`, metres.
+    pub(super) far_m: f64,
+}
+
+impl Segment {
+    /// The segment of a pixel of C1, where the volume leaves one.
+    pub(super) fn of(setup: &RigSetup, pixel: &Pixel) -> Option<Self> {
+        let ray = setup.rig.cam1.ray(pixel)?;
+        let (near_m, far_m) = setup.volume.clip(&ray)?;
+        Some(Self { ray, near_m: near_m.max(NEAREST * far_m), far_m })
+    }
+
+    /// Point at a share (0 to 1) of the way from near to far.
+    pub(super) fn at_share(&self, share: f64) -> Point3 {
+        self.at_depth(self.near_m + share * (self.far_m - self.near_m))
+    }
+
+    pub(super) fn at_depth(&self, depth_m: f64) -> Point3 {
+        Point3::from(self.ray * depth_m)
+    }
+
+    /// Places along the segment, from near to far in equal ratios of depth, so that deep volumes are as finely cut near
+    /// the camera as far from it.
+    fn places(&self) -> impl Iterator<Item = Point3> + '_ {
+        let ratio = self.far_m / self.near_m;
+        (0..=PARTS).map(move |i| self.at_depth(self.near_m * ratio.powf(i as f64 / PARTS as f64)))
+    }
+}
+
+/// Fringe periods on one segment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SegmentPeriods {
+    /// Periods that C2 sees along it on the reference plane.
+    pub(super) seen: f64,
+    /// Fringe orders between the phases of its ends in the projector.
+    pub(super) spanned: f64,
+}
+
+/// Number n of fringe periods on a segment, over the image.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Periods {
+    /// Mean number of periods that C2 sees on a segment, the n of Eq. 1.
+    pub mean: f64,
+    /// Fewest.
+    pub min: f64,
+    /// Most.
+    pub max: f64,
+    /// Mean number of fringe orders that a segment spans in the projector: |Φ(`q_max`) − Φ(`q_min`)| / 2π.
+    pub orders_spanned_mean: f64,
+    /// Most fringe orders spanned.
+    pub orders_spanned_max: f64,
+}
+
+/// Rows of pixels, `step_px` apart.
+pub(super) fn grid(camera: &Camera, step_px: usize) -> Vec<Vec<Pixel>> {
+    let step_px = step_px.max(1);
+    let places = |extent: usize| (step_px / 2..extent).step_by(step_px);
+    let row = |v: usize| places(camera.width_px()).map(|u| Pixel::new(u as f64, v as f64)).collect();
+    places(camera.height_px()).map(row).collect()
+}
+
+/// Periods on a segment when C2 sees `surface`; `None` where C2 sees no lit part of it.
+pub(super) fn periods(setup: &RigSetup, segment: &Segment, surface: &Surface) -> Option<SegmentPeriods> {
+    let eye = setup.rig.centre_of_cam2();
+    let phase_seen = |place: Point3| {
+        let on_surface = setup.cam2_sees(&place).then(|| surface.meet(&eye, &place))??;
+        setup.lit_phase_turns(&on_surface)
+    };
+    let phases: Vec<Option<f64>> = segment.places().map(phase_seen).collect();
+    let steps = phases.windows(2).filter_map(|pair| Some((pair[1]? - pair[0]?).abs()));
+    let seen: f64 = steps.sum();
+    let in_projector: Vec<f64> = segment.places().filter_map(|place| setup.phase_turns(&place)).collect();
+    let spanned = (in_projector.last()? - in_projector.first()?).abs();
+    (seen > 0.0).then_some(SegmentPeriods { seen, spanned })
+}
+
+/// The figures of all segments that have any.
+pub(super) fn summary(all: &[SegmentPeriods]) -> Option<Periods> {
+    let count = all.len() as f64;
+    (!all.is_empty()).then(|| Periods {
+        mean: all.iter().map(|p| p.seen).sum::<f64>() / count,
+        min: all.iter().map(|p| p.seen).fold(f64::INFINITY, f64::min),
+        max: all.iter().map(|p| p.seen).fold(0.0, f64::max),
+        orders_spanned_mean: all.iter().map(|p| p.spanned).sum::<f64>() / count,
+        orders_spanned_max: all.iter().map(|p| p.spanned).fold(0.0, f64::max),
+    })
+}

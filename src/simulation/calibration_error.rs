@@ -1,0 +1,219 @@
+//! The error of a calibration: C2 and P as a real calibration would get them, a little off.
+//!
+//! In: the exact rig, its volume and the spread of δ that the error shall cause. Out: the erroneous rig, the pose of
+//! the volume among points triangulated with it, and what the error amounts to. δ of true correspondences is then a
+//! smooth field over image and depth, as in a real sensor, and not white noise.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Translation3, UnitQuaternion};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3};
+
+use super::SimulationError;
+use super::alignment::align;
+use super::sensor::standard_normal;
+
+/// What a calibration error amounts to over the measurement volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct CalibrationDeviation {
+    /// Root mean square of δ of true correspondences, rad.
+    pub delta_rms: f64,
+    /// Mean of δ, rad.
+    pub delta_mean: f64,
+    /// Root mean square distance of true correspondences from their epipolar line, pixels of C2.
+    pub epi_rms: f64,
+    /// Largest such distance, pixels.
+    pub epi_max: f64,
+}
+
+/// A calibration as drawn.
+pub(super) struct Drawn {
+    pub(super) rig: Rig,
+    pub(super) cam1_from_volume: Pose,
+    pub(super) deviation: CalibrationDeviation,
+}
+
+/// Root mean square epipolar error that the error of C2 is scaled down to, pixels.
+const MAX_EPIPOLAR_RMS_PX: f64 = 0.07;
+/// Largest share of the variance of δ that C2 may cause; the rest is the projector's.
+const CAM2_SHARE: f64 = 0.4;
+/// Draws of the projector's error among which one must reach the wanted spread.
+const MAX_DRAWS: usize = 20;
+/// Secant steps towards the wanted spread.
+const MAX_STEPS: usize = 40;
+
+/// Standard normal numbers that the error of one device is made from.
+#[derive(Clone, Copy)]
+struct Draw([f64; 10]);
+
+impl Draw {
+    fn new(rng: &mut ChaCha8Rng) -> Self {
+        Self(std::array::from_fn(|_| standard_normal(rng)))
+    }
+
+    /// A device off by this draw: intrinsic parameters, distortion, rotation and place. At scale 1 each of them moves
+    /// the image by about a pixel.
+    fn apply(&self, scale: f64, camera: &Camera, pose: &Pose) -> (Camera, Pose) {
+        let [f, cx, cy, k1, rx, ry, rz, tx, ty, tz] = self.0.map(|n| n * scale);
+        let ([fx, fy], [px, py], focal) = (camera.focal_px(), camera.principal_px(), camera.focal_px()[0]);
+        let radius_px = camera.width_px() as f64 / 2.0;
+        let mut distortion: Distortion = *camera.distortion();
+        distortion.radial[0] += k1 * (focal / radius_px).powi(3) / focal;
+        let growth = 1.0 + f / radius_px;
+        let size = [camera.width_px(), camera.height_px()];
+        let changed =
+            Camera::new([fx * growth, fy * growth], [px + cx, py + cy], distortion, size).with_skew(camera.skew_px());
+        // The turn takes back most of what the moved principal point does, as in a calibration that fits its images.
+        let turn = Vector3::new((cy + 0.3 * rx) / focal, (-cx + 0.3 * ry) / focal, rz / radius_px);
+        let distance = pose.translation.vector.norm();
+        let shift = Vector3::new(tx, ty, tz) * (0.3 * distance / focal);
+        let error = Pose::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn));
+        (changed, error * pose)
+    }
+}
+
+/// Draws a calibration of `exact` whose δ has the root mean square `sd_rad` over `volume`.
+pub(super) fn draw(
+    exact: &Rig,
+    volume: &MeasurementVolume,
+    pattern: &FringePattern,
+    sd_rad: f64,
+    seed: u64,
+) -> Result<Drawn, SimulationError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let probe = Probe::new(exact, volume, pattern);
+    if sd_rad == 0.0 {
+        let deviation = CalibrationDeviation::default();
+        return Ok(Drawn { rig: exact.clone(), cam1_from_volume: *volume.cam1_from_volume(), deviation });
+    }
+    let cam2 = Draw::new(&mut rng);
+    let base = probe.with_cam2_error(&cam2, sd_rad);
+    for _ in 0..MAX_DRAWS {
+        let projector = Draw::new(&mut rng);
+        if let Some(rig) = probe.with_projector_error(&base, &projector, sd_rad) {
+            let deviation = probe.deviation(&rig).ok_or(SimulationError::NoCalibration { sd_rad })?;
+            let pairs = probe.triangulated(&rig);
+            let calibrated_from_exact = align(&pairs);
+            return Ok(Drawn { cam1_from_volume: calibrated_from_exact * volume.cam1_from_volume(), rig, deviation });
+        }
+    }
+    Err(SimulationError::NoCalibration { sd_rad })
+}
+
+/// True correspondences over the volume, on which a calibration is judged.
+struct Probe<'a> {
+    exact: &'a Rig,
+    pattern: &'a FringePattern,
+    /// Points in the frame of the exact C1, metres, and where C1, C2 and P have them.
+    points: Vec<(Point3, Pixel, Pixel, Pixel)>,
+}
+
+impl<'a> Probe<'a> {
+    fn new(exact: &'a Rig, volume: &MeasurementVolume, pattern: &'a FringePattern) -> Self {
+        let steps = [9, 7, 5];
+        let extent = volume.max() - volume.min();
+        let mut points = Vec::new();
+        for i in 0..steps[0] * steps[1] * steps[2] {
+            let place = [i % steps[0], i / steps[0] % steps[1], i / (steps[0] * steps[1])];
+            let offset =
+                Vector3::from_fn(|axis, _| extent[axis] * (f64::from(place[axis]) + 0.5) / f64::from(steps[axis]));
+            let point = volume.cam1_from_volume() * (volume.min() + offset);
+            let seen = (exact.cam1.project(&point), exact.project_cam2(&point), exact.project_projector(&point));
+            if let (Some(p), Some(q), Some(lit)) = seen {
+                points.push((point, p, q, lit));
+            }
+        }
+        Self { exact, pattern, points }
+    }
+
+    /// C2 off by a draw, scaled down until its epipolar error and its part of δ are small enough.
+    fn with_cam2_error(&self, draw: &Draw, sd_rad: f64) -> Rig {
+        let mut scale = 1.0;
+        for _ in 0..MAX_STEPS {
+            let (cam2, cam2_from_cam1) = draw.apply(scale, &self.exact.cam2, &self.exact.cam2_from_cam1);
+            let rig = self.centred(Rig { cam2, cam2_from_cam1, ..self.exact.clone() });
+            let judged = self
+                .deviation(&rig)
+                .map(|d| (d.epi_rms / MAX_EPIPOLAR_RMS_PX).max(d.delta_rms / (sd_rad * CAM2_SHARE.sqrt()).max(1e-12)));
+            match judged {
+                Some(excess) if excess <= 1.0 => return rig,
+                Some(excess) => scale *= 0.98 / excess.max(1.02),
+                None => scale *= 0.5,
+            }
+        }
+        self.exact.clone()
+    }
+
+    /// The projector off by a draw as well, scaled so that δ has its wanted root mean square; `None` where no scale
+    /// reaches it.
+    fn with_projector_error(&self, base: &Rig, draw: &Draw, sd_rad: f64) -> Option<Rig> {
+        let at = |scale: f64| {
+            let (projector, projector_from_cam1) = draw.apply(scale, &base.projector, &base.projector_from_cam1);
+            self.centred(Rig { projector, projector_from_cam1, ..base.clone() })
+        };
+        let (mut low, mut high) = (0.0, 0.05);
+        while self.deviation(&at(high))?.delta_rms < sd_rad {
+            (low, high) = (high, high * 2.0);
+            if high > 1e3 {
+                return None;
+            }
+        }
+        for _ in 0..MAX_STEPS {
+            let middle = 0.5 * (low + high);
+            if self.deviation(&at(middle))?.delta_rms < sd_rad { low = middle } else { high = middle }
+        }
+        Some(at(0.5 * (low + high)))
+    }
+
+    /// The rig with the projector's principal point moved so that δ has no mean: every calibration that fits its own
+    /// images gets that right.
+    fn centred(&self, rig: Rig) -> Rig {
+        let Some(deviation) = self.deviation(&rig) else { return rig };
+        let [px, py] = rig.projector.principal_px();
+        let column_px = deviation.delta_mean * self.pattern.period_px / TAU;
+        let size = [rig.projector.width_px(), rig.projector.height_px()];
+        let projector = Camera::new(rig.projector.focal_px(), [px - column_px, py], *rig.projector.distortion(), size)
+            .with_skew(rig.projector.skew_px());
+        Rig { projector, ..rig }
+    }
+
+    /// What the error of a calibration amounts to; `None` where a point cannot be triangulated or projected with it.
+    fn deviation(&self, rig: &Rig) -> Option<CalibrationDeviation> {
+        let (mut delta_sum, mut delta_squares, mut epi_squares, mut epi_max) = (0.0, 0.0, 0.0, 0.0_f64);
+        for (_, p, q, lit) in &self.points {
+            let point = on_ray_of_cam1(rig, p, q)?;
+            let delta = TAU * (rig.project_projector(&point)?.x - lit.x) / self.pattern.period_px;
+            // The nearest point of the epipolar line is, to first order, the image of the nearest point of the ray.
+            let epi = (rig.project_cam2(&point)? - q).norm();
+            delta_sum += delta;
+            delta_squares += delta * delta;
+            epi_squares += epi * epi;
+            epi_max = epi_max.max(epi);
+        }
+        let count = self.points.len() as f64;
+        Some(CalibrationDeviation {
+            delta_rms: (delta_squares / count).sqrt(),
+            delta_mean: delta_sum / count,
+            epi_rms: (epi_squares / count).sqrt(),
+            epi_max,
+        })
+    }
+
+    /// Exact points beside the points that a calibration makes of their images.
+    fn triangulated(&self, rig: &Rig) -> Vec<(Point3, Point3)> {
+        self.points.iter().filter_map(|(exact, p, q, _)| Some((*exact, on_ray_of_cam1(rig, p, q)?))).collect()
+    }
+}
+
+/// Point of the ray through `p` that is nearest to the ray through `q`, frame of C1.
+fn on_ray_of_cam1(rig: &Rig, p: &Pixel, q: &Pixel) -> Option<Point3> {
+    let a = rig.cam1.ray(p)?;
+    let b = rig.cam2_from_cam1.rotation.inverse() * rig.cam2.ray(q)?;
+    let centre = rig.centre_of_cam2().coords;
+    let across = a.cross(&b);
+    let depth = centre.cross(&b).dot(&across) / across.norm_squared();
+    depth.is_finite().then(|| Point3::from(a * depth))
+}

@@ -1,0 +1,74 @@
+//! The toy elephant, lying on its side, seen from its left.
+
+use crate::simulation::solid::{PointMm, RoundCone, Solid, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
+
+/// An elephant 74 mm long, 22 mm thick.
+pub(super) struct Elephant {
+    trunk: Vec<RoundCone>,
+    legs: [RoundCone; 4],
+}
+
+/// Places and radii along the trunk, from head to tip.
+const TRUNK: [[f64; 4]; 5] = [
+    [-25.0, 8.0, 11.0, 5.4],
+    [-31.5, 0.0, 11.0, 4.3],
+    [-33.0, -9.0, 11.0, 3.5],
+    [-31.0, -16.0, 11.0, 2.9],
+    [-26.5, -19.5, 11.0, 2.5],
+];
+/// Hip or shoulder (x, y, z), foot (x, y, z).
+const LEGS: [[f64; 6]; 4] = [
+    [-9.0, -5.0, 14.5, -11.5, -26.0, 14.8],
+    [-3.0, -5.0, 7.0, -2.0, -26.0, 6.5],
+    [19.0, -4.0, 14.5, 18.5, -26.0, 14.8],
+    [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
+];
+
+impl Elephant {
+    pub(super) fn new() -> Self {
+        let ball = |[x, y, z, radius]: [f64; 4]| (PointMm::new(x, y, z), radius);
+        let leg = |[x, y, z, foot_x, foot_y, foot_z]: [f64; 6]| {
+            RoundCone::new(ball([x, y, z, 6.0]), ball([foot_x, foot_y, foot_z, 4.6]))
+        };
+        Self {
+            trunk: TRUNK.windows(2).map(|pair| RoundCone::new(ball(pair[0]), ball(pair[1]))).collect(),
+            legs: LEGS.map(leg),
+        }
+    }
+
+    fn head(&self, p: &PointMm) -> f64 {
+        let skull = ellipsoid(p, PointMm::new(-20.0, 13.5, 11.0), PointMm::new(10.5, 11.5, 9.5));
+        let cheek = smooth_union(skull, sphere(p, PointMm::new(-24.0, 7.0, 11.0), 7.0), 3.0);
+        let head = self.trunk.iter().fold(cheek, |head, bar| smooth_union(head, bar.distance(p), 1.5));
+        let tusk = round_cone(p, (PointMm::new(-24.0, 2.0, 16.0), 1.7), (PointMm::new(-33.0, -4.0, 18.0), 0.8));
+        let eye = sphere(p, PointMm::new(-25.5, 13.5, 18.6), 1.3);
+        smooth_union(smooth_union(head, tusk, 0.6), eye, 0.3)
+    }
+}
+
+impl Solid for Elephant {
+    fn distance_mm(&self, point: &PointMm) -> f64 {
+        let body = smooth_union(trunk_of_body(point), self.head(point), 3.0);
+        let body = self.legs.iter().fold(body, |body, leg| smooth_union(body, leg.distance(point), 2.0));
+        let ear = smooth_union(ear(point), body, 0.8);
+        let tail = round_cone(point, (PointMm::new(33.0, 7.0, 11.0), 1.5), (PointMm::new(37.0, -6.0, 11.5), 1.0));
+        smooth_union(ear, tail, 1.5).max(-point.z)
+    }
+
+    fn bounds_mm(&self) -> (PointMm, PointMm) {
+        (PointMm::new(-39.0, -32.0, 0.0), PointMm::new(40.0, 30.0, 23.0))
+    }
+}
+
+fn trunk_of_body(p: &PointMm) -> f64 {
+    let chest = ellipsoid(p, PointMm::new(-1.0, 5.0, 10.8), PointMm::new(17.0, 16.0, 10.8));
+    let rump = ellipsoid(p, PointMm::new(18.0, 4.5, 10.5), PointMm::new(16.0, 15.0, 10.5));
+    smooth_union(chest, rump, 4.0)
+}
+
+/// The left ear: a flap that stands off the head, hollowed.
+fn ear(p: &PointMm) -> f64 {
+    let flap = ellipsoid(p, PointMm::new(-11.0, 11.0, 18.8), PointMm::new(8.5, 11.0, 2.9));
+    let hollow = ellipsoid(p, PointMm::new(-11.5, 11.0, 23.0), PointMm::new(6.5, 9.0, 2.6));
+    smooth_cut(flap, hollow, 1.0)
+}

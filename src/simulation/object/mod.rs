@@ -1,0 +1,133 @@
+//! The seven objects of the paper (section 3), built as signed distance functions; sizes as there.
+
+mod elephant;
+mod machine;
+mod nose;
+mod plane;
+mod prism;
+mod teeth;
+mod tooth;
+
+use std::str::FromStr;
+
+use super::SimulationError;
+use super::solid::Solid;
+
+/// Which object is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Object {
+    /// A slightly tilted plate.
+    Plane,
+    /// A three-sided prism beside a flight of steps.
+    Prism,
+    /// A machine part: toothed flange with hub, bores and key way.
+    Machine,
+    /// A plaster arch with fourteen teeth.
+    Teeth,
+    /// A single plaster tooth, a molar on its socle.
+    Tooth,
+    /// The nose of a face, 43 mm deep.
+    Nose,
+    /// A toy elephant lying on its side.
+    Elephant,
+}
+
+impl Object {
+    /// All objects, in the order of the paper's Table 1.
+    pub const ALL: [Self; 7] =
+        [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plane => "plane",
+            Self::Prism => "prism",
+            Self::Machine => "machine",
+            Self::Teeth => "teeth",
+            Self::Tooth => "tooth",
+            Self::Nose => "nose",
+            Self::Elephant => "elephant",
+        }
+    }
+
+    /// Depth of the measurement volume that the object is made for, metres.
+    #[must_use]
+    pub fn usual_depth_m(self) -> f64 {
+        match self {
+            Self::Nose => 0.045,
+            _ => 0.025,
+        }
+    }
+
+    /// Its body.
+    #[must_use]
+    pub fn solid(self) -> Box<dyn Solid> {
+        match self {
+            Self::Plane => Box::new(plane::Plane::new()),
+            Self::Prism => Box::new(prism::Prism::new()),
+            Self::Machine => Box::new(machine::Machine),
+            Self::Teeth => Box::new(teeth::Teeth::new()),
+            Self::Tooth => Box::new(tooth::Tooth),
+            Self::Nose => Box::new(nose::Nose),
+            Self::Elephant => Box::new(elephant::Elephant::new()),
+        }
+    }
+}
+
+impl FromStr for Object {
+    type Err = SimulationError;
+
+    fn from_str(name: &str) -> Result<Self, SimulationError> {
+        let known = Self::ALL.into_iter().find(|object| object.name() == name);
+        known.ok_or_else(|| SimulationError::UnknownObject { name: name.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::solid::PointMm;
+    use super::*;
+
+    /// Points spread evenly over a box a quarter larger than the object's.
+    fn points(solid: &dyn Solid, count: usize) -> impl Iterator<Item = PointMm> {
+        let (min, max) = solid.bounds_mm();
+        let (centre, half) = ((min + max) / 2.0, (max - min) / 1.6);
+        (0..count).map(move |i| {
+            // Steps of the generalized golden ratio fill the box evenly.
+            let place = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_478_0].map(|a: f64| (a * i as f64).fract());
+            centre + half.component_mul(&(PointMm::from(place) * 2.0).add_scalar(-1.0))
+        })
+    }
+
+    #[test]
+    fn no_field_is_steeper_than_distance() {
+        for object in Object::ALL {
+            let solid = object.solid();
+            for p in points(solid.as_ref(), 4000) {
+                for step in [PointMm::x(), PointMm::y(), PointMm::z(), PointMm::new(0.6, -0.48, 0.64)] {
+                    let step = step * 0.01;
+                    let (here, there) = (solid.distance_mm(&p), solid.distance_mm(&(p + step)));
+                    // Inside, where rays never walk, the sign alone counts.
+                    let change = if here > 0.0 && there > 0.0 { (there - here).abs() } else { 0.0 };
+                    assert!(change <= step.norm() * (1.0 + 1e-9), "{object:?} at {p}: {}", change / step.norm());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_object_lies_in_its_box_and_its_box_in_the_volume() {
+        for object in Object::ALL {
+            let solid = object.solid();
+            let (min, max) = solid.bounds_mm();
+            assert!(min.x > -50.0 && max.x < 50.0 && min.y > -40.0 && max.y < 40.0, "{object:?}: {min} {max}");
+            assert!(min.z >= 0.0 && max.z < object.usual_depth_m() * 1e3 - 0.5, "{object:?}: {min} {max}");
+            let inside = |p: &PointMm| (0..3).all(|i| p[i] >= min[i] && p[i] <= max[i]);
+            for p in points(solid.as_ref(), 20_000) {
+                // The board hides what reaches below it.
+                assert!(inside(&p) || p.z < 0.0 || solid.distance_mm(&p) > 0.0, "{object:?} at {p}");
+            }
+        }
+    }
+}

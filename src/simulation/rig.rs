@@ -1,0 +1,283 @@
+//! The virtual rig: a sensor as it is, as its calibration says it is, and the volume that it measures.
+//!
+//! In: an arrangement and the knobs that rule `efc` (paper, Eq. 1): depth of the volume, period, calibration error.
+//! Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of either, and the fringe patterns.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+
+use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
+
+use super::calibration_error::{self, CalibrationDeviation};
+use super::{SimulationError, check_range};
+
+/// How cameras and projector stand to each other; the preset is [`Arrangement::TABLE_TOP`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrangement {
+    /// Distance between the centres of the cameras, metres.
+    pub base_m: f64,
+    /// Distance of the cameras' base from the centre of the volume, metres.
+    pub distance_m: f64,
+    /// Place of the projector along the base, 0 at C1 and 1 at C2.
+    pub projector_place: f64,
+    /// Height of the projector above the base, metres.
+    pub projector_height_m: f64,
+    /// Focal length of the cameras for an image of 640 × 512 pixels, pixels.
+    pub camera_focal_px: f64,
+    /// Focal length of the projector, pixels.
+    pub projector_focal_px: f64,
+    /// Whether the lenses distort.
+    pub distorted: bool,
+}
+
+impl Arrangement {
+    /// A table-top sensor like the paper's: cameras 110 mm apart, toed in onto a volume 305 mm away, and the projector
+    /// above at 0.38 of the base, where no wrong fringe order of low number passes the back-projection test.
+    pub const TABLE_TOP: Self = Self {
+        base_m: 0.11,
+        distance_m: 0.305,
+        projector_place: 0.38,
+        projector_height_m: 0.055,
+        camera_focal_px: 1840.0,
+        projector_focal_px: 3420.0,
+        distorted: true,
+    };
+
+    /// As [`Self::TABLE_TOP`], but with the projector in the middle, where every second fringe order passes the test.
+    pub const SYMMETRIC: Self = Self { projector_place: 0.5, ..Self::TABLE_TOP };
+}
+
+/// What a virtual rig is made from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigOptions {
+    /// How cameras and projector stand to each other.
+    pub arrangement: Arrangement,
+    /// Width and height of the camera images, pixels.
+    pub size_px: [usize; 2],
+    /// Depth of the measurement volume, metres; it is 100 mm × 80 mm across.
+    pub depth_m: f64,
+    /// Fringe period, projector pixels.
+    pub period_px: f64,
+    /// Standard deviation that δ of true correspondences has from the calibration error alone, rad.
+    pub sd_rad: f64,
+    /// Seed of the calibration error.
+    pub seed: u64,
+}
+
+/// A simulated sensor and what its maker believes about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualRig {
+    /// The rig that takes the images.
+    pub exact: Rig,
+    /// The rig as calibrated.
+    pub calibrated: Rig,
+    /// Measurement volume in the frame of the exact C1.
+    pub exact_volume: MeasurementVolume,
+    /// Measurement volume in the frame of the calibrated C1: where points triangulated with the calibration are.
+    pub volume: MeasurementVolume,
+    /// Fringes along the projector's columns.
+    pub columns: FringePattern,
+    /// Fringes along the projector's rows, for the second direction.
+    pub rows: FringePattern,
+    /// What the calibration error amounts to.
+    pub deviation: CalibrationDeviation,
+}
+
+/// Side of the projector's square display, pixels.
+const PROJECTOR_PX: usize = 1024;
+/// Image size that the arrangement's focal length belongs to, pixels.
+const NOMINAL_PX: [f64; 2] = [640.0, 512.0];
+/// Half the width and height of the measurement volume, metres.
+const VOLUME_HALF_M: [f64; 2] = [0.05, 0.04];
+
+impl VirtualRig {
+    /// Builds the rig and draws its calibration error.
+    ///
+    /// # Errors
+    /// [`SimulationError`]: an option out of its range, or a calibration error too large for this rig.
+    pub fn new(options: &RigOptions) -> Result<Self, SimulationError> {
+        for size in options.size_px {
+            check_range("image size", size as f64, 64.0, 4096.0, "px")?;
+        }
+        check_range("depth", options.depth_m * 1e3, 1.0, 150.0, "mm")?;
+        check_range("period", options.period_px, 4.0, 256.0, "px")?;
+        check_range("sd", options.sd_rad, 0.0, 1.0, "rad")?;
+        let (exact, exact_volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;
+        let columns = FringePattern {
+            period_px: options.period_px,
+            sign: 1.0,
+            // The phase is zero at the left border of column 0, half a pixel before its centre.
+            offset_rad: PI / options.period_px,
+        };
+        let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, options.seed)?;
+        let (min, max) = (*exact_volume.min(), *exact_volume.max());
+        let volume = MeasurementVolume::new(drawn.cam1_from_volume, min, max)?;
+        Ok(Self {
+            exact,
+            calibrated: drawn.rig,
+            exact_volume,
+            volume,
+            columns,
+            rows: columns,
+            deviation: drawn.deviation,
+        })
+    }
+
+    /// Number of Gray-code images that tell all half periods of the display apart.
+    #[must_use]
+    pub fn gray_images(&self) -> usize {
+        let cells = (2.0 * PROJECTOR_PX as f64 / self.columns.period_px).ceil() as usize;
+        cells.next_power_of_two().trailing_zeros().max(1) as usize
+    }
+
+    /// Mean number of fringe periods on an epipolar segment, the `n` of Eq. 1: the periods that C2 sees between both ends
+    /// of a segment when it looks at the middle plane of the volume.
+    #[must_use]
+    pub fn mean_periods(&self) -> f64 {
+        let (columns, rows) = (9, 7);
+        let (width, height) = (self.exact.cam1.width_px() as f64, self.exact.cam1.height_px() as f64);
+        let mut periods = Vec::new();
+        for i in 0..columns * rows {
+            let u = width * (f64::from(i % columns) + 0.5) / f64::from(columns);
+            let v = height * (f64::from(i / columns) + 0.5) / f64::from(rows);
+            periods.extend(self.periods_on_segment(u, v));
+        }
+        periods.iter().sum::<f64>() / periods.len().max(1) as f64
+    }
+
+    fn periods_on_segment(&self, u_px: f64, v_px: f64) -> Option<f64> {
+        let ray = self.exact.cam1.ray(&[u_px, v_px].into())?;
+        let (near, far) = self.exact_volume.clip(&ray)?;
+        let column = |depth: f64| {
+            let on_plane = self.on_middle_plane(&Point3::from(ray * depth))?;
+            Some(self.exact.project_projector(&on_plane)?.x)
+        };
+        Some((column(far)? - column(near)?).abs() / self.columns.period_px)
+    }
+
+    /// Where the ray of C2 to a point meets the middle plane of the volume, frame of C1.
+    fn on_middle_plane(&self, point: &Point3) -> Option<Point3> {
+        let volume_from_cam1 = self.exact_volume.cam1_from_volume().inverse();
+        let (eye, target) = (volume_from_cam1 * self.exact.centre_of_cam2(), volume_from_cam1 * point);
+        let share = eye.z / (eye.z - target.z);
+        share.is_finite().then(|| self.exact_volume.cam1_from_volume() * (eye + (target - eye) * share))
+    }
+}
+
+/// The rig without error and its volume; the frame of the volume is x right, y down, z away from the sensor.
+fn exact_rig(
+    arrangement: &Arrangement,
+    size_px: [usize; 2],
+    depth_m: f64,
+) -> Result<(Rig, MeasurementVolume), SimulationError> {
+    let a = arrangement;
+    // A hair of asymmetry: no assembled sensor is level to the micrometre.
+    let centre1 = Point3::new(-a.base_m / 2.0, 0.0, -a.distance_m);
+    let base = Vector3::new(a.base_m, 0.0018, 0.001);
+    let above = Vector3::new(0.0, -a.projector_height_m, -0.004);
+    let across = above - base * (above.dot(&base) / base.norm_squared());
+    let cam1 = looking_at_centre(centre1, 0.006);
+    let cam2 = looking_at_centre(centre1 + base, -0.009);
+    let projector = looking_at_centre(centre1 + base * a.projector_place + across, 0.011);
+    let lens = |coefficients: [f64; 5]| {
+        if a.distorted { Distortion::from_opencv(&coefficients) } else { Distortion::default() }
+    };
+    let rig = Rig {
+        cam1: camera(a.camera_focal_px, [1.8, -3.9], lens([-0.115, 0.31, 5.0e-4, -4.0e-4, 0.0]), size_px),
+        cam2: camera(a.camera_focal_px * 0.9985, [-3.1, 2.6], lens([-0.108, 0.27, -6.0e-4, 5.0e-4, 0.0]), size_px),
+        projector: projector_lens(a.projector_focal_px, lens([-0.05, 0.12, 3.0e-4, 2.0e-4, 0.0])),
+        cam2_from_cam1: cam2 * cam1.inverse(),
+        projector_from_cam1: projector * cam1.inverse(),
+    };
+    let [x, y] = VOLUME_HALF_M;
+    let corner = Point3::new(x, y, depth_m / 2.0);
+    Ok((rig, MeasurementVolume::new(cam1, -corner, corner)?))
+}
+
+/// Frame of a camera at `eye` that looks at the origin of the volume, turned by `roll_rad`: `camera_from_volume`.
+fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
+    let z = -eye.coords.normalize();
+    let x = Vector3::y().cross(&z).normalize();
+    let y = z.cross(&x);
+    let rows = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
+    let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), roll_rad) * Rotation3::from_matrix_unchecked(rows);
+    let rotation = UnitQuaternion::from_rotation_matrix(&rotation);
+    Pose::from_parts(Translation3::from(rotation * -eye.coords), rotation)
+}
+
+/// A camera whose nominal numbers, given for 640 × 512 pixels, are scaled to its image size.
+fn camera(focal_px: f64, off_centre_px: [f64; 2], lens: Distortion, size_px: [usize; 2]) -> Camera {
+    let scale = (size_px[0] as f64 / NOMINAL_PX[0]).min(size_px[1] as f64 / NOMINAL_PX[1]);
+    let principal = [0, 1].map(|i| (size_px[i] as f64 - 1.0) / 2.0 + off_centre_px[i] * scale);
+    Camera::new([focal_px * scale, focal_px * scale * 1.0004], principal, lens, size_px)
+}
+
+fn projector_lens(focal_px: f64, lens: Distortion) -> Camera {
+    Camera::new([focal_px, focal_px], [514.3, 508.2], lens, [PROJECTOR_PX, PROJECTOR_PX])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> RigOptions {
+        RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: [640, 512],
+            depth_m: 0.025,
+            period_px: 16.0,
+            sd_rad: 0.041,
+            seed: 1,
+        }
+    }
+
+    #[test]
+    fn the_usual_rig_has_the_numbers_of_the_paper() {
+        let rig = VirtualRig::new(&options()).unwrap();
+        let n = rig.mean_periods();
+        assert!((5.5..6.5).contains(&n), "n {n}");
+        let efc = 3.0 * rig.deviation.delta_rms * (n - 1.0) / PI;
+        assert!((0.17..0.22).contains(&efc), "efc {efc}");
+        assert!((rig.exact.projector_place_on_base() - 0.38).abs() < 1e-9);
+        assert_eq!(rig.gray_images(), 7);
+    }
+
+    #[test]
+    fn the_calibration_error_is_the_wanted_one_and_hardly_vertical() {
+        for seed in 0..12 {
+            for sd_rad in [0.004, 0.041, 0.12] {
+                let rig = VirtualRig::new(&RigOptions { seed, sd_rad, ..options() }).unwrap();
+                let d = rig.deviation;
+                assert!((d.delta_rms - sd_rad).abs() < 1e-6, "seed {seed}: {d:?}");
+                assert!(d.delta_mean.abs() < 1e-6 && d.epi_rms < 0.1, "seed {seed}: {d:?}");
+                assert!(rig.calibrated != rig.exact);
+            }
+        }
+    }
+
+    #[test]
+    fn without_calibration_error_both_rigs_agree() {
+        let rig = VirtualRig::new(&RigOptions { sd_rad: 0.0, ..options() }).unwrap();
+        assert_eq!(rig.calibrated, rig.exact);
+        assert_eq!(rig.volume, rig.exact_volume);
+    }
+
+    #[test]
+    fn knobs_move_the_number_of_periods() {
+        let periods = |o: RigOptions| VirtualRig::new(&o).unwrap().mean_periods();
+        let usual = periods(options());
+        assert!(periods(RigOptions { depth_m: 0.05, ..options() }) > 1.8 * usual);
+        assert!((periods(RigOptions { period_px: 32.0, ..options() }) - usual / 2.0).abs() < 1e-9);
+        let large = periods(RigOptions { size_px: [1280, 1024], ..options() });
+        assert!((large - usual).abs() < 0.05 * usual);
+    }
+
+    #[test]
+    fn options_out_of_range_are_refused_with_their_value() {
+        let refused = VirtualRig::new(&RigOptions { depth_m: f64::NAN, ..options() }).unwrap_err();
+        assert!(refused.to_string().contains("depth is NaN mm"), "{refused}");
+        assert!(VirtualRig::new(&RigOptions { size_px: [0, 512], ..options() }).is_err());
+        assert!(VirtualRig::new(&RigOptions { period_px: 0.0, ..options() }).is_err());
+    }
+}

@@ -1,0 +1,182 @@
+//! The camera's sensor: light to grey levels, with noise.
+//!
+//! In: a [`View`] and a projected pattern. Out: an 8-bit image. Noise is drawn per image and row from a seed, so that
+//! the bytes do not depend on threads.
+
+use std::f64::consts::TAU;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::dataset::GreyImage;
+
+use super::SimulationError;
+use super::projected::Projected;
+use super::view::View;
+
+/// Noise of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Electrons at grey level 255; their number scatters by its root.
+    pub full_well_e: f64,
+    /// Standard deviation of reading a pixel, electrons.
+    pub read_noise_e: f64,
+    /// Standard deviation of the sensitivity from pixel to pixel, as a share.
+    pub prnu: f64,
+}
+
+/// The levels of noise that have a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoiseLevel {
+    /// Rounding to 8 bits alone.
+    None,
+    /// A good industrial camera, well lit.
+    Low,
+    /// An industrial camera at the short exposures of a moving scanner.
+    Normal,
+    /// Too little light.
+    High,
+}
+
+/// Light and electronics of the virtual scanner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// Grey levels of a white surface that faces the fully lit projector.
+    pub gain: f64,
+    /// Light of the surroundings, as a share of the projector's.
+    pub ambient: f64,
+    /// Light that the projector leaks where it shows black, as a share.
+    pub leak: f64,
+    /// Exponent of the projector: light = brightness^gamma.
+    pub gamma: f64,
+    /// Grey level of darkness.
+    pub black_level: f64,
+    /// Noise; `None` for rounding alone.
+    pub noise: Option<Noise>,
+}
+
+/// Which random numbers an image gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageSeed {
+    /// Seed of the whole sequence.
+    pub seed: u64,
+    /// Number of the camera; each has a pattern of sensitivity of its own.
+    pub camera: u8,
+    /// Number of the image in the sequence.
+    pub image: u32,
+}
+
+impl NoiseLevel {
+    /// All levels, quiet to loud.
+    pub const ALL: [Self; 4] = [Self::None, Self::Low, Self::Normal, Self::High];
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Low => "low",
+            Self::Normal => "normal",
+            Self::High => "high",
+        }
+    }
+
+    /// The noise of this level.
+    #[must_use]
+    pub fn noise(self) -> Option<Noise> {
+        match self {
+            Self::None => None,
+            Self::Low => Some(Noise { full_well_e: 60_000.0, read_noise_e: 10.0, prnu: 0.002 }),
+            Self::Normal => Some(Noise { full_well_e: 20_000.0, read_noise_e: 25.0, prnu: 0.004 }),
+            Self::High => Some(Noise { full_well_e: 6_000.0, read_noise_e: 40.0, prnu: 0.008 }),
+        }
+    }
+}
+
+impl std::str::FromStr for NoiseLevel {
+    type Err = SimulationError;
+
+    fn from_str(name: &str) -> Result<Self, SimulationError> {
+        let known = Self::ALL.into_iter().find(|level| level.name() == name);
+        known.ok_or_else(|| SimulationError::UnknownNoise { name: name.to_owned() })
+    }
+}
+
+impl Sensor {
+    /// Exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing saturates.
+    #[must_use]
+    pub fn exposed(noise: Option<Noise>, gamma: f64) -> Self {
+        Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise }
+    }
+
+    /// The image of a pattern.
+    #[must_use]
+    pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
+        let mut pixels = vec![0; view.width * view.height];
+        pixels.par_chunks_mut(view.width.max(1)).enumerate().for_each(|(v, row)| {
+            let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, v));
+            for (u, pixel) in row.iter_mut().enumerate() {
+                let grey = self.grey(view, pattern, v * view.width + u);
+                let noisy = noise.as_mut().map_or(grey, |noise| noise.apply(grey));
+                *pixel = noisy.round().clamp(0.0, 255.0) as u8;
+            }
+        });
+        GreyImage { width: view.width, height: view.height, pixels }
+    }
+
+    /// Grey level of a pixel before noise and rounding; `index` counts row by row, below `width · height`.
+    #[must_use]
+    pub fn grey(&self, view: &View, pattern: &Projected, index: usize) -> f64 {
+        let samples = view.pixel(index);
+        let light = |sample: &super::view::Sample| {
+            let ambient = f64::from(sample.albedo) * self.ambient;
+            if sample.reflected <= 0.0 {
+                return ambient;
+            }
+            let shown = pattern.brightness(sample);
+            let shown = if self.gamma == 1.0 { shown } else { shown.powf(self.gamma) };
+            ambient + f64::from(sample.reflected) * (self.leak + (1.0 - self.leak) * shown)
+        };
+        self.black_level + self.gain * samples.iter().map(light).sum::<f64>() / samples.len().max(1) as f64
+    }
+}
+
+/// Noise of one row of one image.
+struct RowNoise {
+    noise: Noise,
+    /// Sensitivity, the same in all images of a camera.
+    fixed: ChaCha8Rng,
+    /// Shot and read noise, new in every image.
+    fresh: ChaCha8Rng,
+}
+
+impl RowNoise {
+    fn new(noise: Noise, seed: ImageSeed, row: usize) -> Self {
+        let rng = |image: u32| {
+            let mut key = [0; 32];
+            key[..8].copy_from_slice(&seed.seed.to_le_bytes());
+            key[8] = seed.camera;
+            key[12..16].copy_from_slice(&image.to_le_bytes());
+            key[16..24].copy_from_slice(&(row as u64).to_le_bytes());
+            ChaCha8Rng::from_seed(key)
+        };
+        Self { noise, fixed: rng(u32::MAX), fresh: rng(seed.image) }
+    }
+
+    fn apply(&mut self, grey: f64) -> f64 {
+        let Noise { full_well_e, read_noise_e, prnu } = self.noise;
+        let per_electron = 255.0 / full_well_e;
+        let electrons = grey / per_electron * (1.0 + prnu * standard_normal(&mut self.fixed));
+        // Hundreds of electrons and more: Poisson's distribution is a normal one.
+        let sd = (electrons.max(0.0) + read_noise_e * read_noise_e).sqrt();
+        (electrons + sd * standard_normal(&mut self.fresh)) * per_electron
+    }
+}
+
+/// A standard normal number (Box and Muller 1958).
+pub(super) fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (a, b): (f64, f64) = (rng.random(), rng.random());
+    // 1 − a is never zero.
+    (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
+}

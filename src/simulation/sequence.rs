@@ -1,0 +1,212 @@
+//! A whole fringe sequence of the virtual scanner, written as a dataset folder.
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::calibration::Unit;
+use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, GrayCode, ImageKind, RenderedTruth};
+
+use super::projected::{Direction, Projected};
+use super::sensor::{ImageSeed, NoiseLevel, Sensor};
+use super::view::View;
+use super::{Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, VirtualRig, check_range, truth};
+
+/// What is simulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimulationOptions {
+    /// The object.
+    pub object: Object,
+    /// What it lies on.
+    pub board: Board,
+    /// The rig, with the seed of its calibration error.
+    pub rig: RigOptions,
+    /// Phase shifts a direction, 3 to 16.
+    pub steps: usize,
+    /// Fringes and code along the projector's rows as well.
+    pub two_directions: bool,
+    /// Gray code.
+    pub gray: bool,
+    /// Noise of the cameras.
+    pub noise: NoiseLevel,
+    /// Exponent of the projector, 1 for a linear one.
+    pub gamma: f64,
+    /// Samples along each side of a pixel, 1 to 4.
+    pub supersampling: usize,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// What a simulated dataset is like.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct SimulationSummary {
+    /// Images a camera.
+    pub images: usize,
+    /// Pixels of C1 that can be measured.
+    pub measurable: usize,
+    /// Mean number of fringe periods on an epipolar segment, n of the paper's Eq. 1.
+    pub mean_periods: f64,
+    /// Expected false candidates per true one, the paper's Eq. 1 with the sd of the calibration error.
+    pub expected_false_candidates: f64,
+    /// Place of the projector along the base.
+    pub projector_place: f64,
+    /// What the calibration error amounts to.
+    pub calibration_error: CalibrationDeviation,
+}
+
+/// A simulated sequence, rays traced and ready to be imaged.
+pub struct Simulation {
+    options: SimulationOptions,
+    rig: VirtualRig,
+    views: [View; 2],
+    truth: RenderedTruth,
+}
+
+/// Unit of simulated datasets.
+const UNIT: Unit = Unit::Millimetre;
+
+impl Simulation {
+    /// Builds rig and scene and traces what both cameras see.
+    ///
+    /// # Errors
+    /// [`SimulationError`]: an option out of its range.
+    pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
+        check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
+        check_range("gamma", options.gamma, 0.2, 5.0, "")?;
+        let rig = VirtualRig::new(&options.rig)?;
+        let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
+        let view = |camera| View::trace(&rig.exact, &scene, camera, options.supersampling);
+        let views = [view(CameraId::Cam1)?, view(CameraId::Cam2)?];
+        let truth = truth(&rig.exact, &rig.exact_volume, &scene, &views[0], UNIT);
+        Ok(Self { options, rig, views, truth })
+    }
+
+    /// The rig.
+    #[must_use]
+    pub fn rig(&self) -> &VirtualRig {
+        &self.rig
+    }
+
+    /// What each camera sees, C1 first.
+    #[must_use]
+    pub fn views(&self) -> &[View; 2] {
+        &self.views
+    }
+
+    /// What is true, points in millimetres.
+    #[must_use]
+    pub fn truth(&self) -> &RenderedTruth {
+        &self.truth
+    }
+
+    /// What the dataset is like.
+    #[must_use]
+    pub fn summary(&self) -> SimulationSummary {
+        let mean_periods = self.rig.mean_periods();
+        SimulationSummary {
+            images: self.images().len(),
+            measurable: self.truth.measurable.iter().filter(|&&m| m).count(),
+            mean_periods,
+            expected_false_candidates: 3.0 * self.rig.deviation.delta_rms * (mean_periods - 1.0).max(0.0) / PI,
+            projector_place: self.rig.exact.projector_place_on_base(),
+            calibration_error: self.rig.deviation,
+        }
+    }
+
+    /// Names and patterns of a camera's images, in the order in which they are taken.
+    #[must_use]
+    pub fn images(&self) -> Vec<(ImageKind, Projected)> {
+        let mut images = self.direction(Direction::Columns, ImageKind::Phase, ImageKind::Gray);
+        if self.options.two_directions {
+            images.extend(self.direction(Direction::Rows, ImageKind::SecondPhase, ImageKind::SecondGray));
+        }
+        images.extend([(ImageKind::White, Projected::White), (ImageKind::Black, Projected::Black)]);
+        images
+    }
+
+    fn direction(
+        &self,
+        direction: Direction,
+        phase: fn(usize) -> ImageKind,
+        gray: fn(usize) -> ImageKind,
+    ) -> Vec<(ImageKind, Projected)> {
+        let sequence = self.sequence(direction);
+        let pattern = sequence.pattern;
+        let fringes = sequence.shifts_rad.iter().enumerate();
+        let fringes = fringes.map(|(k, &shift_rad)| (phase(k), Projected::Fringes { direction, pattern, shift_rad }));
+        let bits = sequence.gray.map_or(0, |g| g.images);
+        let code = (0..bits).map(|k| (gray(k), Projected::Gray { direction, pattern, bit: (bits - 1 - k) as u32 }));
+        fringes.chain(code).collect()
+    }
+
+    fn sequence(&self, direction: Direction) -> FringeSequence {
+        let steps = self.options.steps;
+        FringeSequence {
+            pattern: match direction {
+                Direction::Columns => self.rig.columns,
+                Direction::Rows => self.rig.rows,
+            },
+            shifts_rad: (0..steps).map(|k| TAU * k as f64 / steps as f64).collect(),
+            gray: self.options.gray.then(|| GrayCode { images: self.rig.gray_images(), cell_periods: 0.5 }),
+        }
+    }
+
+    /// Takes all images and writes the dataset folder; `on_image` is told after every image of both cameras.
+    ///
+    /// # Errors
+    /// The folder exists and is not empty, or it cannot be written.
+    pub fn write(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<(), SimulationError> {
+        let writer = DatasetWriter::create(folder, &self.description())?;
+        writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
+        writer.truth(&self.truth)?;
+        let sensor = Sensor::exposed(self.options.noise.noise(), self.options.gamma);
+        for (image, (kind, pattern)) in self.images().into_iter().enumerate() {
+            for (camera, view) in CameraId::BOTH.into_iter().zip(&self.views) {
+                let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: image as u32 };
+                writer.image(camera, kind, &sensor.image(view, &pattern, seed))?;
+            }
+            on_image();
+        }
+        Ok(writer.finish()?)
+    }
+
+    fn description(&self) -> DatasetDescription {
+        let options = &self.options;
+        DatasetDescription {
+            name: options.object.name().to_owned(),
+            unit: UNIT,
+            image_size_px: options.rig.size_px,
+            steps: options.steps,
+            sequence: self.sequence(Direction::Columns),
+            second_direction: options.two_directions.then(|| self.sequence(Direction::Rows)),
+            volume: self.rig.volume.clone(),
+            exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
+            remarks: self.remarks(),
+        }
+    }
+
+    fn remarks(&self) -> serde_json::Map<String, serde_json::Value> {
+        let options = &self.options;
+        let noise = options.noise.noise().map_or_else(
+            || json!({ "level": options.noise.name(), "adc_bits": 8 }),
+            |noise| {
+                json!({
+                    "level": options.noise.name(),
+                    "full_well_e_at_255": noise.full_well_e,
+                    "read_noise_e": noise.read_noise_e,
+                    "prnu": noise.prnu,
+                    "adc_bits": 8,
+                })
+            },
+        );
+        let fields = [
+            ("noise", noise),
+            ("calib_error", json!(self.rig.deviation)),
+            ("gamma", json!(options.gamma)),
+            ("seed", json!(options.seed)),
+            ("truth", json!("truth.npz in the frame of C1 (exact calibration)")),
+        ];
+        fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+}

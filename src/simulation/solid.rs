@@ -1,0 +1,128 @@
+//! Solids as signed distance functions, and the primitives they are put together from.
+//!
+//! Lengths in millimetres, in the frame of the object: x right, y up, z towards the sensor, the board it lies on at
+//! z = 0. Every function here changes by at most the distance its argument moves (Lipschitz constant 1), so that a ray
+//! may always walk on by the value. Values are exact at the surface and a lower bound of the distance elsewhere.
+
+/// A point or direction in the frame of an object, millimetres.
+pub type PointMm = nalgebra::Vector3<f64>;
+
+/// A body that rays can be traced against.
+pub trait Solid: Send + Sync {
+    /// Lower bound of the distance to the surface, negative inside, zero on it.
+    fn distance_mm(&self, point: &PointMm) -> f64;
+
+    /// Corners (least, largest) of a box that encloses the body.
+    fn bounds_mm(&self) -> (PointMm, PointMm);
+}
+
+/// Ball about `centre`.
+#[inline]
+pub(super) fn sphere(p: &PointMm, centre: PointMm, radius: f64) -> f64 {
+    (p - centre).norm() - radius
+}
+
+/// Ellipsoid with axes along x, y and z.
+#[inline]
+pub(super) fn ellipsoid(p: &PointMm, centre: PointMm, radii: PointMm) -> f64 {
+    let stretch = radii.map(|r| 1.0 / r);
+    ((p - centre).component_mul(&stretch).norm() - 1.0) * radii.min()
+}
+
+/// Box with rounded edges; `half` is half its size, rounding included.
+#[inline]
+pub(super) fn rounded_box(p: &PointMm, centre: PointMm, half: PointMm, rounding: f64) -> f64 {
+    let q = (p - centre).abs() - half.add_scalar(-rounding);
+    q.sup(&PointMm::zeros()).norm() + q.max().min(0.0) - rounding
+}
+
+/// Cylinder along z from `low` to `high` with rounded edges, about the z axis through `centre` (x, y).
+#[inline]
+pub(super) fn cylinder(p: &PointMm, centre: [f64; 2], radius: f64, [low, high]: [f64; 2], rounding: f64) -> f64 {
+    let across = length(p.x - centre[0], p.y - centre[1]) - radius + rounding;
+    let along = (p.z - 0.5 * (low + high)).abs() - 0.5 * (high - low) + rounding;
+    length(across.max(0.0), along.max(0.0)) + across.max(along).min(0.0) - rounding
+}
+
+/// Round bar between two places whose radius changes linearly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RoundCone {
+    start: PointMm,
+    axis: PointMm,
+    inverse_length_squared: f64,
+    radius: f64,
+    growth: f64,
+    /// Makes up for the slope of the field along a bar whose radius changes.
+    taming: f64,
+}
+
+impl RoundCone {
+    /// The bar from a place and radius to another.
+    #[inline]
+    pub(super) fn new((a, radius_a): (PointMm, f64), (b, radius_b): (PointMm, f64)) -> Self {
+        let axis = b - a;
+        let inverse_length_squared = 1.0 / axis.norm_squared();
+        let growth = radius_b - radius_a;
+        let taming = 1.0 / (1.0 + growth * growth * inverse_length_squared).sqrt();
+        Self { start: a, axis, inverse_length_squared, radius: radius_a, growth, taming }
+    }
+
+    #[inline]
+    pub(super) fn distance(&self, p: &PointMm) -> f64 {
+        let offset = p - self.start;
+        let share = (offset.dot(&self.axis) * self.inverse_length_squared).clamp(0.0, 1.0);
+        ((offset - self.axis * share).norm() - self.radius - self.growth * share) * self.taming
+    }
+
+    /// Square of the distance from the bar's axis: bars of one radius need one root between them.
+    #[inline]
+    pub(super) fn axis_distance_squared(&self, p: &PointMm) -> f64 {
+        let offset = p - self.start;
+        let share = (offset.dot(&self.axis) * self.inverse_length_squared).clamp(0.0, 1.0);
+        (offset - self.axis * share).norm_squared()
+    }
+}
+
+/// [`RoundCone`] for bars known when compiled.
+#[inline]
+pub(super) fn round_cone(p: &PointMm, a: (PointMm, f64), b: (PointMm, f64)) -> f64 {
+    RoundCone::new(a, b).distance(p)
+}
+
+/// Length of a vector in a plane; `hypot` guards against overflow, which takes longer than all the rest.
+#[inline]
+pub(super) fn length(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
+/// Union of two bodies with a fillet of about `fillet`.
+#[inline]
+pub(super) fn smooth_union(a: f64, b: f64, fillet: f64) -> f64 {
+    let overlap = (fillet - (a - b).abs()).max(0.0) / fillet;
+    a.min(b) - overlap * overlap * fillet * 0.25
+}
+
+/// The first body without the second, the edge rounded by about `fillet`.
+#[inline]
+pub(super) fn smooth_cut(body: f64, tool: f64, fillet: f64) -> f64 {
+    -smooth_union(-body, tool, fillet)
+}
+
+/// The first body without the second.
+#[inline]
+pub(super) fn cut(body: f64, tool: f64) -> f64 {
+    body.max(-tool)
+}
+
+/// Turns a point about the z axis through the origin, which turns a body the other way.
+fn turned(p: &PointMm, angle_rad: f64) -> PointMm {
+    let (sin, cos) = angle_rad.sin_cos();
+    PointMm::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
+}
+
+/// Folds the plane into one of `count` equal sectors, the one about the x axis: what is cut there is cut in all.
+pub(super) fn sector(p: &PointMm, count: f64) -> PointMm {
+    let width = std::f64::consts::TAU / count;
+    let angle = p.y.atan2(p.x);
+    turned(p, -(angle / width).round() * width)
+}

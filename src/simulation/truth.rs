@@ -1,0 +1,65 @@
+//! What is true of a simulated dataset, per pixel of C1.
+
+use rayon::prelude::*;
+
+use crate::calibration::Unit;
+use crate::dataset::RenderedTruth;
+use crate::geometry::{MeasurementVolume, Rig};
+
+use super::scene::{Board, Scene, Surface};
+use super::trace::is_free;
+use super::view::{Centre, View};
+
+/// What is true at the middle of one pixel of C1.
+#[derive(Clone, Copy, Debug)]
+struct PixelTruth {
+    cam2_px: [f32; 2],
+    point: [f32; 3],
+    seen_by_cam2: bool,
+    lit: bool,
+    in_volume: bool,
+    bright: bool,
+}
+
+/// A pixel whose ray meets nothing.
+const NOTHING: PixelTruth = PixelTruth {
+    cam2_px: [f32::NAN; 2],
+    point: [0.0; 3],
+    seen_by_cam2: false,
+    lit: false,
+    in_volume: false,
+    bright: false,
+};
+
+/// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
+///
+/// `reference` is everything measurable that is bright enough to be: not a dark board.
+#[must_use]
+pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
+    let cam2 = scene.to_object(&rig.centre_of_cam2());
+    let at = |centre: &Centre| {
+        let hit = centre.hit?;
+        let point = scene.to_cam1(&hit.point);
+        let seen = rig.project_cam2(&point)?;
+        Some(PixelTruth {
+            cam2_px: [seen.x as f32, seen.y as f32],
+            point: (point.coords / unit.in_metres()).map(|c| c as f32).into(),
+            seen_by_cam2: rig.cam2.sees(&seen) && is_free(scene, &hit, &cam2),
+            lit: centre.sample.reflected > 0.0,
+            in_volume: volume.contains(&point),
+            bright: hit.surface == Surface::Object || scene.board == Board::Visible,
+        })
+    };
+    let pixels: Vec<_> = view.centres.par_iter().map(|centre| at(centre).unwrap_or(NOTHING)).collect();
+    let measurable: Vec<bool> = pixels.iter().map(|p| p.seen_by_cam2 && p.lit && p.in_volume).collect();
+    RenderedTruth {
+        cam2_px: pixels.iter().map(|p| p.cam2_px).collect(),
+        point: pixels.iter().map(|p| p.point).collect(),
+        seen_by_cam2: pixels.iter().map(|p| p.seen_by_cam2).collect(),
+        lit: pixels.iter().map(|p| p.lit).collect(),
+        in_volume: pixels.iter().map(|p| p.in_volume).collect(),
+        reference: pixels.iter().zip(&measurable).map(|(p, &measurable)| measurable && p.bright).collect(),
+        measurable,
+        gray_cam2_px: None,
+    }
+}

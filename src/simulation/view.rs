@@ -1,0 +1,236 @@
+//! What a camera sees of a scene, before any pattern is chosen: where P lights each place and how bright it is there.
+//!
+//! In: a rig, a scene, a camera. Out: a [`View`], from which the image of any pattern is arithmetic alone. Rays are
+//! traced once per pixel; only where a pixel and its neighbours do not belong to one smooth, evenly lit piece of surface
+//! are its sub-samples traced too, elsewhere they follow linearly.
+
+use rayon::prelude::*;
+
+use crate::dataset::CameraId;
+use crate::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
+
+use super::scene::Scene;
+use super::solid::PointMm;
+use super::trace::{Hit, Ray, first_hit, is_free};
+use super::{SimulationError, check_range};
+
+/// A place on a surface as a camera sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Column of the projector pixel that lights it, pixels; 0 in shadow.
+    pub column_px: f32,
+    /// Row of that projector pixel, pixels; 0 in shadow.
+    pub row_px: f32,
+    /// Share of the projector's light that comes back: albedo, cosine and distance; 0 in shadow.
+    pub reflected: f32,
+    /// Share of the ambient light that comes back; 0 where there is nothing.
+    pub albedo: f32,
+}
+
+/// What one camera sees, row by row, `per_pixel` samples a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Samples a pixel.
+    pub per_pixel: usize,
+    /// `width · height · per_pixel` samples.
+    pub samples: Vec<Sample>,
+    /// What the middle of every pixel sees.
+    pub centres: Vec<Centre>,
+}
+
+/// What the middle of a pixel sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Centre {
+    /// The place that its ray meets; `None` where there is nothing.
+    pub hit: Option<Hit>,
+    /// How it is lit.
+    pub sample: Sample,
+}
+
+/// Differences to the linear course up to which samples are not traced: projector pixels, and share of the brightness.
+const SMOOTH_PX: f32 = 0.08;
+const SMOOTH_SHARE: f32 = 0.1;
+/// Distance from the projector at which `reflected` is albedo times cosine, metres.
+const REFERENCE_DISTANCE_M: f64 = 0.31;
+
+impl View {
+    /// Traces what a camera of `rig` sees, `supersampling`² samples a pixel.
+    ///
+    /// # Errors
+    /// [`SimulationError::Range`]: more than 4 × 4 samples, or none.
+    pub fn trace(rig: &Rig, scene: &Scene, camera: CameraId, supersampling: usize) -> Result<Self, SimulationError> {
+        check_range("supersampling", supersampling as f64, 1.0, 4.0, "samples a side")?;
+        let eye = Eye::new(rig, scene, camera);
+        let (width, height) = (eye.camera.width_px(), eye.camera.height_px());
+        let centres = Centres::trace(&eye, width, height);
+        let per_pixel = supersampling * supersampling;
+        let mut samples = vec![Sample::default(); width * height * per_pixel];
+        samples.par_chunks_mut((width * per_pixel).max(1)).enumerate().for_each(|(v, row)| {
+            for (u, pixel) in row.chunks_exact_mut(per_pixel).enumerate() {
+                centres.fill(&eye, u, v, supersampling, pixel);
+            }
+        });
+        Ok(Self { width, height, per_pixel, samples, centres: centres.pixels })
+    }
+
+    /// Samples of a pixel.
+    pub(super) fn pixel(&self, index: usize) -> &[Sample] {
+        &self.samples[index * self.per_pixel..][..self.per_pixel]
+    }
+}
+
+/// A camera and the projector, in the frame of the object.
+struct Eye<'a> {
+    rig: &'a Rig,
+    scene: &'a Scene,
+    camera: &'a Camera,
+    cam1_from_camera: Pose,
+    /// Centre of the camera.
+    centre: PointMm,
+    /// Centre of the projector.
+    light: PointMm,
+}
+
+impl<'a> Eye<'a> {
+    fn new(rig: &'a Rig, scene: &'a Scene, camera: CameraId) -> Self {
+        let (camera, cam1_from_camera) = match camera {
+            CameraId::Cam1 => (&rig.cam1, Pose::identity()),
+            CameraId::Cam2 => (&rig.cam2, rig.cam2_from_cam1.inverse()),
+        };
+        Self {
+            rig,
+            scene,
+            camera,
+            centre: scene.to_object(&(cam1_from_camera * Point3::origin())),
+            light: scene.to_object(&rig.centre_of_projector()),
+            cam1_from_camera,
+        }
+    }
+
+    /// What the ray of an image point meets first.
+    fn hit(&self, pixel: &Pixel) -> Option<Hit> {
+        let direction: Vector3 = self.cam1_from_camera.rotation * self.camera.ray(pixel)?;
+        let direction = self.scene.direction_to_object(&direction.normalize());
+        first_hit(self.scene, &Ray { origin: self.centre, direction })
+    }
+
+    /// The projector pixel that lights a place; `None` in shadow and beside the display.
+    fn lit_by(&self, hit: &Hit) -> Option<Pixel> {
+        let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
+        (self.rig.projector.sees(&pixel) && is_free(self.scene, hit, &self.light)).then_some(pixel)
+    }
+
+    fn sample(&self, hit: &Hit) -> Sample {
+        let albedo = self.scene.albedo(hit.surface, &hit.point);
+        let dark = Sample { albedo: albedo as f32, ..Sample::default() };
+        let Some(pixel) = self.lit_by(hit) else { return dark };
+        let way = self.light - hit.point;
+        let distance_m = way.norm() * 1e-3;
+        let cosine = way.dot(&hit.normal).max(0.0) / way.norm();
+        let reflected = albedo * cosine * (REFERENCE_DISTANCE_M / distance_m).powi(2);
+        Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, ..dark }
+    }
+}
+
+/// The middles of all pixels, traced.
+struct Centres {
+    width: usize,
+    height: usize,
+    pixels: Vec<Centre>,
+}
+
+impl Centres {
+    fn trace(eye: &Eye<'_>, width: usize, height: usize) -> Self {
+        let mut pixels = vec![Centre::default(); width * height];
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
+            for (u, pixel) in row.iter_mut().enumerate() {
+                if let Some(hit) = eye.hit(&Pixel::new(u as f64, v as f64)) {
+                    *pixel = Centre { hit: Some(hit), sample: eye.sample(&hit) };
+                }
+            }
+        });
+        Self { width, height, pixels }
+    }
+
+    /// The samples of one pixel: linear where it is part of a smooth piece, traced elsewhere.
+    fn fill(&self, eye: &Eye<'_>, u: usize, v: usize, side: usize, samples: &mut [Sample]) {
+        let slopes = self.slopes(u, v);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let offset = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
+            let (du, dv) = (offset(i % side), offset(i / side));
+            *sample = match (&slopes, side) {
+                (_, 1) => self.pixels[v * self.width + u].sample,
+                (Some(slopes), _) => slopes.sample(du as f32, dv as f32),
+                (None, _) => {
+                    let hit = eye.hit(&Pixel::new(u as f64 + du, v as f64 + dv));
+                    hit.map_or_else(Sample::default, |hit| eye.sample(&hit))
+                }
+            };
+        }
+    }
+
+    /// The linear course about a pixel, if it and its neighbours follow one.
+    fn slopes(&self, u: usize, v: usize) -> Option<Slopes> {
+        if u == 0 || v == 0 || u + 1 >= self.width || v + 1 >= self.height {
+            return None;
+        }
+        let at = |du: usize, dv: usize| {
+            let Centre { hit, sample } = self.pixels[(v + dv - 1) * self.width + u + du - 1];
+            (hit.map(|h| h.surface), sample)
+        };
+        let (surface, middle) = at(1, 1);
+        for (a, b) in [((0, 1), (2, 1)), ((1, 0), (1, 2)), ((0, 0), (2, 2)), ((2, 0), (0, 2))] {
+            let ((surface_a, a), (surface_b, b)) = (at(a.0, a.1), at(b.0, b.1));
+            if surface_a != surface || surface_b != surface || !on_one_line(&a, &middle, &b) {
+                return None;
+            }
+        }
+        Some(Slopes {
+            middle,
+            along_u: half_difference(&at(0, 1).1, &at(2, 1).1),
+            along_v: half_difference(&at(1, 0).1, &at(1, 2).1),
+        })
+    }
+}
+
+/// The linear course of a sample about the middle of its pixel.
+struct Slopes {
+    middle: Sample,
+    along_u: Sample,
+    along_v: Sample,
+}
+
+impl Slopes {
+    fn sample(&self, du: f32, dv: f32) -> Sample {
+        let (m, a, b) = (&self.middle, &self.along_u, &self.along_v);
+        Sample {
+            column_px: m.column_px + a.column_px * du + b.column_px * dv,
+            row_px: m.row_px + a.row_px * du + b.row_px * dv,
+            reflected: m.reflected + a.reflected * du + b.reflected * dv,
+            albedo: m.albedo + a.albedo * du + b.albedo * dv,
+        }
+    }
+}
+
+fn on_one_line(a: &Sample, middle: &Sample, b: &Sample) -> bool {
+    let lit = [a, middle, b].map(|s| s.reflected > 0.0);
+    let bend = |f: fn(&Sample) -> f32| (f(a) + f(b) - 2.0 * f(middle)).abs();
+    lit[0] == lit[1]
+        && lit[1] == lit[2]
+        && bend(|s| s.column_px) <= SMOOTH_PX
+        && bend(|s| s.row_px) <= SMOOTH_PX
+        && bend(|s| s.reflected) <= SMOOTH_SHARE * middle.reflected
+}
+
+fn half_difference(a: &Sample, b: &Sample) -> Sample {
+    Sample {
+        column_px: (b.column_px - a.column_px) / 2.0,
+        row_px: (b.row_px - a.row_px) / 2.0,
+        reflected: (b.reflected - a.reflected) / 2.0,
+        albedo: (b.albedo - a.albedo) / 2.0,
+    }
+}

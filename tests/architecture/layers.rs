@@ -1,0 +1,32 @@
+//! The direction of dependencies, as data. A change of the architecture is a change of these tables.
+
+/// A top-level module of the library and what else of the library it may name: modules, or items of modules. Lower
+/// layers first: a module names only what stands above it here. Unit tests are free to name anything.
+pub(crate) const MODULES: &[(&str, &[&str])] = &[
+    ("atomic_file", &[]),
+    ("geometry", &[]),
+    ("phase", &[]),
+    ("calibration", &["geometry", "atomic_file"]),
+    ("dataset", &["geometry", "calibration"]),
+    ("simulation", &["geometry", "calibration", "dataset", "atomic_file"]),
+    ("correspondence", &["geometry", "phase"]),
+    ("cloud", &["geometry", "correspondence", "calibration::Unit", "atomic_file"]),
+    ("evaluation", &["geometry", "dataset", "correspondence", "cloud"]),
+    ("preview", &["phase", "correspondence", "cloud", "evaluation", "atomic_file"]),
+];
+
+/// Crates and parts of the standard library that only some places may name: top-level modules of the library, or
+/// folders under `services/`. What touches the outside world stays at its border, so that the same algorithm runs live,
+/// in replay and in a test, and gives the same bytes.
+pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
+    ("iceoryx2", &["transport"]),
+    ("mcap", &["recording"]),
+    ("v4l", &["services/capture"]),
+    ("tracing", &["transport", "recording", "services/"]),
+    ("log", &["transport", "recording", "services/"]),
+    ("std::time", &["transport", "recording", "services/"]),
+    ("core::time", &["transport", "recording", "services/"]),
+];
+
+/// Files that may hold `unsafe`: SIMD kernels and the V4L2 queue.
+pub(crate) const UNSAFE_FILES: &[&str] = &[];
