@@ -37,11 +37,13 @@
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
+//! | [`config`] | configuration files |
 //! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
 
 pub mod atomic_file;
 pub mod calibration;
 pub mod cloud;
+pub mod config;
 pub mod correspondence;
 pub mod dataset;
 pub mod evaluation;

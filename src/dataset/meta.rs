@@ -23,7 +23,7 @@ struct RawMeta {
     #[serde(flatten)]
     sequence: RawSequence,
     second_direction: Option<RawSequence>,
-    volume: Option<RawVolume>,
+    volume: Option<VolumeDescription>,
 }
 
 #[derive(Deserialize, Serialize)]
@@ -42,9 +42,9 @@ struct RawGray {
     cell_periods: f64,
 }
 
+/// A measurement volume as files describe it: `x_c1 = R_v·x_v + T_v`, box `min..max`, lengths in the file's unit.
 #[derive(Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) struct RawVolume {
+pub struct VolumeDescription {
     #[serde(rename = "R_v")]
     r_v: [[f64; 3]; 3],
     #[serde(rename = "T_v")]
@@ -69,7 +69,7 @@ impl From<&FringeSequence> for RawSequence {
     }
 }
 
-impl RawVolume {
+impl VolumeDescription {
     /// A volume in `unit`, and its pose in the frame of the truth where that differs.
     pub(super) fn new(volume: &MeasurementVolume, exact: Option<&Pose>, unit: Unit) -> Self {
         let scale = unit.in_metres();
@@ -100,7 +100,7 @@ pub(super) struct Meta {
     pub(super) steps: usize,
     pub(super) sequence: FringeSequence,
     pub(super) second_direction: Option<FringeSequence>,
-    volume: Option<RawVolume>,
+    volume: Option<VolumeDescription>,
 }
 
 /// Reads and checks `meta.json`.
@@ -139,13 +139,17 @@ impl Meta {
             (Some(r), Some(t)) => Some(pose("volume.R_v_exact", r, t, scale)?),
             _ => None,
         };
-        Ok(Some((raw.placed(scale)?, exact)))
+        Ok(Some((raw.placed(unit)?, exact)))
     }
 }
 
-impl RawVolume {
-    /// The volume with lengths multiplied by `scale`.
-    fn placed(&self, scale: f64) -> Result<MeasurementVolume, Problem> {
+impl VolumeDescription {
+    /// The volume whose lengths are in `unit`.
+    ///
+    /// # Errors
+    /// A matrix that is no rotation, or an empty box.
+    pub fn placed(&self, unit: Unit) -> Result<MeasurementVolume, Problem> {
+        let scale = unit.in_metres();
         let cam1_from_volume = pose("volume.R_v", &self.r_v, &self.t_v, scale)?;
         let [min, max] = [self.min, self.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
         Ok(MeasurementVolume::new(cam1_from_volume, min, max)?)
@@ -158,8 +162,8 @@ impl RawVolume {
 /// An unreadable file, a missing field, a matrix that is no rotation, or an empty box.
 pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
     let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
-    let raw = text.and_then(|text| serde_json::from_str::<RawVolume>(&text).map_err(|e| Problem::Json(e.to_string())));
-    raw.and_then(|raw| raw.placed(unit.in_metres())).map_err(|problem| DatasetError::new(path, problem))
+    let raw = text.and_then(|text| serde_json::from_str::<VolumeDescription>(&text).map_err(|e| Problem::Json(e.to_string())));
+    raw.and_then(|raw| raw.placed(unit)).map_err(|problem| DatasetError::new(path, problem))
 }
 
 fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {

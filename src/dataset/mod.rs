@@ -22,7 +22,7 @@ use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
-pub use meta::read_volume;
+pub use meta::{VolumeDescription, read_volume};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 

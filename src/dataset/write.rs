@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::calibration::{Unit, write_calibration};
 use crate::geometry::{MeasurementVolume, Pose, Rig};
 
-use super::meta::{RawSequence, RawVolume};
+use super::meta::{RawSequence, VolumeDescription};
 use super::{
     CALIBRATION_FILE, CameraId, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE, Problem,
     RenderedTruth, TRUTH_FILE, truth, write_png,
@@ -82,7 +82,7 @@ struct WrittenMeta<'a> {
     sequence: RawSequence,
     #[serde(skip_serializing_if = "Option::is_none")]
     second_direction: Option<RawSequence>,
-    volume: RawVolume,
+    volume: VolumeDescription,
     #[serde(flatten)]
     remarks: &'a serde_json::Map<String, serde_json::Value>,
 }
@@ -129,7 +129,7 @@ impl DatasetWriter {
             n_phase_images: d.sequence.shifts_rad.len(),
             sequence: RawSequence::from(&d.sequence),
             second_direction: d.second_direction.as_ref().map(RawSequence::from),
-            volume: RawVolume::new(&d.volume, d.exact_cam1_from_volume.as_ref(), d.unit),
+            volume: VolumeDescription::new(&d.volume, d.exact_cam1_from_volume.as_ref(), d.unit),
             remarks: &d.remarks,
         };
         let text = serde_json::to_string_pretty(&meta).map_err(|e| self.failed(META_FILE, e.into()))?;

@@ -1,0 +1,87 @@
+//! `fringeflow reconstruct`: from the images of a dataset folder to a point cloud.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use fringeflow::atomic_file::check_writable;
+use fringeflow::calibration::Unit;
+use fringeflow::cloud::{CloudExport, CloudFormat};
+use fringeflow::dataset::Dataset;
+
+use crate::failure::Failure;
+use crate::method::{Made, Method};
+use crate::pictures;
+use crate::proposed::ProposedArgs;
+use crate::statistics::Statistics;
+
+/// Arguments of `fringeflow reconstruct`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Dataset folder.
+    input: PathBuf,
+    /// Cloud to write: .ply, .pcd or .npz.
+    #[arg(short, long, value_name = "CLOUD")]
+    output: PathBuf,
+    /// How to find correspondences.
+    #[arg(long, value_enum, default_value_t = Method::Pa)]
+    method: Method,
+    /// Unit of the cloud, and of the calibration where the dataset does not state it.
+    #[arg(long, value_name = "mm|m")]
+    units: Option<Unit>,
+    /// Folder for pictures: phase, modulation, depth, decisions, δ, and false points where truth is known.
+    #[arg(long, value_name = "FOLDER")]
+    preview: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    proposed: ProposedArgs,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    set: &'a str,
+    method: Method,
+    cloud: &'a std::path::Path,
+    points: usize,
+    #[serde(flatten)]
+    statistics: Option<&'a Statistics>,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        CloudFormat::of_path(&self.output)?;
+        check_writable(&self.output)?;
+        let dataset = Dataset::open(&self.input, self.units)?;
+        let made = self.method.run(&dataset, &self.proposed)?;
+        let unit = self.units.unwrap_or(Unit::Millimetre);
+        made.cloud.write(&self.output, &CloudExport { unit, dataset: &dataset.name })?;
+        if let Some(folder) = &self.preview {
+            pictures::write(folder, &dataset, &made)?;
+        }
+        self.print(&dataset, &made)
+    }
+
+    fn print(&self, dataset: &Dataset, made: &Made) -> Result<(), Failure> {
+        let statistics = made.reconstruction.as_ref().map(Statistics::of);
+        let points = made.cloud.points.len();
+        let mut out = std::io::stdout().lock();
+        if self.json {
+            let report = Report {
+                set: &dataset.name,
+                method: self.method,
+                cloud: &self.output,
+                points,
+                statistics: statistics.as_ref(),
+            };
+            serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
+            writeln!(out)?;
+        } else {
+            writeln!(out, "{}: {points} points in {}", dataset.name, self.output.display())?;
+            if let Some(statistics) = statistics {
+                write!(out, "{statistics}")?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! The figures behind a reconstruction, as text and JSON.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use fringeflow::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::reconstruction::Reconstruction;
+use serde::Serialize;
+
+/// What a reconstruction rests on.
+#[derive(Serialize)]
+pub(crate) struct Statistics {
+    /// Mean number of fringe periods on a segment: n.
+    pub(crate) mean_periods: f64,
+    /// Mean of δ, rad.
+    pub(crate) delta_mean_rad: f64,
+    /// Standard deviation of δ, rad: sd.
+    pub(crate) delta_sd_rad: f64,
+    /// What noise contributes to sd, rad.
+    pub(crate) delta_noise_sd_rad: f64,
+    /// Threshold thr = 3·sd, rad.
+    pub(crate) threshold_rad: f64,
+    /// Expected false candidates per true one by Eq. (1): efc.
+    pub(crate) efc_predicted: f64,
+    /// Candidates beyond the chosen one that passed the test, per point.
+    pub(crate) efc_measured: f64,
+    /// Share of the points whose pixel had one candidate only, percent.
+    pub(crate) unique_percent: f64,
+    /// Median fit residual ÷ modulation of C1 and C2; none for three steps.
+    pub(crate) fit_residual_share: [Option<f32>; 2],
+    /// Noise of C1 and C2, grey levels.
+    pub(crate) noise_grey: [f32; 2],
+    /// Pixels of C1 by what became of them.
+    pub(crate) pixels: BTreeMap<&'static str, u64>,
+}
+
+impl Statistics {
+    /// The figures of a reconstruction.
+    pub(crate) fn of(made: &Reconstruction) -> Self {
+        let matches = &made.matches;
+        let points = made.cloud.points.len().max(1) as f64;
+        let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
+        let unique = made.cloud.points.iter().filter(|p| p.candidates == 1).count();
+        Self {
+            mean_periods: matches.delta.mean_periods,
+            delta_mean_rad: matches.delta.mean_rad,
+            delta_sd_rad: matches.delta.sd_rad,
+            delta_noise_sd_rad: matches.delta.noise_sd_rad,
+            threshold_rad: matches.delta.threshold_rad(),
+            efc_predicted: matches.delta.expected_false_candidates(),
+            efc_measured: passing as f64 / points,
+            unique_percent: 100.0 * unique as f64 / points,
+            fit_residual_share: [made.cam1.fit.residual_share, made.cam2.fit.residual_share],
+            noise_grey: [made.cam1.fit.noise_grey, made.cam2.fit.noise_grey],
+            pixels: OutcomeCounts::of(&matches.outcomes)
+                .iter()
+                .filter(|&(outcome, _)| outcome != Outcome::GrayCode)
+                .map(|(outcome, count)| (outcome.name(), count))
+                .collect(),
+        }
+    }
+}
+
+impl fmt::Display for Statistics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "n {:.2} periods on a segment, sd of δ {:.4} rad (mean {:+.4}, noise {:.4}), thr {:.4} rad",
+            self.mean_periods, self.delta_sd_rad, self.delta_mean_rad, self.delta_noise_sd_rad, self.threshold_rad
+        )?;
+        writeln!(
+            f,
+            "efc {:.3} predicted by Eq. (1), {:.3} measured; {:.2} % of the points had one candidate",
+            self.efc_predicted, self.efc_measured, self.unique_percent
+        )?;
+        for outcome in Outcome::ALL {
+            if let Some(count) = self.pixels.get(outcome.name()) {
+                writeln!(f, "{:>10} pixels  {}", count, outcome.name())?;
+            }
+        }
+        Ok(())
+    }
+}

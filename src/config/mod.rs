@@ -1,0 +1,208 @@
+//! Configuration files: TOML, parsed into types that cannot be invalid.
+//!
+//! In: a file such as `configs/reconstruct.toml`. Out: a [`Configuration`]. Every key is optional and has its unit in its
+//! name; unknown keys are refused.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::calibration::Unit;
+use crate::correspondence::{MatchSettings, ResolutionSettings};
+use crate::dataset::VolumeDescription;
+use crate::geometry::MeasurementVolume;
+use crate::phase::Validity;
+use crate::reconstruction::Settings;
+
+/// What a configuration file says, with defaults for what it does not.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Configuration {
+    /// How images become a cloud.
+    pub settings: Settings,
+    /// Measurement volume that replaces the dataset's.
+    pub volume: Option<MeasurementVolume>,
+}
+
+/// Why a configuration file was refused.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", file.display())]
+pub struct ConfigurationError {
+    /// The file.
+    pub file: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub problem: ConfigurationProblem,
+}
+
+/// What is wrong with a configuration file.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigurationProblem {
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[source] std::io::Error),
+    /// It is no TOML, or has a key or a type that does not belong there.
+    #[error("is not a valid configuration: {0}")]
+    Toml(String),
+    /// A value that cannot be.
+    #[error("key {key} is {value}; {expected}")]
+    Value {
+        /// Name of the key.
+        key: &'static str,
+        /// The value.
+        value: String,
+        /// What belongs there.
+        expected: &'static str,
+    },
+    /// The volume is none.
+    #[error("key measurement_volume: {0}")]
+    Volume(#[source] crate::dataset::Problem),
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct RawConfiguration {
+    phase: RawPhase,
+    correspondence: RawCorrespondence,
+    measurement_volume: Option<RawVolume>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct RawPhase {
+    min_modulation_grey: Option<f32>,
+    saturation_grey: Option<u8>,
+    max_residual_share: Option<f32>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct RawCorrespondence {
+    delta_sd_rad: Option<f64>,
+    max_rounds: Option<usize>,
+    max_sweeps: Option<usize>,
+    min_votes: Option<u16>,
+    min_region_px: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawVolume {
+    unit: String,
+    r#box: VolumeDescription,
+}
+
+impl Configuration {
+    /// Reads and checks a configuration file.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`], which names file, key and value.
+    pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
+        let text = std::fs::read_to_string(path).map_err(ConfigurationProblem::Unreadable);
+        text.and_then(|text| Self::parse(&text))
+            .map_err(|problem| ConfigurationError { file: path.to_owned(), problem })
+    }
+
+    /// [`Self::read`] on text that is already in memory.
+    ///
+    /// # Errors
+    /// [`ConfigurationProblem`], which names key and value.
+    pub fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
+        let raw: RawConfiguration =
+            toml::from_str(text).map_err(|e| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+        let settings = Settings { validity: validity(&raw.phase)?, matching: matching(&raw.correspondence)? };
+        Ok(Self { settings, volume: raw.measurement_volume.map(volume).transpose()? })
+    }
+}
+
+fn validity(raw: &RawPhase) -> Result<Validity, ConfigurationProblem> {
+    let default = Validity::default();
+    let positive = "it must be a finite number above 0";
+    Ok(Validity {
+        min_modulation_grey: checked(
+            "phase.min_modulation_grey",
+            raw.min_modulation_grey.unwrap_or(default.min_modulation_grey),
+            |v| v.is_finite() && *v > 0.0,
+            positive,
+        )?,
+        saturation_grey: checked(
+            "phase.saturation_grey",
+            raw.saturation_grey.unwrap_or(default.saturation_grey),
+            |v| *v > 0,
+            "it must lie between 1 and 255",
+        )?,
+        max_residual_share: checked(
+            "phase.max_residual_share",
+            raw.max_residual_share.unwrap_or(default.max_residual_share),
+            |v| v.is_finite() && *v > 0.0,
+            positive,
+        )?,
+    })
+}
+
+fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProblem> {
+    let default = ResolutionSettings::default();
+    let count = |key, value: usize| checked(key, value, |v| (1..=100).contains(v), "it must lie between 1 and 100");
+    let sd = raw.delta_sd_rad.map(|sd| {
+        checked("correspondence.delta_sd_rad", sd, |v| *v > 0.0 && *v < 1.0, "it must lie between 0 and 1 rad")
+    });
+    Ok(MatchSettings {
+        delta_sd_rad: sd.transpose()?,
+        resolution: ResolutionSettings {
+            max_rounds: count("correspondence.max_rounds", raw.max_rounds.unwrap_or(default.max_rounds))?,
+            max_sweeps: count("correspondence.max_sweeps", raw.max_sweeps.unwrap_or(default.max_sweeps))?,
+            min_votes: checked(
+                "correspondence.min_votes",
+                raw.min_votes.unwrap_or(default.min_votes),
+                |v| (1..=32).contains(v),
+                "it must lie between 1 and 32",
+            )?,
+            min_region_px: raw.min_region_px.unwrap_or(default.min_region_px),
+        },
+    })
+}
+
+fn volume(raw: RawVolume) -> Result<MeasurementVolume, ConfigurationProblem> {
+    let unit: Unit = raw.unit.parse().map_err(|_| ConfigurationProblem::Value {
+        key: "measurement_volume.unit",
+        value: format!("{:?}", raw.unit),
+        expected: "it must be \"mm\" or \"m\"",
+    })?;
+    raw.r#box.placed(unit).map_err(ConfigurationProblem::Volume)
+}
+
+fn checked<T: std::fmt::Display>(
+    key: &'static str,
+    value: T,
+    is_valid: impl FnOnce(&T) -> bool,
+    expected: &'static str,
+) -> Result<T, ConfigurationProblem> {
+    if is_valid(&value) { Ok(value) } else { Err(ConfigurationProblem::Value { key, value: value.to_string(), expected }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_example_states_the_defaults() {
+        let text = include_str!("../../configs/reconstruct.toml");
+        assert_eq!(Configuration::parse(text).unwrap(), Configuration::default());
+    }
+
+    #[test]
+    fn a_volume_is_placed_in_metres() {
+        let text = "[measurement_volume]\nunit = \"mm\"\n[measurement_volume.box]\nR_v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n\
+                    T_v = [0, 0, 300]\nmin = [-50, -40, -12.5]\nmax = [50, 40, 12.5]\n";
+        let volume = Configuration::parse(text).unwrap().volume.unwrap();
+        assert!((volume.cam1_from_volume().translation.z - 0.3).abs() < 1e-12);
+        assert!((volume.max().x - 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn unknown_keys_and_impossible_values_are_named() {
+        let message = |text: &str| Configuration::parse(text).unwrap_err().to_string();
+        assert!(message("[phase]\nmin_modulation = 3.0").contains("min_modulation"));
+        assert!(message("[phase]\nmin_modulation_grey = -1.0").contains("phase.min_modulation_grey is -1"));
+        assert!(message("[correspondence]\ndelta_sd_rad = nan").contains("correspondence.delta_sd_rad is NaN"));
+    }
+}
