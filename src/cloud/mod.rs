@@ -5,8 +5,10 @@ mod npz;
 mod pcd;
 mod ply;
 mod record;
+mod reference;
 
 pub use export::{CloudExport, CloudFormat, CloudWriteError};
+pub use reference::reference_cloud;
 
 /// One measured point: one pixel of C1 and its correspondence in C2.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -98,8 +98,8 @@ fn write_array<T: AutoSerialize + Copy>(
     shape: &[u64],
 ) -> io::Result<()> {
     // A fixed time, so that the same truth is the same bytes.
-    let options = npyz::zip::write::FileOptions::default().last_modified_time(npyz::zip::DateTime::default());
-    let options = options.compression_method(npyz::zip::CompressionMethod::Stored);
+    let options = zip::write::FileOptions::default().last_modified_time(zip::DateTime::default());
+    let options = options.compression_method(zip::CompressionMethod::Stored);
     let mut array = npz.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
     array.extend(values.iter().copied())?;
     array.finish()
