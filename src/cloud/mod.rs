@@ -5,8 +5,10 @@ mod npz;
 mod pcd;
 mod ply;
 mod record;
+mod reference;
 
 pub use export::{CloudExport, CloudFormat, CloudWriteError};
+pub use reference::reference_cloud;
 
 mod triangulate;
 

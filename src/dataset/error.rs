@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::atomic_file::WriteError;
 use crate::calibration::CalibrationError;
 use crate::geometry::VolumeError;
 
@@ -11,6 +12,9 @@ pub enum DatasetError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// An image that could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// Any other file or folder.
     #[error("{}: {problem}", file.display())]
     File {

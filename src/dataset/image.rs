@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use crate::atomic_file::{WriteError, write_atomically};
 use crate::png_encoding;
 
 use super::{DatasetError, Problem};
@@ -53,13 +54,10 @@ pub fn read_png(path: &Path, expected_px: Option<[usize; 2]>) -> Result<GreyImag
 /// Writes an 8-bit grey PNG.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), Problem> {
-    let file = File::create(path).map_err(Problem::Unwritable)?;
-    let mut out = BufWriter::new(file);
+/// The file cannot be written; whatever stood there stays.
+pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
     let size = [image.width, image.height];
-    png_encoding::encode(&mut out, size, png::ColorType::Grayscale, &image.pixels).map_err(Problem::Unwritable)?;
-    out.flush().map_err(Problem::Unwritable)
+    write_atomically(path, |out| png_encoding::encode(out, size, png::ColorType::Grayscale, &image.pixels))
 }
 
 /// The one channel of an image of 1 to 4, if its colours are equal and it is opaque.

@@ -8,11 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::Unit;
 use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
+use crate::phase::{GrayCode, MIN_STEPS};
 
-use super::{DatasetError, FringeSequence, GrayCode, Problem};
-
-/// Fewest phase images that determine offset, modulation and phase.
-const MIN_STEPS: usize = 3;
+use super::{DatasetError, FringeSequence, Problem};
 
 #[derive(Deserialize)]
 struct RawMeta {

@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 
 use crate::calibration::{self, Unit};
 use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
+use crate::phase::GrayCode;
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
@@ -47,15 +48,6 @@ impl CameraId {
             Self::Cam2 => "cam2",
         }
     }
-}
-
-/// Gray code of a dataset: cells of `cell_periods` fringe periods, binary-reflected code, most significant image first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GrayCode {
-    /// Number of images a camera.
-    pub images: usize,
-    /// Width of a cell in fringe periods: 0.5 or 1.
-    pub cell_periods: f64,
 }
 
 /// One direction of fringes: the pattern, its shifts, and the Gray code that makes it absolute.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::TempDir;
 
+use crate::atomic_file::WriteError;
 use crate::calibration::{Unit, write_calibration};
 use crate::geometry::{MeasurementVolume, Pose, Rig};
 
@@ -154,7 +155,9 @@ impl DatasetWriter {
     /// It cannot be written.
     pub fn image(&self, camera: CameraId, kind: ImageKind, image: &GreyImage) -> Result<(), DatasetError> {
         let name = Path::new(camera.folder()).join(kind.file_name());
-        write_png(&self.path(&name), image).map_err(|p| DatasetError::new(&self.target.join(&name), p))
+        let written = write_png(&self.path(&name), image);
+        // The folder's final name is the one that its user knows.
+        Ok(written.map_err(|e| WriteError { path: self.target.join(&name), ..e })?)
     }
 
     /// Writes what is true.

@@ -48,6 +48,32 @@ pub enum Judgement {
     Unjudged,
 }
 
+impl Judgement {
+    /// All judgements, those with a point first.
+    pub const ALL: [Self; 7] =
+        [Self::Correct, Self::Wrong, Self::Stray, Self::Tolerated, Self::Unjudged, Self::Missed, Self::Nothing];
+
+    /// Name in legends.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Correct => "correct",
+            Self::Wrong => "wrong",
+            Self::Stray => "stray",
+            Self::Tolerated => "tolerated",
+            Self::Missed => "missed",
+            Self::Unjudged => "unjudged",
+        }
+    }
+
+    /// Whether the point counts as false positive correspondence.
+    #[must_use]
+    pub fn is_false(self) -> bool {
+        matches!(self, Self::Wrong | Self::Stray)
+    }
+}
+
 /// The figures of a cloud and the judgement of every pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {

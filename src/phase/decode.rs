@@ -42,8 +42,8 @@ impl Default for Validity {
 /// `None` if there are not as many images as shifts or an image has another size.
 ///
 /// Formula: with the least-squares sums A, C = B·cos φ and S = B·sin φ of [`PhaseShifts`], φ = atan2(S, C) and
-/// B = hypot(S, C); for equal spacing this is atan2(−Σ I_k sin s_k, Σ I_k cos s_k). Saturated samples are left out where
-/// three or more others remain.
+/// B = hypot(S, C); for equal spacing this is `atan2(−Σ I_k sin s_k, Σ I_k cos s_k)`. Saturated samples are left
+/// out where three or more others remain.
 #[must_use]
 pub fn decode(
     images: &[&[u8]],

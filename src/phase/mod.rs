@@ -10,6 +10,6 @@ mod map;
 mod shifts;
 
 pub use decode::{Validity, decode};
-pub use gray_code::{AbsolutePhase, GrayCodeError, Threshold, decode_gray_code};
+pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
 pub use map::{FitStatistics, PhaseMap};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

@@ -1,45 +1,9 @@
 //! Which points are right, where the truth is known.
 
-use super::colour::{BACKGROUND, BLUE, Rgb, SKY_BLUE, VERMILION, YELLOW, mix};
+use super::colour::{BACKGROUND, BLUE, GREEN, MUTED, Rgb, SKY_BLUE, VERMILION, YELLOW, mix};
 use super::legend::{Entry, with_legend};
 use super::picture::Picture;
-
-/// What the truth says about a pixel of C1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Judgement {
-    /// No point, and none was to be found.
-    #[default]
-    None,
-    /// A point at the right place.
-    Correct,
-    /// A point at a wrong place, though there is a right one.
-    Wrong,
-    /// A point where there is none to be found.
-    Stray,
-    /// No point, though there is one to be found.
-    Missed,
-}
-
-impl Judgement {
-    /// All judgements, those with a point first.
-    pub const ALL: [Self; 5] = [Self::Correct, Self::Wrong, Self::Stray, Self::Missed, Self::None];
-
-    /// Name in legends.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Correct => "correct",
-            Self::Wrong => "wrong",
-            Self::Stray => "stray",
-            Self::Missed => "missed",
-        }
-    }
-
-    fn is_false(self) -> bool {
-        matches!(self, Self::Wrong | Self::Stray)
-    }
-}
+use crate::evaluation::Judgement;
 
 /// The judgement of every pixel of C1 in colours, with a legend and the shares below.
 ///
@@ -47,7 +11,7 @@ impl Judgement {
 /// row by row for an image of `size_px` (width, height).
 #[must_use]
 pub fn judgement_picture(judgements: &[Judgement], size_px: [usize; 2]) -> Picture {
-    let at = |i: usize| judgements.get(i).copied().unwrap_or_default();
+    let at = |i: usize| judgements.get(i).copied().unwrap_or(Judgement::Nothing);
     let mut picture = Picture::of(size_px, |i| colour(at(i)));
     for i in (0..size_px[0] * size_px[1]).filter(|&i| at(i).is_false()) {
         let [u, v] = [i % size_px[0], i / size_px[0]];
@@ -76,11 +40,13 @@ fn legend(judgements: &[Judgement]) -> Vec<Entry> {
 /// Calm for what is right, loud for what is not.
 fn colour(judgement: Judgement) -> Rgb {
     match judgement {
-        Judgement::None => BACKGROUND,
+        Judgement::Nothing => BACKGROUND,
         Judgement::Correct => mix(BACKGROUND, BLUE, 0.6),
         Judgement::Wrong => VERMILION,
         Judgement::Stray => YELLOW,
+        Judgement::Tolerated => mix(BACKGROUND, GREEN, 0.6),
         Judgement::Missed => SKY_BLUE,
+        Judgement::Unjudged => MUTED,
     }
 }
 

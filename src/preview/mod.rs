@@ -6,7 +6,7 @@
 //! | [`modulation_picture`] | modulation | grey, stretched between percentiles |
 //! | [`depth_picture`] | cloud | depth per pixel of C1, coloured and hill-shaded |
 //! | [`outcome_picture`] | correspondence | how every pixel was decided, with a legend |
-//! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray and missed points, with a legend |
+//! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray, tolerated and missed points, with a legend |
 //! | [`delta_histogram_picture`] | back-projection test | histogram of δ with the threshold |
 //!
 //! Pure functions from slices to a [`Picture`]; nothing here measures anything. Colours follow two rules: quantities get
@@ -25,7 +25,7 @@ mod shading;
 
 pub use depth::depth_picture;
 pub use histogram::delta_histogram_picture;
-pub use judgement::{Judgement, judgement_picture};
+pub use judgement::judgement_picture;
 pub use outcome::outcome_picture;
 pub use phase::{modulation_picture, phase_picture};
 pub use picture::Picture;

@@ -53,7 +53,7 @@ mod tests {
             modulation: (0..count).map(|i| i as f32 / 10.0).collect(),
             mean: vec![0; count],
             valid: (0..count).map(|i| i % 7 != 0).collect(),
-            residual_share: None,
+            ..PhaseMap::default()
         }
     }
 

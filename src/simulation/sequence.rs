@@ -6,7 +6,8 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::calibration::Unit;
-use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, GrayCode, ImageKind, RenderedTruth};
+use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, ImageKind, RenderedTruth};
+use crate::phase::GrayCode;
 
 use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};

@@ -4,15 +4,17 @@
 /// layers first: a module names only what stands above it here. Unit tests are free to name anything.
 pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("atomic_file", &[]),
+    ("png_encoding", &[]),
     ("geometry", &[]),
-    ("phase", &[]),
+    ("phase", &["geometry::FringePattern"]),
     ("calibration", &["geometry", "atomic_file"]),
-    ("dataset", &["geometry", "calibration"]),
-    ("simulation", &["geometry", "calibration", "dataset", "atomic_file"]),
+    ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
+    ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset"]),
+    ("rig_report", &["geometry"]),
     ("correspondence", &["geometry", "phase"]),
-    ("cloud", &["geometry", "correspondence", "calibration::Unit", "atomic_file"]),
+    ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("evaluation", &["geometry", "dataset", "correspondence", "cloud"]),
-    ("preview", &["phase", "correspondence", "cloud", "evaluation", "atomic_file"]),
+    ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 
 /// Crates and parts of the standard library that only some places may name: top-level modules of the library, or

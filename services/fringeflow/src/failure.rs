@@ -1,20 +1,17 @@
 //! What can go wrong in a command, and the exit code it ends with.
 
 use std::io::Write as _;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
 use fringeflow::cloud::CloudWriteError;
 use fringeflow::dataset::{DatasetError, Problem};
-use fringeflow::geometry::VolumeError;
-use fringeflow::rig_report::RigReportError;
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
-    /// Arguments that cannot be carried out.
+    /// Arguments that cannot be carried out, or an input that can be read but not worked with.
     #[error("{0}")]
     Usage(String),
     /// A dataset folder.
@@ -26,21 +23,6 @@ pub(crate) enum Failure {
     /// A cloud that could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
-    /// A measurement volume given on the command line.
-    #[error("--volume: {0}")]
-    Volume(#[from] VolumeError),
-    /// A rig that cannot be reported on.
-    #[error(transparent)]
-    RigReport(#[from] RigReportError),
-    /// A picture that could not be written.
-    #[error("{}: {problem}", file.display())]
-    Picture {
-        /// The file.
-        file: PathBuf,
-        /// What was in the way.
-        #[source]
-        problem: Problem,
-    },
     /// Standard output that went away.
     #[error("standard output: {0}")]
     Output(#[from] std::io::Error),
@@ -50,13 +32,18 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
+    /// An input that cannot be worked with, in the words of the module that refused it.
+    pub(crate) fn unusable(error: impl std::fmt::Display) -> Self {
+        Self::Usage(error.to_string())
+    }
+
     /// 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Dataset(DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
-            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Volume(_) | Self::RigReport(_) => 2,
+            Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
+            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
-            Self::Cloud(_) | Self::Picture { .. } | Self::Write(_) | Self::Output(_) => 1,
+            Self::Cloud(_) | Self::Write(_) | Self::Output(_) => 1,
         }
     }
 

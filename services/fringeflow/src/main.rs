@@ -2,6 +2,7 @@
 
 mod commands;
 mod failure;
+mod preview_folder;
 mod progress;
 
 use std::process::ExitCode;

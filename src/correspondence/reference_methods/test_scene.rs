@@ -5,17 +5,17 @@ use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Pixe
 use crate::phase::AbsolutePhase;
 
 /// The rig and its plane `normal · x = distance` in the frame of C1.
-pub(super) struct Scene {
-    pub(super) rig: Rig,
+pub(crate) struct Scene {
+    pub(crate) rig: Rig,
     normal: Vector3,
     distance_m: f64,
 }
 
-pub(super) const PATTERN: FringePattern = FringePattern { period_px: 16.0, sign: -1.0, offset_rad: 0.7 };
+pub(crate) const PATTERN: FringePattern = FringePattern { period_px: 16.0, sign: -1.0, offset_rad: 0.7 };
 const SIZE: [usize; 2] = [200, 160];
 
 impl Scene {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let d = Distortion::from_opencv(&[-0.12, 0.1, -0.001, 0.0008, 0.0]);
         let camera = Camera::new([600.0, 601.0], [99.0, 80.0], d, SIZE);
         let projector = Camera::new([900.0, 900.0], [320.0, 240.0], Distortion::default(), [640, 480]);
@@ -29,35 +29,35 @@ impl Scene {
         Self { rig, normal: Vector3::new(0.2, -0.1, 1.0), distance_m: 0.3 }
     }
 
-    pub(super) fn cam1_columns(&self) -> AbsolutePhase {
+    pub(crate) fn cam1_columns(&self) -> AbsolutePhase {
         self.cam1(|lit_by| lit_by.x)
     }
 
-    pub(super) fn cam1_rows(&self) -> AbsolutePhase {
+    pub(crate) fn cam1_rows(&self) -> AbsolutePhase {
         self.cam1(|lit_by| lit_by.y)
     }
 
-    pub(super) fn cam2_columns(&self) -> AbsolutePhase {
+    pub(crate) fn cam2_columns(&self) -> AbsolutePhase {
         self.cam2(|lit_by| lit_by.x)
     }
 
-    pub(super) fn cam2_rows(&self) -> AbsolutePhase {
+    pub(crate) fn cam2_rows(&self) -> AbsolutePhase {
         self.cam2(|lit_by| lit_by.y)
     }
 
     /// Point of C1's pixel number `i` at a depth.
-    pub(super) fn point(&self, i: usize, depth_m: f64) -> Point3 {
+    pub(crate) fn point(&self, i: usize, depth_m: f64) -> Point3 {
         Point3::from(self.rig.cam1.ray(&pixel(i)).unwrap() * depth_m)
     }
 
     /// A volume whose border cuts the plane in half.
-    pub(super) fn half_of_the_plane(&self) -> MeasurementVolume {
+    pub(crate) fn half_of_the_plane(&self) -> MeasurementVolume {
         let (min, max) = (Point3::new(-1.0, -1.0, 0.01), Point3::new(0.0, 1.0, 1.0));
         MeasurementVolume::new(Pose::identity(), min, max).unwrap()
     }
 
     /// Number of matches, and the greatest distance between one and its true point in C2.
-    pub(super) fn worst_error_px(&self, found: &[Option<ReferenceMatch>]) -> (usize, f64) {
+    pub(crate) fn worst_error_px(&self, found: &[Option<ReferenceMatch>]) -> (usize, f64) {
         let error = |(i, found): (usize, &Option<ReferenceMatch>)| {
             let found = (*found)?;
             let truth = self.meet(&self.rig.cam1.ray(&pixel(i)).unwrap(), &Point3::origin());

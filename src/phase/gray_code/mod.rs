@@ -14,11 +14,19 @@ use rayon::prelude::*;
 
 use self::cells::{Bits, Cells};
 use super::PhaseMap;
-use crate::dataset::{GrayCode, GreyImage};
 use crate::geometry::FringePattern;
 
 /// A bit is unsure closer to its threshold than this many standard deviations of the noise.
 const MARGIN_IN_SD: f32 = 2.0;
+
+/// A Gray code: cells of `cell_periods` fringe periods, binary-reflected code, most significant image first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GrayCode {
+    /// Number of images a camera.
+    pub images: usize,
+    /// Width of a cell in fringe periods: 0.5 or 1.
+    pub cell_periods: f64,
+}
 
 /// Absolute phase of one camera, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +45,7 @@ pub struct AbsolutePhase {
 #[derive(Clone, Copy, Debug)]
 pub enum Threshold<'a> {
     /// The mean of a fully lit and an unlit image.
-    WhiteAndBlack(&'a GreyImage, &'a GreyImage),
+    WhiteAndBlack(&'a [u8], &'a [u8]),
     /// The mean of the phase images, as the phase map has it.
     MeanOfPhaseImages,
 }
@@ -55,24 +63,24 @@ pub enum GrayCodeError {
     },
     /// An image has another size than the phase map.
     #[error(
-        "image {index} of the Gray code and its thresholds is {width} × {height} pixels, the phase map {map_width} × \
-         {map_height}; they must come from the same camera"
+        "image {index} of the Gray code and its thresholds has {found} pixels, the phase map {width} × {height}; they \
+         must come from the same camera"
     )]
     Size {
         /// Which one: first those of the code, then white and black.
         index: usize,
-        /// Its width, pixels.
-        width: usize,
-        /// Its height, pixels.
-        height: usize,
+        /// Its pixels.
+        found: usize,
         /// Width of the phase map, pixels.
-        map_width: usize,
+        width: usize,
         /// Height of the phase map, pixels.
-        map_height: usize,
+        height: usize,
     },
 }
 
-/// Decodes the Gray code of a camera; `noise_grey` is the standard deviation of its noise in grey levels.
+/// Decodes the Gray code of a camera from the grey levels of its images, row by row.
+///
+/// `noise_grey` is the standard deviation of the camera noise in grey levels.
 ///
 /// # Errors
 /// Images of a wrong number or size.
@@ -80,7 +88,7 @@ pub fn decode_gray_code(
     phase: &PhaseMap,
     pattern: &FringePattern,
     code: &GrayCode,
-    images: &[GreyImage],
+    images: &[&[u8]],
     threshold: Threshold<'_>,
     noise_grey: f32,
 ) -> Result<AbsolutePhase, GrayCodeError> {
@@ -89,7 +97,7 @@ pub fn decode_gray_code(
     let margin = MARGIN_IN_SD * noise_grey;
     let decode = |i: usize| {
         let level = threshold.level(phase, i);
-        let bits = Bits::read(images.iter().map(|image| f32::from(image.pixels[i]) - level), margin);
+        let bits = Bits::read(images.iter().map(|image| f32::from(image[i]) - level), margin);
         let turns = phase.valid[i].then(|| cells.absolute_turns(&bits, f64::from(phase.phase[i]) / 65536.0)).flatten();
         (turns.map_or(0.0, |t| t as f32), turns.is_some())
     };
@@ -97,27 +105,21 @@ pub fn decode_gray_code(
     Ok(AbsolutePhase { width: phase.width, height: phase.height, turns, valid })
 }
 
-fn check(
-    phase: &PhaseMap,
-    code: &GrayCode,
-    images: &[GreyImage],
-    threshold: Threshold<'_>,
-) -> Result<(), GrayCodeError> {
+fn check(phase: &PhaseMap, code: &GrayCode, images: &[&[u8]], threshold: Threshold<'_>) -> Result<(), GrayCodeError> {
     if images.len() != code.images {
         return Err(GrayCodeError::Count { found: images.len(), expected: code.images });
     }
-    let (map_width, map_height) = (phase.width, phase.height);
-    let misfit = images.iter().chain(threshold.images()).enumerate();
-    for (index, &GreyImage { width, height, .. }) in misfit {
-        if [width, height] != [map_width, map_height] {
-            return Err(GrayCodeError::Size { index, width, height, map_width, map_height });
+    let (width, height) = (phase.width, phase.height);
+    for (index, image) in images.iter().copied().chain(threshold.images()).enumerate() {
+        if image.len() != width * height {
+            return Err(GrayCodeError::Size { index, found: image.len(), width, height });
         }
     }
     Ok(())
 }
 
 impl<'a> Threshold<'a> {
-    fn images(self) -> impl Iterator<Item = &'a GreyImage> {
+    fn images(self) -> impl Iterator<Item = &'a [u8]> {
         let pair = match self {
             Self::WhiteAndBlack(white, black) => [Some(white), Some(black)],
             Self::MeanOfPhaseImages => [None; 2],
@@ -128,9 +130,7 @@ impl<'a> Threshold<'a> {
     /// Grey level between dark and lit at a pixel.
     fn level(self, phase: &PhaseMap, pixel: usize) -> f32 {
         match self {
-            Self::WhiteAndBlack(white, black) => {
-                (f32::from(white.pixels[pixel]) + f32::from(black.pixels[pixel])) / 2.0
-            }
+            Self::WhiteAndBlack(white, black) => (f32::from(white[pixel]) + f32::from(black[pixel])) / 2.0,
             Self::MeanOfPhaseImages => f32::from(phase.mean[pixel]),
         }
     }
@@ -143,12 +143,12 @@ mod tests {
 
     const BITS: usize = 6;
 
-    fn image(pixels: Vec<u8>) -> GreyImage {
-        GreyImage { width: pixels.len(), height: 1, pixels }
+    fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
+        images.iter().map(Vec::as_slice).collect()
     }
 
     /// Grey levels of the code images at projector columns, dark 40 and lit 160, blurred over `blur_px` columns.
-    fn encode(columns: &[f64], cell_px: f64, blur_px: f64) -> Vec<GreyImage> {
+    fn encode(columns: &[f64], cell_px: f64, blur_px: f64) -> Vec<Vec<u8>> {
         let lit = |k: usize, column: f64| {
             let cell = ((column + 0.5) / cell_px).floor().clamp(0.0, 63.0) as u32;
             f64::from((cell ^ cell >> 1) >> (BITS - 1 - k) & 1)
@@ -159,7 +159,7 @@ mod tests {
             let mean = offsets.map(|o| lit(k, column + o * blur_px)).sum::<f64>() / f64::from(samples);
             (40.0 + 120.0 * mean).round() as u8
         };
-        (0..BITS).map(|k| image(columns.iter().map(|&c| level(k, c)).collect())).collect()
+        (0..BITS).map(|k| columns.iter().map(|&c| level(k, c)).collect()).collect()
     }
 
     fn phase_map(pattern: &FringePattern, columns: &[f64], error_turns: f64) -> PhaseMap {
@@ -182,7 +182,8 @@ mod tests {
         let columns: Vec<f64> =
             (0..count).map(|i| (64.0 * cell_px - 20.0) * f64::from(i) / f64::from(count) + 10.0).collect();
         let (map, images) = (phase_map(pattern, &columns, error_turns), encode(&columns, cell_px, blur_px));
-        let found = decode_gray_code(&map, pattern, &code, &images, Threshold::MeanOfPhaseImages, 4.0).unwrap();
+        let found =
+            decode_gray_code(&map, pattern, &code, &slices(&images), Threshold::MeanOfPhaseImages, 4.0).unwrap();
         let (mut correct, mut wrong) = (0.0, 0.0);
         for (i, column) in columns.iter().enumerate().filter(|&(i, _)| found.valid[i]) {
             let off = (f64::from(found.turns[i]) - pattern.phase_turns(*column)).abs();
@@ -221,9 +222,9 @@ mod tests {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let code = GrayCode { images: BITS, cell_periods };
         let mut images = encode(&[column], pattern.period_px * cell_periods, 0.0);
-        images[which].pixels[0] = 101;
+        images[which][0] = 101;
         let map = phase_map(&pattern, &[column], 0.0);
-        (decode_gray_code(&map, &pattern, &code, &images, Threshold::MeanOfPhaseImages, 4.0).unwrap(), pattern)
+        (decode_gray_code(&map, &pattern, &code, &slices(&images), Threshold::MeanOfPhaseImages, 4.0).unwrap(), pattern)
     }
 
     #[test]
@@ -254,7 +255,8 @@ mod tests {
         let images = encode(&[193.0], 9.0, 0.0);
         let map = phase_map(&pattern, &[193.0], 0.5);
         let code = GrayCode { images: BITS, cell_periods: 0.5 };
-        let found = decode_gray_code(&map, &pattern, &code, &images, Threshold::MeanOfPhaseImages, 1.0).unwrap();
+        let found =
+            decode_gray_code(&map, &pattern, &code, &slices(&images), Threshold::MeanOfPhaseImages, 1.0).unwrap();
         assert!(!found.valid[0]);
     }
 
@@ -263,9 +265,8 @@ mod tests {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let map = PhaseMap { mean: vec![0], ..phase_map(&pattern, &[193.0], 0.0) };
         let (images, code) = (encode(&[193.0], 9.0, 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
-        let (white, black) = (image(vec![160]), image(vec![40]));
-        let threshold = Threshold::WhiteAndBlack(&white, &black);
-        let found = decode_gray_code(&map, &pattern, &code, &images, threshold, 1.0).unwrap();
+        let threshold = Threshold::WhiteAndBlack(&[160], &[40]);
+        let found = decode_gray_code(&map, &pattern, &code, &slices(&images), threshold, 1.0).unwrap();
         assert!((f64::from(found.turns[0]) - pattern.phase_turns(193.0)).abs() < 1e-3);
     }
 
@@ -274,11 +275,11 @@ mod tests {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let (map, code) = (phase_map(&pattern, &[193.0], 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
         let mut images = encode(&[193.0], 9.0, 0.0);
-        let decode = |images: &[GreyImage]| {
-            decode_gray_code(&map, &pattern, &code, images, Threshold::MeanOfPhaseImages, 1.0).unwrap_err()
+        let decode = |images: &[Vec<u8>]| {
+            decode_gray_code(&map, &pattern, &code, &slices(images), Threshold::MeanOfPhaseImages, 1.0).unwrap_err()
         };
         assert_eq!(decode(&images[1..]), GrayCodeError::Count { found: 5, expected: 6 });
-        images[2] = image(vec![0, 0]);
-        assert!(matches!(decode(&images), GrayCodeError::Size { index: 2, width: 2, .. }));
+        images[2] = vec![0, 0];
+        assert!(matches!(decode(&images), GrayCodeError::Size { index: 2, found: 2, .. }));
     }
 }

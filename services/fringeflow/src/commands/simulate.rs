@@ -111,9 +111,10 @@ impl Args {
     fn print(&self, summary: &SimulationSummary) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
         let s = summary;
-        let written = if self.json {
+        if self.json {
             let report = Report { folder: &self.output, object: self.object.name(), summary: *s };
-            serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from).and_then(|()| writeln!(out))
+            serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
+            writeln!(out)?;
         } else {
             writeln!(
                 out,
@@ -128,9 +129,9 @@ impl Args {
                 s.expected_false_candidates,
                 s.projector_place,
                 s.calibration_error.epi_rms,
-            )
-        };
-        written.map_err(Failure::Output)
+            )?;
+        }
+        Ok(())
     }
 }
 
@@ -145,7 +146,7 @@ impl From<SimulationError> for Failure {
     fn from(error: SimulationError) -> Self {
         match error {
             SimulationError::Dataset(error) => Self::Dataset(error),
-            error => Self::Usage(error.to_string()),
+            error => Self::unusable(error),
         }
     }
 }

@@ -2,7 +2,6 @@
 
 mod reference_cloud;
 mod report;
-mod wrapped_phase;
 
 use std::path::PathBuf;
 
@@ -11,8 +10,10 @@ use fringeflow::cloud::Cloud;
 use fringeflow::dataset::{Dataset, Truth};
 use fringeflow::evaluation::{Evaluation, Frames, against_captured, against_cloud, against_rendered};
 use fringeflow::geometry::Pose;
+use fringeflow::preview::judgement_picture;
 
 use crate::failure::Failure;
+use crate::preview_folder;
 
 /// What a cloud is compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
@@ -45,12 +46,15 @@ pub(crate) struct Args {
     /// How to find correspondences.
     #[arg(long, value_enum, default_value_t = Method::Egc)]
     method: Method,
-    /// Search the whole depth in front of the cameras, not the measurement volume alone (egc and cgc).
+    /// Leave out points outside the measurement volume; Gray code alone knows none.
     #[arg(long)]
-    no_volume: bool,
+    restrict_to_volume: bool,
     /// Unit of the calibration, where the dataset does not state it.
     #[arg(long, value_name = "mm|m")]
     units: Option<Unit>,
+    /// Write a picture of what is right and wrong (judgement.png) to this folder.
+    #[arg(long, value_name = "DIR")]
+    preview: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -58,20 +62,27 @@ pub(crate) struct Args {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        if let Some(folder) = &self.preview {
+            preview_folder::check(folder)?;
+        }
         let dataset = Dataset::open(&self.input, self.units)?;
         let cloud = self.cloud(&dataset, self.method)?;
         let evaluation = match self.against {
             Against::Truth => against_truth(&dataset, &cloud)?,
             Against::Gray => {
                 let reference = self.cloud(&dataset, Method::Egc)?;
-                against_cloud(&cloud, dataset.image_size_px, &reference).map_err(unusable)?
+                against_cloud(&cloud, dataset.image_size_px, &reference).map_err(Failure::unusable)?
             }
         };
+        if let Some(folder) = &self.preview {
+            let picture = judgement_picture(&evaluation.judgements, dataset.image_size_px);
+            picture.write_png(&folder.join("judgement.png"))?;
+        }
         report::print(&dataset.name, self.method, self.against, &evaluation.scores, self.json)
     }
 
     fn cloud(&self, dataset: &Dataset, method: Method) -> Result<Cloud, Failure> {
-        let volume = dataset.volume.as_ref().filter(|_| !self.no_volume);
+        let volume = dataset.volume.as_ref().filter(|_| self.restrict_to_volume);
         match method {
             Method::Egc => reference_cloud::egc(dataset, volume),
             Method::Cgc => reference_cloud::cgc(dataset, volume),
@@ -88,7 +99,7 @@ fn against_truth(dataset: &Dataset, cloud: &Cloud) -> Result<Evaluation, Failure
             return Err(Failure::Usage(format!("{} is missing; give --against gray instead", file.display())));
         }
     };
-    judged.map_err(unusable)
+    judged.map_err(Failure::unusable)
 }
 
 /// The frames of the cloud and the truth; those of C1 where the dataset has no volume.
@@ -99,9 +110,4 @@ fn frames(dataset: &Dataset) -> Frames {
         exact_cam1_from_volume: dataset.exact_cam1_from_volume.unwrap_or(cam1_from_volume),
         unit_m: dataset.unit.in_metres(),
     }
-}
-
-/// An input that can be read but not worked with.
-fn unusable(error: impl std::fmt::Display) -> Failure {
-    Failure::Usage(error.to_string())
 }

@@ -1,18 +1,17 @@
 //! Clouds of a dataset by the reference methods.
 
-use fringeflow::cloud::Cloud;
+use fringeflow::cloud::{Cloud, reference_cloud};
 use fringeflow::correspondence::reference_methods::{
-    MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions, reference_cloud,
+    MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions,
 };
-use fringeflow::dataset::{CameraId, Dataset, FringeSequence};
+use fringeflow::dataset::{CameraId, Dataset, FringeSequence, GreyImage};
 use fringeflow::geometry::MeasurementVolume;
-use fringeflow::phase::{AbsolutePhase, PhaseMap, Threshold, decode_gray_code};
+use fringeflow::phase::{AbsolutePhase, GrayCode, PhaseMap, PhaseShifts, Threshold, Validity, decode_gray_code};
 
-use super::{unusable, wrapped_phase};
 use crate::failure::Failure;
 
-/// Standard deviation of camera noise with which Gray-code bits are judged, grey levels.
-const NOISE_GREY: f32 = 1.5;
+/// Dark pixels alone are left out: Gray code itself tells whether a phase fits.
+const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
 
@@ -43,27 +42,56 @@ fn cloud(
     cam1: &PhaseMap,
     matches: Result<Vec<Option<ReferenceMatch>>, MatchError>,
 ) -> Result<Cloud, Failure> {
-    let matches = matches.map_err(unusable)?;
+    let matches = matches.map_err(Failure::unusable)?;
     Ok(reference_cloud(&dataset.rig, &dataset.sequence.pattern, cam1, &matches, MATCH_SD_PX))
 }
 
 fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<Decoded, Failure> {
     let sequence = sequence(dataset, second_direction)?;
-    let numbers: Vec<usize> = (0..sequence.shifts_rad.len()).collect();
+    let code = sequence.gray.ok_or_else(|| missing(dataset, "Gray code (field gray of meta.json)"))?;
+    let wrapped = wrapped_phase(dataset, camera, second_direction, sequence)?;
+    let absolute = absolute_phase(dataset, camera, second_direction, sequence, &code, &wrapped)?;
+    Ok(Decoded { wrapped, absolute })
+}
+
+fn wrapped_phase(
+    dataset: &Dataset,
+    camera: CameraId,
+    second_direction: bool,
+    sequence: &FringeSequence,
+) -> Result<PhaseMap, Failure> {
+    let shifts = PhaseShifts::new(&sequence.shifts_rad).map_err(Failure::unusable)?;
+    let numbers: Vec<usize> = (0..shifts.steps()).collect();
     let images = match second_direction {
         false => dataset.phase_images(camera, &numbers)?,
         true => dataset.second_phase_images(camera, &numbers)?,
     };
-    let wrapped = wrapped_phase::decode(&images, &sequence.shifts_rad)?;
-    let code = sequence.gray.as_ref().ok_or_else(|| missing(dataset, "Gray code (field gray of meta.json)"))?;
+    let [width, height] = dataset.image_size_px;
+    let map = fringeflow::phase::decode(&pixels(&images), width, height, &shifts, &VALIDITY);
+    map.ok_or_else(|| missing(dataset, "complete set of phase images"))
+}
+
+fn absolute_phase(
+    dataset: &Dataset,
+    camera: CameraId,
+    second_direction: bool,
+    sequence: &FringeSequence,
+    code: &GrayCode,
+    wrapped: &PhaseMap,
+) -> Result<AbsolutePhase, Failure> {
     let white_and_black = dataset.white_and_black(camera)?;
     let threshold = match &white_and_black {
-        Some((white, black)) => Threshold::WhiteAndBlack(white, black),
+        Some((white, black)) => Threshold::WhiteAndBlack(&white.pixels, &black.pixels),
         None => Threshold::MeanOfPhaseImages,
     };
-    let gray = dataset.gray_images(camera, second_direction)?;
-    let absolute = decode_gray_code(&wrapped, &sequence.pattern, code, &gray, threshold, NOISE_GREY);
-    Ok(Decoded { wrapped, absolute: absolute.map_err(unusable)? })
+    let images = dataset.gray_images(camera, second_direction)?;
+    let noise_grey = wrapped.fit.noise_grey;
+    decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, noise_grey)
+        .map_err(Failure::unusable)
+}
+
+fn pixels(images: &[GreyImage]) -> Vec<&[u8]> {
+    images.iter().map(|image| image.pixels.as_slice()).collect()
 }
 
 fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, Failure> {

@@ -12,6 +12,7 @@ use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose};
 use fringeflow::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 
 use crate::failure::Failure;
+use crate::preview_folder;
 
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
@@ -62,9 +63,9 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let (setup, steps) = self.setup()?;
         if let Some(folder) = &self.preview {
-            picture::check_folder(folder)?;
+            preview_folder::check(folder)?;
         }
-        let report = report(&setup, &self.assumptions(steps), usize::from(self.grid))?;
+        let report = report(&setup, &self.assumptions(steps), usize::from(self.grid)).map_err(Failure::unusable)?;
         if let Some(folder) = &self.preview {
             picture::write(folder, &report.evaluation)?;
         }
@@ -127,5 +128,6 @@ fn volume_of(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
         return Err(Failure::Usage(what));
     };
     let corner = |corner: [f64; 3]| Point3::from(corner.map(|c| c * unit.in_metres()));
-    Ok(MeasurementVolume::new(Pose::identity(), corner([x0, y0, z0]), corner([x1, y1, z1]))?)
+    let volume = MeasurementVolume::new(Pose::identity(), corner([x0, y0, z0]), corner([x1, y1, z1]));
+    volume.map_err(|error| Failure::Usage(format!("--volume {given}: {error}")))
 }

@@ -2,23 +2,16 @@
 
 use std::path::Path;
 
-use fringeflow::dataset::{GreyImage, Problem, write_png};
+use fringeflow::dataset::{GreyImage, write_png};
 use fringeflow::rig_report::{Evaluation, PixelMap};
 
 use crate::failure::Failure;
-
-/// Refuses a folder that is not there, before the report is computed.
-pub(super) fn check_folder(folder: &Path) -> Result<(), Failure> {
-    let missing = || Failure::Usage(format!("--preview {}: is not a folder; create it first", folder.display()));
-    folder.is_dir().then_some(()).ok_or_else(missing)
-}
 
 /// Writes `periods.png` and `survivors.png`.
 pub(super) fn write(folder: &Path, evaluation: &Evaluation) -> Result<(), Failure> {
     let maps = [("periods.png", &evaluation.periods_map), ("survivors.png", &evaluation.survivors_map)];
     for (name, map) in maps {
-        let file = folder.join(name);
-        write_png(&file, &image(map)).map_err(|problem: Problem| Failure::Picture { file, problem })?;
+        write_png(&folder.join(name), &image(map))?;
     }
     Ok(())
 }
