@@ -176,7 +176,11 @@ fn checked<T: std::fmt::Display>(
     is_valid: impl FnOnce(&T) -> bool,
     expected: &'static str,
 ) -> Result<T, ConfigurationProblem> {
-    if is_valid(&value) { Ok(value) } else { Err(ConfigurationProblem::Value { key, value: value.to_string(), expected }) }
+    if is_valid(&value) {
+        Ok(value)
+    } else {
+        Err(ConfigurationProblem::Value { key, value: value.to_string(), expected })
+    }
 }
 
 #[cfg(test)]

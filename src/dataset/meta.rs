@@ -160,7 +160,8 @@ impl VolumeDescription {
 /// An unreadable file, a missing field, a matrix that is no rotation, or an empty box.
 pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
     let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
-    let raw = text.and_then(|text| serde_json::from_str::<VolumeDescription>(&text).map_err(|e| Problem::Json(e.to_string())));
+    let raw = text
+        .and_then(|text| serde_json::from_str::<VolumeDescription>(&text).map_err(|e| Problem::Json(e.to_string())));
     raw.and_then(|raw| raw.placed(unit)).map_err(|problem| DatasetError::new(path, problem))
 }
 

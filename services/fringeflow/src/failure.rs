@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
 use fringeflow::cloud::CloudWriteError;
+use fringeflow::config::ConfigurationError;
 use fringeflow::dataset::{DatasetError, Problem};
 
 /// Why a command did not finish.
@@ -20,6 +21,9 @@ pub(crate) enum Failure {
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// A configuration file.
+    #[error(transparent)]
+    Configuration(#[from] ConfigurationError),
     /// A cloud that could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
@@ -41,7 +45,7 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
-            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) => 2,
+            Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
             Self::Cloud(_) | Self::Write(_) | Self::Output(_) => 1,
         }

@@ -2,8 +2,14 @@
 
 mod commands;
 mod failure;
+mod gray_reference;
+mod method;
+mod pictures;
 mod preview_folder;
 mod progress;
+mod proposed;
+mod statistics;
+mod truth;
 
 use std::process::ExitCode;
 

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use fringeflow::atomic_file::{WriteError, WriteProblem};
 use fringeflow::dataset::Dataset;
 use fringeflow::preview::{
     Picture, delta_histogram_picture, depth_picture, judgement_picture, modulation_picture, outcome_picture,
@@ -13,10 +12,8 @@ use crate::failure::Failure;
 use crate::method::Made;
 use crate::truth;
 
-/// Writes all pictures that can be drawn into a folder, which is made if it is missing.
+/// Writes all pictures that can be drawn into a folder.
 pub(crate) fn write(folder: &Path, dataset: &Dataset, made: &Made) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })?;
     let size_px = dataset.image_size_px;
     let write = |name: &str, picture: Picture| picture.write_png(&folder.join(name));
     write("depth.png", depth_picture(&made.cloud, size_px))?;
@@ -31,7 +28,7 @@ pub(crate) fn write(folder: &Path, dataset: &Dataset, made: &Made) -> Result<(),
         write("delta.png", delta_histogram_picture(&deltas, matches.delta.threshold_rad() as f32))?;
     }
     if let Some(evaluation) = truth::evaluate(dataset, &made.cloud)? {
-        write("false-points.png", judgement_picture(&evaluation.judgements, size_px))?;
+        write("judgement.png", judgement_picture(&evaluation.judgements, size_px))?;
     }
     Ok(())
 }

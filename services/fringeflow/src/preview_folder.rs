@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use fringeflow::atomic_file::{WriteError, WriteProblem};
+
 use crate::failure::Failure;
 
-/// Refuses a folder that is not there, before the work that the pictures show.
-pub(crate) fn check(folder: &Path) -> Result<(), Failure> {
-    let missing = || Failure::Usage(format!("--preview {}: is not a folder; create it first", folder.display()));
-    folder.is_dir().then_some(()).ok_or_else(missing)
+/// Makes the folder if it is missing, before the work that the pictures show.
+pub(crate) fn prepare(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })?;
+    Ok(())
 }

@@ -55,11 +55,6 @@ impl ProposedArgs {
         reconstruction.map_err(|e| usage(dataset, &e))
     }
 
-    /// Number of phase images that are used.
-    pub(crate) fn image_count(&self, dataset: &Dataset) -> Result<usize, Failure> {
-        Ok(self.images(dataset)?.len())
-    }
-
     /// Numbers of the phase images to use.
     fn images(&self, dataset: &Dataset) -> Result<Vec<usize>, Failure> {
         let available = dataset.sequence.shifts_rad.len();
@@ -81,9 +76,8 @@ impl ProposedArgs {
 
     /// The segment table, from its file if there is one.
     fn segment_table(&self, dataset: &Dataset, volume: &MeasurementVolume) -> Result<SegmentTable, Failure> {
-        let build = || {
-            SegmentTable::build(&dataset.rig, volume, &dataset.sequence.pattern).map_err(|e| usage(dataset, &e))
-        };
+        let build =
+            || SegmentTable::build(&dataset.rig, volume, &dataset.sequence.pattern).map_err(|e| usage(dataset, &e));
         build()
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! A wrong fringe order can agree with its neighbours just as well as the right one: where the right candidate is hidden
 //! or lies outside the measurement volume, the wrong one is alone. But δ tells them apart. Over a right region δ is
-//! noise about a slowly varying calibration error, of standard deviation sd. Over a wrong region it changes steadily
-//! from pixel to pixel and the region ends where it leaves the test: there δ is spread evenly over ±3·sd, with standard
-//! deviation √3·sd.
+//! noise about a calibration error that varies slowly over the image. Over a wrong region it changes steadily from pixel
+//! to pixel, and the region ends where it leaves the test: there δ is spread evenly over ±3·sd, with standard deviation
+//! √3·sd, and crosses that range within a fraction of the image.
 
 use super::super::neighbourhood::{Decided, TURN, UNDECIDED};
 use super::Resolver;
@@ -14,6 +14,9 @@ const MAX_STEP: i32 = 3 * TURN / 8;
 /// Systematic variance of δ, in sd², at which a normal and an even distribution over ±3·sd are equally likely:
 /// 2·ln(6/√(2π)).
 const MAX_SYSTEMATIC_VARIANCE: f64 = 1.746;
+/// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
+/// that contains nearly all of it.
+const MAX_CHANGE_OVER_IMAGE: f64 = 20.0;
 /// Share of a region that must pass the back-projection test proper.
 const MIN_PASSING_SHARE: f64 = 0.7;
 /// A pixel without region.
@@ -78,17 +81,17 @@ impl Regions {
         for pixel in 0..self.label.len() {
             let Some(region) = self.region_of(pixel) else { continue };
             let Some(delta) = passing_delta(resolver, pixel) else { continue };
-            let below_or_right = [pixel + 1, pixel + self.width];
-            let same = |&next: &usize| next < self.label.len() && self.label[next] == self.label[pixel];
-            statistics[region]
-                .add(delta, below_or_right.into_iter().filter(same).filter_map(|n| passing_delta(resolver, n)));
+            let same = |next: usize| next < self.label.len() && self.label[next] == self.label[pixel];
+            let neighbour = |next: usize| if same(next) { passing_delta(resolver, next) } else { None };
+            statistics[region].add(delta, [neighbour(pixel + 1), neighbour(pixel + self.width)]);
         }
         // thr is 3·sd.
         let sd = f64::from(resolver.evidence.gate.threshold_turns) * f64::from(TURN) / 3.0;
         let judge = |(statistics, &size): (&DeltaOfRegion, &u32)| {
             size >= resolver.settings.min_region_px
                 && statistics.count as f64 >= MIN_PASSING_SHARE * f64::from(size)
-                && statistics.systematic_variance() <= MAX_SYSTEMATIC_VARIANCE * sd * sd
+                && !(statistics.systematic_variance() > MAX_SYSTEMATIC_VARIANCE * sd * sd
+                    && statistics.gradient() * self.width as f64 > MAX_CHANGE_OVER_IMAGE * sd)
         };
         statistics.iter().zip(&self.sizes).map(judge).collect()
     }
@@ -117,18 +120,24 @@ struct DeltaOfRegion {
     count: i64,
     sum: i64,
     sum_of_squares: i64,
-    steps: i64,
-    squared_steps: i64,
+    /// Pairs of neighbours to the right and below, with the sum and the sum of squares of the differences.
+    pairs: [i64; 2],
+    rise: [i64; 2],
+    squared_steps: [i64; 2],
 }
 
 impl DeltaOfRegion {
-    fn add(&mut self, delta: i64, neighbours: impl Iterator<Item = i64>) {
+    /// Adds a pixel with its neighbours to the right and below, as far as they belong to the region.
+    fn add(&mut self, delta: i64, neighbours: [Option<i64>; 2]) {
         self.count += 1;
         self.sum += delta;
         self.sum_of_squares += delta * delta;
-        for neighbour in neighbours {
-            self.steps += 1;
-            self.squared_steps += (neighbour - delta).pow(2);
+        for (direction, neighbour) in neighbours.into_iter().enumerate() {
+            if let Some(neighbour) = neighbour {
+                self.pairs[direction] += 1;
+                self.rise[direction] += neighbour - delta;
+                self.squared_steps[direction] += (neighbour - delta).pow(2);
+            }
         }
     }
 
@@ -136,7 +145,14 @@ impl DeltaOfRegion {
     fn systematic_variance(&self) -> f64 {
         let count = self.count.max(1) as f64;
         let variance = self.sum_of_squares as f64 / count - (self.sum as f64 / count).powi(2);
-        variance - 0.5 * self.squared_steps as f64 / self.steps.max(1) as f64
+        let pairs = self.pairs.iter().sum::<i64>().max(1) as f64;
+        variance - 0.5 * self.squared_steps.iter().sum::<i64>() as f64 / pairs
+    }
+
+    /// Mean change of δ a pixel, along its steepest direction.
+    fn gradient(&self) -> f64 {
+        let mean_rise = |direction: usize| self.rise[direction] as f64 / self.pairs[direction].max(1) as f64;
+        mean_rise(0).hypot(mean_rise(1))
     }
 }
 
@@ -159,7 +175,7 @@ mod tests {
         let statistics = |deltas: &[i64]| {
             let mut statistics = DeltaOfRegion::default();
             for (i, &delta) in deltas.iter().enumerate() {
-                statistics.add(delta, deltas.get(i + 1).copied().into_iter());
+                statistics.add(delta, [deltas.get(i + 1).copied(), None]);
             }
             statistics.systematic_variance()
         };

@@ -1,6 +1,7 @@
 //! One module a subcommand: its arguments and what it does with the library.
 
 mod evaluate;
+mod reconstruct;
 mod rig;
 mod simulate;
 
@@ -11,6 +12,8 @@ use crate::failure::Failure;
 pub(crate) enum Command {
     /// Compare a reconstruction with the truth or with Gray code: com, miss, fpc, 3D error.
     Evaluate(evaluate::Args),
+    /// Reconstruct a dataset folder: images to a point cloud.
+    Reconstruct(reconstruct::Args),
     /// Report on a rig: n, sd and efc, which wrong fringe orders survive where, and what changes would do.
     ///
     /// Needs no image, so it can be asked before anything is built. Example:
@@ -26,6 +29,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         match self {
             Self::Evaluate(args) => args.run(),
+            Self::Reconstruct(args) => args.run(),
             Self::Rig(args) => args.run(),
             Self::Simulate(args) => args.run(),
         }

@@ -11,6 +11,7 @@ use fringeflow::dataset::Dataset;
 use crate::failure::Failure;
 use crate::method::{Made, Method};
 use crate::pictures;
+use crate::preview_folder;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 
@@ -52,6 +53,9 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         CloudFormat::of_path(&self.output)?;
         check_writable(&self.output)?;
+        if let Some(folder) = &self.preview {
+            preview_folder::prepare(folder)?;
+        }
         let dataset = Dataset::open(&self.input, self.units)?;
         let made = self.method.run(&dataset, &self.proposed)?;
         let unit = self.units.unwrap_or(Unit::Millimetre);

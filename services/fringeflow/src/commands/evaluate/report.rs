@@ -2,11 +2,13 @@
 
 use std::io::Write as _;
 
-use fringeflow::evaluation::Scores;
+use fringeflow::evaluation::{Evaluation, Judgement, Scores};
 use serde::Serialize;
 
-use super::{Against, Method};
+use super::{Against, Args};
 use crate::failure::Failure;
+use crate::method::{Made, Method};
+use crate::statistics::Statistics;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -15,16 +17,70 @@ struct Report<'a> {
     against: Against,
     #[serde(flatten)]
     scores: &'a Scores,
+    #[serde(flatten)]
+    unique: Unique,
+    #[serde(flatten)]
+    statistics: Option<Statistics>,
+}
+
+/// Points whose pixel had one candidate only, and how many of those are right.
+#[derive(Clone, Copy, Serialize)]
+struct Unique {
+    /// Of the unique points that can be judged, percent; `None` where there are none.
+    unique_correct_percent: Option<f64>,
+    /// Standard deviation of δ over the correct points, rad; `None` without any.
+    correct_delta_sd_rad: Option<f64>,
 }
 
 /// Prints the figures to standard output.
-pub(super) fn print(set: &str, method: Method, against: Against, scores: &Scores, json: bool) -> Result<(), Failure> {
-    let text = if json {
-        serde_json::to_string(&Report { set, method, against, scores }).map_err(std::io::Error::from)?
-    } else {
-        text(set, scores)
+pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation) -> Result<(), Failure> {
+    let statistics = made.reconstruction.as_ref().map(Statistics::of);
+    let unique = unique(made, &evaluation.judgements);
+    let scores = &evaluation.scores;
+    let mut out = std::io::stdout().lock();
+    if args.json {
+        let report = Report { set, method: args.method, against: args.against, scores, unique, statistics };
+        serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
+        return Ok(writeln!(out)?);
+    }
+    writeln!(out, "{}", text(set, scores))?;
+    if let (Some(right), Some(sd)) = (unique.unique_correct_percent, unique.correct_delta_sd_rad) {
+        writeln!(
+            out,
+            "of the points with one candidate {right:.2} % are right; sd of δ of the right points {sd:.4} rad"
+        )?;
+    }
+    if let Some(statistics) = statistics {
+        write!(out, "{statistics}")?;
+    }
+    Ok(())
+}
+
+fn unique(made: &Made, judgements: &[Judgement]) -> Unique {
+    let Some(reconstruction) = &made.reconstruction else {
+        return Unique { unique_correct_percent: None, correct_delta_sd_rad: None };
     };
-    Ok(writeln!(std::io::stdout().lock(), "{text}")?)
+    let (mut right, mut judged) = (0_u64, 0_u64);
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for point in &made.cloud.points {
+        let pixel = usize::from(point.cam1_px[1]) * reconstruction.cam1.width + usize::from(point.cam1_px[0]);
+        let correct = judgements[pixel] == Judgement::Correct;
+        let false_positive = matches!(judgements[pixel], Judgement::Wrong | Judgement::Stray);
+        if point.candidates == 1 {
+            right += u64::from(correct);
+            judged += u64::from(correct || false_positive);
+        }
+        if correct {
+            let delta = f64::from(point.delta_rad);
+            count += 1.0;
+            sum += delta;
+            squares += delta * delta;
+        }
+    }
+    Unique {
+        unique_correct_percent: (judged > 0).then(|| 100.0 * right as f64 / judged as f64),
+        correct_delta_sd_rad: (count > 0.0).then(|| (squares / count - (sum / count) * (sum / count)).max(0.0).sqrt()),
+    }
 }
 
 fn text(set: &str, s: &Scores) -> String {

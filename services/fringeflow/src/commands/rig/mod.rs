@@ -63,7 +63,7 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let (setup, steps) = self.setup()?;
         if let Some(folder) = &self.preview {
-            preview_folder::check(folder)?;
+            preview_folder::prepare(folder)?;
         }
         let report = report(&setup, &self.assumptions(steps), usize::from(self.grid)).map_err(Failure::unusable)?;
         if let Some(folder) = &self.preview {

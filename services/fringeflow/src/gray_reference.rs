@@ -1,11 +1,11 @@
-//! Clouds of a dataset by the reference methods.
+//! Clouds of a dataset by the reference methods (paper, Table 2). Gray code is unique without a measurement volume, so
+//! none is used.
 
 use fringeflow::cloud::{Cloud, reference_cloud};
 use fringeflow::correspondence::reference_methods::{
     MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions,
 };
 use fringeflow::dataset::{CameraId, Dataset, FringeSequence, GreyImage};
-use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::{AbsolutePhase, GrayCode, PhaseMap, PhaseShifts, Threshold, Validity, decode_gray_code};
 
 use crate::failure::Failure;
@@ -22,19 +22,19 @@ struct Decoded {
 }
 
 /// Full Gray code with epipolar lines.
-pub(super) fn egc(dataset: &Dataset, volume: Option<&MeasurementVolume>) -> Result<Cloud, Failure> {
+pub(crate) fn egc(dataset: &Dataset) -> Result<Cloud, Failure> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
-    let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, volume);
+    let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, None);
     cloud(dataset, &cam1.wrapped, matches)
 }
 
 /// Full Gray code in two fringe directions.
-pub(super) fn cgc(dataset: &Dataset, volume: Option<&MeasurementVolume>) -> Result<Cloud, Failure> {
+pub(crate) fn cgc(dataset: &Dataset) -> Result<Cloud, Failure> {
     let [columns1, columns2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let [rows1, rows2] = [decode(dataset, CameraId::Cam1, true)?, decode(dataset, CameraId::Cam2, true)?];
     let cam1 = [&columns1.absolute, &rows1.absolute];
     let cam2 = [&columns2.absolute, &rows2.absolute];
-    cloud(dataset, &columns1.wrapped, match_both_directions(&dataset.rig, cam1, cam2, volume))
+    cloud(dataset, &columns1.wrapped, match_both_directions(&dataset.rig, cam1, cam2, None))
 }
 
 fn cloud(

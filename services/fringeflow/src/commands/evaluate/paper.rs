@@ -1,0 +1,156 @@
+//! `fringeflow evaluate --paper`: the paper's seven objects on the virtual scanner, and its tables beside ours.
+
+use std::io::Write as _;
+
+use fringeflow::dataset::Dataset;
+use fringeflow::evaluation::{CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table};
+use fringeflow::simulation::{
+    Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, SimulationSummary,
+};
+use serde::Serialize;
+
+use crate::failure::Failure;
+use crate::method::Method;
+use crate::progress;
+use crate::proposed::ProposedArgs;
+use crate::statistics::Statistics;
+use crate::truth;
+
+/// Phase steps of the paper's Table 2, in its order.
+const STEPS: [usize; 3] = [16, 8, 4];
+/// Steps with which Table 1 was measured.
+const TABLE_1_STEPS: usize = 16;
+/// Standard deviation of δ in the paper, rad.
+const SD_RAD: f64 = 0.041;
+
+#[derive(Serialize)]
+struct Row {
+    object: &'static str,
+    steps: usize,
+    #[serde(flatten)]
+    scores: Scores,
+    #[serde(flatten)]
+    statistics: Statistics,
+    simulated: SimulationSummary,
+}
+
+/// Simulates and measures every object with every number of steps, and prints the tables.
+pub(super) fn run(json: bool) -> Result<(), Failure> {
+    let bar = progress::bar("objects", (Object::ALL.len() * STEPS.len()) as u64);
+    let mut rows = Vec::new();
+    for object in Object::ALL {
+        for steps in STEPS {
+            bar.set_message(object.name());
+            rows.push(measure(object, steps)?);
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    let mut out = std::io::stdout().lock();
+    if json {
+        serde_json::to_writer(&mut out, &rows).map_err(std::io::Error::from)?;
+        return Ok(writeln!(out)?);
+    }
+    writeln!(out, "Table 1, completeness ({TABLE_1_STEPS} steps)")?;
+    writeln!(out, "{}", completeness_table(&table_1(&rows)))?;
+    writeln!(out, "All numbers of steps")?;
+    writeln!(
+        out,
+        "{:<14} {:>5} {:>8} {:>7} {:>7} {:>6} {:>7} {:>6}",
+        "object", "steps", "com %", "miss %", "fpc %", "n", "sd", "efc"
+    )?;
+    for row in &rows {
+        let (s, d) = (&row.scores, &row.statistics);
+        writeln!(
+            out,
+            "{:<14} {:>5} {:>8.3} {:>7.3} {:>7.3} {:>6.2} {:>7.4} {:>6.3}",
+            row.object,
+            row.steps,
+            s.com_percent,
+            s.miss_percent,
+            s.fpc_percent,
+            d.mean_periods,
+            d.delta_sd_rad,
+            d.efc_predicted
+        )?;
+    }
+    writeln!(out, "\nTable 2, length of the sequence (images)")?;
+    Ok(writeln!(out, "{}", sequence_table(&table_2(&rows)))?)
+}
+
+fn measure(object: Object, steps: usize) -> Result<Row, Failure> {
+    let folder = tempfile::tempdir()?;
+    let simulation = Simulation::new(options(object, steps))?;
+    let target = folder.path().join(object.name());
+    simulation.write(&target, || {})?;
+    let dataset = Dataset::open(&target, None)?;
+    let made = Method::Pa.run(&dataset, &ProposedArgs::default())?;
+    let missing = || Failure::Usage(format!("{}: the simulated dataset has no truth", target.display()));
+    let evaluation = truth::evaluate(&dataset, &made.cloud)?.ok_or_else(missing)?;
+    let statistics = made.reconstruction.as_ref().map(Statistics::of).ok_or_else(missing)?;
+    Ok(Row { object: object.name(), steps, scores: evaluation.scores, statistics, simulated: simulation.summary() })
+}
+
+/// The paper's situation: n about 6, sd 0.041, 7 images of Gray code.
+fn options(object: Object, steps: usize) -> SimulationOptions {
+    SimulationOptions {
+        object,
+        board: Board::Dark,
+        rig: RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: [640, 512],
+            depth_m: object.usual_depth_m(),
+            period_px: 16.0,
+            sd_rad: SD_RAD,
+            seed: 1,
+        },
+        steps,
+        two_directions: false,
+        gray: true,
+        noise: NoiseLevel::Normal,
+        gamma: 1.0,
+        supersampling: 2,
+        seed: 1,
+    }
+}
+
+fn table_1(rows: &[Row]) -> Vec<CompletenessRow> {
+    let measured = rows.iter().filter(|row| row.steps == TABLE_1_STEPS);
+    let row = |row: &Row| CompletenessRow {
+        object: name_in_paper(row.object).to_owned(),
+        com_percent: row.scores.com_percent,
+        miss_percent: row.scores.miss_percent,
+        fpc_percent: row.scores.fpc_percent,
+        points: row.scores.reference,
+    };
+    measured.map(row).collect()
+}
+
+fn name_in_paper(object: &str) -> &str {
+    match object {
+        "plane" => "Plane",
+        "prism" => "Prism",
+        "machine" => "Machine tool",
+        "teeth" => "Set of teeth",
+        "tooth" => "Plaster tooth",
+        "nose" => "Nose",
+        "elephant" => "Elephant",
+        other => other,
+    }
+}
+
+/// Images that our sequences have: phase images alone, with the Gray code of one direction, and of both.
+fn table_2(rows: &[Row]) -> Vec<SequenceRow> {
+    let first = |steps: usize| rows.iter().find(|row| row.steps == steps);
+    let gray = first(STEPS[0]).map_or(0, |row| row.simulated.images.saturating_sub(STEPS[0] + 2)) as u64;
+    let images = |method: &str, steps: u64| match method {
+        "CGC" => 2 * (steps + gray),
+        "EGC" => steps + gray,
+        _ => steps,
+    };
+    let row = |paper: &SequenceRow| SequenceRow {
+        method: paper.method,
+        images: STEPS.map(|steps| images(paper.method, steps as u64)),
+    };
+    PAPER_TABLE_2.iter().map(row).collect()
+}

@@ -1,0 +1,42 @@
+//! The methods by which a dataset becomes a cloud.
+
+use fringeflow::cloud::Cloud;
+use fringeflow::dataset::Dataset;
+use fringeflow::reconstruction::Reconstruction;
+
+use crate::failure::Failure;
+use crate::gray_reference;
+use crate::proposed::ProposedArgs;
+
+/// How correspondences are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Method {
+    /// The proposed method: phase images alone.
+    Pa,
+    /// Full Gray code with epipolar lines.
+    Egc,
+    /// Full Gray code in two fringe directions.
+    Cgc,
+}
+
+/// A cloud and, for the proposed method, what it was made of.
+pub(crate) struct Made {
+    pub(crate) cloud: Cloud,
+    pub(crate) reconstruction: Option<Reconstruction>,
+}
+
+impl Method {
+    /// Makes the cloud of a dataset; `proposed` matters to the proposed method alone.
+    pub(crate) fn run(self, dataset: &Dataset, proposed: &ProposedArgs) -> Result<Made, Failure> {
+        let reference = |cloud: Cloud| Made { cloud, reconstruction: None };
+        match self {
+            Self::Pa => {
+                let reconstruction = proposed.reconstruct(dataset)?;
+                Ok(Made { cloud: reconstruction.cloud.clone(), reconstruction: Some(reconstruction) })
+            }
+            Self::Egc => gray_reference::egc(dataset).map(reference),
+            Self::Cgc => gray_reference::cgc(dataset).map(reference),
+        }
+    }
+}
