@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde_saphyr::NonFiniteFloatPolicy;
 
 use super::CalibrationProblem;
 
@@ -38,8 +39,10 @@ pub(super) type Matrices = BTreeMap<String, Matrix>;
 /// Parses all documents of a FileStorage text.
 pub(super) fn parse(text: &str) -> Result<Matrices, CalibrationProblem> {
     let mut matrices = Matrices::new();
+    // Numbers that are none get through here, so that the check of the values can name their field.
+    let options = serde_saphyr::options! { non_finite_float_policy: NonFiniteFloatPolicy::PassThrough };
     for document in documents(text) {
-        let nodes: BTreeMap<String, Node> = serde_saphyr::from_str(&document)
+        let nodes: BTreeMap<String, Node> = serde_saphyr::from_str_with_options(&document, options.clone())
             .map_err(|e| CalibrationProblem::NotFileStorage(first_line(&e.to_string())))?;
         for (name, node) in nodes {
             if let Node::Matrix(RawMatrix { rows, cols, data }) = node {

@@ -32,9 +32,6 @@ pub enum CalibrationProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// The file cannot be written.
-    #[error("cannot be written: {0}")]
-    Unwritable(#[source] std::io::Error),
     /// It is no FileStorage YAML.
     #[error("is not an OpenCV FileStorage YAML file: {0}")]
     NotFileStorage(String),

@@ -1,19 +1,20 @@
 //! Writing a rig as an OpenCV FileStorage YAML file.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
+use crate::atomic_file::{WriteError, write_atomically};
 use crate::geometry::{Camera, Pose, Rig};
 
-use super::{CalibrationError, CalibrationProblem, Unit};
+use super::Unit;
 
 /// Writes a calibration that [`super::read_calibration`] reads back to the same rig; translations in `unit`.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn write_calibration(path: &Path, rig: &Rig, unit: Unit) -> Result<(), CalibrationError> {
-    std::fs::write(path, text(rig, unit))
-        .map_err(|e| CalibrationError { file: path.to_owned(), problem: CalibrationProblem::Unwritable(e) })
+/// The file cannot be written; whatever stood there stays.
+pub fn write_calibration(path: &Path, rig: &Rig, unit: Unit) -> Result<(), WriteError> {
+    write_atomically(path, |out| out.write_all(text(rig, unit).as_bytes()))
 }
 
 fn text(rig: &Rig, unit: Unit) -> String {

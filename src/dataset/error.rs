@@ -12,7 +12,7 @@ pub enum DatasetError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// An image that could not be written.
+    /// A calibration or an image that could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
     /// Any other file or folder.

@@ -142,9 +142,10 @@ impl DatasetWriter {
     /// # Errors
     /// A file cannot be written.
     pub fn calibration(&self, rig: &Rig, exact: Option<&Rig>, unit: Unit) -> Result<(), DatasetError> {
-        write_calibration(&self.path(CALIBRATION_FILE), rig, unit)?;
-        if let Some(exact) = exact {
-            write_calibration(&self.path(EXACT_CALIBRATION_FILE), exact, unit)?;
+        for (name, rig) in [(CALIBRATION_FILE, Some(rig)), (EXACT_CALIBRATION_FILE, exact)] {
+            if let Some(rig) = rig {
+                write_calibration(&self.path(name), rig, unit).map_err(|e| self.as_target(name.as_ref(), e))?;
+            }
         }
         Ok(())
     }
@@ -155,9 +156,7 @@ impl DatasetWriter {
     /// It cannot be written.
     pub fn image(&self, camera: CameraId, kind: ImageKind, image: &GreyImage) -> Result<(), DatasetError> {
         let name = Path::new(camera.folder()).join(kind.file_name());
-        let written = write_png(&self.path(&name), image);
-        // The folder's final name is the one that its user knows.
-        Ok(written.map_err(|e| WriteError { path: self.target.join(&name), ..e })?)
+        Ok(write_png(&self.path(&name), image).map_err(|e| self.as_target(&name, e))?)
     }
 
     /// Writes what is true.
@@ -184,6 +183,11 @@ impl DatasetWriter {
 
     fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.unfinished.path().join(name)
+    }
+
+    /// The error with the final name of the file, the one that its user knows.
+    fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
+        WriteError { path: self.target.join(name), ..error }
     }
 
     fn failed(&self, name: &str, error: std::io::Error) -> DatasetError {

@@ -12,6 +12,11 @@ use crate::failure::Failure;
 
 /// Dark pixels alone are left out: Gray code itself tells whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
+/// Standard deviation of camera noise with which Gray-code bits are judged, grey levels.
+///
+/// Not that of the sinusoid fit: with a projector that is not linear the fit is off by ten times the noise, and bits that
+/// are quite sure would be given up.
+const NOISE_GREY: f32 = 1.5;
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
 
@@ -85,8 +90,7 @@ fn absolute_phase(
         None => Threshold::MeanOfPhaseImages,
     };
     let images = dataset.gray_images(camera, second_direction)?;
-    let noise_grey = wrapped.fit.noise_grey;
-    decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, noise_grey)
+    decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, NOISE_GREY)
         .map_err(Failure::unusable)
 }
 

@@ -1,0 +1,80 @@
+//! A dataset folder to damage, and the ways of damaging it.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow::geometry::Rig;
+use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+
+/// Width and height of the images, pixels; as small as the virtual scanner takes them.
+pub(crate) const SIZE_PX: [usize; 2] = [64, 64];
+
+/// Takes a plane with fringes wide enough for so few pixels.
+fn simulation() -> &'static Simulation {
+    static SIMULATION: OnceLock<Simulation> = OnceLock::new();
+    SIMULATION.get_or_init(|| {
+        let arrangement = Arrangement::TABLE_TOP;
+        let rig = RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 64.0, sd_rad: 0.0, seed: 1 };
+        let options = SimulationOptions {
+            object: Object::Plane,
+            board: Board::None,
+            rig,
+            steps: 4,
+            two_directions: false,
+            gray: true,
+            noise: NoiseLevel::None,
+            gamma: 1.0,
+            supersampling: 1,
+            seed: 1,
+        };
+        Simulation::new(options).unwrap()
+    })
+}
+
+/// Writes an intact dataset folder.
+pub(crate) fn intact(folder: &Path) {
+    simulation().write(folder, || ()).unwrap();
+}
+
+/// The rig of the dataset.
+pub(crate) fn rig() -> Rig {
+    simulation().rig().exact.clone()
+}
+
+/// Writes other values into a field of the calibration file.
+pub(crate) fn calibration_field(folder: &Path, field: &str, values: &str) {
+    let path = folder.join(CALIBRATION_FILE);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let start = text.find(&format!("{field}: !!opencv-matrix")).unwrap();
+    let data = start + text[start..].find("data: [").unwrap();
+    let end = data + text[data..].find(']').unwrap();
+    std::fs::write(&path, format!("{}data: [ {values} {}", &text[..data], &text[end..])).unwrap();
+}
+
+/// Writes another value into a field of `meta.json`, given by its path from the top (`/volume/T_v`).
+pub(crate) fn meta_field(folder: &Path, pointer: &str, value: serde_json::Value) {
+    let path = folder.join(META_FILE);
+    let mut meta: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    *meta.pointer_mut(pointer).unwrap() = value;
+    std::fs::write(&path, meta.to_string()).unwrap();
+}
+
+/// Writes a PNG image of any kind, all samples 0 but the first ones.
+pub(crate) fn image(file: &Path, color: png::ColorType, depth: png::BitDepth, [width, height]: [u32; 2], first: &[u8]) {
+    let mut encoder = png::Encoder::new(std::fs::File::create(file).unwrap(), width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    let mut bytes = vec![0; width as usize * height as usize * color.samples() * depth as usize / 8];
+    bytes[..first.len()].copy_from_slice(first);
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
+
+/// All files and folders below a folder, sorted.
+pub(crate) fn listing(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let below = |path: PathBuf| std::iter::once(path.clone()).chain(listing(&path)).collect::<Vec<_>>();
+    let mut found: Vec<PathBuf> = entries.flat_map(|entry| below(entry.unwrap().path())).collect();
+    found.sort();
+    found
+}
