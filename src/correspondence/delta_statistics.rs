@@ -37,6 +37,11 @@ const MIN_REFERENCES: usize = 200;
 const TOLERANCE_NOISE_SD: f64 = 6.0;
 /// Least tolerated difference, in sd: the smooth part of δ changes too.
 const MIN_TOLERANCE_SD: f64 = 0.5;
+/// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
+/// that contains nearly all of it.
+pub(super) const MAX_CHANGE_OVER_IMAGE_SD: f64 = 20.0;
+/// Slope of δ over seven pixels that noise does not reach, in its standard deviations: 5/√28.
+const STEEP_NOISE_SD: f64 = 1.0;
 /// Rounds of refinement.
 const REFINEMENTS: usize = 2;
 
@@ -73,6 +78,13 @@ impl DeltaStatistics {
         (noise_rad.max(MIN_TOLERANCE_SD * self.sd_rad) / TAU).min(0.5) as f32
     }
 
+    /// Change of δ a pixel, over a few pixels, that neither a calibration error nor noise makes, turns.
+    #[must_use]
+    pub fn steep_turns(&self, width_px: usize) -> f32 {
+        let of_calibration_rad = MAX_CHANGE_OVER_IMAGE_SD * self.sd_rad / width_px as f64;
+        ((of_calibration_rad + STEEP_NOISE_SD * self.noise_sd_rad) / TAU) as f32
+    }
+
     /// Expected number of additional false candidates per true one (paper, Eq. 1): efc = 3·sd·(n − 1)/π.
     #[must_use]
     pub fn expected_false_candidates(&self) -> f64 {
@@ -94,7 +106,9 @@ pub fn measure_delta(
         let gate = statistics.gate();
         let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
         let delta_tolerance_turns = statistics.tolerance_turns();
-        let evidence = Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, table };
+        let steep_delta_turns = statistics.steep_turns(cam1.width);
+        let evidence =
+            Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, steep_delta_turns, table };
         let (deltas, differences) = reference_deltas(evidence, settings);
         if deltas.len() < MIN_REFERENCES {
             break;

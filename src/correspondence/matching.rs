@@ -116,7 +116,9 @@ impl Pass {
         let readmitting = DeltaGate { threshold_turns, ..gate };
         let candidates = find_candidates(cam1, cam2, table, &readmitting, SearchForm::ProjectorSide);
         let delta_tolerance_turns = delta.tolerance_turns();
-        let evidence = Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, table };
+        let steep_delta_turns = delta.steep_turns(cam1.width);
+        let evidence =
+            Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, steep_delta_turns, table };
         let resolution = resolve(evidence, settings);
         Self { candidates, resolution }
     }

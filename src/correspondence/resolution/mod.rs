@@ -71,6 +71,8 @@ pub struct Evidence<'a> {
     pub gate: &'a DeltaGate,
     /// Difference of δ between neighbours of one surface that is tolerated, turns.
     pub delta_tolerance_turns: f32,
+    /// Change of δ a pixel that no calibration error and no noise makes, turns.
+    pub steep_delta_turns: f32,
     /// The segment table of the rig.
     pub table: &'a SegmentTable,
 }

@@ -6,6 +6,7 @@
 //! to pixel, and the region ends where it leaves the test: there δ is spread evenly over ±3·sd, with standard deviation
 //! √3·sd, and crosses that range within a fraction of the image.
 
+use super::super::delta_statistics::MAX_CHANGE_OVER_IMAGE_SD;
 use super::super::neighbourhood::{Decided, TURN, UNDECIDED};
 use super::Resolver;
 
@@ -14,9 +15,6 @@ const MAX_STEP: i32 = 3 * TURN / 8;
 /// Systematic variance of δ, in sd², at which a normal and an even distribution over ±3·sd are equally likely:
 /// 2·ln(6/√(2π)).
 const MAX_SYSTEMATIC_VARIANCE: f64 = 1.746;
-/// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
-/// that contains nearly all of it.
-const MAX_CHANGE_OVER_IMAGE: f64 = 20.0;
 /// Share of a region that must pass the back-projection test proper.
 const MIN_PASSING_SHARE: f64 = 0.7;
 /// A pixel without region.
@@ -49,7 +47,7 @@ impl Regions {
     /// Region of a pixel, if it is decided.
     #[inline]
     pub(super) fn region_of(&self, pixel: usize) -> Option<usize> {
-        let label = self.label[pixel];
+        let label = self.label.get(pixel).copied().unwrap_or(NONE);
         (label != NONE).then_some(label as usize)
     }
 
@@ -91,7 +89,7 @@ impl Regions {
             size >= resolver.settings.min_region_px
                 && statistics.count as f64 >= MIN_PASSING_SHARE * f64::from(size)
                 && !(statistics.systematic_variance() > MAX_SYSTEMATIC_VARIANCE * sd * sd
-                    && statistics.gradient() * self.width as f64 > MAX_CHANGE_OVER_IMAGE * sd)
+                    && statistics.gradient() * self.width as f64 > MAX_CHANGE_OVER_IMAGE_SD * sd)
         };
         statistics.iter().zip(&self.sizes).map(judge).collect()
     }

@@ -1,6 +1,8 @@
 //! One point of C2 serves one order (paper, 2.2.3): two pixels of C1 that claim the same place of C2 with different
 //! absolute phases lie on different points of one ray of C2, of which the camera sees only one.
 
+use rayon::prelude::*;
+
 use super::super::neighbourhood::TURN;
 use super::Resolver;
 use super::regions::Regions;
@@ -8,14 +10,26 @@ use super::regions::Regions;
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
-/// The largest region that claims a place of C2.
+/// Pixels on either side over which the slope of δ is measured.
+const REACH_PX: isize = 3;
+
+/// What a pixel brings forward for its place of C2.
 #[derive(Clone, Copy)]
 struct Claim {
+    /// δ runs steadily through the test, the mark of a wrong order.
+    steep: bool,
     region: u32,
+    region_size: u32,
     absolute: i32,
 }
 
-/// Pixels whose place of C2 a larger region claims for another order.
+impl Claim {
+    fn outweighs(&self, other: &Self) -> bool {
+        (!self.steep, self.region_size) > (!other.steep, other.region_size)
+    }
+}
+
+/// Pixels whose place of C2 a better founded claim takes for another order.
 pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[bool]) -> Vec<bool> {
     let [width, height] = resolver.evidence.table.epipolar_size_px();
     let place = |pixel: usize| {
@@ -23,18 +37,26 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
         let column = resolver.chosen_candidate(pixel).column_px.round() as usize;
         row.min(height - 1) * width + column.min(width - 1)
     };
-    let claims = claims(resolver, regions, credible, width * height, place);
-    let pixels = 0..resolver.absolute.len();
-    let mut contested: Vec<bool> = pixels
+    let steep = Steepness::new(resolver, regions);
+    let claims: Vec<Option<Claim>> = (0..resolver.absolute.len())
+        .into_par_iter()
         .map(|pixel| {
-            let Some(region) = regions.region_of(pixel) else { return false };
-            let loses = |place: usize| {
-                claims.get(place).copied().flatten().is_some_and(|claim| {
-                    claim.region as usize != region
-                        && regions.sizes[claim.region as usize] > regions.sizes[region]
-                        && (claim.absolute - resolver.absolute[pixel]).abs() > SAME_ORDER
-                })
-            };
+            let region = regions.region_of(pixel)?;
+            let (region_size, absolute) = (regions.sizes[region], resolver.absolute[pixel]);
+            Some(Claim { steep: steep.is_steep(pixel), region: region as u32, region_size, absolute })
+        })
+        .collect();
+    let owners = owners(&claims, credible, width * height, place);
+    let mut contested: Vec<bool> = (0..claims.len())
+        .into_par_iter()
+        .map(|pixel| {
+            let Some(claim) = &claims[pixel] else { return false };
+            let loses =
+                |place: usize| {
+                    owners.get(place).copied().flatten().is_some_and(|owner| {
+                        owner.outweighs(claim) && (owner.absolute - claim.absolute).abs() > SAME_ORDER
+                    })
+                };
             let here = place(pixel);
             // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.
             loses(here) || (loses(here.wrapping_sub(1)) && loses(here + 1))
@@ -44,23 +66,64 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
     contested
 }
 
-/// For each place of C2 the claim of the largest credible region.
-fn claims(
-    resolver: &Resolver<'_>,
-    regions: &Regions,
+/// For each place of C2 the best founded claim of a credible region.
+fn owners(
+    claims: &[Option<Claim>],
     credible: &[bool],
     places: usize,
     place: impl Fn(usize) -> usize,
 ) -> Vec<Option<Claim>> {
-    let mut claims: Vec<Option<Claim>> = vec![None; places];
-    for pixel in 0..resolver.absolute.len() {
-        let Some(region) = regions.region_of(pixel).filter(|&r| credible[r]) else { continue };
-        let claim = &mut claims[place(pixel)];
-        if claim.is_none_or(|c| regions.sizes[region] > regions.sizes[c.region as usize]) {
-            *claim = Some(Claim { region: region as u32, absolute: resolver.absolute[pixel] });
+    let mut owners: Vec<Option<Claim>> = vec![None; places];
+    for (pixel, claim) in claims.iter().enumerate() {
+        let Some(claim) = claim.filter(|c| credible[c.region as usize]) else { continue };
+        let owner = &mut owners[place(pixel)];
+        if owner.is_none_or(|o| claim.outweighs(&o)) {
+            *owner = Some(claim);
         }
     }
-    claims
+    owners
+}
+
+/// Tells where δ changes steadily.
+struct Steepness<'a> {
+    resolver: &'a Resolver<'a>,
+    regions: &'a Regions,
+    /// Change of δ a pixel beyond which it is steep, turns · 65536.
+    limit: f64,
+}
+
+impl<'a> Steepness<'a> {
+    fn new(resolver: &'a Resolver<'_>, regions: &'a Regions) -> Self {
+        let limit = f64::from(resolver.evidence.steep_delta_turns) * f64::from(TURN);
+        Self { resolver, regions, limit }
+    }
+
+    /// Whether δ is steep along the rows or the columns at a pixel.
+    fn is_steep(&self, pixel: usize) -> bool {
+        let width = self.resolver.evidence.cam1.width as isize;
+        [1, width].into_iter().any(|stride| self.slope(pixel, stride).is_some_and(|slope| slope.abs() > self.limit))
+    }
+
+    /// Least-squares slope of δ over the pixels of the same region around a pixel; `None` with too few on a side.
+    fn slope(&self, pixel: usize, stride: isize) -> Option<f64> {
+        let same = |next: usize| self.regions.region_of(next) == self.regions.region_of(pixel);
+        let reach = |direction: isize| {
+            let steps = 1..=REACH_PX;
+            steps.take_while(|k| pixel.checked_add_signed(direction * k * stride).is_some_and(&same)).count() as isize
+        };
+        let (before, after) = (reach(-1), reach(1));
+        if before + after < REACH_PX {
+            return None;
+        }
+        let centre = 0.5 * (after - before) as f64;
+        let (mut moment, mut spread) = (0.0, 0.0);
+        for k in -before..=after {
+            let offset = k as f64 - centre;
+            moment += offset * f64::from(self.resolver.delta[pixel.wrapping_add_signed(k * stride)]);
+            spread += offset * offset;
+        }
+        Some(moment / spread)
+    }
 }
 
 /// A region of which three tenths are contested is contested as a whole.
