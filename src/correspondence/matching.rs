@@ -12,10 +12,10 @@ use super::resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 use super::search::{CandidateLists, SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
-/// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
-const READMISSION: f32 = 1.7;
-/// Least such bound, turns (0.15 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
-const MIN_READMISSION_TURNS: f32 = 0.024;
+/// Factor on thr within which a candidate may still be decided by its neighbours (7·sd in all).
+const READMISSION: f32 = 2.3;
+/// Least such bound, turns (0.22 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
+const MIN_READMISSION_TURNS: f32 = 0.035;
 /// Relative change of sd after the resolution that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.15;
 
