@@ -17,6 +17,9 @@ use super::segment_table::SegmentTable;
 
 /// Pixels of C1, along either axis, of which one is examined for the histogram.
 const STRIDE: usize = 4;
+/// Rows of the bands in which references are selected, and the distance from one band to the next.
+const BAND_ROWS: usize = 32;
+const BAND_PITCH_ROWS: usize = 128;
 /// Bins of the histogram over one turn.
 const BINS: usize = 512;
 /// Half width of the part of the histogram that is fitted, turns (0.8 rad): the nearest teeth stay out of it.
@@ -102,6 +105,8 @@ pub fn measure_delta(
 ) -> Option<DeltaStatistics> {
     let histogram = Histogram::of_all_candidates(cam1, cam2, table);
     let mut statistics = histogram.fit()?;
+    let sample = bands(cam1);
+    let cam1 = sample.as_ref().unwrap_or(cam1);
     for _ in 0..REFINEMENTS {
         let gate = statistics.gate();
         let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
@@ -117,6 +122,21 @@ pub fn measure_delta(
         statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
     }
     Some(statistics)
+}
+
+/// The phase map with only bands of its rows valid: a quarter of the image says what δ is like. `None` for images so
+/// small that all rows are needed.
+fn bands(map: &PhaseMap) -> Option<PhaseMap> {
+    if map.height < 2 * BAND_PITCH_ROWS {
+        return None;
+    }
+    let mut sample = map.clone();
+    for (v, row) in sample.valid.chunks_mut(map.width).enumerate() {
+        if v % BAND_PITCH_ROWS >= BAND_ROWS {
+            row.fill(false);
+        }
+    }
+    Some(sample)
 }
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.

@@ -20,8 +20,6 @@ const MAX_STEP: i32 = 24576;
 /// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase
 /// jumps by anything: three quarters of such jumps would pass [`MAX_STEP`] alone, one in eight passes this too.
 const MAX_STEP_CHANGE: i32 = 4000;
-/// Longest walk, pixels; fringes as wide as this are rare, and a walk of one period is all Eq. (2) uses.
-const MAX_WALK_PX: usize = 16;
 /// Different orders of one pixel that are told apart; a fifth opinion is noise.
 const MAX_OPINIONS: usize = 4;
 
@@ -81,6 +79,15 @@ pub(super) struct Neighbourhood<'a> {
     pub(super) axis: EpipolarAxis,
 }
 
+/// How far a walk goes, pixels, if nothing ends it before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reach {
+    /// To ask whether a decision fits its neighbours.
+    Near = 5,
+    /// To find decided pixels; a period is seldom longer, and one period is all that Eq. (2) uses.
+    Far = 16,
+}
+
 /// Which walks are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Directions {
@@ -92,19 +99,26 @@ pub(super) enum Directions {
 
 impl Neighbourhood<'_> {
     /// Collects what decided pixels around pixel (u, v) propose.
-    pub(super) fn opinions(&self, u: usize, v: usize, decided: Decided<'_>, directions: Directions) -> Opinions {
+    pub(super) fn opinions(
+        &self,
+        u: usize,
+        v: usize,
+        decided: Decided<'_>,
+        directions: Directions,
+        reach: Reach,
+    ) -> Opinions {
         let mut opinions = Opinions::default();
         let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
         let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
         let (width, height) = (self.map.width, self.map.height);
         let here = v * width + u;
         if horizontal {
-            self.walk(here, 1, width - 1 - u, decided, &mut opinions);
-            self.walk(here, -1, u, decided, &mut opinions);
+            self.walk(here, 1, (width - 1 - u).min(reach as usize), decided, &mut opinions);
+            self.walk(here, -1, u.min(reach as usize), decided, &mut opinions);
         }
         if vertical {
-            self.walk(here, width as isize, height - 1 - v, decided, &mut opinions);
-            self.walk(here, -(width as isize), v, decided, &mut opinions);
+            self.walk(here, width as isize, (height - 1 - v).min(reach as usize), decided, &mut opinions);
+            self.walk(here, -(width as isize), v.min(reach as usize), decided, &mut opinions);
         }
         opinions
     }
@@ -112,7 +126,7 @@ impl Neighbourhood<'_> {
     /// Walks from `here` in steps of `stride` for at most `room` steps.
     fn walk(&self, here: usize, stride: isize, room: usize, decided: Decided<'_>, opinions: &mut Opinions) {
         let (mut at, mut risen, mut last_step) = (here, 0_i32, None);
-        for _ in 0..room.min(MAX_WALK_PX) {
+        for _ in 0..room {
             let next = at.wrapping_add_signed(stride);
             let step = i32::from(self.map.phase[next].wrapping_sub(self.map.phase[at]) as i16);
             let breaks = last_step.is_some_and(|last: i32| (last - step).abs() > MAX_STEP_CHANGE);
@@ -150,7 +164,7 @@ mod tests {
         let absolute: Vec<i32> = (0..12).map(|i| 3 * TURN + i * 7000).collect();
         let around = Neighbourhood { map: &map, axis: EpipolarAxis::Horizontal };
         let decided = Decided { absolute: &absolute, delta: &[40; 12] };
-        let opinions = around.opinions(5, 0, decided, Directions::Along);
+        let opinions = around.opinions(5, 0, decided, Directions::Along, Reach::Far);
         let own = 3 * TURN + 5 * 7000;
         assert_eq!(opinions.votes_for(own, 50, 10), opinions.total);
         assert_eq!(opinions.votes_for(own, 51, 10), 0);
@@ -163,7 +177,9 @@ mod tests {
     fn nobody_is_asked_beyond_a_period_or_a_jump() {
         let decided = Decided { absolute: &[0; 12], delta: &[0; 12] };
         let count = |map: &PhaseMap| {
-            Neighbourhood { map, axis: EpipolarAxis::Horizontal }.opinions(5, 0, decided, Directions::Along).total
+            Neighbourhood { map, axis: EpipolarAxis::Horizontal }
+                .opinions(5, 0, decided, Directions::Along, Reach::Far)
+                .total
         };
         assert_eq!(count(&row(15000, 0)), 8);
         assert_eq!(count(&row(7000, 20000)), 5);

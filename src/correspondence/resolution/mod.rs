@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 
 use super::candidates::{Candidate, DeltaGate};
-use super::neighbourhood::{Decided, Directions, Neighbourhood, Opinions, TURN, UNDECIDED};
+use super::neighbourhood::{Decided, Directions, Neighbourhood, Opinions, Reach, TURN, UNDECIDED};
 use super::outcome::Outcome;
 use super::search::CandidateLists;
 use super::segment_table::SegmentTable;
@@ -169,7 +169,7 @@ impl<'a> Resolver<'a> {
             .into_par_iter()
             .map(|i| {
                 only[i].is_some_and(|k| {
-                    let opinions = self.opinions(i, unique, Directions::AlongAndAcross);
+                    let opinions = self.opinions(i, unique, Directions::AlongAndAcross, Reach::Near);
                     rule.supports(self.stand(i, usize::from(k)), &opinions, self.tolerance)
                 })
             })
@@ -193,9 +193,9 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn opinions(&self, pixel: usize, decided: Decided<'_>, directions: Directions) -> Opinions {
+    fn opinions(&self, pixel: usize, decided: Decided<'_>, directions: Directions, reach: Reach) -> Opinions {
         let width = self.evidence.cam1.width;
-        self.around.opinions(pixel % width, pixel / width, decided, directions)
+        self.around.opinions(pixel % width, pixel / width, decided, directions, reach)
     }
 
     /// What has been decided so far.
@@ -243,7 +243,7 @@ impl<'a> Resolver<'a> {
             .open
             .par_iter()
             .map(|&pixel| {
-                let opinions = self.opinions(pixel as usize, self.decided(), directions);
+                let opinions = self.opinions(pixel as usize, self.decided(), directions, Reach::Far);
                 rule.choose(self.eligible(pixel as usize), &opinions, self.tolerance).map(|k| k as u8)
             })
             .collect();
@@ -280,7 +280,8 @@ impl<'a> Resolver<'a> {
             .filter(|&pixel| {
                 let stand = Stand { absolute: self.absolute[pixel as usize], delta: self.delta[pixel as usize] };
                 stand.absolute != UNDECIDED && {
-                    let opinions = self.opinions(pixel as usize, self.decided(), Directions::AlongAndAcross);
+                    let opinions =
+                        self.opinions(pixel as usize, self.decided(), Directions::AlongAndAcross, Reach::Near);
                     !rule.supports(stand, &opinions, self.tolerance)
                 }
             })
