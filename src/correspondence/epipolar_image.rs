@@ -27,8 +27,7 @@ impl EpipolarImage {
     /// mixing across a jump would invent phases that no surface has.
     #[must_use]
     pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
-        let reach = table.sources.iter().filter(|s| s.index != SourcePixel::OUTSIDE).map(|s| s.index as usize).max();
-        if reach.is_some_and(|index| index + map.width + 1 > map.phase.len()) {
+        if [map.width, map.height] != table.cam2_size_px {
             return None;
         }
         let width = table.epipolar_width;

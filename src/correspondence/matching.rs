@@ -17,7 +17,7 @@ const READMISSION: f32 = 2.3;
 /// Least such bound, turns (0.22 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
 const MIN_READMISSION_TURNS: f32 = 0.035;
 /// Relative change of sd after the resolution that calls for another pass with the better threshold.
-const SD_CHANGE: f64 = 0.15;
+const SD_CHANGE: f64 = 0.5;
 
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,7 +3,8 @@
 //! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`] or the
 //! reason why it has none ([`Outcome`]). Steps, one module each:
 //!
-//! 1. *segment table*: per pixel of C1 its epipolar segment and the back-projection phase along it; once a rig;
+//! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
+//!    a rig;
 //! 2. *epipolar image*: the phase of C2, resampled so that segments are parts of rows;
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
 //! 4. *delta statistics*: sd from the images themselves;
@@ -19,6 +20,7 @@ mod outcome;
 pub mod reference_methods;
 mod resolution;
 mod search;
+mod segment_file;
 mod segment_table;
 
 pub use candidates::{Candidate, DeltaGate};
@@ -28,4 +30,5 @@ pub use matching::{MatchError, MatchSettings, Matches, match_phases};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};
+pub use segment_file::{SegmentFileError, SegmentFileProblem};
 pub use segment_table::{EpipolarAxis, Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};

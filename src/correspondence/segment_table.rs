@@ -97,6 +97,8 @@ pub struct SegmentTable {
     pub(super) fingerprint: Fingerprint,
     /// Width of C1's image, pixels.
     pub(super) width: usize,
+    /// Width and height of C2's image, pixels.
+    pub(super) cam2_size_px: [usize; 2],
     /// Width of the epipolar frame, pixels.
     pub(super) epipolar_width: usize,
     pub(super) segments: Vec<Segment>,
@@ -150,7 +152,8 @@ impl SegmentTable {
             }
         });
         let fingerprint = Fingerprint::of(rig, volume, pattern);
-        Ok(Self { fingerprint, width, epipolar_width: frame.width_px(), segments, sources })
+        let cam2_size_px = [rig.cam2.width_px(), rig.cam2.height_px()];
+        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), segments, sources })
     }
 
     /// Segments of all pixels of C1, row by row.

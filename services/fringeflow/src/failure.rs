@@ -7,6 +7,7 @@ use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
 use fringeflow::cloud::CloudWriteError;
 use fringeflow::config::ConfigurationError;
+use fringeflow::correspondence::SegmentFileError;
 use fringeflow::dataset::{DatasetError, Problem};
 
 /// Why a command did not finish.
@@ -24,6 +25,9 @@ pub(crate) enum Failure {
     /// A configuration file.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
+    /// The file of a segment table.
+    #[error(transparent)]
+    SegmentFile(#[from] SegmentFileError),
     /// A cloud that could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
@@ -46,8 +50,9 @@ impl Failure {
         match self {
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
+            Self::SegmentFile(SegmentFileError::Unusable { .. }) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
-            Self::Cloud(_) | Self::Write(_) | Self::Output(_) => 1,
+            Self::Cloud(_) | Self::SegmentFile(_) | Self::Write(_) | Self::Output(_) => 1,
         }
     }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::SegmentTable;
+use fringeflow::correspondence::{Fingerprint, SegmentTable};
 use fringeflow::dataset::{CameraId, Dataset, GreyImage};
 use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::PhaseShifts;
@@ -76,9 +76,15 @@ impl ProposedArgs {
 
     /// The segment table, from its file if there is one.
     fn segment_table(&self, dataset: &Dataset, volume: &MeasurementVolume) -> Result<SegmentTable, Failure> {
-        let build =
-            || SegmentTable::build(&dataset.rig, volume, &dataset.sequence.pattern).map_err(|e| usage(dataset, &e));
-        build()
+        let pattern = &dataset.sequence.pattern;
+        let build = || SegmentTable::build(&dataset.rig, volume, pattern).map_err(|e| usage(dataset, &e));
+        let Some(path) = &self.segment_table else { return build() };
+        if path.exists() {
+            return Ok(SegmentTable::load(path, Fingerprint::of(&dataset.rig, volume, pattern))?);
+        }
+        let table = build()?;
+        table.save(path)?;
+        Ok(table)
     }
 }
 

@@ -32,6 +32,9 @@ use regions::Regions;
 /// Tolerance that every difference of δ meets.
 const ANY_DELTA: i32 = TURN;
 
+/// A round that contradicts fewer than one pixel in so many is the last.
+const SETTLED_SHARE: usize = 500;
+
 /// How the resolution weighs and when it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResolutionSettings {
@@ -89,7 +92,7 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
         resolver.sweep_until_settled(Directions::Along, &strict);
         resolver.sweep_until_settled(Directions::AlongAndAcross, &strict);
         resolver.contradict_by_neighbours(&strict);
-        if resolver.contradict_by_regions() == 0 {
+        if resolver.contradict_by_regions() * SETTLED_SHARE < resolver.absolute.len() {
             break;
         }
     }

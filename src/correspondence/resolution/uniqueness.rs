@@ -38,12 +38,15 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
         row.min(height - 1) * width + column.min(width - 1)
     };
     let steep = Steepness::new(resolver, regions);
+    let disputed = disputed(resolver, regions, width * height, place);
     let claims: Vec<Option<Claim>> = (0..resolver.absolute.len())
         .into_par_iter()
         .map(|pixel| {
             let region = regions.region_of(pixel)?;
             let (region_size, absolute) = (regions.sizes[region], resolver.absolute[pixel]);
-            Some(Claim { steep: steep.is_steep(pixel), region: region as u32, region_size, absolute })
+            // Nobody asks where there is no dispute.
+            let steep = disputed[place(pixel)] && steep.is_steep(pixel);
+            Some(Claim { steep, region: region as u32, region_size, absolute })
         })
         .collect();
     let owners = owners(&claims, credible, width * height, place);
@@ -64,6 +67,23 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
         .collect();
     spread_over_regions(&mut contested, regions);
     contested
+}
+
+/// Places of C2 that pixels claim, there or beside, for different orders.
+fn disputed(resolver: &Resolver<'_>, regions: &Regions, places: usize, place: impl Fn(usize) -> usize) -> Vec<bool> {
+    let mut range = vec![(i32::MAX, i32::MIN); places];
+    for pixel in (0..resolver.absolute.len()).filter(|&p| regions.region_of(p).is_some()) {
+        let (low, high) = &mut range[place(pixel)];
+        (*low, *high) = ((*low).min(resolver.absolute[pixel]), (*high).max(resolver.absolute[pixel]));
+    }
+    let span = |around: &[(i32, i32)]| {
+        let (low, high) = around.iter().fold((i32::MAX, i32::MIN), |(l, h), &(low, high)| (l.min(low), h.max(high)));
+        high.saturating_sub(low)
+    };
+    (0..places)
+        .into_par_iter()
+        .map(|place| span(&range[place.saturating_sub(1)..(place + 2).min(places)]) > SAME_ORDER)
+        .collect()
 }
 
 /// For each place of C2 the best founded claim of a credible region.
