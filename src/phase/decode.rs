@@ -115,11 +115,12 @@ impl Sums {
         let [w_offset, w_cosine, w_sine] = shifts.weights();
         for (k, sample) in samples.iter().enumerate() {
             let (wo, wc, ws) = (w_offset[k], w_cosine[k], w_sine[k]);
-            for (i, &grey) in sample.iter().enumerate() {
+            let sums = self.offset.iter_mut().zip(&mut self.cosine).zip(&mut self.sine);
+            for (((offset, cosine), sine), &grey) in sums.zip(*sample) {
                 let grey = f32::from(grey);
-                self.offset[i] += wo * grey;
-                self.cosine[i] += wc * grey;
-                self.sine[i] += ws * grey;
+                *offset += wo * grey;
+                *cosine += wc * grey;
+                *sine += ws * grey;
             }
         }
         let freedom = samples.len() - MIN_STEPS;
@@ -129,9 +130,10 @@ impl Sums {
         for (k, sample) in samples.iter().enumerate() {
             let (sin, cos) = shifts.shifts_rad()[k].sin_cos();
             let (sin, cos) = (sin as f32, cos as f32);
-            for (i, &grey) in sample.iter().enumerate() {
-                let off = f32::from(grey) - self.offset[i] - self.cosine[i] * cos + self.sine[i] * sin;
-                self.residual[i] += off * off;
+            let sums = self.offset.iter().zip(&self.cosine).zip(&self.sine).zip(&mut self.residual);
+            for ((((offset, cosine), sine), residual), &grey) in sums.zip(*sample) {
+                let off = f32::from(grey) - offset - cosine * cos + sine * sin;
+                *residual += off * off;
             }
         }
         for residual in &mut self.residual {
@@ -141,6 +143,9 @@ impl Sums {
 
     /// Solves pixels with saturated samples again without these.
     fn leave_out_saturated(&mut self, samples: &[&[u8]], shifts: &PhaseShifts, saturation_grey: u8) {
+        if samples.iter().all(|sample| sample.iter().all(|&grey| grey < saturation_grey)) {
+            return;
+        }
         for i in 0..samples[0].len() {
             if samples.iter().all(|s| s[i] < saturation_grey) {
                 continue;
@@ -165,13 +170,17 @@ impl Sums {
         valid: &mut [bool],
     ) {
         let max_share = if steps == MIN_STEPS { f32::MAX } else { validity.max_residual_share };
-        for i in 0..phase.len() {
-            let (c, s) = (self.cosine[i], self.sine[i]);
-            let b = (c * c + s * s).sqrt();
-            phase[i] = turn_fraction(s, c);
-            modulation[i] = b;
-            mean[i] = (self.offset[i] + 0.5) as u8;
-            valid[i] = b >= validity.min_modulation_grey && self.residual[i] <= max_share * b;
+        for ((phase, &cosine), &sine) in phase.iter_mut().zip(&self.cosine).zip(&self.sine) {
+            *phase = turn_fraction(sine, cosine);
+        }
+        for ((modulation, cosine), sine) in modulation.iter_mut().zip(&self.cosine).zip(&self.sine) {
+            *modulation = (cosine * cosine + sine * sine).sqrt();
+        }
+        for (mean, offset) in mean.iter_mut().zip(&self.offset) {
+            *mean = (offset + 0.5) as u8;
+        }
+        for ((valid, &modulation), residual) in valid.iter_mut().zip(&*modulation).zip(&self.residual) {
+            *valid = modulation >= validity.min_modulation_grey && *residual <= max_share * modulation;
         }
     }
 }
