@@ -3,7 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use fringeflow::calibration::{Unit, read_calibration};
-use fringeflow::dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, Truth};
+use fringeflow::dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
+use fringeflow::evaluation::TOLERANCE_PX;
 use fringeflow::geometry::{Point3, Rig};
 use fringeflow::simulation::{
     Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor,
@@ -261,6 +262,40 @@ fn a_written_folder_opens_and_holds_what_was_simulated() {
         again,
         fringeflow::simulation::SimulationError::Dataset(DatasetError::File { problem: Problem::TargetExists, .. })
     ));
+}
+
+/// The truth that is written for what is simulated.
+fn written_truth(options: SimulationOptions) -> RenderedTruth {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("set");
+    Simulation::new(options).unwrap().write(&target, || ()).unwrap();
+    match Dataset::open(&target, None).unwrap().truth().unwrap() {
+        Some(Truth::Rendered(truth)) => truth,
+        _ => panic!("no truth of a rendered scene"),
+    }
+}
+
+#[test]
+fn the_reference_is_what_gray_code_finds_and_the_truth_confirms() {
+    let simulated = SimulationOptions { noise: NoiseLevel::Normal, ..options(Object::Plane) };
+    let truth = written_truth(simulated);
+    let gray = truth.gray_cam2_px.unwrap();
+    let (mut measurable, mut reference) = (0, 0);
+    for i in 0..truth.reference.len() {
+        measurable += usize::from(truth.measurable[i]);
+        if truth.reference[i] {
+            reference += 1;
+            assert!(truth.measurable[i] && gray[i][0].is_nan() && gray[i][1].is_nan());
+        } else if truth.measurable[i] && gray[i][0].is_finite() {
+            let [dx, dy] = [0, 1].map(|k| gray[i][k] - truth.cam2_px[i][k]);
+            assert!(f64::from(dx.hypot(dy)) > TOLERANCE_PX - 1e-3, "pixel {i} belongs to the reference");
+        }
+    }
+    assert!(measurable > 10_000, "{measurable} measurable pixels");
+    assert!(reference * 10 > measurable * 9, "{reference} of {measurable} measurable pixels are reference");
+    let without = written_truth(SimulationOptions { gray: false, ..simulated });
+    assert!(without.gray_cam2_px.is_none());
+    assert_eq!(without.reference, without.measurable);
 }
 
 #[test]

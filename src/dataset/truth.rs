@@ -33,9 +33,10 @@ pub struct RenderedTruth {
     pub in_volume: Vec<bool>,
     /// Hit, seen by C2, lit and in the volume.
     pub measurable: Vec<bool>,
-    /// The paper's reference data RD: `measurable` and found by the Gray-code reference.
+    /// The paper's reference data RD: `measurable` and found by the Gray-code reference, where there is Gray code.
     pub reference: Vec<bool>,
-    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent in moving sets.
+    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent in sets without Gray
+    /// code and in moving ones.
     pub gray_cam2_px: Option<Vec<[f32; 2]>>,
 }
 

@@ -13,8 +13,8 @@ use crate::geometry::{MeasurementVolume, Pose, Rig};
 
 use super::meta::{RawSequence, VolumeDescription};
 use super::{
-    CALIBRATION_FILE, CameraId, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE, Problem,
-    RenderedTruth, TRUTH_FILE, truth, write_png,
+    CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE,
+    Problem, RenderedTruth, TRUTH_FILE, truth, write_png,
 };
 
 /// What `meta.json` is to say.
@@ -166,6 +166,14 @@ impl DatasetWriter {
     pub fn truth(&self, truth: &RenderedTruth) -> Result<(), DatasetError> {
         let written = truth::write(&self.path(TRUTH_FILE), truth, self.image_size_px);
         written.map_err(|p| DatasetError::new(&self.target.join(TRUTH_FILE), p))
+    }
+
+    /// Opens what is written so far; images and calibration must be, the truth need not.
+    ///
+    /// # Errors
+    /// As [`Dataset::open`], with paths in the unfinished folder.
+    pub fn unfinished(&self) -> Result<Dataset, DatasetError> {
+        Dataset::open(self.unfinished.path(), None)
     }
 
     /// Gives the folder its name.

@@ -1,11 +1,11 @@
 //! Judging by the exact truth of a rendered scene.
 
-use super::pixel_grid::{PixelGrid, pixel, point};
+use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::Tally;
-use super::{Evaluation, EvaluationError, Judgement, TOLERANCE_PX};
+use super::{Evaluation, EvaluationError, Judgement};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::dataset::RenderedTruth;
-use crate::geometry::{Pixel, Pose};
+use crate::geometry::Pose;
 
 /// The frames that a cloud and the truth are compared in.
 ///
@@ -70,11 +70,6 @@ fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize) -> (Judgement, b
     }
     let in_gray_code = truth.gray_cam2_px.as_ref().is_some_and(|gray| is_close(&cam2_px, gray[i]));
     (if in_gray_code { Judgement::Tolerated } else { Judgement::Stray }, true)
-}
-
-/// Whether a point is the reference's; never where the reference is NaN.
-fn is_close(cam2_px: &Pixel, reference: [f32; 2]) -> bool {
-    (cam2_px - pixel(reference)).norm() <= TOLERANCE_PX
 }
 
 fn error_m(found: &CloudPoint, truth: &RenderedTruth, i: usize, frames: &Frames) -> f64 {

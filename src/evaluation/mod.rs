@@ -10,16 +10,20 @@
 mod against_captured;
 mod against_cloud;
 mod against_rendered;
+mod gray_reference;
 mod paper_tables;
 mod pixel_grid;
+mod reference_data;
 mod scores;
 
 pub use against_captured::against_captured;
 pub use against_cloud::against_cloud;
 pub use against_rendered::{Frames, against_rendered};
+pub use gray_reference::{GrayReferenceError, cgc, egc};
 pub use paper_tables::{
     CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, PaperRow, SequenceRow, completeness_table, sequence_table,
 };
+pub use reference_data::limit_to_gray_code;
 pub use scores::Scores;
 
 /// Greatest distance in C2 between a correct point and the reference, pixels.

@@ -1,6 +1,6 @@
 //! A cloud spread over the pixels of C1.
 
-use super::{EDGE_TOLERANCE_PX, EvaluationError};
+use super::{EDGE_TOLERANCE_PX, EvaluationError, TOLERANCE_PX};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::geometry::{Pixel, Point3};
 
@@ -58,6 +58,11 @@ impl<'a> PixelGrid<'a> {
 /// A stored image point as a [`Pixel`].
 pub(super) fn pixel(stored: [f32; 2]) -> Pixel {
     Pixel::from(stored.map(f64::from))
+}
+
+/// Whether a point of C2 is the reference's; never where the reference is NaN.
+pub(super) fn is_close(cam2_px: &Pixel, reference: [f32; 2]) -> bool {
+    (cam2_px - pixel(reference)).norm() <= TOLERANCE_PX
 }
 
 /// A stored 3D point as a [`Point3`], in metres if one of its units has `unit_m` metres.

@@ -39,6 +39,7 @@ pub use truth::truth;
 pub use view::{Centre, Sample, View};
 
 use crate::dataset::DatasetError;
+use crate::evaluation::{EvaluationError, GrayReferenceError};
 use crate::geometry::VolumeError;
 
 /// Why something could not be simulated.
@@ -88,6 +89,12 @@ pub enum SimulationError {
     /// The dataset could not be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// The Gray-code reference cannot measure the simulated images.
+    #[error("the reference data of the simulated images: {0}")]
+    Gray(#[from] GrayReferenceError),
+    /// The Gray-code reference does not belong to the truth.
+    #[error("the reference data of the simulated images: {0}")]
+    Reference(#[from] EvaluationError),
 }
 
 fn check_range(what: &'static str, value: f64, min: f64, max: f64, unit: &'static str) -> Result<(), SimulationError> {

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use crate::calibration::Unit;
 use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, ImageKind, RenderedTruth};
+use crate::evaluation::{egc, limit_to_gray_code};
 use crate::phase::GrayCode;
 
 use super::projected::{Direction, Projected};
@@ -95,7 +96,7 @@ impl Simulation {
         &self.views
     }
 
-    /// What is true, points in millimetres.
+    /// What is true, points in millimetres; its reference is not limited to what Gray code finds.
     #[must_use]
     pub fn truth(&self) -> &RenderedTruth {
         &self.truth
@@ -155,12 +156,13 @@ impl Simulation {
 
     /// Takes all images and writes the dataset folder; `on_image` is told after every image of both cameras.
     ///
+    /// With Gray code, the reference is what EGC finds in these very images and the truth confirms (paper, section 3).
+    ///
     /// # Errors
     /// The folder exists and is not empty, or it cannot be written.
     pub fn write(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<(), SimulationError> {
         let writer = DatasetWriter::create(folder, &self.description())?;
         writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
-        writer.truth(&self.truth)?;
         let sensor = Sensor::exposed(self.options.noise.noise(), self.options.gamma);
         for (image, (kind, pattern)) in self.images().into_iter().enumerate() {
             for (camera, view) in CameraId::BOTH.into_iter().zip(&self.views) {
@@ -169,7 +171,17 @@ impl Simulation {
             }
             on_image();
         }
+        writer.truth(&self.reference_data(&writer)?)?;
         Ok(writer.finish()?)
+    }
+
+    /// The truth with the paper's reference data, for the images in `writer`.
+    fn reference_data(&self, writer: &DatasetWriter) -> Result<RenderedTruth, SimulationError> {
+        if !self.options.gray {
+            return Ok(self.truth.clone());
+        }
+        let gray = egc(&writer.unfinished()?)?;
+        Ok(limit_to_gray_code(self.truth.clone(), &gray, self.options.rig.size_px)?)
     }
 
     fn description(&self) -> DatasetDescription {

@@ -33,7 +33,8 @@ const NOTHING: PixelTruth = PixelTruth {
 
 /// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
 ///
-/// `reference` is everything measurable that is bright enough to be: not a dark board.
+/// `reference` is everything measurable that is bright enough to be: not a dark board. What Gray code finds of it, only
+/// images can tell.
 #[must_use]
 pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());

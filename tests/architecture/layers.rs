@@ -9,11 +9,13 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("phase", &["geometry::FringePattern"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
-    ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset"]),
     ("rig_report", &["geometry"]),
     ("correspondence", &["geometry", "phase"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
-    ("evaluation", &["geometry", "dataset", "correspondence", "cloud"]),
+    ("evaluation", &["geometry", "phase", "dataset", "correspondence", "cloud"]),
+    ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation"]),
+    ("reconstruction", &["geometry", "phase", "correspondence", "cloud"]),
+    ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 

@@ -9,6 +9,7 @@ use fringeflow::cloud::CloudWriteError;
 use fringeflow::config::ConfigurationError;
 use fringeflow::correspondence::SegmentFileError;
 use fringeflow::dataset::{DatasetError, Problem};
+use fringeflow::evaluation::GrayReferenceError;
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -61,5 +62,14 @@ impl Failure {
         // A closed standard error leaves nobody to tell.
         let _ = writeln!(std::io::stderr(), "fringeflow: {self}");
         ExitCode::from(self.exit_code())
+    }
+}
+
+impl From<GrayReferenceError> for Failure {
+    fn from(error: GrayReferenceError) -> Self {
+        match error {
+            GrayReferenceError::Dataset(error) => Self::Dataset(error),
+            error => Self::unusable(error),
+        }
     }
 }

@@ -2,7 +2,6 @@
 
 mod commands;
 mod failure;
-mod gray_reference;
 mod method;
 mod pictures;
 mod preview_folder;

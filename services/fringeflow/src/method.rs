@@ -2,10 +2,10 @@
 
 use fringeflow::cloud::Cloud;
 use fringeflow::dataset::Dataset;
+use fringeflow::evaluation::{cgc, egc};
 use fringeflow::reconstruction::Reconstruction;
 
 use crate::failure::Failure;
-use crate::gray_reference;
 use crate::proposed::ProposedArgs;
 
 /// How correspondences are found.
@@ -35,8 +35,8 @@ impl Method {
                 let reconstruction = proposed.reconstruct(dataset)?;
                 Ok(Made { cloud: reconstruction.cloud.clone(), reconstruction: Some(reconstruction) })
             }
-            Self::Egc => gray_reference::egc(dataset).map(reference),
-            Self::Cgc => gray_reference::cgc(dataset).map(reference),
+            Self::Egc => Ok(reference(egc(dataset)?)),
+            Self::Cgc => Ok(reference(cgc(dataset)?)),
         }
     }
 }

@@ -97,7 +97,7 @@ impl Regions {
 
 /// δ of a decided pixel if it passes the test proper, turns · 65536.
 fn passing_delta(resolver: &Resolver<'_>, pixel: usize) -> Option<i64> {
-    let delta = resolver.chosen_candidate(pixel).delta;
+    let delta = resolver.delta[pixel];
     resolver.evidence.gate.passes(delta).then(|| i64::from(delta))
 }
 

@@ -10,6 +10,8 @@ use super::regions::Regions;
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
+/// Place of a pixel without decision.
+const NOWHERE: u32 = u32::MAX;
 /// Pixels on either side over which the slope of δ is measured.
 const REACH_PX: isize = 3;
 
@@ -32,24 +34,30 @@ impl Claim {
 /// Pixels whose place of C2 a better founded claim takes for another order.
 pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[bool]) -> Vec<bool> {
     let [width, height] = resolver.evidence.table.epipolar_size_px();
-    let place = |pixel: usize| {
-        let row = resolver.evidence.table.segments()[pixel].row_px.round() as usize;
-        let column = resolver.chosen_candidate(pixel).column_px.round() as usize;
-        row.min(height - 1) * width + column.min(width - 1)
-    };
+    let places: Vec<u32> = (0..resolver.absolute.len())
+        .into_par_iter()
+        .map(|pixel| {
+            if regions.region_of(pixel).is_none() {
+                return NOWHERE;
+            }
+            let row = resolver.evidence.table.segments()[pixel].row_px.round() as usize;
+            let column = resolver.chosen_candidate(pixel).column_px.round() as usize;
+            (row.min(height - 1) * width + column.min(width - 1)) as u32
+        })
+        .collect();
     let steep = Steepness::new(resolver, regions);
-    let disputed = disputed(resolver, regions, width * height, place);
+    let disputed = disputed(&resolver.absolute, &places, width * height);
     let claims: Vec<Option<Claim>> = (0..resolver.absolute.len())
         .into_par_iter()
         .map(|pixel| {
             let region = regions.region_of(pixel)?;
             let (region_size, absolute) = (regions.sizes[region], resolver.absolute[pixel]);
             // Nobody asks where there is no dispute.
-            let steep = disputed[place(pixel)] && steep.is_steep(pixel);
+            let steep = disputed[places[pixel] as usize] && steep.is_steep(pixel);
             Some(Claim { steep, region: region as u32, region_size, absolute })
         })
         .collect();
-    let owners = owners(&claims, credible, width * height, place);
+    let owners = owners(&claims, credible, &places, width * height);
     let mut contested: Vec<bool> = (0..claims.len())
         .into_par_iter()
         .map(|pixel| {
@@ -60,7 +68,7 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
                         owner.outweighs(claim) && (owner.absolute - claim.absolute).abs() > SAME_ORDER
                     })
                 };
-            let here = place(pixel);
+            let here = places[pixel] as usize;
             // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.
             loses(here) || (loses(here.wrapping_sub(1)) && loses(here + 1))
         })
@@ -70,33 +78,28 @@ pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[
 }
 
 /// Places of C2 that pixels claim, there or beside, for different orders.
-fn disputed(resolver: &Resolver<'_>, regions: &Regions, places: usize, place: impl Fn(usize) -> usize) -> Vec<bool> {
-    let mut range = vec![(i32::MAX, i32::MIN); places];
-    for pixel in (0..resolver.absolute.len()).filter(|&p| regions.region_of(p).is_some()) {
-        let (low, high) = &mut range[place(pixel)];
-        (*low, *high) = ((*low).min(resolver.absolute[pixel]), (*high).max(resolver.absolute[pixel]));
+fn disputed(absolute: &[i32], places: &[u32], count: usize) -> Vec<bool> {
+    let mut range = vec![(i32::MAX, i32::MIN); count];
+    for (&absolute, &place) in absolute.iter().zip(places).filter(|&(_, &place)| place != NOWHERE) {
+        let (low, high) = &mut range[place as usize];
+        (*low, *high) = ((*low).min(absolute), (*high).max(absolute));
     }
     let span = |around: &[(i32, i32)]| {
         let (low, high) = around.iter().fold((i32::MAX, i32::MIN), |(l, h), &(low, high)| (l.min(low), h.max(high)));
         high.saturating_sub(low)
     };
-    (0..places)
+    (0..count)
         .into_par_iter()
-        .map(|place| span(&range[place.saturating_sub(1)..(place + 2).min(places)]) > SAME_ORDER)
+        .map(|place| span(&range[place.saturating_sub(1)..(place + 2).min(count)]) > SAME_ORDER)
         .collect()
 }
 
 /// For each place of C2 the best founded claim of a credible region.
-fn owners(
-    claims: &[Option<Claim>],
-    credible: &[bool],
-    places: usize,
-    place: impl Fn(usize) -> usize,
-) -> Vec<Option<Claim>> {
-    let mut owners: Vec<Option<Claim>> = vec![None; places];
-    for (pixel, claim) in claims.iter().enumerate() {
+fn owners(claims: &[Option<Claim>], credible: &[bool], places: &[u32], count: usize) -> Vec<Option<Claim>> {
+    let mut owners: Vec<Option<Claim>> = vec![None; count];
+    for (claim, &place) in claims.iter().zip(places) {
         let Some(claim) = claim.filter(|c| credible[c.region as usize]) else { continue };
-        let owner = &mut owners[place(pixel)];
+        let owner = &mut owners[place as usize];
         if owner.is_none_or(|o| claim.outweighs(&o)) {
             *owner = Some(claim);
         }

@@ -7,10 +7,9 @@ use std::path::PathBuf;
 
 use fringeflow::calibration::Unit;
 use fringeflow::dataset::{Dataset, TRUTH_FILE};
-use fringeflow::evaluation::{Evaluation, against_cloud};
+use fringeflow::evaluation::{Evaluation, against_cloud, egc};
 
 use crate::failure::Failure;
-use crate::gray_reference;
 use crate::method::{Made, Method};
 use crate::pictures;
 use crate::preview_folder;
@@ -74,7 +73,7 @@ impl Args {
 
     fn judge(&self, dataset: &Dataset, made: &Made) -> Result<Evaluation, Failure> {
         if self.against == Against::Gray {
-            let reference = gray_reference::egc(dataset)?;
+            let reference = egc(dataset)?;
             return against_cloud(&made.cloud, dataset.image_size_px, &reference).map_err(Failure::unusable);
         }
         truth::evaluate(dataset, &made.cloud)?.ok_or_else(|| {

@@ -1,14 +1,18 @@
-//! Clouds of a dataset by the reference methods (paper, Table 2). Gray code is unique without a measurement volume, so
-//! none is used.
+//! Clouds of a dataset by the reference methods (paper, Table 2).
+//!
+//! In: a dataset with Gray code. Out: a cloud. Gray code is unique without a measurement volume, so none is used.
 
-use fringeflow::cloud::{Cloud, reference_cloud};
-use fringeflow::correspondence::reference_methods::{
+use std::path::PathBuf;
+
+use crate::cloud::{Cloud, reference_cloud};
+use crate::correspondence::reference_methods::{
     MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions,
 };
-use fringeflow::dataset::{CameraId, Dataset, FringeSequence, GreyImage};
-use fringeflow::phase::{AbsolutePhase, GrayCode, PhaseMap, PhaseShifts, Threshold, Validity, decode_gray_code};
-
-use crate::failure::Failure;
+use crate::dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
+use crate::phase::{
+    self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
+    decode_gray_code,
+};
 
 /// Dark pixels alone are left out: Gray code itself tells whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
@@ -20,21 +24,52 @@ const NOISE_GREY: f32 = 1.5;
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
 
+/// Why a reference method cannot measure a dataset.
+#[derive(Debug, thiserror::Error)]
+pub enum GrayReferenceError {
+    /// The dataset lacks what the method needs.
+    #[error("{} has no {what}, which this method needs", folder.display())]
+    Missing {
+        /// The dataset folder.
+        folder: PathBuf,
+        /// What it lacks.
+        what: &'static str,
+    },
+    /// Its images cannot be read.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// Its shifts determine no phase.
+    #[error(transparent)]
+    Shifts(#[from] ShiftError),
+    /// Its Gray code cannot be decoded.
+    #[error(transparent)]
+    GrayCode(#[from] GrayCodeError),
+    /// Its absolute phases cannot be matched.
+    #[error(transparent)]
+    Match(#[from] MatchError),
+}
+
 /// Wrapped and absolute phase of one camera and direction.
 struct Decoded {
     wrapped: PhaseMap,
     absolute: AbsolutePhase,
 }
 
-/// Full Gray code with epipolar lines.
-pub(crate) fn egc(dataset: &Dataset) -> Result<Cloud, Failure> {
+/// Full Gray code with epipolar lines (EGC).
+///
+/// # Errors
+/// A dataset without Gray code, or with images or a rig that cannot be worked with.
+pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, None);
     cloud(dataset, &cam1.wrapped, matches)
 }
 
-/// Full Gray code in two fringe directions.
-pub(crate) fn cgc(dataset: &Dataset) -> Result<Cloud, Failure> {
+/// Full Gray code in two fringe directions (CGC).
+///
+/// # Errors
+/// As [`egc`], and a dataset without a second fringe direction.
+pub fn cgc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [columns1, columns2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let [rows1, rows2] = [decode(dataset, CameraId::Cam1, true)?, decode(dataset, CameraId::Cam2, true)?];
     let cam1 = [&columns1.absolute, &rows1.absolute];
@@ -46,12 +81,11 @@ fn cloud(
     dataset: &Dataset,
     cam1: &PhaseMap,
     matches: Result<Vec<Option<ReferenceMatch>>, MatchError>,
-) -> Result<Cloud, Failure> {
-    let matches = matches.map_err(Failure::unusable)?;
-    Ok(reference_cloud(&dataset.rig, &dataset.sequence.pattern, cam1, &matches, MATCH_SD_PX))
+) -> Result<Cloud, GrayReferenceError> {
+    Ok(reference_cloud(&dataset.rig, &dataset.sequence.pattern, cam1, &matches?, MATCH_SD_PX))
 }
 
-fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<Decoded, Failure> {
+fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<Decoded, GrayReferenceError> {
     let sequence = sequence(dataset, second_direction)?;
     let code = sequence.gray.ok_or_else(|| missing(dataset, "Gray code (field gray of meta.json)"))?;
     let wrapped = wrapped_phase(dataset, camera, second_direction, sequence)?;
@@ -64,15 +98,15 @@ fn wrapped_phase(
     camera: CameraId,
     second_direction: bool,
     sequence: &FringeSequence,
-) -> Result<PhaseMap, Failure> {
-    let shifts = PhaseShifts::new(&sequence.shifts_rad).map_err(Failure::unusable)?;
+) -> Result<PhaseMap, GrayReferenceError> {
+    let shifts = PhaseShifts::new(&sequence.shifts_rad)?;
     let numbers: Vec<usize> = (0..shifts.steps()).collect();
     let images = match second_direction {
         false => dataset.phase_images(camera, &numbers)?,
         true => dataset.second_phase_images(camera, &numbers)?,
     };
     let [width, height] = dataset.image_size_px;
-    let map = fringeflow::phase::decode(&pixels(&images), width, height, &shifts, &VALIDITY);
+    let map = phase::decode(&pixels(&images), width, height, &shifts, &VALIDITY);
     map.ok_or_else(|| missing(dataset, "complete set of phase images"))
 }
 
@@ -83,22 +117,21 @@ fn absolute_phase(
     sequence: &FringeSequence,
     code: &GrayCode,
     wrapped: &PhaseMap,
-) -> Result<AbsolutePhase, Failure> {
+) -> Result<AbsolutePhase, GrayReferenceError> {
     let white_and_black = dataset.white_and_black(camera)?;
     let threshold = match &white_and_black {
         Some((white, black)) => Threshold::WhiteAndBlack(&white.pixels, &black.pixels),
         None => Threshold::MeanOfPhaseImages,
     };
     let images = dataset.gray_images(camera, second_direction)?;
-    decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, NOISE_GREY)
-        .map_err(Failure::unusable)
+    Ok(decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, NOISE_GREY)?)
 }
 
 fn pixels(images: &[GreyImage]) -> Vec<&[u8]> {
     images.iter().map(|image| image.pixels.as_slice()).collect()
 }
 
-fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, Failure> {
+fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, GrayReferenceError> {
     match (second_direction, &dataset.second_direction) {
         (false, _) => Ok(&dataset.sequence),
         (true, Some(second)) => Ok(second),
@@ -106,6 +139,6 @@ fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence
     }
 }
 
-fn missing(dataset: &Dataset, what: &str) -> Failure {
-    Failure::Usage(format!("{} has no {what}, which this method needs", dataset.folder.display()))
+fn missing(dataset: &Dataset, what: &'static str) -> GrayReferenceError {
+    GrayReferenceError::Missing { folder: dataset.folder.clone(), what }
 }
