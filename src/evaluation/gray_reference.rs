@@ -1,6 +1,7 @@
 //! Clouds of a dataset by the reference methods (paper, Table 2).
 //!
-//! In: a dataset with Gray code. Out: a cloud. Gray code is unique without a measurement volume, so none is used.
+//! In: a dataset with Gray code. Out: a cloud. Along epipolar lines the code is unique by itself, but where C2 does not
+//! see what P lights it finds something else: the measurement volume, generously drawn, keeps such points out.
 
 use std::path::PathBuf;
 
@@ -9,6 +10,7 @@ use crate::correspondence::reference_methods::{
     MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions,
 };
 use crate::dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
+use crate::geometry::MeasurementVolume;
 use crate::phase::{
     self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
     decode_gray_code,
@@ -23,6 +25,10 @@ const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey:
 const NOISE_GREY: f32 = 1.5;
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
+
+/// Share of the volume's extent that is added on every side. The boxes of captured datasets leave a hundredth of the
+/// object outside.
+const VOLUME_MARGIN: f64 = 0.1;
 
 /// Why a reference method cannot measure a dataset.
 #[derive(Debug, thiserror::Error)]
@@ -61,8 +67,13 @@ struct Decoded {
 /// A dataset without Gray code, or with images or a rig that cannot be worked with.
 pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
-    let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, None);
+    let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, volume(dataset).as_ref());
     cloud(dataset, &cam1.wrapped, matches)
+}
+
+/// The measurement volume in which matches are sought.
+fn volume(dataset: &Dataset) -> Option<MeasurementVolume> {
+    dataset.volume.as_ref().map(|volume| volume.enlarged(VOLUME_MARGIN))
 }
 
 /// Full Gray code in two fringe directions (CGC).

@@ -66,6 +66,13 @@ impl MeasurementVolume {
         Ok(volume)
     }
 
+    /// The box with `share` of its extent added on every side.
+    #[must_use]
+    pub fn enlarged(&self, share: f64) -> Self {
+        let margin = (self.max - self.min) * share;
+        Self { cam1_from_volume: self.cam1_from_volume, min: self.min - margin, max: self.max + margin }
+    }
+
     /// Pose of the box in the frame of C1.
     #[must_use]
     pub fn cam1_from_volume(&self) -> &Pose {
