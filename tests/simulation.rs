@@ -1,5 +1,7 @@
 //! The virtual scanner against first principles: the textbook's phase, projections, brute-force visibility.
 
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
+
 use std::f64::consts::{PI, TAU};
 
 use fringeflow::calibration::{Unit, read_calibration};

@@ -110,7 +110,7 @@ impl Configuration {
         let raw: RawConfiguration =
             toml::from_str(text).map_err(|e| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
         let settings = Settings { validity: validity(&raw.phase)?, matching: matching(&raw.correspondence)? };
-        Ok(Self { settings, volume: raw.measurement_volume.map(volume).transpose()? })
+        Ok(Self { settings, volume: raw.measurement_volume.as_ref().map(volume).transpose()? })
     }
 }
 
@@ -161,7 +161,7 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
     })
 }
 
-fn volume(raw: RawVolume) -> Result<MeasurementVolume, ConfigurationProblem> {
+fn volume(raw: &RawVolume) -> Result<MeasurementVolume, ConfigurationProblem> {
     let unit: Unit = raw.unit.parse().map_err(|_| ConfigurationProblem::Value {
         key: "measurement_volume.unit",
         value: format!("{:?}", raw.unit),

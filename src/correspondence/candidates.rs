@@ -48,6 +48,10 @@ impl DeltaGate {
 const MAX_COLUMN_STEP: i32 = 30000;
 /// Crossings closer together than this are one: no camera resolves fringes of so short a period.
 const SAME_PLACE_PX: f32 = 2.0;
+/// Turns by which the test is widened where columns are sought, against rounding.
+const PHASE_MARGIN_TURNS: f32 = 1e-3;
+/// A projector near C1 lights a whole ray with one phase: up to this rise along a segment all its columns are searched.
+const FLAT_TURNS: f32 = 2e-3;
 /// Columns by which an interval of the projector-side search is widened against rounding.
 const COLUMN_MARGIN_PX: f32 = 0.02;
 
@@ -115,9 +119,13 @@ pub(super) fn projector_side_search(
 ) {
     let first = found.len();
     let (at_begin, at_end) = (segment.phase[0], segment.phase_turns(segment.end_px));
+    if (at_end - at_begin).abs() <= FLAT_TURNS {
+        return plain_scan(row, segment, phase, gate, found);
+    }
     let phase_turns = f32::from(phase) / 65536.0;
     // A candidate of order k has Φ = k + φ_p + δ with δ within the gate.
-    let (low, high) = (gate.mean_turns - gate.threshold_turns, gate.mean_turns + gate.threshold_turns);
+    let reach = gate.threshold_turns + PHASE_MARGIN_TURNS;
+    let (low, high) = (gate.mean_turns - reach, gate.mean_turns + reach);
     let lowest = (at_begin.min(at_end) - phase_turns - high).ceil() as i32;
     let highest = (at_begin.max(at_end) - phase_turns - low).floor() as i32;
     let mut order = if at_begin <= at_end { lowest } else { highest };
@@ -126,8 +134,10 @@ pub(super) fn projector_side_search(
     let mut next_column = segment.begin_px as usize;
     for _ in lowest..=highest {
         let centre = order as f32 + phase_turns;
-        let (a, b) = (segment.column_of_phase(centre + low), segment.column_of_phase(centre + high));
-        let begin = clamp_column(a.min(b) - COLUMN_MARGIN_PX, segment).max(segment.begin_px) as usize;
+        // Within the segment Φ can be inverted; beyond it there may be a pole.
+        let within = |turns: f32| turns.max(at_begin.min(at_end)).min(at_begin.max(at_end));
+        let (a, b) = (segment.column_of_phase(within(centre + low)), segment.column_of_phase(within(centre + high)));
+        let begin = clamp_column(a.min(b) - COLUMN_MARGIN_PX, segment) as usize;
         let end = clamp_column(a.max(b) + COLUMN_MARGIN_PX, segment).ceil() as usize;
         // Intervals of neighbouring orders may share a pair of columns when the gate is wide.
         let begin = begin.max(next_column);

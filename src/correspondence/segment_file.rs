@@ -1,7 +1,7 @@
 //! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
 //!
-//! Layout, little-endian: magic, format version, fingerprint, sizes of C1, C2 and the epipolar frame, CRC-32 of the
-//! payload, then the segments and the source pixels as they stand in memory.
+//! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, then the
+//! segments and the source pixels as they stand in memory.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -22,8 +22,8 @@ const MAX_SIDE_PX: u32 = 65535;
 struct Header {
     magic: [u8; 8],
     version: u32,
-    /// CRC-32 of everything that follows the header.
-    payload_crc: u32,
+    /// CRC-32 of the sizes and of everything that follows the header.
+    crc: u32,
     fingerprint: [u8; 32],
     /// Width and height of C1, of C2 and of the epipolar frame, pixels.
     sizes_px: [[u32; 2]; 3],
@@ -95,15 +95,12 @@ impl SegmentTable {
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), SegmentFileError> {
         let payload: [&[u8]; 2] = [bytemuck::cast_slice(&self.segments), bytemuck::cast_slice(&self.sources)];
+        let sizes_px = [self.size_px(), self.cam2_size_px, self.epipolar_size_px()].map(|size| size.map(|s| s as u32));
         let mut crc = crc32fast::Hasher::new();
+        crc.update(bytemuck::bytes_of(&sizes_px));
         payload.iter().for_each(|part| crc.update(part));
-        let header = Header {
-            magic: MAGIC,
-            version: VERSION,
-            payload_crc: crc.finalize(),
-            fingerprint: self.fingerprint.0,
-            sizes_px: [self.size_px(), self.cam2_size_px, self.epipolar_size_px()].map(|size| size.map(|s| s as u32)),
-        };
+        let header =
+            Header { magic: MAGIC, version: VERSION, crc: crc.finalize(), fingerprint: self.fingerprint.0, sizes_px };
         write_atomically(path, |out| {
             out.write_all(bytemuck::bytes_of(&header))?;
             payload.iter().try_for_each(|part| out.write_all(part))
@@ -139,12 +136,13 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
         sources: vec![bytemuck::Zeroable::zeroed(); sources],
     };
     let mut crc = crc32fast::Hasher::new();
+    crc.update(bytemuck::bytes_of(&header.sizes_px));
     for part in [bytemuck::cast_slice_mut::<_, u8>(&mut table.segments), bytemuck::cast_slice_mut(&mut table.sources)] {
         file.read_exact(part).map_err(SegmentFileProblem::Unreadable)?;
         crc.update(part);
     }
-    if crc.finalize() != header.payload_crc {
-        return Err(SegmentFileProblem::Damaged { field: "payload" });
+    if crc.finalize() != header.crc {
+        return Err(SegmentFileProblem::Damaged { field: "checksum" });
     }
     check_content(&table)?;
     Ok(table)
