@@ -10,7 +10,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
-    ("correspondence", &["geometry", "phase"]),
+    ("correspondence", &["geometry", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("evaluation", &["geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation"]),
