@@ -95,7 +95,7 @@ fn measure(object: Object, steps: usize) -> Result<Row, Failure> {
 fn options(object: Object, steps: usize) -> SimulationOptions {
     SimulationOptions {
         object,
-        board: Board::Dark,
+        board: Board::Visible,
         rig: RigOptions {
             arrangement: Arrangement::TABLE_TOP,
             size_px: [640, 512],
