@@ -155,8 +155,8 @@ fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
 
 /// The axes of both cameras and of the projector must be able to meet before the cameras.
 ///
-/// Swapped cameras or inverted transforms (x1 = R·x2 + T instead of x2 = R·x1 + T) turn the axes away from each other
-/// on a toed-in rig.
+/// Inverted transforms (x1 = R·x2 + T instead of x2 = R·x1 + T) turn the axes away from each other on a toed-in rig.
+/// Cameras swapped as a whole make a sound rig; that the images do not fit it shows when they are matched.
 fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     EpipolarFrame::new(rig).map_err(|e| match e {
         EpipolarError::NoBase { .. } => CalibrationProblem::Implausible { field: "T2", what: e.to_string() },

@@ -19,6 +19,9 @@ const MIN_READMISSION_TURNS: f32 = 0.035;
 /// Relative change of sd after the resolution that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
 
+/// Expected false candidates (Eq. 1) beyond which δ carries no information: three times what any usable rig has.
+const MAX_FALSE_CANDIDATES: f64 = 4.0;
+
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MatchSettings {
@@ -44,7 +47,7 @@ pub struct Matches {
 }
 
 /// Why two phase maps cannot be matched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MatchError {
     /// A phase map has another size than the segment table was built for.
     #[error("a phase map of {found:?} pixels does not belong to a segment table for {expected:?} pixels")]
@@ -60,12 +63,27 @@ pub enum MatchError {
          belong to this calibration, does the object lie in the measurement volume?"
     )]
     NothingInCommon,
+    /// The back-projection phases agree with nothing.
+    #[error(
+        "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} false \
+         candidates a pixel: the images do not belong to this calibration; are the cameras swapped, is it the calibration \
+         of another rig, or are phase_sign and phase_offset_rad wrong? (with correspondence.delta_sd_rad in the \
+         configuration sd is taken as known)"
+    )]
+    NoAgreement {
+        /// Measured sd of δ, rad.
+        sd_rad: f64,
+        /// Mean number of periods on a segment.
+        mean_periods: f64,
+        /// Expected false candidates by Eq. (1).
+        efc: f64,
+    },
 }
 
 /// Finds the correspondence of every pixel of C1.
 ///
 /// # Errors
-/// Maps of another size than the table's, or maps that have nothing in common.
+/// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
 pub fn match_phases(
     cam1: &PhaseMap,
     cam2: &PhaseMap,
@@ -79,14 +97,16 @@ pub fn match_phases(
     }
     let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
     let mut delta = measure_delta(cam1, &cam2, table, &settings.resolution).ok_or(MatchError::NothingInCommon)?;
-    if let Some(sd_rad) = settings.delta_sd_rad {
-        delta.sd_rad = sd_rad;
+    match settings.delta_sd_rad {
+        Some(sd_rad) => delta.sd_rad = sd_rad,
+        None => check_agreement(&delta)?,
     }
     let mut pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
     let mut chosen_delta_rad = pass.delta_rad();
     let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
     if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
         (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
+        check_agreement(&delta)?;
         pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
         chosen_delta_rad = pass.delta_rad();
     }
@@ -95,6 +115,13 @@ pub fn match_phases(
         Matches { chosen: pass.chosen(), outcomes: pass.resolution.outcomes, passing, delta, chosen_delta_rad };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
     Ok(matches)
+}
+
+/// Refuses a δ that scatters so widely that it tells nothing.
+fn check_agreement(delta: &DeltaStatistics) -> Result<(), MatchError> {
+    let efc = delta.expected_false_candidates();
+    let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
+    if efc > MAX_FALSE_CANDIDATES { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
 /// Candidates and decisions with one threshold.
