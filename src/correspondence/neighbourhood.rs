@@ -83,7 +83,7 @@ pub(super) struct Neighbourhood<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
     /// To ask whether a decision fits its neighbours.
-    Near = 5,
+    Near = 3,
     /// To find decided pixels; a period is seldom longer, and one period is all that Eq. (2) uses.
     Far = 16,
 }

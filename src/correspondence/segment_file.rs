@@ -1,7 +1,7 @@
 //! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
 //!
-//! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, then the
-//! segments and the source pixels as they stand in memory.
+//! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, the direction
+//! of the base, then the segments and the source pixels as they stand in memory.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -12,7 +12,7 @@ use crate::atomic_file::{WriteError, write_atomically};
 use super::segment_table::{Fingerprint, Segment, SegmentTable, SourcePixel};
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Largest side of an image, pixels; larger ones in a header are damage.
 const MAX_SIDE_PX: u32 = 65535;
 
@@ -22,11 +22,13 @@ const MAX_SIDE_PX: u32 = 65535;
 struct Header {
     magic: [u8; 8],
     version: u32,
-    /// CRC-32 of the sizes and of everything that follows the header.
+    /// CRC-32 of the sizes, of the base and of everything that follows the header.
     crc: u32,
     fingerprint: [u8; 32],
     /// Width and height of C1, of C2 and of the epipolar frame, pixels.
     sizes_px: [[u32; 2]; 3],
+    /// Direction from C1 to C2 in the frame of C1.
+    base: [f32; 3],
 }
 
 /// Why a segment table cannot be loaded or saved.
@@ -98,9 +100,10 @@ impl SegmentTable {
         let sizes_px = [self.size_px(), self.cam2_size_px, self.epipolar_size_px()].map(|size| size.map(|s| s as u32));
         let mut crc = crc32fast::Hasher::new();
         crc.update(bytemuck::bytes_of(&sizes_px));
+        crc.update(bytemuck::bytes_of(&self.base));
         payload.iter().for_each(|part| crc.update(part));
-        let header =
-            Header { magic: MAGIC, version: VERSION, crc: crc.finalize(), fingerprint: self.fingerprint.0, sizes_px };
+        let (crc, fingerprint) = (crc.finalize(), self.fingerprint.0);
+        let header = Header { magic: MAGIC, version: VERSION, crc, fingerprint, sizes_px, base: self.base };
         write_atomically(path, |out| {
             out.write_all(bytemuck::bytes_of(&header))?;
             payload.iter().try_for_each(|part| out.write_all(part))
@@ -132,11 +135,13 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
         width: cam1_px[0],
         cam2_size_px: cam2_px,
         epipolar_width: epipolar_px[0],
+        base: header.base,
         segments: vec![bytemuck::Zeroable::zeroed(); segments],
         sources: vec![bytemuck::Zeroable::zeroed(); sources],
     };
     let mut crc = crc32fast::Hasher::new();
     crc.update(bytemuck::bytes_of(&header.sizes_px));
+    crc.update(bytemuck::bytes_of(&header.base));
     for part in [bytemuck::cast_slice_mut::<_, u8>(&mut table.segments), bytemuck::cast_slice_mut(&mut table.sources)] {
         file.read_exact(part).map_err(SegmentFileProblem::Unreadable)?;
         crc.update(part);
@@ -178,6 +183,9 @@ fn check_content(table: &SegmentTable) -> Result<(), SegmentFileProblem> {
         numbers.iter().all(|n| n.is_finite())
             && (s.is_none() || (s.begin_px >= 0.0 && s.end_px < width && s.row_px >= 0.0 && s.row_px < height))
     };
+    if !table.base.iter().all(|b| b.is_finite()) {
+        return Err(SegmentFileProblem::Damaged { field: "base" });
+    }
     if !table.segments.iter().all(segment_fits) {
         return Err(SegmentFileProblem::Damaged { field: "segments" });
     }
@@ -214,6 +222,7 @@ mod tests {
             width: 4,
             cam2_size_px: [5, 4],
             epipolar_width: 6,
+            base: [1.0, 0.0, 0.0],
             segments: (0..12).map(segment).collect(),
             sources: (0..18).map(|i| SourcePixel { index: i % 3, right: 100, below: 200 }).collect(),
         }

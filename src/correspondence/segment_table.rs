@@ -15,6 +15,9 @@ use crate::geometry::{
 /// Share of a segment that is added at either end: the place of the volume is known no better than the calibration.
 const VOLUME_MARGIN: f64 = 0.02;
 
+/// Pixels along either axis of which one is asked how its row changes.
+const AXIS_STRIDE: usize = 8;
+
 /// Axis of C1's image along which the epipolar lines run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EpipolarAxis {
@@ -101,6 +104,8 @@ pub struct SegmentTable {
     pub(super) cam2_size_px: [usize; 2],
     /// Width of the epipolar frame, pixels.
     pub(super) epipolar_width: usize,
+    /// Direction from the centre of C1 to the centre of C2 in the frame of C1, of length 1.
+    pub(super) base: [f32; 3],
     pub(super) segments: Vec<Segment>,
     pub(super) sources: Vec<SourcePixel>,
 }
@@ -153,7 +158,8 @@ impl SegmentTable {
         });
         let fingerprint = Fingerprint::of(rig, volume, pattern);
         let cam2_size_px = [rig.cam2.width_px(), rig.cam2.height_px()];
-        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), segments, sources })
+        let base = direction_of_base(rig);
+        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), base, segments, sources })
     }
 
     /// Segments of all pixels of C1, row by row.
@@ -188,13 +194,24 @@ impl SegmentTable {
             let (a, b) = (&self.segments[a], &self.segments[b]);
             if a.is_none() || b.is_none() { 0.0 } else { f64::from((a.row_px - b.row_px).abs()) }
         };
-        for i in 0..self.segments.len().saturating_sub(self.width + 1) {
-            if i % self.width + 1 < self.width {
-                along_rows += change(i, i + 1);
-                along_columns += change(i, i + self.width);
-            }
+        // A fraction of the pixels tells.
+        let rows = (0..self.segments.len().saturating_sub(self.width)).step_by(AXIS_STRIDE * self.width);
+        for i in rows.flat_map(|row| (row..row + self.width - 1).step_by(AXIS_STRIDE)) {
+            along_rows += change(i, i + 1);
+            along_columns += change(i, i + self.width);
         }
         if along_rows <= along_columns { EpipolarAxis::Horizontal } else { EpipolarAxis::Vertical }
+    }
+
+    /// How near to C2 a pixel of C1 sees its point, among all pixels that see one in the same place of C2: the larger, the
+    /// nearer. It is the cosine of the angle between the ray of the pixel and the base; in the triangle of the two
+    /// centres and a point that comes nearer on its ray of C2, this angle shrinks.
+    #[must_use]
+    #[inline]
+    pub fn nearness_to_cam2(&self, pixel: usize) -> f32 {
+        let [x, y] = self.segments[pixel].ray;
+        let [bx, by, bz] = self.base;
+        (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
     }
 
     /// What the table was computed for.
@@ -279,6 +296,12 @@ impl Builder<'_> {
         }
         SegmentTableError::NeverSeen { hit: hits.len(), pixels: width * height }
     }
+}
+
+/// Direction from C1 to C2 in the frame of C1, of length 1.
+fn direction_of_base(rig: &Rig) -> [f32; 3] {
+    let centre = rig.cam2_from_cam1.inverse().translation.vector.normalize();
+    [centre.x as f32, centre.y as f32, centre.z as f32]
 }
 
 /// A share in [0, 1) as a 16-bit fraction.

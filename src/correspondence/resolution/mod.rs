@@ -12,8 +12,11 @@
 //! Decisions and contradictions alternate for a bounded number of rounds and sweeps; a sweep reads the decisions of the
 //! one before and writes its own, so the result does not depend on the number of threads. What is left is counted.
 
+mod changed_tiles;
 mod decision;
+mod region_delta;
 mod regions;
+mod steepness;
 mod uniqueness;
 
 use rayon::prelude::*;
@@ -26,13 +29,16 @@ use super::outcome::Outcome;
 use super::search::CandidateLists;
 use super::segment_table::SegmentTable;
 
+use changed_tiles::ChangedTiles;
 use decision::{Stand, VoteRule};
+use region_delta::level_regions;
 use regions::Regions;
+use uniqueness::Precedence;
 
 /// Tolerance that every difference of δ meets.
 const ANY_DELTA: i32 = TURN;
 
-/// A round that contradicts fewer than one pixel in so many is the last.
+/// A round that decides or contradicts fewer than one pixel in so many is the last.
 const SETTLED_SHARE: usize = 500;
 
 /// How the resolution weighs and when it stops.
@@ -88,19 +94,24 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
     let mut resolver = Resolver::new(evidence, settings);
     resolver.select_references();
     let strict = VoteRule::strict(settings.min_votes);
-    for _ in 0..settings.max_rounds {
-        resolver.sweep_until_settled(Directions::Along, &strict);
-        resolver.sweep_until_settled(Directions::AlongAndAcross, &strict);
+    let settled = |changed: usize| changed * SETTLED_SHARE < evidence.cam1.phase.len();
+    for round in 0..settings.max_rounds {
+        let decided = resolver.sweep_until_settled(Directions::Along, &strict)
+            + resolver.sweep_until_settled(Directions::AlongAndAcross, &strict);
+        if round > 0 && settled(decided) {
+            break;
+        }
         resolver.contradict_by_neighbours(&strict);
-        if resolver.contradict_by_regions() * SETTLED_SHARE < resolver.absolute.len() {
+        if settled(resolver.contradict_by_regions(Precedence::Foundation)) {
             break;
         }
     }
     // The regions stand; pixels at their borders, with few neighbours left, may join them with fewer votes.
     resolver.readmit();
-    resolver.tolerance = ANY_DELTA;
+    let strict_tolerance = std::mem::replace(&mut resolver.tolerance, ANY_DELTA);
     resolver.sweep_until_settled(Directions::AlongAndAcross, &VoteRule::LENIENT);
-    resolver.contradict_by_regions();
+    resolver.contradict_by_delta(strict_tolerance);
+    resolver.contradict_by_regions(Precedence::Nearness);
     resolver.resolution
 }
 
@@ -131,6 +142,8 @@ struct Resolver<'a> {
     excluded: Vec<u32>,
     /// Pixels with candidates and without decision, ascending.
     open: Vec<u32>,
+    /// Where decisions changed since neighbours were last asked for contradictions.
+    unchecked: ChangedTiles,
     resolution: Resolution,
 }
 
@@ -151,6 +164,7 @@ impl<'a> Resolver<'a> {
             tolerance: (evidence.delta_tolerance_turns * TURN as f32) as i32,
             excluded: vec![0; pixels],
             open: Vec::new(),
+            unchecked: ChangedTiles::new(evidence.cam1.width, pixels, true),
             resolution: Resolution {
                 outcomes: (0..pixels).into_par_iter().map(outcome).collect(),
                 chosen: vec![0; pixels],
@@ -220,6 +234,7 @@ impl<'a> Resolver<'a> {
         Stand { absolute: self.absolute[pixel], delta: self.delta[pixel] } = self.stand(pixel, k);
         self.resolution.chosen[pixel] = k as u8;
         self.resolution.outcomes[pixel] = outcome;
+        self.unchecked.mark(pixel);
     }
 
     /// Takes back the decisions of some pixels (ascending) and opens them again.
@@ -227,25 +242,43 @@ impl<'a> Resolver<'a> {
         for &pixel in pixels {
             self.absolute[pixel as usize] = UNDECIDED;
             self.resolution.outcomes[pixel as usize] = Outcome::Contradicted;
+            self.unchecked.mark(pixel as usize);
         }
         self.open.extend_from_slice(pixels);
         self.open.sort_unstable();
     }
 
-    fn sweep_until_settled(&mut self, directions: Directions, rule: &VoteRule) {
+    /// Sweeps until nothing more is decided, a bounded number of times; yields how many pixels were.
+    fn sweep_until_settled(&mut self, directions: Directions, rule: &VoteRule) -> usize {
+        let open_before = self.open.len();
+        let tiles = |marked| ChangedTiles::new(self.evidence.cam1.width, self.absolute.len(), marked);
+        let (mut changed, mut changing) = (tiles(true), tiles(false));
         for _ in 0..self.settings.max_sweeps {
-            if self.sweep(directions, rule) == 0 {
-                return;
+            if self.sweep(directions, rule, &changed, &mut changing) == 0 {
+                break;
             }
+            std::mem::swap(&mut changed, &mut changing);
+            changing.clear();
         }
+        open_before - self.open.len()
     }
 
-    /// Decides open pixels by what the pixels decided before this sweep say; yields how many.
-    fn sweep(&mut self, directions: Directions, rule: &VoteRule) -> usize {
+    /// Decides open pixels by what the pixels decided before this sweep say; yields how many. Only those that see a tile
+    /// `changed` since they were asked last are asked; the tiles of those decided are marked in `changing`.
+    fn sweep(
+        &mut self,
+        directions: Directions,
+        rule: &VoteRule,
+        changed: &ChangedTiles,
+        changing: &mut ChangedTiles,
+    ) -> usize {
         let decisions: Vec<Option<u8>> = self
             .open
             .par_iter()
             .map(|&pixel| {
+                if !changed.reach(pixel as usize) {
+                    return None;
+                }
                 let opinions = self.opinions(pixel as usize, self.decided(), directions, Reach::Far);
                 rule.choose(self.eligible(pixel as usize), &opinions, self.tolerance).map(|k| k as u8)
             })
@@ -254,7 +287,10 @@ impl<'a> Resolver<'a> {
         let before = open.len();
         for (&pixel, decision) in open.iter().zip(decisions) {
             match decision {
-                Some(k) => self.decide(pixel as usize, usize::from(k), self.outcome_of(pixel as usize, directions)),
+                Some(k) => {
+                    self.decide(pixel as usize, usize::from(k), self.outcome_of(pixel as usize, directions));
+                    changing.mark(pixel as usize);
+                }
                 None => self.open.push(pixel),
             }
         }
@@ -282,25 +318,40 @@ impl<'a> Resolver<'a> {
             .into_par_iter()
             .filter(|&pixel| {
                 let stand = Stand { absolute: self.absolute[pixel as usize], delta: self.delta[pixel as usize] };
-                stand.absolute != UNDECIDED && {
+                stand.absolute != UNDECIDED && self.unchecked.reach(pixel as usize) && {
                     let opinions =
                         self.opinions(pixel as usize, self.decided(), Directions::AlongAndAcross, Reach::Near);
                     !rule.supports(stand, &opinions, self.tolerance)
                 }
             })
             .collect();
+        self.unchecked.clear();
         self.undo(&contradicted);
     }
 
-    /// Undoes and excludes what whole regions contradict; yields how many pixels.
-    fn contradict_by_regions(&mut self) -> usize {
+    /// Undoes and excludes what whole regions contradict: small ones, those whose δ is not level, and those whose places
+    /// in C2 serve others; yields how many pixels.
+    fn contradict_by_regions(&mut self, precedence: Precedence) -> usize {
         let regions = Regions::of(self.decided(), self.tolerance, self.evidence.cam1.width);
-        let credible = regions.credible(self);
-        let contested = uniqueness::contested(self, &regions, &credible);
-        let contradicted: Vec<u32> = (0..self.absolute.len())
-            .filter(|&i| regions.region_of(i).is_some_and(|region| !credible[region] || contested[i]))
-            .map(|i| i as u32)
-            .collect();
+        let large_enough = regions.sizes.iter().map(|&size| size >= self.settings.min_region_px);
+        let credible: Vec<bool> =
+            level_regions(self, &regions).into_iter().zip(large_enough).map(|(level, large)| level && large).collect();
+        let contested = uniqueness::contested(self, &regions, &credible, precedence);
+        self.exclude(&regions, |pixel, region| !credible[region] || contested[pixel])
+    }
+
+    /// Undoes and excludes regions, their δ running on within a tolerance, whose δ is not level: what votes alone joined to
+    /// a region that stands is judged by itself.
+    fn contradict_by_delta(&mut self, tolerance: i32) {
+        let regions = Regions::of(self.decided(), tolerance, self.evidence.cam1.width);
+        let level = level_regions(self, &regions);
+        self.exclude(&regions, |_, region| !level[region]);
+    }
+
+    /// Undoes and excludes the decided pixels for which `is_false` holds; yields how many.
+    fn exclude(&mut self, regions: &Regions, is_false: impl Fn(usize, usize) -> bool) -> usize {
+        let is_contradicted = |&i: &usize| regions.region_of(i).is_some_and(|region| is_false(i, region));
+        let contradicted: Vec<u32> = (0..self.absolute.len()).filter(is_contradicted).map(|i| i as u32).collect();
         for &pixel in &contradicted {
             let k = u32::from(self.resolution.chosen[pixel as usize]);
             self.excluded[pixel as usize] |= 1_u32.checked_shl(k).unwrap_or(0);

@@ -6,14 +6,25 @@ use rayon::prelude::*;
 use super::super::neighbourhood::TURN;
 use super::Resolver;
 use super::regions::Regions;
+use super::steepness::Steepness;
 
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
 /// Place of a pixel without decision.
 const NOWHERE: u32 = u32::MAX;
-/// Pixels on either side over which the slope of δ is measured.
-const REACH_PX: isize = 3;
+/// Share of a region that may lose its places before the whole region does.
+const MAX_LOST_SHARE: f64 = 0.3;
+
+/// Which of two claims to one place of C2 takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Precedence {
+    /// The one with a level δ, then the one of the larger region. While decisions still change, nothing else would do: the
+    /// pixels of a right region, hidden by a nearer wrong one, would be decided anew and join it.
+    Foundation,
+    /// The nearer to C2, which hides the other: between regions that stand, as both do.
+    Nearness,
+}
 
 /// What a pixel brings forward for its place of C2.
 #[derive(Clone, Copy)]
@@ -23,58 +34,120 @@ struct Claim {
     region: u32,
     region_size: u32,
     absolute: i32,
+    /// How near to C2 its point lies.
+    nearness: f32,
+    pixel: u32,
+    /// Index of the place in the epipolar frame.
+    place: u32,
 }
 
 impl Claim {
+    /// Whether it is better founded.
     fn outweighs(&self, other: &Self) -> bool {
         (!self.steep, self.region_size) > (!other.steep, other.region_size)
     }
+
+    /// Whether its point hides the other's from C2.
+    fn hides(&self, other: &Self) -> bool {
+        self.nearness > other.nearness
+    }
 }
 
-/// Pixels whose place of C2 a better founded claim takes for another order.
-pub(super) fn contested(resolver: &Resolver<'_>, regions: &Regions, credible: &[bool]) -> Vec<bool> {
-    let [width, height] = resolver.evidence.table.epipolar_size_px();
-    let places: Vec<u32> = (0..resolver.absolute.len())
-        .into_par_iter()
-        .map(|pixel| {
+/// Pixels whose place of C2 another claim takes for another order.
+///
+/// A region of which better founded claims take a good part is wrong as a whole. Between the pixels of those that stand,
+/// `precedence` decides.
+pub(super) fn contested(
+    resolver: &Resolver<'_>,
+    regions: &Regions,
+    credible: &[bool],
+    precedence: Precedence,
+) -> Vec<bool> {
+    let claims = Claims::of_disputed_places(resolver, regions);
+    let mut stands = credible.to_vec();
+    let lost = claims.lost(&stands, Claim::outweighs);
+    let mut lost_by_region = vec![0_u32; stands.len()];
+    lost.iter().for_each(|claim| lost_by_region[claim.region as usize] += 1);
+    for (region, count) in lost_by_region.into_iter().enumerate() {
+        stands[region] &= f64::from(count) <= MAX_LOST_SHARE * f64::from(regions.sizes[region]);
+    }
+    let lost = match precedence {
+        Precedence::Foundation => lost,
+        Precedence::Nearness => claims.lost(&stands, Claim::hides),
+    };
+    let fallen = |pixel: usize| regions.region_of(pixel).is_some_and(|region| !stands[region]);
+    let mut contested: Vec<bool> = (0..resolver.absolute.len()).into_par_iter().map(fallen).collect();
+    lost.iter().for_each(|claim| contested[claim.pixel as usize] = true);
+    contested
+}
+
+/// The claims of pixels to the places that are claimed, there or beside, for different orders.
+struct Claims {
+    claims: Vec<Claim>,
+    /// Number of all places.
+    places: usize,
+}
+
+impl Claims {
+    fn of_disputed_places(resolver: &Resolver<'_>, regions: &Regions) -> Self {
+        let table = resolver.evidence.table;
+        let [width, height] = table.epipolar_size_px();
+        let place_of = |pixel: usize| {
             if regions.region_of(pixel).is_none() {
                 return NOWHERE;
             }
-            let row = resolver.evidence.table.segments()[pixel].row_px.round() as usize;
-            let column = resolver.chosen_candidate(pixel).column_px.round() as usize;
+            let row = (table.segments()[pixel].row_px + 0.5) as usize;
+            let column = (resolver.chosen_candidate(pixel).column_px + 0.5) as usize;
             (row.min(height - 1) * width + column.min(width - 1)) as u32
-        })
-        .collect();
-    let steep = Steepness::new(resolver, regions);
-    let disputed = disputed(&resolver.absolute, &places, width * height);
-    let claims: Vec<Option<Claim>> = (0..resolver.absolute.len())
-        .into_par_iter()
-        .map(|pixel| {
-            let region = regions.region_of(pixel)?;
-            let (region_size, absolute) = (regions.sizes[region], resolver.absolute[pixel]);
-            // Nobody asks where there is no dispute.
-            let steep = disputed[places[pixel] as usize] && steep.is_steep(pixel);
-            Some(Claim { steep, region: region as u32, region_size, absolute })
-        })
-        .collect();
-    let owners = owners(&claims, credible, &places, width * height);
-    let mut contested: Vec<bool> = (0..claims.len())
-        .into_par_iter()
-        .map(|pixel| {
-            let Some(claim) = &claims[pixel] else { return false };
-            let loses =
-                |place: usize| {
-                    owners.get(place).copied().flatten().is_some_and(|owner| {
-                        owner.outweighs(claim) && (owner.absolute - claim.absolute).abs() > SAME_ORDER
-                    })
-                };
-            let here = places[pixel] as usize;
+        };
+        let places: Vec<u32> = (0..resolver.absolute.len()).into_par_iter().map(place_of).collect();
+        let disputed = disputed(&resolver.absolute, &places, width * height);
+        let steepness = Steepness::new(resolver, regions);
+        let claim = |pixel: usize| {
+            let place = places[pixel];
+            let region = regions.region_of(pixel).filter(|_| disputed[place as usize])?;
+            Some(Claim {
+                steep: steepness.is_steep(pixel),
+                region: region as u32,
+                region_size: regions.sizes[region],
+                absolute: resolver.absolute[pixel],
+                nearness: table.nearness_to_cam2(pixel),
+                pixel: pixel as u32,
+                place,
+            })
+        };
+        let claims = (0..resolver.absolute.len()).into_par_iter().filter_map(claim).collect();
+        Self { claims, places: width * height }
+    }
+
+    /// Claims that lose their place to one of a region that stands.
+    fn lost(&self, stands: &[bool], beats: fn(&Claim, &Claim) -> bool) -> Vec<&Claim> {
+        let owners = self.owners(stands, beats);
+        let loses = |claim: &Claim, place: usize| {
+            owners
+                .get(place)
+                .and_then(|&owner| self.claims.get(owner as usize))
+                .is_some_and(|owner| beats(owner, claim) && (owner.absolute - claim.absolute).abs() > SAME_ORDER)
+        };
+        let is_lost = |claim: &&Claim| {
+            let here = claim.place as usize;
             // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.
-            loses(here) || (loses(here.wrapping_sub(1)) && loses(here + 1))
-        })
-        .collect();
-    spread_over_regions(&mut contested, regions);
-    contested
+            loses(claim, here) || (loses(claim, here.wrapping_sub(1)) && loses(claim, here + 1))
+        };
+        self.claims.par_iter().filter(is_lost).collect()
+    }
+
+    /// For each place the index of the claim, of a region that stands, that no other beats; beyond all where there is none.
+    fn owners(&self, stands: &[bool], beats: fn(&Claim, &Claim) -> bool) -> Vec<u32> {
+        let mut owners = vec![u32::MAX; self.places];
+        for (index, claim) in self.claims.iter().enumerate().filter(|(_, claim)| stands[claim.region as usize]) {
+            let owner = &mut owners[claim.place as usize];
+            if self.claims.get(*owner as usize).is_none_or(|owner| beats(claim, owner)) {
+                *owner = index as u32;
+            }
+        }
+        owners
+    }
 }
 
 /// Places of C2 that pixels claim, there or beside, for different orders.
@@ -92,74 +165,4 @@ fn disputed(absolute: &[i32], places: &[u32], count: usize) -> Vec<bool> {
         .into_par_iter()
         .map(|place| span(&range[place.saturating_sub(1)..(place + 2).min(count)]) > SAME_ORDER)
         .collect()
-}
-
-/// For each place of C2 the best founded claim of a credible region.
-fn owners(claims: &[Option<Claim>], credible: &[bool], places: &[u32], count: usize) -> Vec<Option<Claim>> {
-    let mut owners: Vec<Option<Claim>> = vec![None; count];
-    for (claim, &place) in claims.iter().zip(places) {
-        let Some(claim) = claim.filter(|c| credible[c.region as usize]) else { continue };
-        let owner = &mut owners[place as usize];
-        if owner.is_none_or(|o| claim.outweighs(&o)) {
-            *owner = Some(claim);
-        }
-    }
-    owners
-}
-
-/// Tells where δ changes steadily.
-struct Steepness<'a> {
-    resolver: &'a Resolver<'a>,
-    regions: &'a Regions,
-    /// Change of δ a pixel beyond which it is steep, turns · 65536.
-    limit: f64,
-}
-
-impl<'a> Steepness<'a> {
-    fn new(resolver: &'a Resolver<'_>, regions: &'a Regions) -> Self {
-        let limit = f64::from(resolver.evidence.steep_delta_turns) * f64::from(TURN);
-        Self { resolver, regions, limit }
-    }
-
-    /// Whether δ is steep along the rows or the columns at a pixel.
-    fn is_steep(&self, pixel: usize) -> bool {
-        let width = self.resolver.evidence.cam1.width as isize;
-        [1, width].into_iter().any(|stride| self.slope(pixel, stride).is_some_and(|slope| slope.abs() > self.limit))
-    }
-
-    /// Least-squares slope of δ over the pixels of the same region around a pixel; `None` with too few on a side.
-    fn slope(&self, pixel: usize, stride: isize) -> Option<f64> {
-        let same = |next: usize| self.regions.region_of(next) == self.regions.region_of(pixel);
-        let reach = |direction: isize| {
-            let steps = 1..=REACH_PX;
-            steps.take_while(|k| pixel.checked_add_signed(direction * k * stride).is_some_and(&same)).count() as isize
-        };
-        let (before, after) = (reach(-1), reach(1));
-        if before + after < REACH_PX {
-            return None;
-        }
-        let centre = 0.5 * (after - before) as f64;
-        let (mut moment, mut spread) = (0.0, 0.0);
-        for k in -before..=after {
-            let offset = k as f64 - centre;
-            moment += offset * f64::from(self.resolver.delta[pixel.wrapping_add_signed(k * stride)]);
-            spread += offset * offset;
-        }
-        Some(moment / spread)
-    }
-}
-
-/// A region of which three tenths are contested is contested as a whole.
-fn spread_over_regions(contested: &mut [bool], regions: &Regions) {
-    let mut counts = vec![0_u64; regions.sizes.len()];
-    for pixel in (0..contested.len()).filter(|&p| contested[p]) {
-        if let Some(region) = regions.region_of(pixel) {
-            counts[region] += 1;
-        }
-    }
-    for (pixel, contested) in contested.iter_mut().enumerate() {
-        if let Some(region) = regions.region_of(pixel) {
-            *contested |= 10 * counts[region] > 3 * u64::from(regions.sizes[region]);
-        }
-    }
 }
