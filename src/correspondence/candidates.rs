@@ -6,6 +6,8 @@
 //! where a fringe order can pass the test: Φ is monotone along a segment, so each order k leaves one interval of columns
 //! with |Φ − k − φ_p| < thr. Both apply the same arithmetic to the same pairs of columns and yield the same bits.
 
+use std::ops::ControlFlow;
+
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 use super::segment_table::Segment;
 
@@ -152,7 +154,13 @@ fn clamp_column(column_px: f32, segment: &Segment) -> f32 {
     column_px.max(segment.begin_px).min(segment.end_px)
 }
 
-/// Looks for phase crossings between the columns `begin..=end`; `first` is where this pixel's candidates begin.
+/// Whether the phase occurs on the segment at all.
+pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16) -> bool {
+    let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
+    crossings(row, segment, phase, begin, end, |_, _| ControlFlow::Break(())).is_break()
+}
+
+/// Candidates between the columns `begin..=end` that pass the gate; `first` is where this pixel's candidates begin.
 #[inline]
 fn scan_columns(
     row: &RowView<'_>,
@@ -164,6 +172,26 @@ fn scan_columns(
     first: usize,
     found: &mut Vec<Candidate>,
 ) {
+    let _ = crossings(row, segment, phase, begin, end, |column_px, slope| {
+        let candidate = back_project(segment, phase, column_px, slope);
+        if gate.passes(candidate.delta) {
+            keep_best_of_place(candidate, first, found);
+        }
+        ControlFlow::Continue(())
+    });
+}
+
+/// Tells of each place between the columns `begin..=end` that has the phase: its column and the slope of the phase there,
+/// turns · 65536 a pixel, until told to break.
+#[inline]
+fn crossings(
+    row: &RowView<'_>,
+    segment: &Segment,
+    phase: u16,
+    begin: usize,
+    end: usize,
+    mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
+) -> ControlFlow<()> {
     let mut previous: Option<i32> = None;
     for column in begin..=end.min(row.upper.len() - 1) {
         let current = row.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16));
@@ -172,13 +200,11 @@ fn scan_columns(
             && column_px >= segment.begin_px
             && column_px <= segment.end_px
         {
-            let candidate = back_project(segment, phase, column_px, after - before);
-            if gate.passes(candidate.delta) {
-                keep_best_of_place(candidate, first, found);
-            }
+            tell(column_px, after - before)?;
         }
         previous = current;
     }
+    ControlFlow::Continue(())
 }
 
 /// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
@@ -195,8 +221,15 @@ fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
 #[inline]
 fn back_project(segment: &Segment, phase: u16, column_px: f32, slope: i32) -> Candidate {
     let turns = segment.phase_turns(column_px) - f32::from(phase) / 65536.0;
-    let order = turns.round();
-    Candidate { column_px, order: order as i16, delta: ((turns - order) * 65536.0).round() as i16, slope: slope as i16 }
+    let order = nearest_whole(turns);
+    let delta = nearest_whole((turns - order as f32) * 65536.0);
+    Candidate { column_px, order: order as i16, delta: delta.clamp(-32768, 32767) as i16, slope: slope as i16 }
+}
+
+/// The nearest whole number. `f32::round` would be a call of the C library, once and again per candidate.
+#[inline]
+fn nearest_whole(value: f32) -> i32 {
+    (value + 0.5_f32.copysign(value)) as i32
 }
 
 /// Noise can cross the phase more than once near one place: of candidates of one place the one with the least |δ| stays.

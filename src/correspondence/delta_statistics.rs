@@ -16,9 +16,9 @@ use super::search::{SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
 /// Pixels of C1, along either axis, of which one is examined for the histogram.
-const STRIDE: usize = 4;
+const STRIDE: usize = 8;
 /// Rows of the bands in which references are selected, and the distance from one band to the next.
-const BAND_ROWS: usize = 32;
+const BAND_ROWS: usize = 16;
 const BAND_PITCH_ROWS: usize = 128;
 /// Bins of the histogram over one turn.
 const BINS: usize = 512;

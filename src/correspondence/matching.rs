@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{Candidate, DeltaGate, RowView, plain_scan};
+use super::candidates::{Candidate, DeltaGate, RowView, occurs};
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
@@ -12,13 +12,18 @@ use super::resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 use super::search::{CandidateLists, SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
-/// Factor on thr within which a candidate may still be decided by its neighbours (7·sd in all).
-const READMISSION: f32 = 2.3;
-/// Least such bound, turns (0.22 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
-const MIN_READMISSION_TURNS: f32 = 0.035;
+/// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
+const READMISSION: f32 = 1.67;
+/// Least such bound, turns (0.19 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
+const MIN_READMISSION_TURNS: f32 = 0.03;
 /// Relative change of sd after the resolution that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
 
+/// sd of δ beyond which it is asked whether the images of the cameras are exchanged, rad: over three times what the
+/// calibrated rigs of the paper and of ours have.
+const SUSPICIOUS_SD_RAD: f64 = 0.15;
+/// Ratio of sd with exchanged images to sd that shows that they are: over exchanged ones δ is spread over all the test.
+const EXCHANGED_SD_RATIO: f64 = 0.5;
 /// Expected false candidates (Eq. 1) beyond which δ carries no information: three times what any usable rig has.
 const MAX_FALSE_CANDIDATES: f64 = 4.0;
 
@@ -63,6 +68,17 @@ pub enum MatchError {
          belong to this calibration, does the object lie in the measurement volume?"
     )]
     NothingInCommon,
+    /// The images of the cameras are exchanged.
+    #[error(
+        "the images of cameras 1 and 2 are exchanged: the back-projection phases scatter by {sd_rad:.2} rad, with the images \
+         the other way round by {exchanged_sd_rad:.2} rad; exchange the image folders, or the cameras in the calibration"
+    )]
+    Exchanged {
+        /// Measured sd of δ, rad.
+        sd_rad: f64,
+        /// Measured sd of δ with the images exchanged, rad.
+        exchanged_sd_rad: f64,
+    },
     /// The back-projection phases agree with nothing.
     #[error(
         "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} false \
@@ -95,32 +111,50 @@ pub fn match_phases(
     if found != expected {
         return Err(size_error);
     }
+    let exchanged = || {
+        let image = EpipolarImage::resample(cam1, table)?;
+        ([cam2.width, cam2.height] == expected).then(|| measure_delta(cam2, &image, table, &settings.resolution))?
+    };
     let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
     let mut delta = measure_delta(cam1, &cam2, table, &settings.resolution).ok_or(MatchError::NothingInCommon)?;
     match settings.delta_sd_rad {
         Some(sd_rad) => delta.sd_rad = sd_rad,
-        None => check_agreement(&delta)?,
+        None => check_agreement(&delta, exchanged)?,
     }
     let mut pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
     let mut chosen_delta_rad = pass.delta_rad();
     let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
     if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
         (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
-        check_agreement(&delta)?;
+        check_agreement(&delta, exchanged)?;
         pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
         chosen_delta_rad = pass.delta_rad();
     }
     let passing = pass.passing(&delta.gate());
-    let mut matches =
-        Matches { chosen: pass.chosen(), outcomes: pass.resolution.outcomes, passing, delta, chosen_delta_rad };
+    let mut matches = Matches {
+        chosen: pass.chosen().collect(),
+        outcomes: pass.resolution.outcomes,
+        passing,
+        delta,
+        chosen_delta_rad,
+    };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
     Ok(matches)
 }
 
-/// Refuses a δ that scatters so widely that it tells nothing.
-fn check_agreement(delta: &DeltaStatistics) -> Result<(), MatchError> {
+/// Refuses a δ that scatters so widely that it tells nothing; `exchanged` measures it with the images exchanged.
+fn check_agreement(
+    delta: &DeltaStatistics,
+    exchanged: impl FnOnce() -> Option<DeltaStatistics>,
+) -> Result<(), MatchError> {
     let efc = delta.expected_false_candidates();
     let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
+    if sd_rad > SUSPICIOUS_SD_RAD
+        && let Some(exchanged_sd_rad) = exchanged().map(|delta| delta.sd_rad)
+        && exchanged_sd_rad < EXCHANGED_SD_RATIO * sd_rad
+    {
+        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });
+    }
     if efc > MAX_FALSE_CANDIDATES { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
@@ -150,11 +184,11 @@ impl Pass {
         Self { candidates, resolution }
     }
 
-    fn chosen(&self) -> Vec<Option<Candidate>> {
-        let of = |(i, outcome): (usize, &Outcome)| {
+    /// The chosen candidate of each pixel that found one.
+    fn chosen(&self) -> impl Iterator<Item = Option<Candidate>> + '_ {
+        self.resolution.outcomes.iter().enumerate().map(|(i, outcome)| {
             outcome.is_found().then(|| self.candidates.of(i)[usize::from(self.resolution.chosen[i])])
-        };
-        self.resolution.outcomes.iter().enumerate().map(of).collect()
+        })
     }
 
     fn found(&self) -> usize {
@@ -162,7 +196,7 @@ impl Pass {
     }
 
     fn delta_rad(&self) -> (f64, f64) {
-        let deltas: Vec<i16> = self.chosen().into_iter().flatten().map(|c| c.delta).collect();
+        let deltas: Vec<i16> = self.chosen().flatten().map(|c| c.delta).collect();
         mean_and_sd_rad(&deltas)
     }
 
@@ -179,18 +213,16 @@ fn explain_pixels_without_candidates(
     table: &SegmentTable,
     outcomes: &mut [Outcome],
 ) {
-    outcomes.par_iter_mut().enumerate().for_each_init(Vec::new, |found, (i, outcome)| {
+    outcomes.par_iter_mut().enumerate().for_each(|(i, outcome)| {
         let segment = &table.segments()[i];
         if !cam1.valid[i] {
             *outcome = Outcome::Invalid;
         } else if segment.is_none() {
             *outcome = Outcome::OutsideVolume;
-        } else if *outcome == Outcome::NoCandidate {
-            found.clear();
-            plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, found);
-            if !found.is_empty() {
-                *outcome = Outcome::RejectedByDelta;
-            }
+        } else if *outcome == Outcome::NoCandidate
+            && occurs(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i])
+        {
+            *outcome = Outcome::RejectedByDelta;
         }
     });
 }

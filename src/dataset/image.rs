@@ -81,11 +81,12 @@ fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -
 
 /// 8-bit values of samples: as they are up to 255, or widened 16-bit ones (257·v) divided back.
 fn eight_bits(samples: &[u16], depth: png::BitDepth, width: usize) -> Result<Vec<u8>, Problem> {
-    let unscaled = samples.iter().all(|&s| s <= 255);
-    let divisor = if depth == png::BitDepth::Sixteen && !unscaled { 257 } else { 1 };
+    if depth != png::BitDepth::Sixteen || samples.iter().all(|&s| s <= 255) {
+        return Ok(samples.iter().map(|&s| s as u8).collect());
+    }
     let convert = |(i, &value): (usize, &u16)| {
-        let lossless = value % divisor == 0;
-        if lossless { Ok((value / divisor) as u8) } else { Err(Problem::Depth { u: i % width, v: i / width, value }) }
+        let lossless = value % 257 == 0;
+        if lossless { Ok((value / 257) as u8) } else { Err(Problem::Depth { u: i % width, v: i / width, value }) }
     };
     samples.iter().enumerate().map(convert).collect()
 }
