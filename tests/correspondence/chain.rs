@@ -1,0 +1,134 @@
+//! The whole chain on a simulated scene.
+
+use fringeflow::correspondence::{MatchError, OutcomeCounts, SegmentTable};
+use fringeflow::dataset::CameraId;
+use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
+use fringeflow::simulation::{
+    Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
+};
+
+/// Width and height of the images, pixels.
+const SIZE_PX: [usize; 2] = [320, 256];
+
+fn simulation(object: Object) -> Simulation {
+    Simulation::new(SimulationOptions {
+        object,
+        board: Board::Visible,
+        rig: RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: SIZE_PX,
+            depth_m: 0.025,
+            period_px: 16.0,
+            sd_rad: 0.041,
+            seed: 3,
+        },
+        steps: 4,
+        two_directions: false,
+        gray: false,
+        noise: NoiseLevel::Normal,
+        gamma: 1.0,
+        supersampling: 1,
+        seed: 3,
+    })
+    .unwrap()
+}
+
+fn reconstruct(simulation: &Simulation) -> Reconstruction {
+    reconstruct_with(simulation, CameraId::BOTH).unwrap()
+}
+
+/// Reconstructs from the images of two cameras, the first taken for C1.
+fn reconstruct_with(simulation: &Simulation, cameras: [CameraId; 2]) -> Result<Reconstruction, ReconstructionError> {
+    let rig = simulation.rig();
+    let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
+    let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
+    let fringes: Vec<(f64, Projected)> = simulation
+        .images()
+        .into_iter()
+        .filter_map(|(_, pattern)| match pattern {
+            Projected::Fringes { shift_rad, .. } => Some((shift_rad, pattern)),
+            _ => None,
+        })
+        .collect();
+    let [cam1, cam2] = cameras.map(|camera| {
+        let view = &simulation.views()[camera as usize];
+        let image = |(k, (_, pattern)): (usize, &(f64, Projected))| {
+            sensor.image(view, pattern, ImageSeed { seed: 3, camera: camera as u8, image: k as u32 }).pixels
+        };
+        fringes.iter().enumerate().map(image).collect::<Vec<_>>()
+    });
+    let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
+    let reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, Settings::default()).unwrap();
+    reconstructor.reconstruct(&slices(&cam1), &slices(&cam2))
+}
+
+/// com and fpc against the simulation's exact truth.
+fn scores(simulation: &Simulation, made: &Reconstruction) -> Scores {
+    let rig = simulation.rig();
+    let frames = Frames {
+        cam1_from_volume: *rig.volume.cam1_from_volume(),
+        exact_cam1_from_volume: *rig.exact_volume.cam1_from_volume(),
+        unit_m: 1e-3,
+    };
+    against_rendered(&made.cloud, SIZE_PX, simulation.truth(), &frames).unwrap().scores
+}
+
+fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
+    images.iter().map(Vec::as_slice).collect()
+}
+
+#[test]
+fn a_simulated_scene_is_reconstructed_and_every_pixel_accounted_for() {
+    let simulation = simulation(Object::Prism);
+    let made = reconstruct(&simulation);
+    let counts = OutcomeCounts::of(&made.matches.outcomes);
+    assert_eq!(counts.iter().map(|(_, n)| n).sum::<u64>(), (SIZE_PX[0] * SIZE_PX[1]) as u64);
+    let found: u64 = counts.iter().filter(|(o, _)| o.is_found()).map(|(_, n)| n).sum();
+    assert_eq!(found, made.cloud.points.len() as u64);
+    let scores = scores(&simulation, &made);
+    assert!(scores.com_percent > 97.5 && scores.fpc_percent < 0.3, "{scores:?}");
+    let deltas: Vec<f64> = made.cloud.points.iter().map(|p| f64::from(p.delta_rad)).filter(|d| d.abs() < 0.5).collect();
+    let mean = deltas.iter().sum::<f64>() / deltas.len() as f64;
+    let sd = (deltas.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / deltas.len() as f64).sqrt();
+    assert!(
+        (made.matches.delta.sd_rad / sd - 1.0).abs() < 0.25,
+        "{} measured, {sd} over the points",
+        made.matches.delta.sd_rad
+    );
+}
+
+#[test]
+fn what_a_wall_hides_from_camera_2_yields_no_points() {
+    // Walls hide strips of the ground from C2, which sees there, now and then, the phase that the ground has.
+    for object in [Object::Plane, Object::Machine] {
+        let simulation = simulation(object);
+        let scores = scores(&simulation, &reconstruct(&simulation));
+        assert!(scores.fpc_percent < 0.03, "{object:?}: {scores:?}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_show() {
+    let simulation = simulation(Object::Prism);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| reconstruct(&simulation))
+    };
+    assert!(with(1) == with(3));
+}
+
+#[test]
+fn exchanged_images_are_told() {
+    // On a flat scene a wrong order runs on over the whole image: its correspondences agree with each other.
+    for object in [Object::Plane, Object::Prism] {
+        let [cam1, cam2] = CameraId::BOTH;
+        let made = reconstruct_with(&simulation(object), [cam2, cam1]);
+        assert!(
+            matches!(made, Err(ReconstructionError::Match(MatchError::Exchanged { .. }))),
+            "{object:?}: {:?}",
+            made.map(|m| m.cloud.points.len())
+        );
+    }
+}

@@ -1,0 +1,7 @@
+//! Correspondences: the search for candidates, and the whole chain on a simulated scene.
+
+#![expect(clippy::unwrap_used, reason = "a rig that cannot be built fails the test")]
+
+mod chain;
+mod random;
+mod search;
