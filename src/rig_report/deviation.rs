@@ -9,7 +9,7 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use serde::Serialize;
 
-use crate::geometry::{Pixel, Point3, Vector3};
+use crate::geometry::{Pixel, Point3, triangulate};
 
 use super::segment::Segment;
 use super::surface::Surface;
@@ -95,15 +95,9 @@ fn calibration_sd_rad(setup: &RigSetup, assumptions: &Assumptions, point: &Point
 
 type Vector2Px = nalgebra::Vector2<f64>;
 
-/// Back-projection phase of a correspondence, turns: of the point of C1's ray that is closest to C2's.
+/// Back-projection phase of a correspondence, turns.
 fn back_projected(setup: &RigSetup, in_cam1: &Pixel, in_cam2: &Pixel) -> Option<f64> {
-    let ray1 = setup.rig.cam1.ray(in_cam1)?;
-    let ray2: Vector3 = setup.rig.cam2_from_cam1.rotation.inverse() * setup.rig.cam2.ray(in_cam2)?;
-    let base = setup.rig.centre_of_cam2().coords;
-    // Depth t at which t·ray1 − base is closest to a multiple of ray2.
-    let (aa, ab, bb) = (ray1.norm_squared(), ray1.dot(&ray2), ray2.norm_squared());
-    let depth_m = (bb * ray1.dot(&base) - ab * ray2.dot(&base)) / (aa * bb - ab * ab);
-    depth_m.is_finite().then(|| setup.phase_turns(&Point3::from(ray1 * depth_m)))?
+    setup.phase_turns(&triangulate(&setup.rig, in_cam1, in_cam2)?.point_cam1)
 }
 
 /// Root mean squares of the contributions.

@@ -8,8 +8,7 @@
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
 //! any pattern, or with [`Simulation`] a whole dataset folder. Rays are traced once per pose: a view of 640 × 512 pixels
-//! costs one to four seconds of one
-//! core, by object. Objects, sizes and knobs are those of the paper's section 3.
+//! costs one to four seconds of one core, by object. Objects, sizes and knobs are those of the paper's section 3.
 //!
 //! Everything is a function of its options and seeds; the number of threads changes no byte.
 
