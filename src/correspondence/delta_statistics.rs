@@ -34,6 +34,8 @@ const FIT_STEPS: usize = 50;
 const MIN_SD_TURNS: f64 = 0.0005;
 /// Factor from sd to the threshold (paper, section 2.1).
 const THRESHOLD_SD: f64 = 3.0;
+/// sd of δ beyond which something is wrong with images or calibration, rad.
+const SUSPICIOUS_SD_RAD: f64 = 0.15;
 /// Fewest reference correspondences that refine the first estimate.
 const MIN_REFERENCES: usize = 200;
 /// Tolerated difference of δ between neighbours, in standard deviations of that difference.
@@ -86,6 +88,13 @@ impl DeltaStatistics {
     pub fn steep_turns(&self, width_px: usize) -> f32 {
         let of_calibration_rad = MAX_CHANGE_OVER_IMAGE_SD * self.sd_rad / width_px as f64;
         ((of_calibration_rad + STEEP_NOISE_SD * self.noise_sd_rad) / TAU) as f32
+    }
+
+    /// Whether δ scatters over three times as widely as on calibrated rigs, the paper's and ours: images and calibration may
+    /// not belong together, or the calibration is out of date.
+    #[must_use]
+    pub fn is_suspicious(&self) -> bool {
+        self.sd_rad > SUSPICIOUS_SD_RAD
     }
 
     /// Expected number of additional false candidates per true one (paper, Eq. 1): efc = 3·sd·(n − 1)/π.

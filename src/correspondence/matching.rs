@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
+use super::agreement::{MatchError, check_scatter, check_share};
 use super::candidates::{Candidate, DeltaGate, RowView, occurs};
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
 use super::epipolar_image::EpipolarImage;
@@ -18,14 +19,6 @@ const READMISSION: f32 = 1.67;
 const MIN_READMISSION_TURNS: f32 = 0.03;
 /// Relative change of sd after the resolution that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
-
-/// sd of δ beyond which it is asked whether the images of the cameras are exchanged, rad: over three times what the
-/// calibrated rigs of the paper and of ours have.
-const SUSPICIOUS_SD_RAD: f64 = 0.15;
-/// Ratio of sd with exchanged images to sd that shows that they are: over exchanged ones δ is spread over all the test.
-const EXCHANGED_SD_RATIO: f64 = 0.5;
-/// Expected false candidates (Eq. 1) beyond which δ carries no information: three times what any usable rig has.
-const MAX_FALSE_CANDIDATES: f64 = 4.0;
 
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,51 +44,6 @@ pub struct Matches {
     pub chosen_delta_rad: (f64, f64),
 }
 
-/// Why two phase maps cannot be matched.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum MatchError {
-    /// A phase map has another size than the segment table was built for.
-    #[error("a phase map of {found:?} pixels does not belong to a segment table for {expected:?} pixels")]
-    Size {
-        /// Width and height of the map of C1.
-        found: [usize; 2],
-        /// Width and height that the table was built for.
-        expected: [usize; 2],
-    },
-    /// No pixel has a candidate.
-    #[error(
-        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the images \
-         belong to this calibration, does the object lie in the measurement volume?"
-    )]
-    NothingInCommon,
-    /// The images of the cameras are exchanged.
-    #[error(
-        "the images of cameras 1 and 2 are exchanged: the back-projection phases scatter by {sd_rad:.2} rad, with the images \
-         the other way round by {exchanged_sd_rad:.2} rad; exchange the image folders, or the cameras in the calibration"
-    )]
-    Exchanged {
-        /// Measured sd of δ, rad.
-        sd_rad: f64,
-        /// Measured sd of δ with the images exchanged, rad.
-        exchanged_sd_rad: f64,
-    },
-    /// The back-projection phases agree with nothing.
-    #[error(
-        "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} false \
-         candidates a pixel: the images do not belong to this calibration; are the cameras swapped, is it the calibration \
-         of another rig, or are phase_sign and phase_offset_rad wrong? (with correspondence.delta_sd_rad in the \
-         configuration sd is taken as known)"
-    )]
-    NoAgreement {
-        /// Measured sd of δ, rad.
-        sd_rad: f64,
-        /// Mean number of periods on a segment.
-        mean_periods: f64,
-        /// Expected false candidates by Eq. (1).
-        efc: f64,
-    },
-}
-
 /// Finds the correspondence of every pixel of C1.
 ///
 /// # Errors
@@ -119,16 +67,19 @@ pub fn match_phases(
     let mut delta = measure_delta(cam1, &cam2, table, &settings.resolution).ok_or(MatchError::NothingInCommon)?;
     match settings.delta_sd_rad {
         Some(sd_rad) => delta.sd_rad = sd_rad,
-        None => check_agreement(&delta, exchanged)?,
+        None => check_scatter(&delta, exchanged)?,
     }
     let mut pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
     let mut chosen_delta_rad = pass.delta_rad();
     let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
     if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
         (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
-        check_agreement(&delta, exchanged)?;
+        check_scatter(&delta, exchanged)?;
         pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
         chosen_delta_rad = pass.delta_rad();
+    }
+    if pass.found() == 0 || settings.delta_sd_rad.is_none() {
+        check_share(&delta, pass.found(), pass.with_candidates())?;
     }
     let passing = pass.passing(&delta.gate());
     let mut matches = Matches {
@@ -140,22 +91,6 @@ pub fn match_phases(
     };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
     Ok(matches)
-}
-
-/// Refuses a δ that scatters so widely that it tells nothing; `exchanged` measures it with the images exchanged.
-fn check_agreement(
-    delta: &DeltaStatistics,
-    exchanged: impl FnOnce() -> Option<DeltaStatistics>,
-) -> Result<(), MatchError> {
-    let efc = delta.expected_false_candidates();
-    let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
-    if sd_rad > SUSPICIOUS_SD_RAD
-        && let Some(exchanged_sd_rad) = exchanged().map(|delta| delta.sd_rad)
-        && exchanged_sd_rad < EXCHANGED_SD_RATIO * sd_rad
-    {
-        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });
-    }
-    if efc > MAX_FALSE_CANDIDATES { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
 /// Candidates and decisions with one threshold.
@@ -193,6 +128,10 @@ impl Pass {
 
     fn found(&self) -> usize {
         self.resolution.outcomes.iter().filter(|o| o.is_found()).count()
+    }
+
+    fn with_candidates(&self) -> usize {
+        self.resolution.outcomes.iter().filter(|&&o| o != Outcome::NoCandidate).count()
     }
 
     fn delta_rad(&self) -> (f64, f64) {

@@ -9,8 +9,9 @@
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
 //! 4. *delta statistics*: sd from the images themselves;
 //! 5. *neighbourhood*, *resolution*: reference correspondences, Eq. (2), contradictions;
-//! 6. *matching*: the chain.
+//! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
+mod agreement;
 mod candidates;
 mod delta_statistics;
 mod epipolar_image;
@@ -23,10 +24,11 @@ mod search;
 mod segment_file;
 mod segment_table;
 
+pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
 pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use epipolar_image::EpipolarImage;
-pub use matching::{MatchError, MatchSettings, Matches, match_phases};
+pub use matching::{MatchSettings, Matches, match_phases};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};

@@ -7,23 +7,21 @@ use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
 use fringeflow::simulation::{
     Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
+    VirtualRig,
 };
 
 /// Width and height of the images, pixels.
 const SIZE_PX: [usize; 2] = [320, 256];
 
 fn simulation(object: Object) -> Simulation {
+    simulation_with(object, Arrangement::TABLE_TOP)
+}
+
+fn simulation_with(object: Object, arrangement: Arrangement) -> Simulation {
     Simulation::new(SimulationOptions {
         object,
         board: Board::Visible,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE_PX,
-            depth_m: 0.025,
-            period_px: 16.0,
-            sd_rad: 0.041,
-            seed: 3,
-        },
+        rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
         steps: 4,
         two_directions: false,
         gray: false,
@@ -36,12 +34,15 @@ fn simulation(object: Object) -> Simulation {
 }
 
 fn reconstruct(simulation: &Simulation) -> Reconstruction {
-    reconstruct_with(simulation, CameraId::BOTH).unwrap()
+    reconstruct_with(simulation, CameraId::BOTH, simulation.rig()).unwrap()
 }
 
-/// Reconstructs from the images of two cameras, the first taken for C1.
-fn reconstruct_with(simulation: &Simulation, cameras: [CameraId; 2]) -> Result<Reconstruction, ReconstructionError> {
-    let rig = simulation.rig();
+/// Reconstructs from the images of two cameras, the first taken for C1, with the calibration of a rig.
+fn reconstruct_with(
+    simulation: &Simulation,
+    cameras: [CameraId; 2],
+    rig: &VirtualRig,
+) -> Result<Reconstruction, ReconstructionError> {
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
     let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
     let fringes: Vec<(f64, Projected)> = simulation
@@ -124,11 +125,23 @@ fn exchanged_images_are_told() {
     // On a flat scene a wrong order runs on over the whole image: its correspondences agree with each other.
     for object in [Object::Plane, Object::Prism] {
         let [cam1, cam2] = CameraId::BOTH;
-        let made = reconstruct_with(&simulation(object), [cam2, cam1]);
+        let simulation = simulation(object);
+        let made = reconstruct_with(&simulation, [cam2, cam1], simulation.rig());
         assert!(
             matches!(made, Err(ReconstructionError::Match(MatchError::Exchanged { .. }))),
             "{object:?}: {:?}",
             made.map(|m| m.cloud.points.len())
         );
+    }
+}
+
+#[test]
+fn the_calibration_of_another_rig_is_told() {
+    for object in [Object::Plane, Object::Nose] {
+        let other =
+            simulation_with(object, Arrangement { base_m: 0.09, projector_place: 0.6, ..Arrangement::TABLE_TOP });
+        let made = reconstruct_with(&simulation(object), CameraId::BOTH, other.rig());
+        let told = matches!(made, Err(ReconstructionError::Match(_)));
+        assert!(told, "{object:?}: {:?}", made.map(|m| (m.cloud.points.len(), m.matches.delta)));
     }
 }

@@ -18,6 +18,8 @@ pub(crate) struct Statistics {
     pub(crate) delta_sd_rad: f64,
     /// What noise contributes to sd, rad.
     pub(crate) delta_noise_sd_rad: f64,
+    /// Whether sd is beyond what calibrated rigs have.
+    pub(crate) delta_suspicious: bool,
     /// Threshold thr = 3·sd, rad.
     pub(crate) threshold_rad: f64,
     /// Expected false candidates per true one by Eq. (1): efc.
@@ -46,6 +48,7 @@ impl Statistics {
             delta_mean_rad: matches.delta.mean_rad,
             delta_sd_rad: matches.delta.sd_rad,
             delta_noise_sd_rad: matches.delta.noise_sd_rad,
+            delta_suspicious: matches.delta.is_suspicious(),
             threshold_rad: matches.delta.threshold_rad(),
             efc_predicted: matches.delta.expected_false_candidates(),
             efc_measured: passing as f64 / points,
@@ -68,6 +71,13 @@ impl fmt::Display for Statistics {
             "n {:.2} periods on a segment, sd of δ {:.4} rad (mean {:+.4}, noise {:.4}), thr {:.4} rad",
             self.mean_periods, self.delta_sd_rad, self.delta_mean_rad, self.delta_noise_sd_rad, self.threshold_rad
         )?;
+        if self.delta_suspicious {
+            writeln!(
+                f,
+                "warning: δ scatters over three times as widely as on calibrated rigs; do images and calibration belong \
+                 together, is the calibration out of date?"
+            )?;
+        }
         writeln!(
             f,
             "efc {:.3} predicted by Eq. (1), {:.3} measured; {:.2} % of the points had one candidate",

@@ -1,0 +1,95 @@
+//! Whether two phase maps and a rig belong together: wrong ones make a cloud too, of noise.
+
+use super::delta_statistics::DeltaStatistics;
+
+/// Ratio of sd with exchanged images to sd that shows that they are: over exchanged ones δ is spread over all the test.
+const EXCHANGED_SD_RATIO: f64 = 0.5;
+/// Expected false candidates (Eq. 1) beyond which δ carries no information: six times what the paper recommends at most.
+const MAX_FALSE_CANDIDATES: f64 = 3.0;
+/// sd of δ beyond which it carries none either, rad: the test would pass over two fifths of all wrong candidates.
+const MAX_SD_RAD: f64 = 0.45;
+/// Least share of the pixels with candidates that find a correspondence where sd is suspicious: wrong orders seldom agree.
+const MIN_FOUND_SHARE: f64 = 0.25;
+
+/// Why two phase maps cannot be matched.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MatchError {
+    /// A phase map has another size than the segment table was built for.
+    #[error("a phase map of {found:?} pixels does not belong to a segment table for {expected:?} pixels")]
+    Size {
+        /// Width and height of the map of C1.
+        found: [usize; 2],
+        /// Width and height that the table was built for.
+        expected: [usize; 2],
+    },
+    /// No pixel has a candidate.
+    #[error(
+        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the images \
+         belong to this calibration, does the object lie in the measurement volume?"
+    )]
+    NothingInCommon,
+    /// The images of the cameras are exchanged.
+    #[error(
+        "the images of cameras 1 and 2 are exchanged: the back-projection phases scatter by {sd_rad:.2} rad, with the images \
+         the other way round by {exchanged_sd_rad:.2} rad; exchange the image folders, or the cameras in the calibration"
+    )]
+    Exchanged {
+        /// Measured sd of δ, rad.
+        sd_rad: f64,
+        /// Measured sd of δ with the images exchanged, rad.
+        exchanged_sd_rad: f64,
+    },
+    /// The back-projection phases agree with nothing.
+    #[error(
+        "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} false \
+         candidates a pixel: the images do not belong to this calibration; are the cameras swapped, is it the calibration \
+         of another rig, or are phase_sign and phase_offset_rad wrong? (with correspondence.delta_sd_rad in the \
+         configuration sd is taken as known)"
+    )]
+    NoAgreement {
+        /// Measured sd of δ, rad.
+        sd_rad: f64,
+        /// Mean number of periods on a segment.
+        mean_periods: f64,
+        /// Expected false candidates by Eq. (1).
+        efc: f64,
+    },
+    /// Hardly a pixel agrees with its neighbours.
+    #[error(
+        "of {pixels} pixels with candidates {found} agree with their neighbours, and the back-projection phases scatter by \
+         {sd_rad:.2} rad: the images do not belong to this calibration, or nothing lies in the measurement volume (with \
+         correspondence.delta_sd_rad in the configuration sd is taken as known)"
+    )]
+    FewAgree {
+        /// Pixels with a correspondence.
+        found: usize,
+        /// Pixels with candidates.
+        pixels: usize,
+        /// Measured sd of δ, rad.
+        sd_rad: f64,
+    },
+}
+
+/// Refuses a δ that scatters so widely that it tells nothing; `exchanged` measures it with the images exchanged.
+pub(super) fn check_scatter(
+    delta: &DeltaStatistics,
+    exchanged: impl FnOnce() -> Option<DeltaStatistics>,
+) -> Result<(), MatchError> {
+    let efc = delta.expected_false_candidates();
+    let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
+    if delta.is_suspicious()
+        && let Some(exchanged_sd_rad) = exchanged().map(|delta| delta.sd_rad)
+        && exchanged_sd_rad < EXCHANGED_SD_RATIO * sd_rad
+    {
+        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });
+    }
+    let tells_nothing = efc > MAX_FALSE_CANDIDATES || sd_rad > MAX_SD_RAD;
+    if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
+}
+
+/// Refuses a result of which hardly anything agrees: `found` correspondences of so many `pixels` with candidates.
+pub(super) fn check_share(delta: &DeltaStatistics, found: usize, pixels: usize) -> Result<(), MatchError> {
+    let sd_rad = delta.sd_rad;
+    let few = found == 0 || (delta.is_suspicious() && (found as f64) < MIN_FOUND_SHARE * pixels as f64);
+    if few { Err(MatchError::FewAgree { found, pixels, sd_rad }) } else { Ok(()) }
+}
