@@ -2,12 +2,15 @@
 
 use super::delta_statistics::DeltaStatistics;
 
-/// Ratio of sd with exchanged images to sd that shows that they are: over exchanged ones δ is spread over all the test.
+/// Ratio of sd with exchanged images to sd that shows, with more references, that they are exchanged: over exchanged ones δ
+/// is spread over all the test.
 const EXCHANGED_SD_RATIO: f64 = 0.5;
 /// Expected false candidates (Eq. 1) beyond which δ carries no information: six times what the paper recommends at most.
 const MAX_FALSE_CANDIDATES: f64 = 3.0;
-/// sd of δ beyond which it carries none either, rad: the test would pass over two fifths of all wrong candidates.
+/// sd of δ beyond which it carries none either, rad: the test would pass over two fifths of all wrong candidates; and the
+/// number of these, expected by Eq. 1, from which that matters: on segments of one period there are none.
 const MAX_SD_RAD: f64 = 0.45;
+const MANY_FALSE_CANDIDATES: f64 = 1.0;
 /// Least share of the pixels with candidates that find a correspondence where sd is suspicious: wrong orders seldom agree.
 const MIN_FOUND_SHARE: f64 = 0.25;
 
@@ -78,12 +81,13 @@ pub(super) fn check_scatter(
     let efc = delta.expected_false_candidates();
     let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
     if delta.is_suspicious()
-        && let Some(exchanged_sd_rad) = exchanged().map(|delta| delta.sd_rad)
-        && exchanged_sd_rad < EXCHANGED_SD_RATIO * sd_rad
+        && let Some(exchanged) = exchanged()
+        && exchanged.sd_rad < EXCHANGED_SD_RATIO * sd_rad
+        && exchanged.references > delta.references
     {
-        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });
+        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad: exchanged.sd_rad });
     }
-    let tells_nothing = efc > MAX_FALSE_CANDIDATES || sd_rad > MAX_SD_RAD;
+    let tells_nothing = efc > MAX_FALSE_CANDIDATES || (sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES);
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 

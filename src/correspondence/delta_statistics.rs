@@ -61,6 +61,8 @@ pub struct DeltaStatistics {
     pub noise_sd_rad: f64,
     /// Mean number n of fringe periods on a segment, over the valid pixels.
     pub mean_periods: f64,
+    /// Reference correspondences that mean and sd were measured on.
+    pub references: usize,
 }
 
 impl DeltaStatistics {
@@ -124,6 +126,7 @@ pub fn measure_delta(
         let evidence =
             Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, steep_delta_turns, table };
         let (deltas, differences) = reference_deltas(evidence, settings);
+        statistics.references = deltas.len();
         if deltas.len() < MIN_REFERENCES {
             break;
         }
@@ -238,6 +241,7 @@ impl Histogram {
             sd_rad: sd / BINS as f64 * TAU,
             noise_sd_rad: sd / BINS as f64 * TAU,
             mean_periods: candidates as f64 / self.pixels.max(1) as f64,
+            references: 0,
         })
     }
 
@@ -274,7 +278,8 @@ mod tests {
     #[test]
     fn efc_is_equation_1_of_the_paper() {
         // The paper's own figures: n = 6, sd = 0.041, efc = 0.20.
-        let statistics = DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, noise_sd_rad: 0.005, mean_periods: 6.0 };
+        let statistics =
+            DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, noise_sd_rad: 0.005, mean_periods: 6.0, references: 0 };
         assert!((statistics.expected_false_candidates() - 0.20).abs() < 0.005);
     }
 }
