@@ -32,6 +32,27 @@ pub(super) struct Decided<'a> {
     pub(super) delta: &'a [i16],
 }
 
+/// What decided pixels say to an absolute phase.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Support {
+    /// How many propose it.
+    votes: u16,
+    /// Sum of δ of those who do.
+    delta_sum: i32,
+    /// How many propose anything.
+    pub(super) total: u16,
+}
+
+impl Support {
+    /// How many propose it, with a δ that differs from `delta` by no more than `tolerance`: over one surface δ changes
+    /// slowly.
+    pub(super) fn votes_with(&self, delta: i16, tolerance: i32) -> u16 {
+        let votes = i32::from(self.votes);
+        let off = self.delta_sum - i32::from(delta) * votes;
+        if off.abs() <= tolerance.saturating_mul(votes) { self.votes } else { 0 }
+    }
+}
+
 /// An absolute phase that decided pixels propose.
 #[derive(Clone, Copy, Debug, Default)]
 struct Proposal {
@@ -47,7 +68,7 @@ pub(super) struct Opinions {
     proposals: [Proposal; MAX_OPINIONS],
     count: usize,
     /// All opinions, those that found no place among the proposals included.
-    pub(super) total: u16,
+    total: u16,
 }
 
 impl Opinions {
@@ -63,13 +84,11 @@ impl Opinions {
         }
     }
 
-    /// How many decided pixels propose an absolute phase, with a δ that differs from `delta` by no more than
-    /// `tolerance`: over one surface δ changes slowly.
-    pub(super) fn votes_for(&self, absolute: i32, delta: i16, tolerance: i32) -> u16 {
+    /// What they say to an absolute phase.
+    pub(super) fn support(&self, absolute: i32) -> Support {
         let proposal = self.proposals[..self.count].iter().find(|p| p.absolute == absolute);
-        let Some(Proposal { votes, delta_sum, .. }) = proposal.copied() else { return 0 };
-        let off = delta_sum - i32::from(delta) * i32::from(votes);
-        if off.abs() <= tolerance.saturating_mul(i32::from(votes)) { votes } else { 0 }
+        let Proposal { votes, delta_sum, .. } = proposal.copied().unwrap_or_default();
+        Support { votes, delta_sum, total: self.total }
     }
 }
 
@@ -98,33 +117,59 @@ pub(super) enum Directions {
 }
 
 impl Neighbourhood<'_> {
-    /// Collects what decided pixels around pixel (u, v) propose.
+    /// Collects what decided pixels around a pixel propose.
     pub(super) fn opinions(
         &self,
-        u: usize,
-        v: usize,
+        pixel: usize,
         decided: Decided<'_>,
         directions: Directions,
         reach: Reach,
     ) -> Opinions {
         let mut opinions = Opinions::default();
-        let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
-        let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
-        let (width, height) = (self.map.width, self.map.height);
-        let here = v * width + u;
-        if horizontal {
-            self.walk(here, 1, (width - 1 - u).min(reach as usize), decided, &mut opinions);
-            self.walk(here, -1, u.min(reach as usize), decided, &mut opinions);
-        }
-        if vertical {
-            self.walk(here, width as isize, (height - 1 - v).min(reach as usize), decided, &mut opinions);
-            self.walk(here, -(width as isize), v.min(reach as usize), decided, &mut opinions);
-        }
+        self.ask(pixel, decided, directions, reach, |absolute, delta| opinions.add(absolute, delta));
         opinions
     }
 
+    /// What decided pixels near a pixel say to one absolute phase.
+    pub(super) fn support(&self, pixel: usize, decided: Decided<'_>, absolute: i32) -> Support {
+        let mut support = Support::default();
+        self.ask(pixel, decided, Directions::AlongAndAcross, Reach::Near, |proposed, delta| {
+            let same = proposed == absolute;
+            support.total += 1;
+            support.votes += u16::from(same);
+            support.delta_sum += if same { i32::from(delta) } else { 0 };
+        });
+        support
+    }
+
+    /// Tells of the absolute phase that each decided pixel around a pixel proposes, and of its δ.
+    #[inline]
+    fn ask(
+        &self,
+        pixel: usize,
+        decided: Decided<'_>,
+        directions: Directions,
+        reach: Reach,
+        mut tell: impl FnMut(i32, i16),
+    ) {
+        let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
+        let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
+        let (width, height) = (self.map.width, self.map.height);
+        let (u, v) = (pixel % width, pixel / width);
+        let room = |pixels: usize| pixels.min(reach as usize);
+        if horizontal {
+            self.walk(pixel, 1, room(width - 1 - u), decided, &mut tell);
+            self.walk(pixel, -1, room(u), decided, &mut tell);
+        }
+        if vertical {
+            self.walk(pixel, width as isize, room(height - 1 - v), decided, &mut tell);
+            self.walk(pixel, -(width as isize), room(v), decided, &mut tell);
+        }
+    }
+
     /// Walks from `here` in steps of `stride` for at most `room` steps.
-    fn walk(&self, here: usize, stride: isize, room: usize, decided: Decided<'_>, opinions: &mut Opinions) {
+    #[inline]
+    fn walk(&self, here: usize, stride: isize, room: usize, decided: Decided<'_>, tell: &mut impl FnMut(i32, i16)) {
         let (mut at, mut risen, mut last_step) = (here, 0_i32, None);
         for _ in 0..room {
             let next = at.wrapping_add_signed(stride);
@@ -135,7 +180,7 @@ impl Neighbourhood<'_> {
                 return;
             }
             if decided.absolute[next] != UNDECIDED {
-                opinions.add(decided.absolute[next] - risen, decided.delta[next]);
+                tell(decided.absolute[next] - risen, decided.delta[next]);
             }
             (at, last_step) = (next, Some(step));
         }
@@ -164,11 +209,15 @@ mod tests {
         let absolute: Vec<i32> = (0..12).map(|i| 3 * TURN + i * 7000).collect();
         let around = Neighbourhood { map: &map, axis: EpipolarAxis::Horizontal };
         let decided = Decided { absolute: &absolute, delta: &[40; 12] };
-        let opinions = around.opinions(5, 0, decided, Directions::Along, Reach::Far);
+        let opinions = around.opinions(5, decided, Directions::Along, Reach::Far);
         let own = 3 * TURN + 5 * 7000;
-        assert_eq!(opinions.votes_for(own, 50, 10), opinions.total);
-        assert_eq!(opinions.votes_for(own, 51, 10), 0);
-        assert_eq!(opinions.votes_for(own + TURN, 40, 10), 0);
+        assert_eq!(opinions.support(own).votes_with(50, 10), opinions.total);
+        assert_eq!(opinions.support(own).votes_with(51, 10), 0);
+        assert_eq!(opinions.support(own + TURN).votes_with(40, 10), 0);
+        // Near, and without a collection of opinions.
+        let near = around.opinions(5, decided, Directions::AlongAndAcross, Reach::Near);
+        assert_eq!(around.support(5, decided, own), near.support(own));
+        assert_eq!(around.support(5, decided, own + 1), near.support(own + 1));
         // Less than one period: nine steps of 7000 to either side, of which six and five lie in the image.
         assert_eq!(opinions.total, 11);
     }
@@ -178,7 +227,7 @@ mod tests {
         let decided = Decided { absolute: &[0; 12], delta: &[0; 12] };
         let count = |map: &PhaseMap| {
             Neighbourhood { map, axis: EpipolarAxis::Horizontal }
-                .opinions(5, 0, decided, Directions::Along, Reach::Far)
+                .opinions(5, decided, Directions::Along, Reach::Far)
                 .total
         };
         assert_eq!(count(&row(15000, 0)), 8);

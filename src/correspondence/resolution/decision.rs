@@ -1,6 +1,6 @@
 //! When the opinions of neighbours decide.
 
-use super::super::neighbourhood::Opinions;
+use super::super::neighbourhood::{Opinions, Support};
 
 /// Where a candidate stands: its absolute phase and δ, turns · 65536.
 #[derive(Clone, Copy)]
@@ -12,12 +12,6 @@ pub(super) struct Stand {
 impl From<Stand> for (i32, i16) {
     fn from(stand: Stand) -> Self {
         (stand.absolute, stand.delta)
-    }
-}
-
-impl Stand {
-    fn votes(self, opinions: &Opinions, tolerance: i32) -> u16 {
-        opinions.votes_for(self.absolute, self.delta, tolerance)
     }
 }
 
@@ -41,10 +35,10 @@ impl VoteRule {
         Self { min_votes, outweighed: 1 }
     }
 
-    /// Whether opinions support a stand against all others.
-    pub(super) fn supports(&self, stand: Stand, opinions: &Opinions, tolerance: i32) -> bool {
-        let votes = stand.votes(opinions, tolerance);
-        votes >= self.min_votes && votes * self.outweighed >= opinions.total - votes
+    /// Whether decided pixels support a candidate's δ, and its absolute phase against all others.
+    pub(super) fn supports(&self, support: Support, delta: i16, tolerance: i32) -> bool {
+        let votes = support.votes_with(delta, tolerance);
+        votes >= self.min_votes && votes * self.outweighed >= support.total - votes
     }
 
     /// The candidate that opinions decide for; `candidates` yields indices and where they stand.
@@ -56,7 +50,7 @@ impl VoteRule {
     ) -> Option<usize> {
         let (mut best, mut best_votes, mut all_votes) = (None, 0, 0);
         for (k, stand) in candidates {
-            let votes = stand.votes(opinions, tolerance);
+            let votes = opinions.support(stand.absolute).votes_with(stand.delta, tolerance);
             all_votes += votes;
             if votes > best_votes {
                 (best, best_votes) = (Some((k, stand)), votes);
@@ -64,6 +58,6 @@ impl VoteRule {
         }
         let (k, stand) = best?;
         let leads = best_votes >= Self::LEAD * (all_votes - best_votes);
-        (leads && self.supports(stand, opinions, tolerance)).then_some(k)
+        (leads && self.supports(opinions.support(stand.absolute), stand.delta, tolerance)).then_some(k)
     }
 }

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 
 use super::candidates::{Candidate, DeltaGate};
-use super::neighbourhood::{Decided, Directions, Neighbourhood, Opinions, Reach, TURN, UNDECIDED};
+use super::neighbourhood::{Decided, Directions, Neighbourhood, Reach, TURN, UNDECIDED};
 use super::outcome::Outcome;
 use super::search::CandidateLists;
 use super::segment_table::SegmentTable;
@@ -185,10 +185,10 @@ impl<'a> Resolver<'a> {
         let is_reference: Vec<bool> = (0..pixels)
             .into_par_iter()
             .map(|i| {
-                only[i].is_some_and(|k| {
-                    let opinions = self.opinions(i, unique, Directions::AlongAndAcross, Reach::Near);
-                    rule.supports(self.stand(i, usize::from(k)), &opinions, self.tolerance)
-                })
+                only[i].is_some() && {
+                    let support = self.around.support(i, unique, absolute[i]);
+                    rule.supports(support, delta[i], self.tolerance)
+                }
             })
             .collect();
         for i in 0..pixels {
@@ -208,11 +208,6 @@ impl<'a> Resolver<'a> {
             (Some(k), None) => Some(k as u8),
             _ => None,
         }
-    }
-
-    fn opinions(&self, pixel: usize, decided: Decided<'_>, directions: Directions, reach: Reach) -> Opinions {
-        let width = self.evidence.cam1.width;
-        self.around.opinions(pixel % width, pixel / width, decided, directions, reach)
     }
 
     /// What has been decided so far.
@@ -279,7 +274,7 @@ impl<'a> Resolver<'a> {
                 if !changed.reach(pixel as usize) {
                     return None;
                 }
-                let opinions = self.opinions(pixel as usize, self.decided(), directions, Reach::Far);
+                let opinions = self.around.opinions(pixel as usize, self.decided(), directions, Reach::Far);
                 rule.choose(self.eligible(pixel as usize), &opinions, self.tolerance).map(|k| k as u8)
             })
             .collect();
@@ -317,11 +312,10 @@ impl<'a> Resolver<'a> {
         let contradicted: Vec<u32> = (0..self.absolute.len() as u32)
             .into_par_iter()
             .filter(|&pixel| {
-                let stand = Stand { absolute: self.absolute[pixel as usize], delta: self.delta[pixel as usize] };
-                stand.absolute != UNDECIDED && self.unchecked.reach(pixel as usize) && {
-                    let opinions =
-                        self.opinions(pixel as usize, self.decided(), Directions::AlongAndAcross, Reach::Near);
-                    !rule.supports(stand, &opinions, self.tolerance)
+                let pixel = pixel as usize;
+                self.absolute[pixel] != UNDECIDED && self.unchecked.reach(pixel) && {
+                    let support = self.around.support(pixel, self.decided(), self.absolute[pixel]);
+                    !rule.supports(support, self.delta[pixel], self.tolerance)
                 }
             })
             .collect();
