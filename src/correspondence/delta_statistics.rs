@@ -47,8 +47,9 @@ const MIN_TOLERANCE_SD: f64 = 0.5;
 pub(super) const MAX_CHANGE_OVER_IMAGE_SD: f64 = 20.0;
 /// Slope of δ over seven pixels that noise does not reach, in its standard deviations: 5/√28.
 const STEEP_NOISE_SD: f64 = 1.0;
-/// Rounds of refinement.
+/// Rounds of refinement, and the relative change of sd below which another one would find nothing new.
 const REFINEMENTS: usize = 2;
+const REFINED_CHANGE: f64 = 0.1;
 
 /// Mean and standard deviation of δ over the true candidates, and what follows from them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,8 +131,12 @@ pub fn measure_delta(
         if deltas.len() < MIN_REFERENCES {
             break;
         }
+        let sd_before_rad = statistics.sd_rad;
         (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(&deltas);
         statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
+        if (statistics.sd_rad / sd_before_rad - 1.0).abs() < REFINED_CHANGE {
+            break;
+        }
     }
     Some(statistics)
 }
