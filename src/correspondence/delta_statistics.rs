@@ -12,7 +12,7 @@ use crate::phase::PhaseMap;
 use super::candidates::{DeltaGate, RowView, plain_scan};
 use super::epipolar_image::EpipolarImage;
 use super::resolution::{Evidence, ResolutionSettings, reference_deltas};
-use super::search::{SearchForm, find_candidates};
+use super::search::{CandidateLists, SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
 /// Pixels of C1, along either axis, of which one is examined for the histogram.
@@ -79,6 +79,19 @@ impl DeltaStatistics {
         DeltaGate { mean_turns: (self.mean_rad / TAU) as f32, threshold_turns: (self.threshold_rad() / TAU) as f32 }
     }
 
+    /// What the resolution reads, with the tolerances that follow.
+    pub(super) fn evidence<'a>(
+        &self,
+        cam1: &'a PhaseMap,
+        candidates: &'a CandidateLists,
+        gate: &'a DeltaGate,
+        readmission: &'a DeltaGate,
+        table: &'a SegmentTable,
+    ) -> Evidence<'a> {
+        let (delta_tolerance_turns, steep_delta_turns) = (self.tolerance_turns(), self.steep_turns(cam1.width));
+        Evidence { cam1, candidates, gate, readmission, delta_tolerance_turns, steep_delta_turns, table }
+    }
+
     /// Difference of δ between neighbours of one surface that is tolerated, turns.
     #[must_use]
     pub fn tolerance_turns(&self) -> f32 {
@@ -122,10 +135,7 @@ pub fn measure_delta(
     for _ in 0..REFINEMENTS {
         let gate = statistics.gate();
         let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
-        let delta_tolerance_turns = statistics.tolerance_turns();
-        let steep_delta_turns = statistics.steep_turns(cam1.width);
-        let evidence =
-            Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, steep_delta_turns, table };
+        let evidence = statistics.evidence(cam1, &candidates, &gate, &gate, table);
         let (deltas, differences) = reference_deltas(evidence, settings);
         statistics.references = deltas.len();
         if deltas.len() < MIN_REFERENCES {

@@ -9,7 +9,7 @@ use super::candidates::{Candidate, DeltaGate, RowView, occurs};
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
-use super::resolution::{Evidence, Resolution, ResolutionSettings, resolve};
+use super::resolution::{Resolution, ResolutionSettings, resolve};
 use super::search::{CandidateLists, SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
@@ -109,12 +109,9 @@ impl Pass {
     ) -> Self {
         let gate = delta.gate();
         let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
-        let readmitting = DeltaGate { threshold_turns, ..gate };
-        let candidates = find_candidates(cam1, cam2, table, &readmitting, SearchForm::ProjectorSide);
-        let delta_tolerance_turns = delta.tolerance_turns();
-        let steep_delta_turns = delta.steep_turns(cam1.width);
-        let evidence =
-            Evidence { cam1, candidates: &candidates, gate: &gate, delta_tolerance_turns, steep_delta_turns, table };
+        let readmission = DeltaGate { threshold_turns, ..gate };
+        let candidates = find_candidates(cam1, cam2, table, &readmission, SearchForm::ProjectorSide);
+        let evidence = delta.evidence(cam1, &candidates, &gate, &readmission, table);
         let resolution = resolve(evidence, settings);
         Self { candidates, resolution }
     }

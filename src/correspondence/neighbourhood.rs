@@ -142,6 +142,26 @@ impl Neighbourhood<'_> {
         support
     }
 
+    /// On how many of its four sides a pixel has near decided ones that propose an absolute phase, with a δ that `counts`.
+    pub(super) fn sides(
+        &self,
+        pixel: usize,
+        decided: Decided<'_>,
+        absolute: i32,
+        counts: impl Fn(i16) -> bool,
+    ) -> usize {
+        self.walks(pixel, Directions::AlongAndAcross, Reach::Near)
+            .into_iter()
+            .filter(|&(stride, room)| {
+                let mut has_support = false;
+                self.walk(pixel, stride, room, decided, &mut |proposed, delta| {
+                    has_support |= proposed == absolute && counts(delta);
+                });
+                has_support
+            })
+            .count()
+    }
+
     /// Tells of the absolute phase that each decided pixel around a pixel proposes, and of its δ.
     #[inline]
     fn ask(
@@ -152,19 +172,25 @@ impl Neighbourhood<'_> {
         reach: Reach,
         mut tell: impl FnMut(i32, i16),
     ) {
-        let horizontal = self.axis == EpipolarAxis::Horizontal || directions == Directions::AlongAndAcross;
-        let vertical = self.axis == EpipolarAxis::Vertical || directions == Directions::AlongAndAcross;
+        for (stride, room) in self.walks(pixel, directions, reach) {
+            self.walk(pixel, stride, room, decided, &mut tell);
+        }
+    }
+
+    /// Stride and length of the walks to the four sides of a pixel; of length zero where none is taken.
+    #[inline]
+    fn walks(&self, pixel: usize, directions: Directions, reach: Reach) -> [(isize, usize); 4] {
         let (width, height) = (self.map.width, self.map.height);
         let (u, v) = (pixel % width, pixel / width);
-        let room = |pixels: usize| pixels.min(reach as usize);
-        if horizontal {
-            self.walk(pixel, 1, room(width - 1 - u), decided, &mut tell);
-            self.walk(pixel, -1, room(u), decided, &mut tell);
-        }
-        if vertical {
-            self.walk(pixel, width as isize, room(height - 1 - v), decided, &mut tell);
-            self.walk(pixel, -(width as isize), room(v), decided, &mut tell);
-        }
+        let taken = |axis| directions == Directions::AlongAndAcross || self.axis == axis;
+        let room = |axis, pixels: usize| if taken(axis) { pixels.min(reach as usize) } else { 0 };
+        let (horizontal, vertical) = (EpipolarAxis::Horizontal, EpipolarAxis::Vertical);
+        [
+            (1, room(horizontal, width - 1 - u)),
+            (-1, room(horizontal, u)),
+            (width as isize, room(vertical, height - 1 - v)),
+            (-(width as isize), room(vertical, v)),
+        ]
     }
 
     /// Walks from `here` in steps of `stride` for at most `room` steps.

@@ -5,7 +5,7 @@
 //! 2. *Decisions* (2.2.2, 2.2.3): pixels with several candidates, and uncertain ones, are decided by what reference
 //!    correspondences around them say by Eq. (2), first along the epipolar direction, then across it too. A candidate
 //!    just beyond the threshold takes part here: two-sided 3·sd keeps 99.73 % of normal errors, and the rest is
-//!    re-admitted by its neighbourhood.
+//!    re-admitted by its neighbourhood; far beyond it not by one side alone.
 //! 3. *Contradictions* (2.2.3): against neighbours; against the place in C2, which serves one order; and against chance,
 //!    by the evidence of whole regions.
 //!
@@ -40,6 +40,9 @@ const ANY_DELTA: i32 = TURN;
 
 /// A round that decides or contradicts fewer than one pixel in so many is the last.
 const SETTLED_SHARE: usize = 500;
+
+/// Share of the widest δ at which a candidate may be readmitted beyond which one side is too little to do so.
+const RIM_SHARE: f32 = 0.8;
 
 /// How the resolution weighs and when it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,6 +81,8 @@ pub struct Evidence<'a> {
     pub candidates: &'a CandidateLists,
     /// The back-projection test proper: threshold 3·sd.
     pub gate: &'a DeltaGate,
+    /// The test that all candidates pass, wider where some are to be readmitted.
+    pub readmission: &'a DeltaGate,
     /// Difference of δ between neighbours of one surface that is tolerated, turns.
     pub delta_tolerance_turns: f32,
     /// Change of δ a pixel that no calibration error and no noise makes, turns.
@@ -112,6 +117,7 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
     resolver.sweep_until_settled(Directions::AlongAndAcross, &VoteRule::LENIENT);
     resolver.contradict_by_delta(strict_tolerance);
     resolver.contradict_by_regions(Precedence::Nearness);
+    resolver.reject_rims();
     resolver.resolution
 }
 
@@ -352,6 +358,24 @@ impl<'a> Resolver<'a> {
         }
         self.undo(&contradicted);
         contradicted.len()
+    }
+
+    /// Rejects candidates far beyond the threshold that only one side readmits: there a surface is continued beyond its
+    /// edge, onto a wall that C2 does not see.
+    fn reject_rims(&mut self) {
+        let (gate, readmission) = (self.evidence.gate, self.evidence.readmission);
+        let rim = DeltaGate { threshold_turns: RIM_SHARE * readmission.threshold_turns, ..*readmission };
+        let is_rim = |&pixel: &u32| {
+            let pixel = pixel as usize;
+            self.absolute[pixel] != UNDECIDED
+                && !rim.passes(self.delta[pixel])
+                && self.around.sides(pixel, self.decided(), self.absolute[pixel], |delta| gate.passes(delta)) == 1
+        };
+        let rims: Vec<u32> = (0..self.absolute.len() as u32).into_par_iter().filter(is_rim).collect();
+        for pixel in rims {
+            self.absolute[pixel as usize] = UNDECIDED;
+            self.resolution.outcomes[pixel as usize] = Outcome::RejectedByDelta;
+        }
     }
 
     /// Gives contradicted candidates another chance beside the regions that stand.
