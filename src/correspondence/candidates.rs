@@ -125,28 +125,37 @@ pub(super) fn projector_side_search(
         return plain_scan(row, segment, phase, gate, found);
     }
     let phase_turns = f32::from(phase) / 65536.0;
+    let (least, most) = (at_begin.min(at_end), at_begin.max(at_end));
     // A candidate of order k has Φ = k + φ_p + δ with δ within the gate.
     let reach = gate.threshold_turns + PHASE_MARGIN_TURNS;
-    let (low, high) = (gate.mean_turns - reach, gate.mean_turns + reach);
-    let lowest = (at_begin.min(at_end) - phase_turns - high).ceil() as i32;
-    let highest = (at_begin.max(at_end) - phase_turns - low).floor() as i32;
+    let middle = phase_turns + gate.mean_turns;
+    let lowest = (least - middle - reach).ceil() as i32;
+    let highest = (most - middle + reach).floor() as i32;
+    let half_px = reach * columns_per_turn(segment, at_begin, at_end) + COLUMN_MARGIN_PX;
     let mut order = if at_begin <= at_end { lowest } else { highest };
     let step = if at_begin <= at_end { 1 } else { -1 };
     // Ascending columns, like the plain scan.
     let mut next_column = segment.begin_px as usize;
     for _ in lowest..=highest {
-        let centre = order as f32 + phase_turns;
         // Within the segment Φ can be inverted; beyond it there may be a pole.
-        let within = |turns: f32| turns.max(at_begin.min(at_end)).min(at_begin.max(at_end));
-        let (a, b) = (segment.column_of_phase(within(centre + low)), segment.column_of_phase(within(centre + high)));
-        let begin = clamp_column(a.min(b) - COLUMN_MARGIN_PX, segment) as usize;
-        let end = clamp_column(a.max(b) + COLUMN_MARGIN_PX, segment).ceil() as usize;
+        let centre_px = segment.column_of_phase((order as f32 + middle).max(least).min(most));
+        let begin = clamp_column(centre_px - half_px, segment) as usize;
+        let end = clamp_column(centre_px + half_px, segment).ceil() as usize;
         // Intervals of neighbouring orders may share a pair of columns when the gate is wide.
         let begin = begin.max(next_column);
         scan_columns(row, segment, phase, gate, begin, end, first, found);
         next_column = next_column.max(end);
         order += step;
     }
+}
+
+/// Largest |dt/dΦ| on a segment with the back-projection phases `at_begin` and `at_end`, columns a turn: from
+/// t = (Φ − a)/(b − d·Φ) follows dt/dΦ = (b − a·d)/(b − d·Φ)², monotone in Φ.
+#[inline]
+fn columns_per_turn(segment: &Segment, at_begin: f32, at_end: f32) -> f32 {
+    let [a, b, d] = segment.phase;
+    let (at_begin, at_end) = (b - d * at_begin, b - d * at_end);
+    (b - a * d).abs() / (at_begin * at_begin).min(at_end * at_end)
 }
 
 #[inline]
