@@ -78,9 +78,7 @@ pub fn match_phases(
         pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
         chosen_delta_rad = pass.delta_rad();
     }
-    if pass.found() == 0 || settings.delta_sd_rad.is_none() {
-        check_share(&delta, pass.found(), pass.with_candidates())?;
-    }
+    check_share(&delta, settings.delta_sd_rad.is_none(), pass.found(), pass.with_candidates())?;
     let passing = pass.passing(&delta.gate());
     let mut matches = Matches {
         chosen: pass.chosen().collect(),

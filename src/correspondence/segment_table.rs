@@ -158,7 +158,7 @@ impl SegmentTable {
         });
         let fingerprint = Fingerprint::of(rig, volume, pattern);
         let cam2_size_px = [rig.cam2.width_px(), rig.cam2.height_px()];
-        let base = direction_of_base(rig);
+        let base = rig.centre_of_cam2().coords.normalize().cast::<f32>().into();
         Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), base, segments, sources })
     }
 
@@ -296,12 +296,6 @@ impl Builder<'_> {
         }
         SegmentTableError::NeverSeen { hit: hits.len(), pixels: width * height }
     }
-}
-
-/// Direction from C1 to C2 in the frame of C1, of length 1.
-fn direction_of_base(rig: &Rig) -> [f32; 3] {
-    let centre = rig.cam2_from_cam1.inverse().translation.vector.normalize();
-    [centre.x as f32, centre.y as f32, centre.z as f32]
 }
 
 /// A share in [0, 1) as a 16-bit fraction.

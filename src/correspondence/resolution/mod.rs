@@ -337,7 +337,7 @@ impl<'a> Resolver<'a> {
         let credible: Vec<bool> =
             level_regions(self, &regions).into_iter().zip(large_enough).map(|(level, large)| level && large).collect();
         let contested = uniqueness::contested(self, &regions, &credible, precedence);
-        self.exclude(&regions, |pixel, region| !credible[region] || contested[pixel])
+        self.exclude(|pixel| contested[pixel])
     }
 
     /// Undoes and excludes regions, their δ running on within a tolerance, whose δ is not level: what votes alone joined to
@@ -345,13 +345,12 @@ impl<'a> Resolver<'a> {
     fn contradict_by_delta(&mut self, tolerance: i32) {
         let regions = Regions::of(self.decided(), tolerance, self.evidence.cam1.width);
         let level = level_regions(self, &regions);
-        self.exclude(&regions, |_, region| !level[region]);
+        self.exclude(|pixel| regions.region_of(pixel).is_some_and(|region| !level[region]));
     }
 
-    /// Undoes and excludes the decided pixels for which `is_false` holds; yields how many.
-    fn exclude(&mut self, regions: &Regions, is_false: impl Fn(usize, usize) -> bool) -> usize {
-        let is_contradicted = |&i: &usize| regions.region_of(i).is_some_and(|region| is_false(i, region));
-        let contradicted: Vec<u32> = (0..self.absolute.len()).filter(is_contradicted).map(|i| i as u32).collect();
+    /// Undoes and excludes the decisions that are false; yields how many.
+    fn exclude(&mut self, is_false: impl Fn(usize) -> bool) -> usize {
+        let contradicted: Vec<u32> = (0..self.absolute.len()).filter(|&i| is_false(i)).map(|i| i as u32).collect();
         for &pixel in &contradicted {
             let k = u32::from(self.resolution.chosen[pixel as usize]);
             self.excluded[pixel as usize] |= 1_u32.checked_shl(k).unwrap_or(0);

@@ -53,10 +53,10 @@ impl Claim {
     }
 }
 
-/// Pixels whose place of C2 another claim takes for another order.
+/// Pixels of regions that do not stand, and pixels whose place of C2 another claim takes for another order.
 ///
-/// A region of which better founded claims take a good part is wrong as a whole. Between the pixels of those that stand,
-/// `precedence` decides.
+/// A region stands if it is `credible` and better founded claims take no good part of it. Between the pixels of those that
+/// stand, `precedence` decides.
 pub(super) fn contested(
     resolver: &Resolver<'_>,
     regions: &Regions,
