@@ -34,6 +34,8 @@
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
+//! | [`worker`] | the three stages, each as `step(input, &mut output)` |
+//! | [`message`] | what crosses a process border |
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
@@ -48,9 +50,11 @@ pub mod correspondence;
 pub mod dataset;
 pub mod evaluation;
 pub mod geometry;
+pub mod message;
 pub mod phase;
 mod png_encoding;
 pub mod preview;
 pub mod reconstruction;
 pub mod rig_report;
 pub mod simulation;
+pub mod worker;

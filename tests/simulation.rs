@@ -244,17 +244,18 @@ fn a_written_folder_opens_and_holds_what_was_simulated() {
     let simulation = Simulation::new(options).unwrap();
     simulation.write(&target, || ()).unwrap();
     let dataset = Dataset::open(&target, None).unwrap();
-    assert_eq!((dataset.name.as_str(), dataset.steps, dataset.image_size_px), ("tooth", 8, [96, 80]));
-    assert_eq!(dataset.sequence.gray.unwrap().images, 7);
-    assert_eq!(dataset.second_direction.as_ref().unwrap().shifts_rad.len(), 8);
+    assert_eq!((dataset.setup.name.as_str(), dataset.setup.steps, dataset.setup.image_size_px), ("tooth", 8, [96, 80]));
+    assert_eq!(dataset.setup.sequence.gray.unwrap().images, 7);
+    assert_eq!(dataset.setup.second_direction.as_ref().unwrap().shifts_rad.len(), 8);
     assert_eq!(dataset.gray_images(CameraId::Cam2, true).unwrap().len(), 7);
     let exact = read_calibration(&target.join(EXACT_CALIBRATION_FILE), Unit::Millimetre).unwrap();
     let corner = Point3::new(0.03, -0.02, 0.3);
-    for (read, made) in [(&exact, &simulation.rig().exact), (&dataset.rig, &simulation.rig().calibrated)] {
+    for (read, made) in [(&exact, &simulation.rig().exact), (&dataset.setup.rig, &simulation.rig().calibrated)] {
         let (a, b) = (read.project_projector(&corner).unwrap(), made.project_projector(&corner).unwrap());
         assert!((a - b).norm() < 1e-6);
     }
-    let (read, made) = (dataset.exact_cam1_from_volume.unwrap(), *simulation.rig().exact_volume.cam1_from_volume());
+    let (read, made) =
+        (dataset.setup.exact_cam1_from_volume.unwrap(), *simulation.rig().exact_volume.cam1_from_volume());
     assert!((read.to_homogeneous() - made.to_homogeneous()).amax() < 1e-9);
     let Some(Truth::Rendered(truth)) = dataset.truth().unwrap() else { panic!("no truth") };
     assert_eq!(truth.measurable, simulation.truth().measurable);

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::geometry::Rig;
 
 pub use unit::{Unit, UnknownUnit};
-pub use write::write_calibration;
+pub use write::{calibration_text, write_calibration};
 
 /// Why a calibration was refused.
 #[derive(Debug, thiserror::Error)]
@@ -153,9 +153,17 @@ pub enum CalibrationProblem {
 /// # Errors
 /// [`CalibrationError`], which names file, field and value.
 pub fn read_calibration(path: &Path, unit: Unit) -> Result<Rig, CalibrationError> {
+    let parsed = parse_calibration(&read_text(path)?, unit);
+    parsed.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
+}
+
+/// Reads the text of a calibration file, unchecked.
+///
+/// # Errors
+/// [`CalibrationProblem::Unreadable`].
+pub fn read_text(path: &Path) -> Result<String, CalibrationError> {
     let text = std::fs::read_to_string(path).map_err(CalibrationProblem::Unreadable);
-    text.and_then(|text| parse_calibration(&text, unit))
-        .map_err(|problem| CalibrationError { file: path.to_owned(), problem })
+    text.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
 }
 
 /// [`read_calibration`] on text that is already in memory.

@@ -14,10 +14,12 @@ use super::Unit;
 /// # Errors
 /// The file cannot be written; whatever stood there stays.
 pub fn write_calibration(path: &Path, rig: &Rig, unit: Unit) -> Result<(), WriteError> {
-    write_atomically(path, |out| out.write_all(text(rig, unit).as_bytes()))
+    write_atomically(path, |out| out.write_all(calibration_text(rig, unit).as_bytes()))
 }
 
-fn text(rig: &Rig, unit: Unit) -> String {
+/// The text that [`write_calibration`] writes.
+#[must_use]
+pub fn calibration_text(rig: &Rig, unit: Unit) -> String {
     let mut out = String::from("%YAML:1.0\n---\n");
     for (suffix, camera) in [("1", &rig.cam1), ("2", &rig.cam2), ("p", &rig.projector)] {
         push_camera(&mut out, suffix, camera);

@@ -9,17 +9,21 @@ use rayon::prelude::*;
 
 use crate::correspondence::{Candidate, Matches, SegmentTable};
 use crate::geometry::{EpipolarFrame, Pixel, Vector3};
-use crate::phase::{PhaseMap, PhaseShifts};
+use crate::phase::PhaseShifts;
 
 use super::{Cloud, CloudPoint};
 
 /// What the points are made of, beside the matches.
 #[derive(Clone, Copy)]
 pub struct TriangulationInput<'a> {
-    /// Phase of C1.
-    pub cam1: &'a PhaseMap,
-    /// Standard deviation of the grey levels of C2, see [`crate::phase::FitStatistics`].
-    pub cam2_noise_grey: f32,
+    /// Width of the images of C1, pixels.
+    pub width: usize,
+    /// Mean grey level of every pixel of C1, see [`crate::phase::PhaseMap`].
+    pub mean: &'a [u8],
+    /// Modulation of every pixel of C1, grey levels.
+    pub modulation: &'a [f32],
+    /// Standard deviation of the grey levels of C1 and of C2, see [`crate::phase::FitStatistics`].
+    pub noise_grey: [f32; 2],
     /// Shifts of the sequence.
     pub shifts: &'a PhaseShifts,
     /// Segment table that the matches come from.
@@ -34,8 +38,8 @@ pub struct TriangulationInput<'a> {
 /// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
 #[must_use]
 pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>) -> Cloud {
-    let width = input.cam1.width;
-    let rows = (0..input.cam1.height).into_par_iter().map(|v| {
+    let width = input.width.max(1);
+    let rows = (0..matches.chosen.len() / width).into_par_iter().map(|v| {
         let row = (v * width..(v + 1) * width).filter_map(|i| Some((i, matches.chosen[i]?)));
         row.filter_map(|(i, candidate)| point(matches, &input, i, &candidate)).collect::<Vec<_>>()
     });
@@ -55,8 +59,8 @@ fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate:
     let finite = depth_m > 0.0 && [position.norm(), sigma_m].iter().all(|x| x.is_finite());
     finite.then(|| CloudPoint {
         position_m: [position.x as f32, position.y as f32, position.z as f32],
-        intensity: input.cam1.mean[i],
-        cam1_px: [(i % input.cam1.width) as u16, (i / input.cam1.width) as u16],
+        intensity: input.mean[i],
+        cam1_px: [(i % input.width) as u16, (i / input.width) as u16],
         cam2_px: [cam2.x as f32, cam2.y as f32],
         order: candidate.order,
         delta_rad: (f64::from(candidate.delta) / 65536.0 * TAU) as f32,
@@ -68,7 +72,7 @@ fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate:
 
 /// Standard deviation of the column of a correspondence, pixels.
 fn column_sd_px(input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> f64 {
-    let noise_grey = f64::from(input.cam1.fit.noise_grey).hypot(f64::from(input.cam2_noise_grey));
-    let phase_sd_turns = input.shifts.noise_gain() * noise_grey / f64::from(input.cam1.modulation[i]) / TAU;
+    let noise_grey = f64::from(input.noise_grey[0]).hypot(f64::from(input.noise_grey[1]));
+    let phase_sd_turns = input.shifts.noise_gain() * noise_grey / f64::from(input.modulation[i]) / TAU;
     phase_sd_turns * 65536.0 / f64::from(candidate.slope.unsigned_abs().max(1))
 }

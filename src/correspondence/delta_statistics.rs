@@ -52,7 +52,7 @@ const REFINEMENTS: usize = 2;
 const REFINED_CHANGE: f64 = 0.1;
 
 /// Mean and standard deviation of δ over the true candidates, and what follows from them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeltaStatistics {
     /// Mean of δ, rad: zero for a perfect calibration.
     pub mean_rad: f64,

@@ -30,7 +30,7 @@ pub struct MatchSettings {
 }
 
 /// Correspondences of all pixels of C1, row by row, and what they rest on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matches {
     /// What became of each pixel.
     pub outcomes: Vec<Outcome>,

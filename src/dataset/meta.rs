@@ -101,10 +101,9 @@ pub(super) struct Meta {
     volume: Option<VolumeDescription>,
 }
 
-/// Reads and checks `meta.json`.
-pub(super) fn read(path: &Path) -> Result<Meta, Problem> {
-    let text = std::fs::read_to_string(path).map_err(Problem::Unreadable)?;
-    let raw: RawMeta = serde_json::from_str(&text).map_err(|e| Problem::Json(e.to_string()))?;
+/// Reads and checks the text of `meta.json`.
+pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
+    let raw: RawMeta = serde_json::from_str(text).map_err(|e| Problem::Json(e.to_string()))?;
     let [width, height] = raw.image_size;
     if !(2..=65535).contains(&width) || !(2..=65535).contains(&height) {
         return Err(field("image_size", format!("is {width} × {height}; both must lie between 2 and 65535")));

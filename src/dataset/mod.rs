@@ -12,18 +12,18 @@
 mod error;
 mod image;
 mod meta;
+mod setup;
 mod truth;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use crate::calibration::{self, Unit};
-use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
-use crate::phase::GrayCode;
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
 pub use meta::{VolumeDescription, read_volume};
+pub use setup::{FringeSequence, Setup, SetupError, SetupText};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 
@@ -50,40 +50,13 @@ impl CameraId {
     }
 }
 
-/// One direction of fringes: the pattern, its shifts, and the Gray code that makes it absolute.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FringeSequence {
-    /// Phase against projector column (or row, for the second direction).
-    pub pattern: FringePattern,
-    /// Phase shift of every phase image, rad.
-    pub shifts_rad: Vec<f64>,
-    /// Gray code, if there is one.
-    pub gray: Option<GrayCode>,
-}
-
 /// An opened dataset folder.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The folder.
     pub folder: PathBuf,
-    /// Its name.
-    pub name: String,
-    /// Unit of the calibration file and the volume.
-    pub unit: Unit,
-    /// Width and height of all images.
-    pub image_size_px: [usize; 2],
-    /// Length of the shift cycle; there may be more images than that (moving scenes).
-    pub steps: usize,
-    /// Fringes that run along the projector's columns.
-    pub sequence: FringeSequence,
-    /// Fringes that run along the projector's rows, where the folder has them.
-    pub second_direction: Option<FringeSequence>,
-    /// Measurement volume, if the folder states one.
-    pub volume: Option<MeasurementVolume>,
-    /// Pose of the volume that belongs to the truth, where that differs.
-    pub exact_cam1_from_volume: Option<Pose>,
-    /// The rig of `calibration.yml`.
-    pub rig: Rig,
+    /// The rig, what it projects and where it measures.
+    pub setup: Setup,
 }
 
 /// Name of the calibration file in a dataset folder.
@@ -106,31 +79,15 @@ impl Dataset {
         if !folder.is_dir() {
             return Err(DatasetError::new(folder, Problem::NotAFolder));
         }
-        let meta_path = folder.join(META_FILE);
-        let meta = meta::read(&meta_path).map_err(|p| DatasetError::new(&meta_path, p))?;
-        let unit = meta.unit.or(unit).ok_or_else(|| DatasetError::new(&meta_path, Problem::NoUnit))?;
-        let volume = meta.volume(unit).map_err(|p| DatasetError::new(&meta_path, p))?;
-        let calibration_path = folder.join(CALIBRATION_FILE);
-        let rig = calibration::read_calibration(&calibration_path, unit)?;
-        let size = meta.image_size_px;
-        calibration::check_image_sizes(&rig, size, size)
-            .map_err(|problem| calibration::CalibrationError { file: calibration_path, problem })?;
-        let (volume, exact_cam1_from_volume) = match volume {
-            Some((volume, exact)) => (Some(volume), exact),
-            None => (None, None),
+        let text = SetupText {
+            description: read_text(&folder.join(META_FILE))?,
+            calibration: calibration::read_text(&folder.join(CALIBRATION_FILE))?,
         };
-        let dataset = Self {
-            folder: folder.to_owned(),
-            name: meta.name.clone().unwrap_or_else(|| folder_name(folder)),
-            unit,
-            image_size_px: size,
-            steps: meta.steps,
-            sequence: meta.sequence,
-            second_direction: meta.second_direction,
-            volume,
-            exact_cam1_from_volume,
-            rig,
-        };
+        let mut setup = Setup::parse(text, unit).map_err(|e| e.of_files(folder))?;
+        if setup.name.is_empty() {
+            setup.name = folder_name(folder);
+        }
+        let dataset = Self { folder: folder.to_owned(), setup };
         dataset.check_images()?;
         Ok(dataset)
     }
@@ -156,10 +113,10 @@ impl Dataset {
     /// # Errors
     /// As [`Self::phase_images`].
     pub fn gray_images(&self, camera: CameraId, second_direction: bool) -> Result<Vec<GreyImage>, DatasetError> {
-        let (prefix, sequence) = match (&self.second_direction, second_direction) {
+        let (prefix, sequence) = match (&self.setup.second_direction, second_direction) {
             (Some(second), true) => ("vgray", second),
             (None, true) => return Ok(Vec::new()),
-            (_, false) => ("gray", &self.sequence),
+            (_, false) => ("gray", &self.setup.sequence),
         };
         let count = sequence.gray.map_or(0, |g| g.images);
         self.numbered_images(camera, prefix, &(0..count).collect::<Vec<_>>())
@@ -186,7 +143,7 @@ impl Dataset {
         if !path.exists() {
             return Ok(None);
         }
-        truth::read(&path, self.image_size_px).map(Some).map_err(|p| DatasetError::new(&path, p))
+        truth::read(&path, self.setup.image_size_px).map(Some).map_err(|p| DatasetError::new(&path, p))
     }
 
     fn numbered_images(&self, camera: CameraId, kind: &str, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
@@ -201,12 +158,13 @@ impl Dataset {
     }
 
     fn image(&self, path: &Path) -> Result<GreyImage, DatasetError> {
-        read_png(path, Some(self.image_size_px)).map_err(|p| DatasetError::new(path, p))
+        read_png(path, Some(self.setup.image_size_px)).map_err(|p| DatasetError::new(path, p))
     }
 
     /// Every sequence must have exactly the images that `meta.json` states.
     fn check_images(&self) -> Result<(), DatasetError> {
-        let directions = [(Some(&self.sequence), "phase", "gray"), (self.second_direction.as_ref(), "vphase", "vgray")];
+        let directions =
+            [(Some(&self.setup.sequence), "phase", "gray"), (self.setup.second_direction.as_ref(), "vphase", "vgray")];
         for camera in CameraId::BOTH {
             let folder = self.folder.join(camera.folder());
             if !folder.is_dir() {
@@ -221,6 +179,10 @@ impl Dataset {
         }
         Ok(())
     }
+}
+
+fn read_text(path: &Path) -> Result<String, DatasetError> {
+    std::fs::read_to_string(path).map_err(|e| DatasetError::new(path, Problem::Unreadable(e)))
 }
 
 fn folder_name(folder: &Path) -> String {

@@ -40,6 +40,27 @@ pub struct DatasetDescription {
     pub remarks: serde_json::Map<String, serde_json::Value>,
 }
 
+impl DatasetDescription {
+    /// The text of `meta.json`.
+    ///
+    /// # Errors
+    /// A remark that is no JSON.
+    pub fn text(&self) -> serde_json::Result<String> {
+        let meta = WrittenMeta {
+            name: &self.name,
+            unit: self.unit.symbol(),
+            image_size: self.image_size_px,
+            steps: self.steps,
+            n_phase_images: self.sequence.shifts_rad.len(),
+            sequence: RawSequence::from(&self.sequence),
+            second_direction: self.second_direction.as_ref().map(RawSequence::from),
+            volume: VolumeDescription::new(&self.volume, self.exact_cam1_from_volume.as_ref(), self.unit),
+            remarks: &self.remarks,
+        };
+        serde_json::to_string_pretty(&meta)
+    }
+}
+
 /// Which image of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageKind {
@@ -121,19 +142,7 @@ impl DatasetWriter {
     }
 
     fn meta(&self, description: &DatasetDescription) -> Result<(), DatasetError> {
-        let d = description;
-        let meta = WrittenMeta {
-            name: &d.name,
-            unit: d.unit.symbol(),
-            image_size: d.image_size_px,
-            steps: d.steps,
-            n_phase_images: d.sequence.shifts_rad.len(),
-            sequence: RawSequence::from(&d.sequence),
-            second_direction: d.second_direction.as_ref().map(RawSequence::from),
-            volume: VolumeDescription::new(&d.volume, d.exact_cam1_from_volume.as_ref(), d.unit),
-            remarks: &d.remarks,
-        };
-        let text = serde_json::to_string_pretty(&meta).map_err(|e| self.failed(META_FILE, e.into()))?;
+        let text = description.text().map_err(|e| self.failed(META_FILE, e.into()))?;
         std::fs::write(self.path(META_FILE), text).map_err(|e| self.failed(META_FILE, e))
     }
 

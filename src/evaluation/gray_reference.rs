@@ -67,13 +67,14 @@ struct Decoded {
 /// A dataset without Gray code, or with images or a rig that cannot be worked with.
 pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
-    let matches = match_along_epipolar_lines(&dataset.rig, &cam1.absolute, &cam2.absolute, volume(dataset).as_ref());
+    let matches =
+        match_along_epipolar_lines(&dataset.setup.rig, &cam1.absolute, &cam2.absolute, volume(dataset).as_ref());
     cloud(dataset, &cam1.wrapped, matches)
 }
 
 /// The measurement volume in which matches are sought.
 fn volume(dataset: &Dataset) -> Option<MeasurementVolume> {
-    dataset.volume.as_ref().map(|volume| volume.enlarged(VOLUME_MARGIN))
+    dataset.setup.volume.as_ref().map(|volume| volume.enlarged(VOLUME_MARGIN))
 }
 
 /// Full Gray code in two fringe directions (CGC).
@@ -85,7 +86,7 @@ pub fn cgc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [rows1, rows2] = [decode(dataset, CameraId::Cam1, true)?, decode(dataset, CameraId::Cam2, true)?];
     let cam1 = [&columns1.absolute, &rows1.absolute];
     let cam2 = [&columns2.absolute, &rows2.absolute];
-    cloud(dataset, &columns1.wrapped, match_both_directions(&dataset.rig, cam1, cam2, None))
+    cloud(dataset, &columns1.wrapped, match_both_directions(&dataset.setup.rig, cam1, cam2, None))
 }
 
 fn cloud(
@@ -93,7 +94,7 @@ fn cloud(
     cam1: &PhaseMap,
     matches: Result<Vec<Option<ReferenceMatch>>, MatchError>,
 ) -> Result<Cloud, GrayReferenceError> {
-    Ok(reference_cloud(&dataset.rig, &dataset.sequence.pattern, cam1, &matches?, MATCH_SD_PX))
+    Ok(reference_cloud(&dataset.setup.rig, &dataset.setup.sequence.pattern, cam1, &matches?, MATCH_SD_PX))
 }
 
 fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<Decoded, GrayReferenceError> {
@@ -116,7 +117,7 @@ fn wrapped_phase(
         false => dataset.phase_images(camera, &numbers)?,
         true => dataset.second_phase_images(camera, &numbers)?,
     };
-    let [width, height] = dataset.image_size_px;
+    let [width, height] = dataset.setup.image_size_px;
     let map = phase::decode(&pixels(&images), width, height, &shifts, &VALIDITY);
     map.ok_or_else(|| missing(dataset, "complete set of phase images"))
 }
@@ -143,8 +144,8 @@ fn pixels(images: &[GreyImage]) -> Vec<&[u8]> {
 }
 
 fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, GrayReferenceError> {
-    match (second_direction, &dataset.second_direction) {
-        (false, _) => Ok(&dataset.sequence),
+    match (second_direction, &dataset.setup.second_direction) {
+        (false, _) => Ok(&dataset.setup.sequence),
         (true, Some(second)) => Ok(second),
         (true, None) => Err(missing(dataset, "second fringe direction (field second_direction of meta.json)")),
     }

@@ -3,10 +3,13 @@
 //! In: N images a camera. Out: the cloud, the decision about every pixel of C1, and the figures behind it. What depends
 //! on the rig alone (segment table, epipolar frame) is held; the images come and go.
 
-use crate::cloud::{Cloud, TriangulationInput, triangulate};
-use crate::correspondence::{MatchError, MatchSettings, Matches, Outcome, SegmentTable, match_phases};
-use crate::geometry::{EpipolarError, EpipolarFrame, Rig};
-use crate::phase::{PhaseMap, PhaseShifts, Validity, decode};
+use std::sync::Arc;
+
+use crate::cloud::Cloud;
+use crate::correspondence::{MatchError, MatchSettings, Matches, Outcome, SegmentTable};
+use crate::geometry::{EpipolarError, Rig};
+use crate::phase::{PhaseMap, PhaseShifts, Validity};
+use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
 
 /// How images become a cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,15 +20,12 @@ pub struct Settings {
     pub matching: MatchSettings,
 }
 
-/// Turns image sequences of one rig into clouds.
+/// Turns image sequences of one rig into clouds: the three workers, one after the other.
 #[derive(Clone, Debug)]
 pub struct Reconstructor {
-    table: SegmentTable,
-    frame: EpipolarFrame,
-    shifts: PhaseShifts,
-    settings: Settings,
-    cam1_px: [usize; 2],
-    cam2_px: [usize; 2],
+    phase: PhaseWorker,
+    correspondence: CorrespondenceWorker,
+    cloud: CloudWorker,
 }
 
 /// What one sequence yielded.
@@ -45,21 +45,8 @@ pub struct Reconstruction {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReconstructionError {
     /// The images of a camera do not fit the rig or the shifts.
-    #[error(
-        "camera {camera}: got {images} images, of {pixels:?} pixels each; expected {steps} images of {expected} pixels"
-    )]
-    Images {
-        /// 1 or 2.
-        camera: u8,
-        /// Number of images.
-        images: usize,
-        /// Pixels of each.
-        pixels: Vec<usize>,
-        /// Number of shifts.
-        steps: usize,
-        /// Pixels that the rig's camera has.
-        expected: usize,
-    },
+    #[error(transparent)]
+    Images(#[from] ImagesError),
     /// The phases cannot be matched.
     #[error(transparent)]
     Match(#[from] MatchError),
@@ -71,53 +58,32 @@ impl Reconstructor {
     /// # Errors
     /// The rig has no epipolar frame.
     pub fn new(rig: &Rig, table: SegmentTable, shifts: PhaseShifts, settings: Settings) -> Result<Self, EpipolarError> {
+        let table = Arc::new(table);
         Ok(Self {
-            table,
-            frame: EpipolarFrame::new(rig)?,
-            shifts,
-            settings,
-            cam1_px: [rig.cam1.width_px(), rig.cam1.height_px()],
-            cam2_px: [rig.cam2.width_px(), rig.cam2.height_px()],
+            phase: PhaseWorker::new(rig, shifts.clone(), settings.validity),
+            correspondence: CorrespondenceWorker::new(Arc::clone(&table), settings.matching),
+            cloud: CloudWorker::new(rig, table, shifts)?,
         })
     }
 
     /// The segment table it works with.
     #[must_use]
     pub fn table(&self) -> &SegmentTable {
-        &self.table
+        self.correspondence.table()
     }
 
     /// Reconstructs one sequence: the images of C1 and of C2, grey levels row by row, in the order of the shifts.
     ///
     /// # Errors
     /// Images that do not fit, or that have nothing in common.
-    pub fn reconstruct(&self, cam1: &[&[u8]], cam2: &[&[u8]]) -> Result<Reconstruction, ReconstructionError> {
-        let cam1 = self.decode(1, cam1, self.cam1_px)?;
-        let cam2 = self.decode(2, cam2, self.cam2_px)?;
-        let mut matches = match_phases(&cam1, &cam2, &self.table, &self.settings.matching)?;
-        let input = TriangulationInput {
-            cam1: &cam1,
-            cam2_noise_grey: cam2.fit.noise_grey,
-            shifts: &self.shifts,
-            table: &self.table,
-            frame: &self.frame,
-        };
-        let cloud = triangulate(&matches, input);
-        account_for_lost_points(&cloud, &mut matches, cam1.width);
-        Ok(Reconstruction { cloud, cam1, cam2, matches })
-    }
-
-    fn decode(&self, camera: u8, images: &[&[u8]], size_px: [usize; 2]) -> Result<PhaseMap, ReconstructionError> {
-        let [width, height] = size_px;
-        decode(images, width, height, &self.shifts, &self.settings.validity).ok_or_else(|| {
-            ReconstructionError::Images {
-                camera,
-                images: images.len(),
-                pixels: images.iter().map(|i| i.len()).collect(),
-                steps: self.shifts.steps(),
-                expected: width * height,
-            }
-        })
+    pub fn reconstruct(&mut self, cam1: &[&[u8]], cam2: &[&[u8]]) -> Result<Reconstruction, ReconstructionError> {
+        let (mut maps, mut found, mut cloud) = (PhasePair::default(), Correspondences::default(), Cloud::default());
+        self.phase.step(cam1, cam2, &mut maps)?;
+        self.correspondence.step(&maps, &mut found)?;
+        self.cloud.step(&found, &mut cloud);
+        let mut matches = found.matches;
+        account_for_lost_points(&cloud, &mut matches, maps.cam1.width);
+        Ok(Reconstruction { cloud, cam1: maps.cam1, cam2: maps.cam2, matches })
     }
 }
 

@@ -7,6 +7,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("png_encoding", &[]),
     ("geometry", &[]),
     ("phase", &["geometry::FringePattern"]),
+    ("message", &["phase::MAX_STEPS"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
@@ -14,7 +15,8 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("evaluation", &["geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation"]),
-    ("reconstruction", &["geometry", "phase", "correspondence", "cloud"]),
+    ("worker", &["geometry", "phase", "correspondence", "cloud"]),
+    ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
     ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
@@ -23,7 +25,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
 /// folders under `services/`. What touches the outside world stays at its border, so that the same algorithm runs live,
 /// in replay and in a test, and gives the same bytes.
 pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
-    ("iceoryx2", &["transport"]),
+    ("iceoryx2", &["transport", "message"]),
     ("mcap", &["recording"]),
     ("v4l", &["services/capture"]),
     ("tracing", &["transport", "recording", "services/"]),

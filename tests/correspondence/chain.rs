@@ -61,7 +61,7 @@ fn reconstruct_with(
         fringes.iter().enumerate().map(image).collect::<Vec<_>>()
     });
     let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
-    let reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, Settings::default()).unwrap();
+    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, Settings::default()).unwrap();
     reconstructor.reconstruct(&slices(&cam1), &slices(&cam2))
 }
 

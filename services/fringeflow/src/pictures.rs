@@ -27,7 +27,7 @@ pub(crate) fn write(folder: &Path, dataset: &Dataset, made: &Made) -> Result<(),
 }
 
 fn draw(dataset: &Dataset, made: &Made) -> Result<Vec<(&'static str, Picture)>, Failure> {
-    let size_px = dataset.image_size_px;
+    let size_px = dataset.setup.image_size_px;
     let mut pictures = vec![("depth.png", depth_picture(&made.cloud, size_px))];
     if let Some(reconstruction) = &made.reconstruction {
         let matches = &reconstruction.matches;

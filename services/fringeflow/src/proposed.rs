@@ -35,9 +35,9 @@ impl ProposedArgs {
     pub(crate) fn reconstruct(&self, dataset: &Dataset) -> Result<Reconstruction, Failure> {
         let configuration = self.config.as_deref().map(Configuration::read).transpose()?.unwrap_or_default();
         let numbers = self.images(dataset)?;
-        let shifts: Vec<f64> = numbers.iter().map(|&n| dataset.sequence.shifts_rad[n]).collect();
+        let shifts: Vec<f64> = numbers.iter().map(|&n| dataset.setup.sequence.shifts_rad[n]).collect();
         let shifts = PhaseShifts::new(&shifts).map_err(|e| usage(dataset, &e))?;
-        let volume = configuration.volume.or_else(|| dataset.volume.clone()).ok_or_else(|| {
+        let volume = configuration.volume.or_else(|| dataset.setup.volume.clone()).ok_or_else(|| {
             usage(dataset, &"there is no measurement volume; give one with --config (key measurement_volume)")
         })?;
         let bar = progress::bar("segment table", 3);
@@ -48,8 +48,8 @@ impl ProposedArgs {
         let (cam1, cam2) = (cam1?, cam2?);
         bar.inc(1);
         bar.set_message("correspondences");
-        let reconstructor = Reconstructor::new(&dataset.rig, table, shifts, configuration.settings);
-        let reconstructor = reconstructor.map_err(|e| usage(dataset, &e))?;
+        let reconstructor = Reconstructor::new(&dataset.setup.rig, table, shifts, configuration.settings);
+        let mut reconstructor = reconstructor.map_err(|e| usage(dataset, &e))?;
         let reconstruction = reconstructor.reconstruct(&views(&cam1), &views(&cam2));
         bar.finish_and_clear();
         reconstruction.map_err(|e| usage(dataset, &e))
@@ -57,8 +57,8 @@ impl ProposedArgs {
 
     /// Numbers of the phase images to use.
     fn images(&self, dataset: &Dataset) -> Result<Vec<usize>, Failure> {
-        let available = dataset.sequence.shifts_rad.len();
-        let Range { start, end } = self.frames.clone().unwrap_or(0..dataset.steps);
+        let available = dataset.setup.sequence.shifts_rad.len();
+        let Range { start, end } = self.frames.clone().unwrap_or(0..dataset.setup.steps);
         if start >= end || end > available {
             return Err(Failure::Usage(format!(
                 "--frames {start}..{end}: the dataset has phase images 0..{available}; give A below B within these"
@@ -76,11 +76,11 @@ impl ProposedArgs {
 
     /// The segment table, from its file if there is one.
     fn segment_table(&self, dataset: &Dataset, volume: &MeasurementVolume) -> Result<SegmentTable, Failure> {
-        let pattern = &dataset.sequence.pattern;
-        let build = || SegmentTable::build(&dataset.rig, volume, pattern).map_err(|e| usage(dataset, &e));
+        let pattern = &dataset.setup.sequence.pattern;
+        let build = || SegmentTable::build(&dataset.setup.rig, volume, pattern).map_err(|e| usage(dataset, &e));
         let Some(path) = &self.segment_table else { return build() };
         if path.exists() {
-            return Ok(SegmentTable::load(path, Fingerprint::of(&dataset.rig, volume, pattern))?);
+            return Ok(SegmentTable::load(path, Fingerprint::of(&dataset.setup.rig, volume, pattern))?);
         }
         let table = build()?;
         table.save(path)?;

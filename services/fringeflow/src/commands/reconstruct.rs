@@ -59,7 +59,7 @@ impl Args {
         let dataset = Dataset::open(&self.input, self.units)?;
         let made = self.method.run(&dataset, &self.proposed)?;
         let unit = self.units.unwrap_or(Unit::Millimetre);
-        made.cloud.write(&self.output, &CloudExport { unit, dataset: &dataset.name })?;
+        made.cloud.write(&self.output, &CloudExport { unit, dataset: &dataset.setup.name })?;
         if let Some(folder) = &self.preview {
             pictures::write(folder, &dataset, &made)?;
         }
@@ -72,7 +72,7 @@ impl Args {
         let mut out = std::io::stdout().lock();
         if self.json {
             let report = Report {
-                set: &dataset.name,
+                set: &dataset.setup.name,
                 method: self.method,
                 cloud: &self.output,
                 points,
@@ -81,7 +81,7 @@ impl Args {
             serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {
-            writeln!(out, "{}: {points} points in {}", dataset.name, self.output.display())?;
+            writeln!(out, "{}: {points} points in {}", dataset.setup.name, self.output.display())?;
             if let Some(statistics) = statistics {
                 write!(out, "{statistics}")?;
             }

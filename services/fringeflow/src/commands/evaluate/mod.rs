@@ -68,13 +68,13 @@ impl Args {
         if let Some(folder) = &self.preview {
             pictures::write(folder, &dataset, &made)?;
         }
-        report::print(&dataset.name, self, &made, &evaluation)
+        report::print(&dataset.setup.name, self, &made, &evaluation)
     }
 
     fn judge(&self, dataset: &Dataset, made: &Made) -> Result<Evaluation, Failure> {
         if self.against == Against::Gray {
             let reference = egc(dataset)?;
-            return against_cloud(&made.cloud, dataset.image_size_px, &reference).map_err(Failure::unusable);
+            return against_cloud(&made.cloud, dataset.setup.image_size_px, &reference).map_err(Failure::unusable);
         }
         truth::evaluate(dataset, &made.cloud)?.ok_or_else(|| {
             let file = dataset.folder.join(TRUTH_FILE);

@@ -83,7 +83,7 @@ impl Args {
     fn setup(&self) -> Result<(RigSetup, usize), Failure> {
         let defaults = (FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 }, Assumptions::default().steps);
         let (rig, unit, volume, (pattern, steps)) = if self.calibration.is_dir() {
-            let set = Dataset::open(&self.calibration, self.units)?;
+            let set = Dataset::open(&self.calibration, self.units)?.setup;
             (set.rig, set.unit, set.volume, (set.sequence.pattern, set.steps))
         } else {
             let unit = self.units.unwrap_or(Unit::Millimetre);

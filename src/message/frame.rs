@@ -1,0 +1,48 @@
+//! One image of one camera.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// V4L2's code of 8-bit grey, `GREY`.
+pub const PIXEL_FORMAT_GREY: u32 = u32::from_le_bytes(*b"GREY");
+
+/// Bits of [`FrameHeader::flags`].
+pub mod flags {
+    /// The driver marked the image as damaged.
+    pub const DAMAGED: u32 = 1;
+    /// `exposure_start_ns` was reckoned from the end of the exposure or of the transfer.
+    pub const START_RECKONED: u32 = 2;
+    /// The image comes from a recording.
+    pub const REPLAYED: u32 = 4;
+}
+
+/// Describes the image that travels with it: `height_px` rows of `stride_bytes`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.FrameHeader.1")]
+pub struct FrameHeader {
+    /// Start of the camera's stream; images of different sessions never meet in a window.
+    pub session: u64,
+    /// Number that the driver gave the image; gaps are images the camera lost.
+    pub sequence: u64,
+    /// Images this channel has carried before.
+    pub published: u64,
+    /// Start of the exposure.
+    pub exposure_start_ns: u64,
+    /// When the image had reached this machine.
+    pub received_ns: u64,
+    /// Duration of the exposure, nanoseconds; 0 if unknown.
+    pub exposure_ns: u64,
+    /// Width, pixels.
+    pub width_px: u32,
+    /// Height, pixels.
+    pub height_px: u32,
+    /// Bytes from one row to the next.
+    pub stride_bytes: u32,
+    /// V4L2 code of the pixel format.
+    pub pixel_format: u32,
+    /// See [`flags`].
+    pub flags: u32,
+    /// 1 or 2.
+    pub camera: u32,
+}

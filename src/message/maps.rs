@@ -1,0 +1,98 @@
+//! Headers of phase maps, correspondences and clouds.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::Window;
+
+/// Unit of a payload that is read as more than bytes: aligned to a cache line.
+#[repr(C)]
+#[repr(align(64))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Block.1")]
+pub struct Block(
+    /// The bytes.
+    pub [u8; 64],
+);
+
+/// How well sinusoids fit the images of a camera, see [`crate::phase::FitStatistics`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Fit.1")]
+pub struct Fit {
+    /// Number of valid pixels.
+    pub valid_pixels: u64,
+    /// Median of fit residual ÷ modulation; negative where three steps leave no residual.
+    pub residual_share: f32,
+    /// Standard deviation of the grey levels about the fit.
+    pub noise_grey: f32,
+}
+
+/// Describes the phase maps of both cameras.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.MapsHeader.1")]
+pub struct MapsHeader {
+    /// Maps this channel has carried before.
+    pub published: u64,
+    /// The images.
+    pub window: Window,
+    /// Fit of camera 1.
+    pub cam1: Fit,
+    /// Fit of camera 2.
+    pub cam2: Fit,
+    /// Width of the images of either camera, pixels.
+    pub width_px: u32,
+    /// Height, pixels.
+    pub height_px: u32,
+}
+
+/// Describes the correspondences of all pixels of camera 1.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.CorrespondenceHeader.1")]
+pub struct CorrespondenceHeader {
+    /// Maps this channel has carried before.
+    pub published: u64,
+    /// The images.
+    pub window: Window,
+    /// Mean of δ of the true candidates, rad.
+    pub delta_mean_rad: f64,
+    /// Standard deviation of δ that the threshold came from, rad.
+    pub delta_sd_rad: f64,
+    /// Part of it that noise makes, rad.
+    pub delta_noise_sd_rad: f64,
+    /// Mean number n of fringe periods on a segment.
+    pub mean_periods: f64,
+    /// Reference correspondences behind these.
+    pub references: u64,
+    /// Mean of δ over the chosen candidates, rad.
+    pub chosen_delta_mean_rad: f64,
+    /// Standard deviation of δ over the chosen candidates, rad.
+    pub chosen_delta_sd_rad: f64,
+    /// Standard deviation of the grey levels of C1 and C2.
+    pub noise_grey: [f32; 2],
+    /// Width, pixels.
+    pub width_px: u32,
+    /// Height, pixels.
+    pub height_px: u32,
+}
+
+/// Describes a cloud.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.CloudHeader.1")]
+pub struct CloudHeader {
+    /// Clouds this channel has carried before.
+    pub published: u64,
+    /// The images.
+    pub window: Window,
+    /// Number of points.
+    pub points: u64,
+    /// Mean of δ over the chosen candidates, rad.
+    pub delta_mean_rad: f64,
+    /// Standard deviation of δ over the chosen candidates, rad.
+    pub delta_sd_rad: f64,
+    /// When it was published.
+    pub published_ns: u64,
+}

@@ -1,0 +1,36 @@
+//! What crosses a process border: plain structs of fixed layout, the same in Rust, C, C++ and Python.
+//!
+//! Every struct is `#[repr(C)]`, has no hidden padding, and carries a versioned type name: a reader of another version
+//! finds no channel instead of misreading one. Whoever changes a field raises the number in the name, and
+//! `docs/projector-driver.md` and `include/fringeflow.h` with it.
+//!
+//! | message | channel | payload beside it |
+//! |---|---|---|
+//! | [`FrameHeader`] | `cam1/frame`, `cam2/frame` | bytes of the image |
+//! | [`PatternEvent`] | `projector/pattern` | – |
+//! | [`MapsHeader`] | `phase/maps` | [`Block`]s, see [`crate::wire`] |
+//! | [`CorrespondenceHeader`] | `correspondence/map` | [`Block`]s, see [`crate::wire`] |
+//! | [`CloudHeader`] | `cloud` | records of the exported fields, lengths in metres |
+//! | [`StageReport`] | `report/stage` | – |
+//! | [`ScanState`] | `control/state` | – |
+//! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
+//!
+//! Times are nanoseconds of `CLOCK_MONOTONIC`. `published` counts what a channel's publisher has sent, without gaps and
+//! across its restarts: a gap at the receiver is a loss in between, and is counted there.
+
+mod control;
+mod frame;
+mod maps;
+mod pattern;
+mod report;
+mod window;
+
+pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
+pub use frame::{FrameHeader, PIXEL_FORMAT_GREY, flags};
+pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
+pub use pattern::{PATTERN_FRINGES, PatternEvent};
+pub use report::{Counts, DropReason, Stage, StageReport};
+pub use window::Window;
+
+/// Most images of one window.
+pub const MAX_WINDOW: usize = crate::phase::MAX_STEPS;

@@ -1,0 +1,256 @@
+//! What a stage has done: counts that add up, and the times of its last item.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// A stage of the pipeline, and what it counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Stage {
+    /// Camera 1 and its capture: images.
+    Camera1 = 0,
+    /// Camera 2 and its capture: images.
+    Camera2 = 1,
+    /// The projector driver: pattern events.
+    Projector = 2,
+    /// Pattern events as the pipeline takes them: those that gave an image pair its step.
+    Pattern = 3,
+    /// Images of both cameras, paired and given their step.
+    Pairing = 4,
+    /// Image pairs, each the last of a complete window.
+    Windowing = 5,
+    /// Windows, decoded to phase maps.
+    Phase = 6,
+    /// Phase maps, searched for correspondences.
+    Correspondence = 7,
+    /// Correspondences, triangulated to clouds.
+    Cloud = 8,
+    /// Messages of all channels, written to a recording.
+    Recorder = 9,
+}
+
+/// Why an item did not reach the end of its stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum DropReason {
+    /// Overwritten in the channel before this stage took it: the stage is too slow.
+    Overrun = 0,
+    /// The camera or its driver lost it.
+    CameraLost = 1,
+    /// It came twice.
+    Duplicate = 2,
+    /// It came after its place in the order had passed.
+    Late = 3,
+    /// The other camera has no image of the same exposure.
+    Unpaired = 4,
+    /// No pattern event belongs to its exposure.
+    NoPattern = 5,
+    /// Its pattern event, or its place in the cycle, contradicts what came before.
+    PatternConflict = 6,
+    /// Its camera or projector started anew before its window was complete.
+    NewSession = 7,
+    /// Its size, format or flags are not those of the rig.
+    BadImage = 8,
+    /// Its time stamp cannot be.
+    BadTime = 9,
+    /// An image before it is missing, so its window is not complete (the first N − 1 of a session too).
+    Incomplete = 10,
+    /// Its window was not wanted: windows are further apart than image pairs.
+    BetweenWindows = 11,
+    /// The next stage still worked on an earlier one.
+    NextStageBusy = 12,
+    /// The images hold no measurable correspondence, or contradict the calibration.
+    NoCorrespondence = 13,
+    /// No point was found.
+    EmptyCloud = 14,
+    /// The queue to the disk was full.
+    QueueFull = 15,
+    /// The disk was full, or as full as the configuration lets it become.
+    DiskFull = 16,
+    /// No recording was running.
+    NotRecording = 17,
+    /// The service died while it worked on it.
+    Restart = 18,
+    /// The run ended before its turn came.
+    Stopped = 19,
+    /// No free sample was left in the channel.
+    NoSample = 20,
+    /// The message contradicts itself.
+    Malformed = 21,
+    /// Left out on purpose: a fault that the configuration asks of the virtual scanner.
+    Injected = 22,
+}
+
+/// Number of drop reasons that a report has room for.
+const REASONS: usize = 32;
+
+/// Items of a stage since the start of the instance: `taken = passed + Σ dropped + in work`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Counts.1")]
+pub struct Counts {
+    /// Items that the stage before had put out, those lost on the way included.
+    pub taken: u64,
+    /// Items that it put out.
+    pub passed: u64,
+    /// Items that it dropped, by [`DropReason`].
+    pub dropped: [u64; REASONS],
+}
+
+/// One stage's counts, and the times of the item that it finished last.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.StageReport.1")]
+pub struct StageReport {
+    /// [`Stage`].
+    pub stage: u32,
+    /// Process that reports.
+    pub pid: u32,
+    /// How often the service was started in this instance, from 0.
+    pub restarts: u32,
+    /// 1 if the report is about an item just finished, 0 if it is a sign of life.
+    pub of_item: u32,
+    /// When the report was made.
+    pub time_ns: u64,
+    /// Start of the (last) exposure of the item.
+    pub exposure_start_ns: u64,
+    /// When the stage took the item.
+    pub taken_ns: u64,
+    /// When it put it out.
+    pub passed_ns: u64,
+    /// Counts since the start of the instance.
+    pub counts: Counts,
+}
+
+impl Counts {
+    /// Counts one item as dropped.
+    pub fn drop_one(&mut self, reason: DropReason) {
+        self.drop_many(reason, 1);
+    }
+
+    /// Counts items as dropped.
+    pub fn drop_many(&mut self, reason: DropReason, count: u64) {
+        self.dropped[reason as usize] += count;
+    }
+
+    /// Items dropped for one reason.
+    #[must_use]
+    pub fn dropped(&self, reason: DropReason) -> u64 {
+        self.dropped[reason as usize]
+    }
+
+    /// Items dropped for any reason.
+    #[must_use]
+    pub fn all_dropped(&self) -> u64 {
+        self.dropped.iter().sum()
+    }
+
+    /// Items taken and neither passed nor dropped; `None` where more left than came.
+    #[must_use]
+    pub fn in_work(&self) -> Option<u64> {
+        self.taken.checked_sub(self.passed)?.checked_sub(self.all_dropped())
+    }
+
+    /// The reasons that occurred, with their numbers.
+    pub fn reasons(&self) -> impl Iterator<Item = (DropReason, u64)> + '_ {
+        DropReason::ALL.into_iter().map(|reason| (reason, self.dropped(reason))).filter(|&(_, n)| n > 0)
+    }
+}
+
+impl Stage {
+    /// All stages, in the order of the pipeline.
+    pub const ALL: [Self; 10] = [
+        Self::Camera1,
+        Self::Camera2,
+        Self::Projector,
+        Self::Pattern,
+        Self::Pairing,
+        Self::Windowing,
+        Self::Phase,
+        Self::Correspondence,
+        Self::Cloud,
+        Self::Recorder,
+    ];
+
+    /// The stage of a report; `None` for a number that is none.
+    #[must_use]
+    pub fn of(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|stage| *stage as u32 == code)
+    }
+
+    /// Name in reports, metrics and recordings.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Camera1 => "camera1",
+            Self::Camera2 => "camera2",
+            Self::Projector => "projector",
+            Self::Pattern => "pattern",
+            Self::Pairing => "pairing",
+            Self::Windowing => "windowing",
+            Self::Phase => "phase",
+            Self::Correspondence => "correspondence",
+            Self::Cloud => "cloud",
+            Self::Recorder => "recorder",
+        }
+    }
+}
+
+impl DropReason {
+    /// All reasons.
+    pub const ALL: [Self; 23] = [
+        Self::Overrun,
+        Self::CameraLost,
+        Self::Duplicate,
+        Self::Late,
+        Self::Unpaired,
+        Self::NoPattern,
+        Self::PatternConflict,
+        Self::NewSession,
+        Self::BadImage,
+        Self::BadTime,
+        Self::Incomplete,
+        Self::BetweenWindows,
+        Self::NextStageBusy,
+        Self::NoCorrespondence,
+        Self::EmptyCloud,
+        Self::QueueFull,
+        Self::DiskFull,
+        Self::NotRecording,
+        Self::Restart,
+        Self::Stopped,
+        Self::NoSample,
+        Self::Malformed,
+        Self::Injected,
+    ];
+
+    /// Name in reports, metrics and recordings.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Overrun => "overrun",
+            Self::CameraLost => "camera_lost",
+            Self::Duplicate => "duplicate",
+            Self::Late => "late",
+            Self::Unpaired => "unpaired",
+            Self::NoPattern => "no_pattern",
+            Self::PatternConflict => "pattern_conflict",
+            Self::NewSession => "new_session",
+            Self::BadImage => "bad_image",
+            Self::BadTime => "bad_time",
+            Self::Incomplete => "incomplete",
+            Self::BetweenWindows => "between_windows",
+            Self::NextStageBusy => "next_stage_busy",
+            Self::NoCorrespondence => "no_correspondence",
+            Self::EmptyCloud => "empty_cloud",
+            Self::QueueFull => "queue_full",
+            Self::DiskFull => "disk_full",
+            Self::NotRecording => "not_recording",
+            Self::Restart => "restart",
+            Self::Stopped => "stopped",
+            Self::NoSample => "no_sample",
+            Self::Malformed => "malformed",
+            Self::Injected => "injected",
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Which images belong together.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::MAX_WINDOW;
+
+/// The image pairs that one phase map, one set of correspondences and one cloud are made of: its provenance.
+///
+/// Entries of the arrays are in the order of the phase shifts; those from `steps` on are zero.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Window.1")]
+pub struct Window {
+    /// Session of camera 1.
+    pub cam1_session: u64,
+    /// Session of camera 2.
+    pub cam2_session: u64,
+    /// Driver sequence of the images of camera 1.
+    pub cam1_sequence: [u64; MAX_WINDOW],
+    /// Driver sequence of the images of camera 2.
+    pub cam2_sequence: [u64; MAX_WINDOW],
+    /// Start of the first exposure.
+    pub first_exposure_ns: u64,
+    /// Start of the last exposure.
+    pub last_exposure_ns: u64,
+    /// Middle between both: the time of the cloud.
+    pub centre_ns: u64,
+    /// When the last image had reached this machine.
+    pub received_ns: u64,
+    /// Number of image pairs N.
+    pub steps: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+impl Window {
+    /// Driver sequences of both cameras in the order of the shifts.
+    pub fn pairs(&self) -> impl Iterator<Item = [u64; 2]> + '_ {
+        let pairs = self.cam1_sequence.iter().zip(&self.cam2_sequence).map(|(&a, &b)| [a, b]);
+        pairs.take(self.steps as usize)
+    }
+}

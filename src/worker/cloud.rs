@@ -1,0 +1,42 @@
+//! From correspondences to the point cloud.
+
+use std::sync::Arc;
+
+use crate::cloud::{Cloud, TriangulationInput, triangulate};
+use crate::correspondence::SegmentTable;
+use crate::geometry::{EpipolarError, EpipolarFrame, Rig};
+use crate::phase::PhaseShifts;
+
+use super::Correspondences;
+
+/// Triangulates the correspondences of one rig.
+#[derive(Clone, Debug)]
+pub struct CloudWorker {
+    table: Arc<SegmentTable>,
+    frame: EpipolarFrame,
+    shifts: PhaseShifts,
+}
+
+impl CloudWorker {
+    /// A worker for a rig, its segment table, and a sequence of shifts.
+    ///
+    /// # Errors
+    /// The rig has no epipolar frame.
+    pub fn new(rig: &Rig, table: Arc<SegmentTable>, shifts: PhaseShifts) -> Result<Self, EpipolarError> {
+        Ok(Self { table, frame: EpipolarFrame::new(rig)?, shifts })
+    }
+
+    /// Makes the points, in the order of their pixels in C1; a match whose rays meet nowhere before the cameras has none.
+    pub fn step(&mut self, correspondences: &Correspondences, out: &mut Cloud) {
+        let input = TriangulationInput {
+            width: correspondences.width,
+            mean: &correspondences.mean,
+            modulation: &correspondences.modulation,
+            noise_grey: correspondences.noise_grey,
+            shifts: &self.shifts,
+            table: &self.table,
+            frame: &self.frame,
+        };
+        *out = triangulate(&correspondences.matches, input);
+    }
+}

@@ -1,0 +1,56 @@
+//! From two phase maps to the correspondence of every pixel of camera 1.
+
+use std::sync::Arc;
+
+use crate::correspondence::{MatchError, MatchSettings, Matches, SegmentTable, match_phases};
+
+use super::PhasePair;
+
+/// The correspondence of every pixel of C1, and what a point needs of the phase maps beside it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Correspondences {
+    /// Width of the images of C1, pixels.
+    pub width: usize,
+    /// What became of every pixel.
+    pub matches: Matches,
+    /// Mean grey level of every pixel of C1.
+    pub mean: Vec<u8>,
+    /// Modulation of every pixel of C1, grey levels.
+    pub modulation: Vec<f32>,
+    /// Standard deviation of the grey levels of C1 and of C2.
+    pub noise_grey: [f32; 2],
+}
+
+/// Finds the correspondences of one rig.
+#[derive(Clone, Debug)]
+pub struct CorrespondenceWorker {
+    table: Arc<SegmentTable>,
+    settings: MatchSettings,
+}
+
+impl CorrespondenceWorker {
+    /// A worker for the rig of a segment table.
+    #[must_use]
+    pub fn new(table: Arc<SegmentTable>, settings: MatchSettings) -> Self {
+        Self { table, settings }
+    }
+
+    /// The segment table it works with.
+    #[must_use]
+    pub fn table(&self) -> &SegmentTable {
+        &self.table
+    }
+
+    /// Finds the correspondence of every pixel of C1.
+    ///
+    /// # Errors
+    /// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
+    pub fn step(&mut self, maps: &PhasePair, out: &mut Correspondences) -> Result<(), MatchError> {
+        out.matches = match_phases(&maps.cam1, &maps.cam2, &self.table, &self.settings)?;
+        out.width = maps.cam1.width;
+        out.mean.clone_from(&maps.cam1.mean);
+        out.modulation.clone_from(&maps.cam1.modulation);
+        out.noise_grey = [maps.cam1.fit.noise_grey, maps.cam2.fit.noise_grey];
+        Ok(())
+    }
+}
