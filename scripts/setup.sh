@@ -1,20 +1,26 @@
 #!/usr/bin/env bash
-# Installs what building needs and the system lacks: a C compiler with its headers and git, from apt. The Rust toolchain
-# is the user's choice; where it is missing or too old, this says how to get it.
+# Installs what building and testing need and the system lacks, from apt: a C compiler with its headers, libclang, git and
+# Python. The Rust toolchain is the user's choice; where it is missing or too old, this says how to get it.
 # Exit codes: 0 all there, 1 an installation failed, 2 something is missing that this script may not or cannot install.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# Command that shows a package is there, and the package.
+# Test that shows a package is there, and the package.
 readonly NEEDED=(
-    "cc build-essential" # zstd and bzip2 inside .npz archives are C
-    "git git"
+    "command -v cc:build-essential" # zstd and bzip2 inside .npz archives are C
+    "command -v git:git"
+    "has_libclang:libclang-dev" # iceoryx2 reads the system's C headers
+    "python3 -c 'import ensurepip, venv':python3-venv" # tests read recordings as a user's script would
 )
+
+has_libclang() {
+    compgen -G '/usr/lib/llvm-*/lib/libclang.so*' || compgen -G '/usr/lib/*/libclang*.so*' || [ -n "${LIBCLANG_PATH:-}" ]
+}
 
 missing_packages() {
     local entry
     for entry in "${NEEDED[@]}"; do
-        command -v "${entry%% *}" >/dev/null || printf '%s\n' "${entry##* }"
+        eval "${entry%:*}" >/dev/null 2>&1 || printf '%s\n' "${entry##*:}"
     done
 }
 
