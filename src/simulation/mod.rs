@@ -4,6 +4,7 @@
 //!  RigOptions ─► VirtualRig (exact, calibrated, volume) ─┐
 //!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
 //!  Object, Board ─► Scene (pose before C1) ──────────────┘   truth
+//!  Sweep ─► pose of the scene, image by image ─► ImageLoop (VirtualScanner): images of a moving scanner
 //! ```
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
@@ -14,6 +15,9 @@
 
 mod alignment;
 mod calibration_error;
+mod faults;
+mod image_loop;
+mod loop_file;
 mod object;
 mod projected;
 mod rig;
@@ -21,11 +25,17 @@ mod scene;
 mod sensor;
 mod sequence;
 mod solid;
+mod sweep;
+mod tabulated;
 mod trace;
 mod truth;
 mod view;
+mod virtual_scanner;
 
 pub use calibration_error::CalibrationDeviation;
+pub use faults::{FaultOptions, Faults, ImageFault};
+pub use image_loop::ImageLoop;
+pub use loop_file::LoopFileProblem;
 pub use object::Object;
 pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
@@ -33,9 +43,11 @@ pub use scene::{Board, Scene, Surface};
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};
 pub use sequence::{Simulation, SimulationOptions, SimulationSummary};
 pub use solid::{PointMm, Solid};
+pub use sweep::{Sweep, SweepOptions, SweepSpeed};
 pub use trace::Hit;
 pub use truth::truth;
 pub use view::{Centre, Sample, View};
+pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 
 use crate::dataset::DatasetError;
 use crate::evaluation::{EvaluationError, GrayReferenceError};
@@ -82,6 +94,32 @@ pub enum SimulationError {
         /// The wanted spread, rad.
         sd_rad: f64,
     },
+    /// The poses of a sweep do not hold every step alike.
+    #[error(
+        "the sweep has {poses} poses, which {steps} steps do not divide; use {fewer} or {more} poses",
+        fewer = poses / steps * steps,
+        more = (poses / steps + 1) * steps
+    )]
+    PosesAndSteps {
+        /// Number of poses.
+        poses: usize,
+        /// Phase shifts.
+        steps: usize,
+    },
+    /// The sweep leads out of the measurement volume.
+    #[error(
+        "pose {pose} of the sweep takes the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
+         turn, or a deeper volume"
+    )]
+    OutOfVolume {
+        /// First such pose.
+        pose: usize,
+        /// How far, millimetres.
+        excess_mm: f64,
+    },
+    /// A description cannot be written as JSON.
+    #[error("the description of the virtual scanner: {0}")]
+    Description(#[from] serde_json::Error),
     /// The measurement volume is none.
     #[error(transparent)]
     Volume(#[from] VolumeError),

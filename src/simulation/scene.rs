@@ -3,6 +3,8 @@
 //! In: a body and where it is. Out: its reflectance and, with [`super::trace`], the points that rays meet. Lengths in
 //! millimetres in the frame of the object, as in [`super::solid`]; the pose is in metres like every other.
 
+use std::sync::Arc;
+
 use nalgebra::Translation3;
 
 use crate::geometry::{MeasurementVolume, Point3, Pose, Vector3};
@@ -10,6 +12,7 @@ use crate::geometry::{MeasurementVolume, Point3, Pose, Vector3};
 use super::SimulationError;
 use super::object::Object;
 use super::solid::{PointMm, Solid};
+use super::tabulated::Tabulated;
 
 /// The board under the object: the plane z = 0 of its frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,14 +47,15 @@ pub enum Surface {
     Board,
 }
 
-/// An object on a board, placed before C1.
+/// An object on a board, placed before C1; a copy shares the body.
+#[derive(Clone)]
 pub struct Scene {
-    pub(super) solid: Box<dyn Solid>,
+    pub(super) solid: Arc<Tabulated>,
     pub(super) board: Board,
     cam1_from_object: Pose,
 }
 
-const MM_PER_M: f64 = 1e3;
+pub(super) const MM_PER_M: f64 = 1e3;
 /// Gap between the board and the far side of the volume that an object is made for, metres.
 const BOARD_GAP_M: f64 = 0.0005;
 
@@ -59,16 +63,13 @@ impl Scene {
     /// A scene from any body and the pose of its frame in that of the exact C1.
     #[must_use]
     pub fn new(solid: Box<dyn Solid>, board: Board, cam1_from_object: Pose) -> Self {
-        Self { solid, board, cam1_from_object }
+        Self { solid: Arc::new(Tabulated::new(solid)), board, cam1_from_object }
     }
 
     /// One of the paper's objects in the middle of a measurement volume, turned towards the sensor.
     #[must_use]
     pub fn of_object(object: Object, board: Board, exact_volume: &MeasurementVolume) -> Self {
-        let board_z_m = object.usual_depth_m() / 2.0 - BOARD_GAP_M;
-        let half_turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let volume_from_object = Pose::from_parts(Translation3::new(0.0, 0.0, board_z_m), half_turn);
-        Self::new(object.solid(), board, exact_volume.cam1_from_volume() * volume_from_object)
+        Self::new(object.solid(), board, exact_volume.cam1_from_volume() * volume_from_object(object))
     }
 
     /// Pose of the object's frame in that of the exact C1, metres.
@@ -107,4 +108,11 @@ impl Scene {
             (Surface::Board, _) => 0.03,
         }
     }
+}
+
+/// Where one of the paper's objects lies in a measurement volume at rest: in the middle, turned towards the sensor.
+pub(super) fn volume_from_object(object: Object) -> Pose {
+    let board_z_m = object.usual_depth_m() / 2.0 - BOARD_GAP_M;
+    let half_turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    Pose::from_parts(Translation3::new(0.0, 0.0, board_z_m), half_turn)
 }

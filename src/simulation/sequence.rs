@@ -66,7 +66,7 @@ pub struct Simulation {
 }
 
 /// Unit of simulated datasets.
-const UNIT: Unit = Unit::Millimetre;
+pub(super) const UNIT: Unit = Unit::Millimetre;
 
 impl Simulation {
     /// Builds rig and scene and traces what both cameras see.
@@ -149,7 +149,7 @@ impl Simulation {
                 Direction::Columns => self.rig.columns,
                 Direction::Rows => self.rig.rows,
             },
-            shifts_rad: (0..steps).map(|k| TAU * k as f64 / steps as f64).collect(),
+            shifts_rad: even_shifts_rad(steps),
             gray: self.options.gray.then(|| GrayCode { images: self.rig.gray_images(), cell_periods: 0.5 }),
         }
     }
@@ -200,26 +200,37 @@ impl Simulation {
     }
 
     fn remarks(&self) -> serde_json::Map<String, serde_json::Value> {
-        let options = &self.options;
-        let noise = options.noise.noise().map_or_else(
-            || json!({ "level": options.noise.name(), "adc_bits": 8 }),
-            |noise| {
-                json!({
-                    "level": options.noise.name(),
-                    "full_well_e_at_255": noise.full_well_e,
-                    "read_noise_e": noise.read_noise_e,
-                    "prnu": noise.prnu,
-                    "adc_bits": 8,
-                })
-            },
-        );
-        let fields = [
-            ("noise", noise),
-            ("calib_error", json!(self.rig.deviation)),
-            ("gamma", json!(options.gamma)),
-            ("seed", json!(options.seed)),
-            ("truth", json!("truth.npz in the frame of C1 (exact calibration)")),
-        ];
-        fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+        let mut remarks = remarks(&self.rig, self.options.noise, self.options.gamma, self.options.seed);
+        remarks.insert("truth".to_owned(), json!("truth.npz in the frame of C1 (exact calibration)"));
+        remarks
     }
+}
+
+/// Phase shifts of `steps` images, spread evenly over a turn, rad.
+pub(super) fn even_shifts_rad(steps: usize) -> Vec<f64> {
+    (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
+}
+
+/// What a description says about how its images were simulated.
+pub(super) fn remarks(
+    rig: &VirtualRig,
+    level: NoiseLevel,
+    gamma: f64,
+    seed: u64,
+) -> serde_json::Map<String, serde_json::Value> {
+    let noise = level.noise().map_or_else(
+        || json!({ "level": level.name(), "adc_bits": 8 }),
+        |noise| {
+            json!({
+                "level": level.name(),
+                "full_well_e_at_255": noise.full_well_e,
+                "read_noise_e": noise.read_noise_e,
+                "prnu": noise.prnu,
+                "adc_bits": 8,
+            })
+        },
+    );
+    let fields =
+        [("noise", noise), ("calib_error", json!(rig.deviation)), ("gamma", json!(gamma)), ("seed", json!(seed))];
+    fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }

@@ -14,7 +14,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("correspondence", &["geometry", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("evaluation", &["geometry", "phase", "dataset", "correspondence", "cloud"]),
-    ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation"]),
+    ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["geometry", "phase", "correspondence", "cloud"]),
     ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),

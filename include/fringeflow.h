@@ -1,0 +1,120 @@
+/*
+ * Messages of Fringeflow's channels that a projector driver, a camera driver or a remote control sends or reads.
+ *
+ * Layout and names are those of the Rust types in src/message/; every struct has fixed size and no hidden padding. The
+ * macro FRINGEFLOW_TYPE_… beside a struct is the type name under which iceoryx2 knows it: it ends in the version of the
+ * layout, so that programs of different versions do not meet. What to send when is in docs/projector-driver.md.
+ *
+ * C11 or C++11; needs no library.
+ */
+#ifndef FRINGEFLOW_H
+#define FRINGEFLOW_H
+
+#include <stdint.h>
+
+#if defined(__cplusplus)
+#define FRINGEFLOW_SIZE(type, bytes) static_assert(sizeof(type) == (bytes), #type " has another size")
+#else
+#define FRINGEFLOW_SIZE(type, bytes) _Static_assert(sizeof(type) == (bytes), #type " has another size")
+#endif
+
+/* Names of the channels: iceoryx2 services. */
+#define FRINGEFLOW_CHANNEL_PATTERN "projector/pattern"
+#define FRINGEFLOW_CHANNEL_CAM1 "cam1/frame"
+#define FRINGEFLOW_CHANNEL_CAM2 "cam2/frame"
+#define FRINGEFLOW_CHANNEL_STATE "control/state"
+#define FRINGEFLOW_CHANNEL_CONTROL "control"
+
+/* fringeflow_pattern_event.kind of phase-shifted sinusoidal fringes. */
+#define FRINGEFLOW_PATTERN_FRINGES 1u
+/* V4L2's code of 8-bit grey, "GREY". */
+#define FRINGEFLOW_PIXEL_FORMAT_GREY 0x59455247u
+/* Bits of fringeflow_frame_header.flags. */
+#define FRINGEFLOW_FRAME_DAMAGED 1u
+#define FRINGEFLOW_FRAME_START_RECKONED 2u
+#define FRINGEFLOW_FRAME_REPLAYED 4u
+/* Bytes of a text. */
+#define FRINGEFLOW_TEXT_BYTES 256
+
+/* One pattern of a sequence; times in nanoseconds of CLOCK_MONOTONIC. */
+#define FRINGEFLOW_TYPE_PATTERN_EVENT "fringeflow.PatternEvent.1"
+typedef struct {
+    uint64_t session;           /* start of the driver; a restarted driver has a new one */
+    uint64_t sequence;          /* number of the pattern since the start, without gaps */
+    uint64_t exposure_start_ns; /* start of the exposure that this pattern lights */
+    uint64_t duration_ns;       /* duration for which it is shown */
+    double period_px;           /* fringe period, projector pixels */
+    uint32_t step;              /* step of the phase shift, from 0 */
+    uint32_t steps;             /* steps of the cycle */
+    uint32_t kind;              /* FRINGEFLOW_PATTERN_FRINGES; others are passed over */
+    uint32_t reserved;          /* zero */
+} fringeflow_pattern_event;
+FRINGEFLOW_SIZE(fringeflow_pattern_event, 56);
+
+/* One image of one camera: user header of a slice of bytes, height_px rows of stride_bytes. */
+#define FRINGEFLOW_TYPE_FRAME_HEADER "fringeflow.FrameHeader.1"
+typedef struct {
+    uint64_t session;           /* start of the camera's stream */
+    uint64_t sequence;          /* number that the driver gave the image; gaps are images the camera lost */
+    uint64_t published;         /* images this channel has carried before */
+    uint64_t exposure_start_ns; /* start of the exposure */
+    uint64_t received_ns;       /* when the image had reached this machine */
+    uint64_t exposure_ns;       /* duration of the exposure; 0 if unknown */
+    uint32_t width_px;
+    uint32_t height_px;
+    uint32_t stride_bytes; /* from one row to the next */
+    uint32_t pixel_format; /* V4L2 code */
+    uint32_t flags;        /* FRINGEFLOW_FRAME_… */
+    uint32_t camera;       /* 1 or 2 */
+} fringeflow_frame_header;
+FRINGEFLOW_SIZE(fringeflow_frame_header, 72);
+
+/* A short UTF-8 text, padded with zeros. */
+#define FRINGEFLOW_TYPE_TEXT "fringeflow.Text.1"
+typedef struct {
+    uint8_t bytes[FRINGEFLOW_TEXT_BYTES];
+} fringeflow_text;
+FRINGEFLOW_SIZE(fringeflow_text, FRINGEFLOW_TEXT_BYTES);
+
+/* What the instance is to do; drivers follow `scanning`. */
+#define FRINGEFLOW_TYPE_SCAN_STATE "fringeflow.ScanState.1"
+typedef struct {
+    uint64_t revision;              /* raised with every change */
+    uint32_t scanning;              /* 1 while cameras and projector are to run */
+    uint32_t recording;             /* 1 while a recording is to run */
+    uint64_t recordings;            /* recordings begun so far */
+    uint64_t marks;                 /* marks set so far */
+    fringeflow_text recording_file; /* file of the recording */
+    fringeflow_text mark;           /* text of the last mark */
+} fringeflow_scan_state;
+FRINGEFLOW_SIZE(fringeflow_scan_state, 544);
+
+/* fringeflow_control_request.command. */
+#define FRINGEFLOW_COMMAND_STATE 0u        /* tell the state */
+#define FRINGEFLOW_COMMAND_START 1u        /* cameras and projector start */
+#define FRINGEFLOW_COMMAND_STOP 2u         /* cameras and projector stop; the services stay */
+#define FRINGEFLOW_COMMAND_RECORD_START 3u /* start a recording; text: its file, or empty */
+#define FRINGEFLOW_COMMAND_RECORD_STOP 4u  /* end the recording */
+#define FRINGEFLOW_COMMAND_MARK 5u         /* write the text into the recording */
+#define FRINGEFLOW_COMMAND_QUIT 6u         /* end the instance */
+
+/* A command. */
+#define FRINGEFLOW_TYPE_CONTROL_REQUEST "fringeflow.ControlRequest.1"
+typedef struct {
+    uint32_t command;     /* FRINGEFLOW_COMMAND_… */
+    uint32_t reserved;    /* zero */
+    fringeflow_text text; /* argument of the command */
+} fringeflow_control_request;
+FRINGEFLOW_SIZE(fringeflow_control_request, 264);
+
+/* What came of a command. */
+#define FRINGEFLOW_TYPE_CONTROL_RESPONSE "fringeflow.ControlResponse.1"
+typedef struct {
+    uint32_t refused;            /* 0: done; 1: refused, the text says why */
+    uint32_t reserved;           /* zero */
+    fringeflow_scan_state state; /* the state after the command */
+    fringeflow_text text;        /* why it was refused */
+} fringeflow_control_response;
+FRINGEFLOW_SIZE(fringeflow_control_response, 808);
+
+#endif

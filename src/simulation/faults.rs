@@ -1,0 +1,149 @@
+//! Faults that the virtual scanner makes on purpose, to see how the pipeline accounts for them.
+//!
+//! In: shares. Out: for the number of an exposure, what goes wrong with its image. A function of seed and number alone,
+//! so that a run can be repeated.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{SimulationError, check_range};
+use crate::dataset::CameraId;
+
+/// How often what goes wrong; shares of all images of a camera or of all pattern events, 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FaultOptions {
+    /// Images lost in the camera: its numbers skip.
+    pub lost: f64,
+    /// Images that come twice.
+    pub duplicated: f64,
+    /// Images that come after the next one.
+    pub swapped: f64,
+    /// Images that come a period late.
+    pub late: f64,
+    /// Pattern events that are not sent.
+    pub events_lost: f64,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// What goes wrong with an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageFault {
+    /// It is lost in the camera.
+    Lost,
+    /// It comes twice.
+    Duplicated,
+    /// It comes after the next one.
+    Swapped,
+    /// It comes a period late.
+    Late,
+}
+
+/// Decides what goes wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Faults {
+    options: FaultOptions,
+}
+
+impl Faults {
+    /// Faults of these shares.
+    ///
+    /// # Errors
+    /// [`SimulationError::Range`]: a share below 0 or above 1, or shares of images that come to more than 1.
+    pub fn new(options: FaultOptions) -> Result<Self, SimulationError> {
+        let FaultOptions { lost, duplicated, swapped, late, events_lost, .. } = options;
+        let named = [
+            ("the share of lost images", lost),
+            ("the share of duplicated images", duplicated),
+            ("the share of swapped images", swapped),
+            ("the share of late images", late),
+            ("the share of lost pattern events", events_lost),
+            ("the sum of the shares of images", lost + duplicated + swapped + late),
+        ];
+        named.into_iter().try_for_each(|(name, share)| check_range(name, share, 0.0, 1.0, ""))?;
+        Ok(Self { options })
+    }
+
+    /// What goes wrong with the image of an exposure.
+    #[must_use]
+    pub fn of_image(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
+        let FaultOptions { lost, duplicated, swapped, late, .. } = self.options;
+        let mut draw = self.draw(1 + camera as u64, exposure);
+        let kinds = [
+            (lost, ImageFault::Lost),
+            (duplicated, ImageFault::Duplicated),
+            (swapped, ImageFault::Swapped),
+            (late, ImageFault::Late),
+        ];
+        kinds.into_iter().find_map(|(share, fault)| {
+            draw -= share;
+            (draw < 0.0).then_some(fault)
+        })
+    }
+
+    /// Whether a pattern event is not sent.
+    #[must_use]
+    pub fn loses_event(&self, sequence: u64) -> bool {
+        self.draw(0, sequence) < self.options.events_lost
+    }
+
+    /// A number from 0 to below 1 for an item of a source.
+    fn draw(&self, source: u64, number: u64) -> f64 {
+        let mut key = [0; 32];
+        for (bytes, value) in key.chunks_exact_mut(8).zip([self.options.seed, source, number]) {
+            bytes.copy_from_slice(&value.to_le_bytes());
+        }
+        ChaCha8Rng::from_seed(key).random()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPTIONS: FaultOptions =
+        FaultOptions { lost: 0.02, duplicated: 0.01, swapped: 0.03, late: 0.04, events_lost: 0.05, seed: 3 };
+
+    #[test]
+    fn shares_are_met_and_cameras_err_apart() {
+        let faults = Faults::new(OPTIONS).unwrap();
+        let count = |camera, fault| (0..20_000).filter(|&k| faults.of_image(camera, k) == Some(fault)).count();
+        for camera in CameraId::BOTH {
+            let counts = [ImageFault::Lost, ImageFault::Duplicated, ImageFault::Swapped, ImageFault::Late]
+                .map(|fault| count(camera, fault));
+            for (count, expected) in counts.into_iter().zip([400_usize, 200, 600, 800]) {
+                assert!(count.abs_diff(expected) < 100, "{camera:?}: {counts:?}");
+            }
+        }
+        let events = (0..20_000).filter(|&k| faults.loses_event(k)).count();
+        assert!(events.abs_diff(1000) < 100, "{events}");
+        let both = (0..20_000)
+            .filter(|&k| CameraId::BOTH.into_iter().all(|c| faults.of_image(c, k) == Some(ImageFault::Lost)))
+            .count();
+        assert!(both < 30, "{both} images lost by both");
+    }
+
+    #[test]
+    fn the_same_seed_errs_alike() {
+        let of = |seed| {
+            let faults = Faults::new(FaultOptions { seed, ..OPTIONS }).unwrap();
+            (0..500).map(|k| faults.of_image(CameraId::Cam1, k)).collect::<Vec<_>>()
+        };
+        assert_eq!(of(3), of(3));
+        assert_ne!(of(3), of(4));
+    }
+
+    #[test]
+    fn without_shares_nothing_goes_wrong() {
+        let faults = Faults::default();
+        assert!((0..1000).all(|k| faults.of_image(CameraId::Cam2, k).is_none() && !faults.loses_event(k)));
+    }
+
+    #[test]
+    fn shares_that_cannot_be_are_refused() {
+        let refused = |options| Faults::new(options).unwrap_err().to_string();
+        assert!(refused(FaultOptions { lost: -0.1, ..OPTIONS }).contains("lost images is -0.1"));
+        assert!(refused(FaultOptions { events_lost: f64::NAN, ..OPTIONS }).contains("pattern events"));
+        assert!(refused(FaultOptions { lost: 0.6, late: 0.6, ..OPTIONS }).contains("sum"));
+    }
+}

@@ -1,0 +1,146 @@
+//! The images of a moving scanner, made beforehand and shown in a loop: tracing rays takes longer than real time.
+//!
+//! In: a [`VirtualScanner`]. Out: for every pose of its sweep the image of each camera, with one step of the pattern:
+//! the step that comes round when image follows image. Every step stands at its share of the poses, so that a projector
+//! that shows another step finds a pose of it close by, and the fringes are right whatever it shows.
+
+use crate::dataset::CameraId;
+
+use super::SimulationError;
+use super::view::View;
+use super::virtual_scanner::VirtualScanner;
+
+/// One round of images of both cameras.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageLoop {
+    size_px: [usize; 2],
+    poses: usize,
+    steps: usize,
+    /// Grey levels, pose by pose, C1 before C2.
+    pub(super) pixels: Vec<u8>,
+}
+
+impl ImageLoop {
+    /// A loop of black images.
+    pub(super) fn dark(scanner: &VirtualScanner) -> Self {
+        let (size_px, poses) = (scanner.options().rig.size_px, scanner.sweep().poses());
+        let pixels = vec![0; poses * 2 * size_px[0] * size_px[1]];
+        Self { size_px, poses, steps: scanner.options().steps, pixels }
+    }
+
+    /// Makes the images; `on_pose` is told after every pose.
+    ///
+    /// # Errors
+    /// [`SimulationError::Range`]: an option that [`View::trace`] refuses.
+    pub fn render(scanner: &VirtualScanner, mut on_pose: impl FnMut()) -> Result<Self, SimulationError> {
+        let mut images = Self::dark(scanner);
+        let (scene, sensor, steps) = (scanner.scene(), scanner.sensor(), images.steps);
+        let bytes = images.image_bytes();
+        for (pose, pair) in images.pixels.chunks_exact_mut(2 * bytes).enumerate() {
+            let scene = scene.clone().at(scanner.cam1_from_object(pose));
+            for (camera, pixels) in CameraId::BOTH.into_iter().zip(pair.chunks_exact_mut(bytes)) {
+                let view = View::trace(&scanner.rig().exact, &scene, camera, scanner.options().supersampling)?;
+                let image = sensor.image(&view, &scanner.projected(pose % steps), scanner.image_seed(camera, pose));
+                pixels.copy_from_slice(&image.pixels);
+            }
+            on_pose();
+        }
+        Ok(images)
+    }
+
+    /// Width and height of an image, pixels.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
+    }
+
+    /// The image of an exposure while the projector shows a step: that of the pose nearest to the exposure's turn among
+    /// those with the step. `None` for a step that the loop has not.
+    #[must_use]
+    pub fn image(&self, camera: CameraId, exposure_number: u64, step: u32) -> Option<&[u8]> {
+        let pose = self.pose(exposure_number, step)?;
+        let bytes = self.image_bytes();
+        self.pixels.get((2 * pose + camera as usize) * bytes..)?.get(..bytes)
+    }
+
+    /// The pose that is shown in an exposure.
+    fn pose(&self, exposure_number: u64, step: u32) -> Option<usize> {
+        let (poses, steps, step) = (self.poses, self.steps, step as usize);
+        if step >= steps {
+            return None;
+        }
+        let turn = (exposure_number % poses as u64) as usize;
+        let ahead = (step + steps - turn % steps) % steps;
+        let back = if ahead > steps / 2 { steps } else { 0 };
+        Some((turn + ahead + poses - back) % poses)
+    }
+
+    fn image_bytes(&self) -> usize {
+        self.size_px[0] * self.size_px[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::virtual_scanner::tests::options;
+    use super::super::{Sensor, VirtualScannerOptions};
+    use super::*;
+
+    fn scanner() -> VirtualScanner {
+        VirtualScanner::new(options()).unwrap()
+    }
+
+    #[test]
+    fn image_after_image_the_loop_runs_through() {
+        let images = ImageLoop::dark(&scanner());
+        for k in 0..100_u64 {
+            assert_eq!(images.pose(k, (k % 4) as u32), Some((k % 24) as usize));
+        }
+    }
+
+    #[test]
+    fn another_step_finds_the_nearest_pose_that_has_it() {
+        let images = ImageLoop::dark(&scanner());
+        for (exposure, step) in (0..48).flat_map(|k| (0..4).map(move |s| (k, s))) {
+            let pose = images.pose(exposure, step).unwrap();
+            assert_eq!(pose % 4, step as usize);
+            let apart = pose.abs_diff((exposure % 24) as usize);
+            assert!(apart.min(24 - apart) <= 2, "exposure {exposure}, step {step}: pose {pose}");
+        }
+        assert_eq!(images.pose(3, 4), None);
+        assert!(images.image(CameraId::Cam2, u64::MAX, 3).is_some_and(|image| image.len() == 80 * 64));
+    }
+
+    #[test]
+    fn every_image_is_that_of_its_pose_and_step() {
+        let scanner = scanner();
+        let mut told = 0;
+        let images = ImageLoop::render(&scanner, || told += 1).unwrap();
+        assert_eq!(told, 24);
+        let quiet = Sensor::exposed(None, 1.0);
+        for pose in [0, 7, 23] {
+            let scene = scanner.scene().at(scanner.cam1_from_object(pose));
+            for camera in CameraId::BOTH {
+                let view = View::trace(&scanner.rig().exact, &scene, camera, 1).unwrap();
+                let expected = quiet.image(&view, &scanner.projected(pose % 4), scanner.image_seed(camera, pose));
+                let image = images.image(camera, pose as u64, (pose % 4) as u32).unwrap();
+                let pairs = image.iter().zip(&expected.pixels);
+                let mean = pairs.map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>() / image.len() as f64;
+                assert!((0.3..3.0).contains(&mean), "pose {pose}, {camera:?}: {mean} grey levels apart");
+            }
+        }
+        // Four images on, the step is the same, the pose and the noise are not.
+        assert_ne!(images.image(CameraId::Cam1, 0, 0), images.image(CameraId::Cam1, 4, 0));
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_no_byte() {
+        let sweep = super::super::SweepOptions { poses: 4, ..options().sweep };
+        let scanner = VirtualScanner::new(VirtualScannerOptions { sweep, ..options() }).unwrap();
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| ImageLoop::render(&scanner, || ()).unwrap())
+        };
+        assert_eq!(with(1), with(3));
+    }
+}

@@ -1,0 +1,247 @@
+//! A scanner that is moved by hand over an object: everything about it but its images.
+//!
+//! In: options. Out: the texts that a real scanner's configuration would hold ([`SetupText`]: calibration, pattern,
+//! measurement volume), and for every pose of the sweep the scene before the cameras. Cheap to make: no ray is traced.
+
+use crate::calibration::calibration_text;
+use crate::dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
+use crate::geometry::{Point3, Pose};
+
+use super::object::Object;
+use super::projected::{Direction, Projected};
+use super::scene::{MM_PER_M, volume_from_object};
+use super::sensor::{ImageSeed, NoiseLevel, Sensor};
+use super::sequence::{UNIT, even_shifts_rad, remarks};
+use super::sweep::{Sweep, SweepOptions, SweepSpeed};
+use super::{Board, RigOptions, Scene, SimulationError, VirtualRig, check_range};
+
+/// What a virtual scanner is like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VirtualScannerOptions {
+    /// The object.
+    pub object: Object,
+    /// What it lies on.
+    pub board: Board,
+    /// The rig, with the seed of its calibration error.
+    pub rig: RigOptions,
+    /// Phase shifts, 3 to 16.
+    pub steps: usize,
+    /// Noise of the cameras.
+    pub noise: NoiseLevel,
+    /// Exponent of the projector, 1 for a linear one.
+    pub gamma: f64,
+    /// Samples along each side of a pixel, 1 to 4.
+    pub supersampling: usize,
+    /// How it is moved.
+    pub sweep: SweepOptions,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// A scanner and its sweep over an object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualScanner {
+    options: VirtualScannerOptions,
+    rig: VirtualRig,
+    sweep: Sweep,
+}
+
+impl VirtualScanner {
+    /// Builds the rig and plans the sweep.
+    ///
+    /// # Errors
+    /// [`SimulationError`]: an option out of its range, poses that are no multiple of the steps, or a sweep that leads
+    /// out of the measurement volume.
+    pub fn new(options: VirtualScannerOptions) -> Result<Self, SimulationError> {
+        check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
+        check_range("gamma", options.gamma, 0.2, 5.0, "")?;
+        check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples a side")?;
+        let sweep = Sweep::new(options.sweep)?;
+        let (poses, steps) = (sweep.poses(), options.steps);
+        if poses % steps != 0 || poses == 0 {
+            return Err(SimulationError::PosesAndSteps { poses, steps });
+        }
+        let scanner = Self { options, rig: VirtualRig::new(&options.rig)?, sweep };
+        scanner.check_volume()?;
+        Ok(scanner)
+    }
+
+    /// What it was made from.
+    #[must_use]
+    pub fn options(&self) -> &VirtualScannerOptions {
+        &self.options
+    }
+
+    /// The rig, exact and calibrated.
+    #[must_use]
+    pub fn rig(&self) -> &VirtualRig {
+        &self.rig
+    }
+
+    /// How it is moved.
+    #[must_use]
+    pub fn sweep(&self) -> &Sweep {
+        &self.sweep
+    }
+
+    /// How fast the object moves before the cameras.
+    #[must_use]
+    pub fn speed(&self) -> SweepSpeed {
+        self.sweep.speed(&self.corners())
+    }
+
+    /// The texts that describe rig, pattern and measurement volume, as they stand beside the images of a real scanner.
+    ///
+    /// # Errors
+    /// [`SimulationError::Description`].
+    pub fn setup_text(&self) -> Result<SetupText, SimulationError> {
+        let options = &self.options;
+        let description = DatasetDescription {
+            name: options.object.name().to_owned(),
+            unit: UNIT,
+            image_size_px: options.rig.size_px,
+            steps: options.steps,
+            sequence: FringeSequence {
+                pattern: self.rig.columns,
+                shifts_rad: even_shifts_rad(options.steps),
+                gray: None,
+            },
+            second_direction: None,
+            volume: self.rig.volume.clone(),
+            exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
+            remarks: remarks(&self.rig, options.noise, options.gamma, options.seed),
+        };
+        Ok(SetupText { description: description.text()?, calibration: calibration_text(&self.rig.calibrated, UNIT) })
+    }
+
+    /// Pose of the object's frame in that of the exact C1 at a pose of the sweep, metres.
+    #[must_use]
+    pub fn cam1_from_object(&self, pose: usize) -> Pose {
+        let resting = volume_from_object(self.options.object);
+        self.rig.exact_volume.cam1_from_volume() * self.sweep.pose(pose) * resting
+    }
+
+    /// The scene at rest; [`Scene::at`] takes it to a pose.
+    pub(super) fn scene(&self) -> Scene {
+        Scene::of_object(self.options.object, self.options.board, &self.rig.exact_volume)
+    }
+
+    /// The cameras.
+    pub(super) fn sensor(&self) -> Sensor {
+        Sensor::exposed(self.options.noise.noise(), self.options.gamma)
+    }
+
+    /// What the projector shows in a step.
+    pub(super) fn projected(&self, step: usize) -> Projected {
+        let shift_rad = even_shifts_rad(self.options.steps).get(step).copied().unwrap_or_default();
+        Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad }
+    }
+
+    /// Random numbers of the image of a pose.
+    pub(super) fn image_seed(&self, camera: CameraId, pose: usize) -> ImageSeed {
+        ImageSeed { seed: self.options.seed, camera: camera as u8, image: pose as u32 }
+    }
+
+    /// Corners of the box about the object at rest, frame of the measurement volume, metres.
+    fn corners(&self) -> [Point3; 8] {
+        let object = self.options.object;
+        let (least, most) = object.solid().bounds_mm();
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { least[axis] } else { most[axis] };
+            volume_from_object(object) * (Point3::new(pick(0), pick(1), pick(2)) / MM_PER_M)
+        })
+    }
+
+    fn check_volume(&self) -> Result<(), SimulationError> {
+        let (volume, corners) = (&self.rig.exact_volume, self.corners());
+        for number in 0..self.sweep.poses() {
+            let pose = self.sweep.pose(number);
+            let excess = |corner: &Point3| {
+                let corner = pose * corner;
+                let outside = |axis: usize| (corner[axis] - volume.max()[axis]).max(volume.min()[axis] - corner[axis]);
+                outside(0).max(outside(1)).max(outside(2))
+            };
+            let excess_m = corners.iter().map(excess).fold(f64::NEG_INFINITY, f64::max);
+            if excess_m > 0.0 {
+                return Err(SimulationError::OutOfVolume { pose: number, excess_mm: excess_m * MM_PER_M });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::Arrangement;
+    use super::*;
+    use crate::dataset::Setup;
+
+    /// A small and fast scanner.
+    pub(in super::super) fn options() -> VirtualScannerOptions {
+        VirtualScannerOptions {
+            object: Object::Tooth,
+            board: Board::Visible,
+            rig: RigOptions {
+                arrangement: Arrangement::TABLE_TOP,
+                size_px: [80, 64],
+                depth_m: 0.025,
+                period_px: 16.0,
+                sd_rad: 0.041,
+                seed: 3,
+            },
+            steps: 4,
+            noise: NoiseLevel::Normal,
+            gamma: 1.0,
+            supersampling: 1,
+            sweep: SweepOptions { poses: 24, ..SweepOptions::default() },
+            seed: 9,
+        }
+    }
+
+    #[test]
+    fn its_texts_are_read_back_as_the_rig_they_tell_of() {
+        let scanner = VirtualScanner::new(options()).unwrap();
+        let setup = Setup::parse(scanner.setup_text().unwrap(), None).unwrap();
+        let rig = scanner.rig();
+        let off = (setup.rig.cam2_from_cam1.to_homogeneous() - rig.calibrated.cam2_from_cam1.to_homogeneous()).amax();
+        assert!(off < 1e-12, "pose of C2 {off} off");
+        assert_eq!(setup.rig.cam1, rig.calibrated.cam1);
+        assert_eq!((setup.steps, setup.sequence.shifts_rad.len(), setup.image_size_px), (4, 4, [80, 64]));
+        let centre = |pose: &Pose| pose.translation.vector;
+        let (volume, exact) = (setup.volume.unwrap(), setup.exact_cam1_from_volume.unwrap());
+        assert!((centre(volume.cam1_from_volume()) - centre(rig.volume.cam1_from_volume())).norm() < 1e-12);
+        assert!((centre(&exact) - centre(rig.exact_volume.cam1_from_volume())).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_usual_sweep_keeps_every_object_in_its_volume() {
+        for object in Object::ALL {
+            let rig = RigOptions { depth_m: object.usual_depth_m(), ..options().rig };
+            let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
+            let speed = VirtualScanner::new(options).unwrap().speed();
+            assert!((0.024..0.036).contains(&speed.mean_mm), "{object:?}: {speed:?}");
+        }
+    }
+
+    #[test]
+    fn the_object_is_where_the_sweep_takes_it() {
+        let scanner = VirtualScanner::new(options()).unwrap();
+        let resting = scanner.scene();
+        let centre = Point3::new(0.0, 0.0, 0.01);
+        let shift = |pose| (scanner.cam1_from_object(pose) * centre - resting.cam1_from_object() * centre).norm();
+        assert!((0.9e-3..1.2e-3).contains(&shift(0)) && shift(0) == shift(24), "{} m", shift(0));
+        let across = (scanner.cam1_from_object(12) * centre - scanner.cam1_from_object(0) * centre).norm();
+        assert!((1.8e-3..2.2e-3).contains(&across), "{across} m");
+    }
+
+    #[test]
+    fn a_sweep_that_cannot_be_is_refused() {
+        let usual = options();
+        let refused = |options| VirtualScanner::new(options).unwrap_err().to_string();
+        let poses = |poses| VirtualScannerOptions { sweep: SweepOptions { poses, ..usual.sweep }, ..usual };
+        assert!(refused(poses(26)).contains("use 24 or 28 poses"), "{}", refused(poses(26)));
+        let far = SweepOptions { travel_mm: [40.0, 0.0, 0.0], ..usual.sweep };
+        let refused = refused(VirtualScannerOptions { sweep: far, ..usual });
+        assert!(refused.contains("pose 0 of the sweep takes the object 3."), "{refused}");
+    }
+}
