@@ -160,4 +160,3 @@ pub(super) fn checked<T: std::fmt::Display>(
         Err(ConfigurationProblem::Value { key, value: value.to_string(), expected })
     }
 }
-

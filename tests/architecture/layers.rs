@@ -18,7 +18,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("worker", &["geometry", "phase", "correspondence", "cloud"]),
     ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
-    ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
+    ("config", &["geometry", "phase", "calibration", "dataset", "correspondence", "simulation", "reconstruction"]),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 
