@@ -42,6 +42,7 @@
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
 //! | [`config`] | configuration files |
 //! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
+//! | [`recording`] | recordings: MCAP files of what the channels carried |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -56,6 +57,7 @@ pub mod phase;
 mod png_encoding;
 pub mod preview;
 pub mod reconstruction;
+pub mod recording;
 pub mod rig_report;
 pub mod simulation;
 pub mod wire;

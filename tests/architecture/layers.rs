@@ -19,6 +19,20 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
     ("config", &["geometry", "phase", "calibration", "dataset", "correspondence", "simulation", "reconstruction"]),
+    (
+        "recording",
+        &[
+            "message",
+            "geometry",
+            "phase",
+            "calibration",
+            "dataset",
+            "correspondence",
+            "cloud",
+            "reconstruction",
+            "config",
+        ],
+    ),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 
