@@ -133,6 +133,7 @@ pub(super) struct RawFaults {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawWindow {
     pub(super) every: Option<usize>,
+    pub(super) when_busy: Option<String>,
 }
 
 #[derive(Deserialize, Default)]

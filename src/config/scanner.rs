@@ -32,6 +32,8 @@ pub struct ScannerConfiguration {
     pub projector: ProjectorDriver,
     /// Image pairs from one window to the next.
     pub window_every: usize,
+    /// Whether a stage waits until the next one is free; else it goes on with newer windows, and counts the others.
+    pub wait_when_busy: bool,
     /// The recorder.
     pub recorder: RecorderConfiguration,
     /// The text all this was read from.
@@ -147,6 +149,11 @@ impl ScannerConfiguration {
                 raw.window.every.unwrap_or(1),
                 |v| (1..=1000).contains(v),
                 "it must lie between 1 and 1000 image pairs",
+            )?,
+            wait_when_busy: one_of(
+                "window.when_busy",
+                raw.window.when_busy.as_deref().unwrap_or("skip"),
+                &[("skip", false), ("wait", true)],
             )?,
             recorder: recorder(&raw.recorder, folder)?,
             text: text.to_owned(),
