@@ -47,7 +47,6 @@ impl Transform for CloudStage {
 
     const INPUT: Channel<CorrespondenceHeader, [Block]> = CORRESPONDENCE_MAP;
     const OUTPUT: Channel<CloudHeader, [u8]> = CLOUD;
-    const BEFORE: Stage = Stage::Correspondence;
     const STAGE: Stage = Stage::Cloud;
     const NEXT: Option<Stage> = None;
 

@@ -35,7 +35,6 @@ impl Transform for CorrespondenceStage {
 
     const INPUT: Channel<MapsHeader, [Block]> = PHASE_MAPS;
     const OUTPUT: Channel<CorrespondenceHeader, [Block]> = CORRESPONDENCE_MAP;
-    const BEFORE: Stage = Stage::Phase;
     const STAGE: Stage = Stage::Correspondence;
     const NEXT: Option<Stage> = Some(Stage::Cloud);
 

@@ -17,6 +17,33 @@ const VERSION: u64 = 1;
 /// Channels that a stage can take from.
 pub const SOURCES: usize = 8;
 
+/// What a stage takes: so many `items` of the stage `from` make one of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// The stage before.
+    pub from: Stage,
+    /// Its items in one of the stage.
+    pub items: u64,
+}
+
+/// What a stage takes from the stages before, by the number of the source; nothing for those that begin the pipeline, and for
+/// the recorder, which numbers its channels itself.
+#[must_use]
+pub fn sources(stage: Stage) -> &'static [Source] {
+    const fn all_of(from: Stage) -> Source {
+        Source { from, items: 1 }
+    }
+    match stage {
+        Stage::Camera1 | Stage::Camera2 | Stage::Projector | Stage::Recorder => &[],
+        Stage::Pattern => const { &[all_of(Stage::Projector)] },
+        Stage::Pairing => const { &[all_of(Stage::Camera1), all_of(Stage::Camera2)] },
+        Stage::Windowing => const { &[Source { from: Stage::Pairing, items: 2 }] },
+        Stage::Phase => const { &[all_of(Stage::Windowing)] },
+        Stage::Correspondence => const { &[all_of(Stage::Phase)] },
+        Stage::Cloud => const { &[all_of(Stage::Correspondence)] },
+    }
+}
+
 /// What the file holds.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -30,6 +57,7 @@ struct Record {
 /// Counts of one stage, kept in a file.
 #[derive(Debug)]
 pub struct Account {
+    stage: Stage,
     file: File,
     path: PathBuf,
     record: Record,
@@ -91,7 +119,7 @@ impl Account {
         let file = options.open(&path).map_err(fail)?;
         let record = read_record(&file).unwrap_or(Record { version: VERSION, ..Record::zeroed() });
         let arrivals = record.next.map(|next| Arrivals { next, floor: 0 });
-        let mut account = Self { file, path: path.clone(), record, arrivals };
+        let mut account = Self { stage, file, path: path.clone(), record, arrivals };
         let in_work = account.counts().in_work().unwrap_or(0);
         account.drop_many(DropReason::Restart, in_work)?;
         Ok(account)
@@ -109,17 +137,25 @@ impl Account {
         &self.record.counts
     }
 
-    /// The number of the next message of a channel.
+    /// Which messages of a source have come.
     #[must_use]
-    pub fn next(&self, source: usize) -> u64 {
-        self.arrivals[source].next
+    pub fn arrivals(&self, source: usize) -> &Arrivals {
+        &self.arrivals[source]
     }
 
-    /// Counts everything that a channel's publisher had sent before this process listened: `sent` messages in all.
+    /// Counts as lost what the stages before have put out and this one did not get; what of it still comes must not be used.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn catch_up(&mut self, source: usize, sent: u64, reason: DropReason) -> Result<(), AccountError> {
+    pub fn catch_up(&mut self, folder: &Path, reason: DropReason) -> Result<(), AccountError> {
+        for (number, source) in sources(self.stage).iter().enumerate() {
+            let sent = Self::read(folder, source.from).map_or(0, |counts| counts.passed / source.items);
+            self.catch_up_to(number, sent, reason)?;
+        }
+        Ok(())
+    }
+
+    fn catch_up_to(&mut self, source: usize, sent: u64, reason: DropReason) -> Result<(), AccountError> {
         let missed = self.arrivals[source].catch_up(sent);
         self.record.counts.taken += missed;
         self.drop_many(reason, missed)
@@ -237,7 +273,7 @@ mod tests {
         assert_eq!(balance(&account), [2, 1, 1, 0]);
         assert_eq!(account.counts().dropped(DropReason::Restart), 1);
         // Messages 2 to 4 were sent while nobody listened; 4 is still in the channel, but counted.
-        account.catch_up(0, 5, DropReason::Restart).unwrap();
+        account.catch_up_to(0, 5, DropReason::Restart).unwrap();
         assert!(!account.arrive(0, 4).unwrap());
         assert!(account.arrive(0, 5).unwrap());
         assert_eq!(account.counts().dropped(DropReason::Restart), 4);
@@ -253,7 +289,7 @@ mod tests {
         account.arrive(0, 1).unwrap();
         assert!(account.arrive(0, 0).unwrap());
         assert_eq!(balance(&account), [3, 0, 0, 3]);
-        assert_eq!(account.next(0), 1);
+        assert_eq!(account.arrivals(0).next, 1);
     }
 
     #[test]

@@ -127,13 +127,12 @@ impl Host {
         Account::read(&self.accounts, stage)
     }
 
-    /// Counts as lost what the stage before put out while this service did not listen.
+    /// Counts as lost what the stages before have put out while this service did not listen.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn catch_up(&self, account: &mut Account, before: Stage, reason: DropReason) -> Result<(), AccountError> {
-        let sent = self.counts_of(before).map_or(0, |counts| counts.passed);
-        account.catch_up(0, sent, reason)
+    pub fn catch_up(&self, account: &mut Account, reason: DropReason) -> Result<(), AccountError> {
+        account.catch_up(&self.accounts, reason)
     }
 
     /// Whether the next stage has finished all that this one put out; true where there is none.

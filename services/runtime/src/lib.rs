@@ -10,7 +10,7 @@ pub mod log;
 mod stop;
 mod transform;
 
-pub use account::{Account, AccountError, Arrivals, SOURCES};
+pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
 pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes};
 pub use stop::Stop;

@@ -24,8 +24,6 @@ pub trait Transform {
     const INPUT: Channel<Self::InHeader, Self::InPayload>;
     /// Where results go.
     const OUTPUT: Channel<Self::OutHeader, Self::OutPayload>;
-    /// The stage before.
-    const BEFORE: Stage;
     /// This stage.
     const STAGE: Stage;
     /// The stage behind, if there is one.
@@ -92,7 +90,7 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
     let account = host.account(T::STAGE)?;
     let wake = Wake::new()?;
     let mut service = Service { host, transform, account, output, logged: None };
-    service.catch_up(DropReason::Restart)?;
+    service.host.catch_up(&mut service.account, DropReason::Restart)?;
     loop {
         // Asked before the channel is emptied, so that what the stage before put out last is not left.
         let is_last = service.host.stop.is_requested();
@@ -113,16 +111,12 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
         });
         wake.wait(&[&input], BEAT)?;
     }
-    service.catch_up(DropReason::Overrun)?;
+    service.host.catch_up(&mut service.account, DropReason::Overrun)?;
     service.host.report(T::STAGE, service.account.counts(), None);
     Ok(())
 }
 
 impl<T: Transform> Service<'_, T> {
-    fn catch_up(&mut self, reason: DropReason) -> Result<(), AccountError> {
-        self.host.catch_up(&mut self.account, T::BEFORE, reason)
-    }
-
     fn work(&mut self, message: Received<T::InHeader, T::InPayload>) -> Result<(), ServiceError> {
         let taken_ns = now_ns();
         if !self.account.arrive(0, T::published(message.header()))? {
