@@ -37,6 +37,7 @@
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
 //! | [`wire`] | phase maps and correspondences as payloads of messages |
+//! | [`transport`] | channels between processes |
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
@@ -61,4 +62,5 @@ pub mod recording;
 pub mod rig_report;
 pub mod simulation;
 pub mod wire;
+pub mod transport;
 pub mod worker;
