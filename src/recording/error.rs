@@ -48,7 +48,9 @@ pub enum RecordingProblem {
     #[error("is no MCAP file (its first bytes are not those of one)")]
     NotMcap,
     /// The file ends without its end.
-    #[error("is unfinished: it ends at byte {offset} {within}; `fringeflow recover` makes a whole file of what is there")]
+    #[error(
+        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` makes a whole file of what is there"
+    )]
     Unfinished {
         /// Where.
         offset: u64,

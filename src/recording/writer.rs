@@ -118,12 +118,8 @@ impl RecordingWriter {
         data: &[u8],
     ) -> Result<(), RecordingProblem> {
         let channel = self.channel(topic)?;
-        let header = MessageHeader {
-            channel_id: channel.id,
-            sequence,
-            log_time: times.log_ns,
-            publish_time: times.publish_ns,
-        };
+        let header =
+            MessageHeader { channel_id: channel.id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
         channel.sequence = sequence.wrapping_add(1);
         self.mcap.write_to_known_channel(&header, data).map_err(problem_of)
     }

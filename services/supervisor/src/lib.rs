@@ -2,7 +2,13 @@
 
 mod balance;
 mod child;
+mod control;
+mod display;
+mod plan;
+mod supervisor;
 mod tally;
 
 pub use balance::{Balance, Imbalance};
+pub use plan::{ServiceKind, live_services};
+pub use supervisor::{Outcome, Plan, RunError, run};
 pub use tally::{Latency, StageTally, Tally};
