@@ -8,6 +8,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("phase", &["geometry::FringePattern"]),
     ("message", &["phase::MAX_STEPS"]),
+    ("synchronization", &["phase::MIN_STEPS", "message"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
