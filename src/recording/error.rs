@@ -65,6 +65,17 @@ pub enum RecordingProblem {
         /// What is wrong there.
         what: String,
     },
+    /// A chunk is compressed.
+    #[error(
+        "has a chunk at byte {offset} compressed with {compression:?}; unpack it first, with `mcap compress --compression \
+         none`"
+    )]
+    Compressed {
+        /// Where.
+        offset: u64,
+        /// What the chunk says.
+        compression: String,
+    },
     /// A newer version wrote it.
     #[error(
         "has format version {found}, and this fringeflow reads versions up to {FORMAT_VERSION}; update fringeflow \
@@ -93,6 +104,16 @@ pub enum RecordingProblem {
         offset: u64,
         /// What is wrong with it.
         what: String,
+    },
+    /// An image that is asked for is not there.
+    #[error("has no image {sequence} of session {session} of camera {camera}; it was lost, or never recorded")]
+    NoImage {
+        /// 1 or 2.
+        camera: u32,
+        /// Session of the camera.
+        session: u64,
+        /// Sequence number of its driver.
+        sequence: u64,
     },
     /// Calibration or description cannot be used.
     #[error("attachment {0}")]

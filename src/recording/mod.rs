@@ -22,24 +22,37 @@
 //!
 //! The schema of our own messages is `schema/fringeflow.proto`.
 
+mod content;
 mod convert;
 mod error;
+mod fields;
 mod file;
+mod import;
 mod opening;
+mod pairs;
 mod queue;
 mod recordable;
 mod recorder;
+mod recording;
+mod scan;
 mod schema;
 mod topic;
 mod writer;
 
+pub use content::{Content, Message};
 pub use error::{RecordingError, RecordingProblem};
 pub use file::UNFINISHED;
+pub use import::{ImportError, ImportOptions, import};
 pub use opening::Origin;
+pub use pairs::{ImagePair, first_cycle};
 pub use recordable::Recordable;
 pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder, RecorderCounts};
+pub use recording::Recording;
 pub use topic::Topic;
 pub use writer::Opening;
+
+#[cfg(test)]
+mod tests;
 
 /// Version of the format; raised when older readers would misread a recording.
 pub const FORMAT_VERSION: u64 = 1;

@@ -14,7 +14,7 @@ use super::FORMAT_VERSION;
 use super::recordable::timestamp;
 
 /// Where and when a recording was begun.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
     /// Name of the host.
     pub host: String,

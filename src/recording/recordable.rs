@@ -2,7 +2,6 @@
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp, Vector3, log};
-use prost::Message as _;
 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{

@@ -82,13 +82,13 @@ impl RecorderCounts {
         total
     }
 
-    fn of(&mut self, topic: Topic) -> &mut Counts {
+    pub(super) fn of(&mut self, topic: Topic) -> &mut Counts {
         self.topics.entry(topic).or_default()
     }
 
-    /// As metadata of the recording.
-    fn metadata(&self) -> BTreeMap<String, String> {
-        let mut entries = BTreeMap::new();
+    /// As metadata of a recording that ended for some reason.
+    pub(super) fn metadata(&self, ended: &str) -> BTreeMap<String, String> {
+        let mut entries = BTreeMap::from([("ended".to_owned(), ended.to_owned())]);
         let total = self.total();
         entries.insert("taken".to_owned(), total.taken.to_string());
         entries.insert("written".to_owned(), total.passed.to_string());
@@ -288,8 +288,7 @@ impl<'a> WriterThread<'a> {
     fn close(&mut self, why: &'static str) {
         self.flush();
         let Some(writer) = self.writer.take() else { return };
-        let mut metadata = self.shared.account().counts.metadata();
-        metadata.insert("ended".to_owned(), why.to_owned());
+        let mut metadata = self.shared.account().counts.metadata(why);
         metadata.insert("ended_ns".to_owned(), monotonic_ns().to_string());
         self.shared.account().ended = Some(why);
         self.closed = Some(writer.finish(metadata));

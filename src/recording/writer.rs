@@ -194,11 +194,17 @@ impl RecordingWriter {
         self.file.finish()
     }
 
-    /// Removes a file of which nothing is worth keeping.
+    /// Removes a file of which nothing is worth keeping; the error about it.
     pub(super) fn give_up(self, problem: RecordingProblem) -> RecordingError {
+        let error = problem.of(&self.target);
+        self.discard();
+        error
+    }
+
+    /// Removes the file.
+    pub(super) fn discard(self) {
         drop(self.mcap);
         self.file.discard();
-        problem.of(&self.target)
     }
 }
 
