@@ -26,7 +26,6 @@ mod sensor;
 mod sequence;
 mod solid;
 mod sweep;
-mod tabulated;
 mod trace;
 mod truth;
 mod view;
