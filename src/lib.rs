@@ -36,6 +36,7 @@
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
+//! | [`wire`] | phase maps and correspondences as payloads of messages |
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
@@ -57,4 +58,5 @@ pub mod preview;
 pub mod reconstruction;
 pub mod rig_report;
 pub mod simulation;
+pub mod wire;
 pub mod worker;

@@ -3,23 +3,29 @@
 //! In: a file such as `configs/reconstruct.toml`. Out: a [`Configuration`]. Every key is optional and has its unit in its
 //! name; unknown keys are refused.
 
-use std::path::{Path, PathBuf};
+mod raw;
+mod scanner;
+mod virtual_scanner;
 
-use serde::Deserialize;
+use std::path::{Path, PathBuf};
 
 use crate::calibration::Unit;
 use crate::correspondence::{MatchSettings, ResolutionSettings};
-use crate::dataset::VolumeDescription;
 use crate::geometry::MeasurementVolume;
 use crate::phase::Validity;
 use crate::reconstruction::Settings;
+
+use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
+
+pub use scanner::{CameraSource, ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
+pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// What a configuration file says, with defaults for what it does not.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration {
     /// How images become a cloud.
     pub settings: Settings,
-    /// Measurement volume that replaces the dataset's.
+    /// Measurement volume that replaces that of the dataset or the recording.
     pub volume: Option<MeasurementVolume>,
 }
 
@@ -53,42 +59,35 @@ pub enum ConfigurationProblem {
         /// What belongs there.
         expected: &'static str,
     },
+    /// A word that is none of those known.
+    #[error("key {key} is {value:?}; known are {known:?}")]
+    Word {
+        /// Name of the key.
+        key: &'static str,
+        /// The word.
+        value: String,
+        /// The words known.
+        known: Vec<&'static str>,
+    },
+    /// A name that nothing has.
+    #[error("key {key}: {problem}")]
+    Named {
+        /// Name of the key.
+        key: &'static str,
+        /// What is wrong with the name.
+        problem: String,
+    },
+    /// A key that is needed is absent.
+    #[error("key {key} is missing; {expected}")]
+    Missing {
+        /// Name of the key.
+        key: &'static str,
+        /// What belongs there.
+        expected: &'static str,
+    },
     /// The volume is none.
     #[error("key measurement_volume: {0}")]
     Volume(#[source] crate::dataset::Problem),
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-struct RawConfiguration {
-    phase: RawPhase,
-    correspondence: RawCorrespondence,
-    measurement_volume: Option<RawVolume>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-struct RawPhase {
-    min_modulation_grey: Option<f32>,
-    saturation_grey: Option<u8>,
-    max_residual_share: Option<f32>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-struct RawCorrespondence {
-    delta_sd_rad: Option<f64>,
-    max_rounds: Option<usize>,
-    max_sweeps: Option<usize>,
-    min_votes: Option<u16>,
-    min_region_px: Option<u32>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawVolume {
-    unit: String,
-    r#box: VolumeDescription,
 }
 
 impl Configuration {
@@ -107,8 +106,10 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        let raw: RawConfiguration =
-            toml::from_str(text).map_err(|e| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+        Self::of(&RawConfiguration::parse(text)?)
+    }
+
+    fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
         let settings = Settings { validity: validity(&raw.phase)?, matching: matching(&raw.correspondence)? };
         Ok(Self { settings, volume: raw.measurement_volume.as_ref().map(volume).transpose()? })
     }
@@ -168,19 +169,6 @@ fn volume(raw: &RawVolume) -> Result<MeasurementVolume, ConfigurationProblem> {
         expected: "it must be \"mm\" or \"m\"",
     })?;
     raw.r#box.placed(unit).map_err(ConfigurationProblem::Volume)
-}
-
-fn checked<T: std::fmt::Display>(
-    key: &'static str,
-    value: T,
-    is_valid: impl FnOnce(&T) -> bool,
-    expected: &'static str,
-) -> Result<T, ConfigurationProblem> {
-    if is_valid(&value) {
-        Ok(value)
-    } else {
-        Err(ConfigurationProblem::Value { key, value: value.to_string(), expected })
-    }
 }
 
 #[cfg(test)]

@@ -46,6 +46,12 @@ impl Outcome {
         Self::Contradicted,
     ];
 
+    /// The outcome with a code; `None` where there is none.
+    #[must_use]
+    pub fn of(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|outcome| *outcome as u8 == code)
+    }
+
     /// Whether the pixel has a point.
     #[must_use]
     pub fn is_found(self) -> bool {

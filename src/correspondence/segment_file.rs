@@ -8,8 +8,9 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file::{WriteError, write_atomically};
+use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 
-use super::segment_table::{Fingerprint, Segment, SegmentTable, SourcePixel};
+use super::segment_table::{Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
 const VERSION: u32 = 2;
@@ -31,9 +32,12 @@ struct Header {
     base: [f32; 3],
 }
 
-/// Why a segment table cannot be loaded or saved.
+/// Why a segment table cannot be had, loaded or saved.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentFileError {
+    /// The rig has none.
+    #[error(transparent)]
+    Table(#[from] SegmentTableError),
     /// It cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -109,6 +113,26 @@ impl SegmentTable {
             payload.iter().try_for_each(|part| out.write_all(part))
         })?;
         Ok(())
+    }
+
+    /// Reads the table of a rig from its file if there is one; else computes it, and writes the file if one is named.
+    ///
+    /// # Errors
+    /// The rig has no table, or the file cannot be used or written.
+    pub fn load_or_build(
+        path: Option<&Path>,
+        rig: &Rig,
+        volume: &MeasurementVolume,
+        pattern: &FringePattern,
+    ) -> Result<Self, SegmentFileError> {
+        if let Some(path) = path.filter(|path| path.exists()) {
+            return Self::load(path, Fingerprint::of(rig, volume, pattern));
+        }
+        let table = Self::build(rig, volume, pattern)?;
+        if let Some(path) = path {
+            table.save(path)?;
+        }
+        Ok(table)
     }
 
     /// Reads the table of the rig with the fingerprint `expected`.

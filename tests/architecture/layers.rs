@@ -16,6 +16,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("evaluation", &["geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["geometry", "phase", "correspondence", "cloud"]),
+    ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
     ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),

@@ -51,7 +51,7 @@ impl Failure {
         match self {
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
-            Self::SegmentFile(SegmentFileError::Unusable { .. }) => 2,
+            Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,
             Self::Cloud(_) | Self::SegmentFile(_) | Self::Write(_) | Self::Output(_) => 1,
         }

@@ -1,0 +1,121 @@
+//! What a service is started with.
+
+use std::path::{Path, PathBuf};
+
+use fringeflow::config::{ConfigurationError, ScannerConfiguration, SetupTextError};
+use fringeflow::correspondence::{SegmentFileError, SegmentTable};
+use fringeflow::dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
+
+/// Arguments that every service takes.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ServiceArgs {
+    /// Configuration of the scanner, see configs/demo.toml.
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+    /// Folder with meta.json and calibration.yml, in place of the rig that the configuration names.
+    #[arg(long, value_name = "FOLDER")]
+    pub setup: Option<PathBuf>,
+    /// File of the segment table: read if it exists, else computed and written.
+    #[arg(long, value_name = "FILE")]
+    pub segment_table: Option<PathBuf>,
+    /// How often the service was started before in this instance.
+    #[arg(long, hide = true, default_value_t = 0)]
+    pub restarts: u32,
+    /// End when standard input ends.
+    #[arg(long, hide = true)]
+    pub supervised: bool,
+}
+
+/// Why the arguments yield no setup.
+#[derive(Debug, thiserror::Error)]
+pub enum ArgumentError {
+    /// The configuration file.
+    #[error(transparent)]
+    Configuration(#[from] ConfigurationError),
+    /// The rig that the configuration names.
+    #[error("{}: {source}", config.display())]
+    Rig {
+        /// The configuration file.
+        config: PathBuf,
+        /// What is wrong.
+        #[source]
+        source: SetupTextError,
+    },
+    /// A file of the setup folder.
+    #[error("{}: cannot be read: {source}", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// What a file of the setup says.
+    #[error("{}: {source}", from.display())]
+    Setup {
+        /// Where the setup comes from.
+        from: PathBuf,
+        /// What is wrong.
+        #[source]
+        source: SetupError,
+    },
+    /// The setup has no measurement volume.
+    #[error("{}: there is no measurement volume; state one in the configuration (key measurement_volume)", from.display())]
+    NoVolume {
+        /// Where the setup comes from.
+        from: PathBuf,
+    },
+    /// The rig has no segment table, or its file cannot be used.
+    #[error(transparent)]
+    SegmentFile(#[from] SegmentFileError),
+}
+
+impl ServiceArgs {
+    /// Reads the configuration.
+    ///
+    /// # Errors
+    /// [`ArgumentError::Configuration`].
+    pub fn configuration(&self) -> Result<ScannerConfiguration, ArgumentError> {
+        Ok(ScannerConfiguration::read(&self.config)?)
+    }
+
+    /// Reads the setup: from its folder, or as the configuration says.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or what it says.
+    pub fn setup(&self, configuration: &ScannerConfiguration) -> Result<Setup, ArgumentError> {
+        let (text, from) = match &self.setup {
+            Some(folder) => (read_folder(folder)?, folder),
+            None => {
+                let text = configuration.setup_text();
+                let rig = |source| ArgumentError::Rig { config: self.config.clone(), source };
+                (text.map_err(rig)?, &self.config)
+            }
+        };
+        let setup = |source| ArgumentError::Setup { from: from.clone(), source };
+        let mut parsed = Setup::parse(text, None).map_err(setup)?;
+        if let Some(volume) = &configuration.measurement.volume {
+            parsed.volume = Some(volume.clone());
+        }
+        Ok(parsed)
+    }
+
+    /// Loads or computes the segment table of a setup.
+    ///
+    /// # Errors
+    /// No volume, a rig without table, or a file that cannot be used.
+    pub fn segment_table(&self, setup: &Setup) -> Result<SegmentTable, ArgumentError> {
+        let from = self.setup.as_ref().unwrap_or(&self.config);
+        let volume = setup.volume.as_ref().ok_or_else(|| ArgumentError::NoVolume { from: from.clone() })?;
+        let path = self.segment_table.as_deref();
+        Ok(SegmentTable::load_or_build(path, &setup.rig, volume, &setup.sequence.pattern)?)
+    }
+}
+
+fn read_folder(folder: &Path) -> Result<SetupText, ArgumentError> {
+    let read = |name| {
+        let file = folder.join(name);
+        std::fs::read_to_string(&file).map_err(|source| ArgumentError::Unreadable { file, source })
+    };
+    Ok(SetupText { description: read(META_FILE)?, calibration: read(CALIBRATION_FILE)? })
+}

@@ -1,0 +1,47 @@
+//! When a service is to end: a signal, or the supervisor gone.
+
+use std::io::{Read, stdin};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// Tells whether the service is to end; cheap to ask.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Listens to SIGINT and SIGTERM.
+    ///
+    /// # Errors
+    /// The system refuses a handler.
+    pub fn on_signals() -> std::io::Result<Self> {
+        let stop = Self::default();
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&stop.0))?;
+        }
+        Ok(stop)
+    }
+
+    /// Listens to the end of standard input too: a supervisor holds the other end of the pipe, and closes it to stop the
+    /// service, or by dying.
+    pub fn also_when_input_ends(&self) {
+        let stop = self.clone();
+        std::thread::spawn(move || {
+            let mut ignored = [0; 64];
+            while matches!(stdin().read(&mut ignored), Ok(1..)) {}
+            stop.request();
+        });
+    }
+
+    /// Asks for the end.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the end was asked for.
+    #[must_use]
+    pub fn is_requested(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}

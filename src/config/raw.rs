@@ -1,0 +1,163 @@
+//! The file as serde reads it: every key optional, unknown ones refused.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+use crate::dataset::VolumeDescription;
+
+use super::ConfigurationProblem;
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawConfiguration {
+    pub(super) phase: RawPhase,
+    pub(super) correspondence: RawCorrespondence,
+    pub(super) measurement_volume: Option<RawVolume>,
+    pub(super) instance: RawInstance,
+    pub(super) rig: Option<RawRig>,
+    pub(super) pattern: Option<RawPattern>,
+    pub(super) cameras: Option<RawCameras>,
+    pub(super) projector: RawProjector,
+    pub(super) virtual_scanner: RawVirtualScanner,
+    pub(super) window: RawWindow,
+    pub(super) recorder: RawRecorder,
+}
+
+impl RawConfiguration {
+    pub(super) fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
+        toml::from_str(text).map_err(|e| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))
+    }
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawPhase {
+    pub(super) min_modulation_grey: Option<f32>,
+    pub(super) saturation_grey: Option<u8>,
+    pub(super) max_residual_share: Option<f32>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawCorrespondence {
+    pub(super) delta_sd_rad: Option<f64>,
+    pub(super) max_rounds: Option<usize>,
+    pub(super) max_sweeps: Option<usize>,
+    pub(super) min_votes: Option<u16>,
+    pub(super) min_region_px: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawVolume {
+    pub(super) unit: String,
+    pub(super) r#box: VolumeDescription,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawInstance {
+    pub(super) name: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawRig {
+    pub(super) calibration: PathBuf,
+    pub(super) unit: String,
+    pub(super) segment_table: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawPattern {
+    pub(super) steps: usize,
+    pub(super) period_px: f64,
+    pub(super) phase_sign: Option<f64>,
+    pub(super) phase_offset_rad: Option<f64>,
+    pub(super) phase_shift_rad: Option<Vec<f64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawCameras {
+    pub(super) source: String,
+    pub(super) rate_hz: f64,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawProjector {
+    pub(super) driver: Option<String>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawVirtualScanner {
+    pub(super) object: Option<String>,
+    pub(super) board: Option<String>,
+    pub(super) size_px: Option<[usize; 2]>,
+    pub(super) depth_mm: Option<f64>,
+    pub(super) sd_rad: Option<f64>,
+    pub(super) noise: Option<String>,
+    pub(super) gamma: Option<f64>,
+    pub(super) supersampling: Option<usize>,
+    pub(super) seed: Option<u64>,
+    pub(super) cache: Option<PathBuf>,
+    pub(super) sweep: RawSweep,
+    pub(super) faults: RawFaults,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawSweep {
+    pub(super) poses: Option<usize>,
+    pub(super) travel_mm: Option<[f64; 3]>,
+    pub(super) turn_deg: Option<[f64; 3]>,
+    pub(super) tremor_mm: Option<f64>,
+    pub(super) tremor_deg: Option<f64>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawFaults {
+    pub(super) lost: Option<f64>,
+    pub(super) duplicated: Option<f64>,
+    pub(super) swapped: Option<f64>,
+    pub(super) late: Option<f64>,
+    pub(super) events_lost: Option<f64>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawWindow {
+    pub(super) every: Option<usize>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawRecorder {
+    pub(super) folder: Option<PathBuf>,
+    pub(super) from_start: Option<bool>,
+    pub(super) queue_mb: Option<u64>,
+    pub(super) min_free_mb: Option<u64>,
+    pub(super) flush_ms: Option<u64>,
+    pub(super) phase_maps: Option<bool>,
+    pub(super) correspondences: Option<bool>,
+}
+
+/// The value, or the error that names its key.
+pub(super) fn checked<T: std::fmt::Display>(
+    key: &'static str,
+    value: T,
+    is_valid: impl FnOnce(&T) -> bool,
+    expected: &'static str,
+) -> Result<T, ConfigurationProblem> {
+    if is_valid(&value) {
+        Ok(value)
+    } else {
+        Err(ConfigurationProblem::Value { key, value: value.to_string(), expected })
+    }
+}
+

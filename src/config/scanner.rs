@@ -1,0 +1,304 @@
+//! What a running instance needs to know: its name, rig, cameras, projector, windows and recorder.
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use crate::calibration::{CalibrationError, Unit, parse_calibration, read_text};
+use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
+use crate::geometry::{FringePattern, MeasurementVolume};
+use crate::phase::{MAX_STEPS, MIN_STEPS};
+use crate::simulation::{SimulationError, VirtualScanner};
+
+use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked};
+use super::virtual_scanner::{self, VirtualScannerConfiguration};
+use super::{Configuration, ConfigurationError, ConfigurationProblem};
+
+/// Configuration of an instance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScannerConfiguration {
+    /// Name of the instance.
+    pub name: String,
+    /// How images become clouds.
+    pub measurement: Configuration,
+    /// Where rig, pattern and volume come from; `None` where the caller has them, as in a replay.
+    pub rig: Option<RigSource>,
+    /// File of the segment table, if it is to be kept.
+    pub segment_table: Option<PathBuf>,
+    /// Who publishes images.
+    pub cameras: CameraSource,
+    /// Images a second and camera.
+    pub rate_hz: f64,
+    /// Who says which pattern an image shows.
+    pub projector: ProjectorDriver,
+    /// Image pairs from one window to the next.
+    pub window_every: usize,
+    /// The recorder.
+    pub recorder: RecorderConfiguration,
+    /// The text all this was read from.
+    pub text: String,
+}
+
+/// Where rig, pattern and measurement volume come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RigSource {
+    /// From a calibration file and this configuration.
+    Files {
+        /// OpenCV FileStorage YAML.
+        calibration: PathBuf,
+        /// Unit of its lengths.
+        unit: Unit,
+        /// The fringes.
+        sequence: FringeSequence,
+    },
+    /// From the virtual scanner.
+    Virtual(Box<VirtualScannerConfiguration>),
+}
+
+/// Who publishes images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraSource {
+    /// The virtual scanner.
+    Virtual,
+    /// Another program, or a replay.
+    External,
+}
+
+/// Who says which pattern an image shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProjectorDriver {
+    /// The virtual projector publishes pattern events.
+    Virtual,
+    /// Another program publishes them, see `docs/projector-driver.md`.
+    External,
+    /// Nobody: the cycle begins with each session of the cameras and goes on image by image.
+    Cycle,
+}
+
+/// Configuration of the recorder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecorderConfiguration {
+    /// Folder of recordings that are given no path.
+    pub folder: PathBuf,
+    /// Whether a recording runs from the start.
+    pub from_start: bool,
+    /// Most bytes that wait for the disk.
+    pub queue_bytes: u64,
+    /// Bytes of the disk that stay free.
+    pub min_free_bytes: u64,
+    /// Longest time that data wait in memory, nanoseconds.
+    pub flush_ns: u64,
+    /// Whether phase maps are recorded; they can be computed again.
+    pub phase_maps: bool,
+    /// Whether correspondences are recorded; they can be computed again.
+    pub correspondences: bool,
+}
+
+impl ScannerConfiguration {
+    /// Reads and checks a configuration file; paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// [`ConfigurationError`], which names file, key and value.
+    pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
+        let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
+        let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
+        Self::parse(&text, path.parent().unwrap_or(Path::new("."))).map_err(fail)
+    }
+
+    /// [`Self::read`] on text that is already in memory.
+    ///
+    /// # Errors
+    /// [`ConfigurationProblem`], which names key and value.
+    pub fn parse(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
+        let raw = RawConfiguration::parse(text)?;
+        let cameras = raw.cameras.as_ref().ok_or(ConfigurationProblem::Missing {
+            key: "cameras",
+            expected: "a table with source and rate_hz says where images come from",
+        })?;
+        let source = one_of(
+            "cameras.source",
+            &cameras.source,
+            &[("virtual", CameraSource::Virtual), ("external", CameraSource::External)],
+        )?;
+        let driver = raw.projector.driver.as_deref().unwrap_or("cycle");
+        let projector = one_of(
+            "projector.driver",
+            driver,
+            &[
+                ("virtual", ProjectorDriver::Virtual),
+                ("external", ProjectorDriver::External),
+                ("cycle", ProjectorDriver::Cycle),
+            ],
+        )?;
+        Ok(Self {
+            name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
+            measurement: Configuration::of(&raw)?,
+            segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
+            rig: rig_source(&raw, source, folder)?,
+            cameras: source,
+            rate_hz: checked(
+                "cameras.rate_hz",
+                cameras.rate_hz,
+                |v| (0.1..=1000.0).contains(v),
+                "it must lie between 0.1 and 1000 images a second",
+            )?,
+            projector,
+            window_every: checked(
+                "window.every",
+                raw.window.every.unwrap_or(1),
+                |v| (1..=1000).contains(v),
+                "it must lie between 1 and 1000 image pairs",
+            )?,
+            recorder: recorder(&raw.recorder, folder)?,
+            text: text.to_owned(),
+        })
+    }
+
+    /// Time from one image to the next, nanoseconds.
+    #[must_use]
+    pub fn frame_period_ns(&self) -> u64 {
+        (1e9 / self.rate_hz) as u64
+    }
+
+    /// The texts of the setup that [`Self::rig`] describes.
+    ///
+    /// # Errors
+    /// The calibration cannot be read, a key is missing, or the virtual scanner cannot be built.
+    pub fn setup_text(&self) -> Result<SetupText, SetupTextError> {
+        match &self.rig {
+            None => Err(SetupTextError::NoRig),
+            Some(RigSource::Virtual(options)) => Ok(VirtualScanner::new(options.scanner)?.setup_text()?),
+            Some(RigSource::Files { calibration, unit, sequence }) => {
+                let volume = self.measurement.volume.as_ref().ok_or(SetupTextError::NoVolume)?;
+                self.text_of_files(calibration, *unit, sequence, volume)
+            }
+        }
+    }
+
+    fn text_of_files(
+        &self,
+        file: &Path,
+        unit: Unit,
+        sequence: &FringeSequence,
+        volume: &MeasurementVolume,
+    ) -> Result<SetupText, SetupTextError> {
+        let calibration = read_text(file)?;
+        let rig = parse_calibration(&calibration, unit);
+        let rig = rig.map_err(|problem| CalibrationError { file: file.to_owned(), problem })?;
+        let description = DatasetDescription {
+            name: self.name.clone(),
+            unit,
+            image_size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
+            steps: sequence.shifts_rad.len(),
+            sequence: sequence.clone(),
+            second_direction: None,
+            volume: volume.clone(),
+            exact_cam1_from_volume: None,
+            remarks: serde_json::Map::new(),
+        };
+        Ok(SetupText { description: description.text()?, calibration })
+    }
+}
+
+/// Why a configuration yields no setup.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupTextError {
+    /// Nothing says which rig it is.
+    #[error("the configuration names no rig; name a calibration file in [rig], or take cameras.source = \"virtual\"")]
+    NoRig,
+    /// Nothing says where points are looked for.
+    #[error("the configuration has no [measurement_volume]; state the box in which points are looked for")]
+    NoVolume,
+    /// The calibration file.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// The virtual scanner.
+    #[error("virtual scanner: {0}")]
+    Simulation(#[from] SimulationError),
+    /// The description cannot be written as JSON.
+    #[error("the setup cannot be described: {0}")]
+    Description(#[from] serde_json::Error),
+}
+
+fn rig_source(
+    raw: &RawConfiguration,
+    cameras: CameraSource,
+    folder: &Path,
+) -> Result<Option<RigSource>, ConfigurationProblem> {
+    if cameras == CameraSource::Virtual {
+        let pattern = pattern(raw.pattern.as_ref())?;
+        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, folder)?;
+        return Ok(Some(RigSource::Virtual(Box::new(configuration))));
+    }
+    let Some(rig) = &raw.rig else { return Ok(None) };
+    let unit = one_of("rig.unit", &rig.unit, &[("mm", Unit::Millimetre), ("m", Unit::Metre)])?;
+    let sequence = pattern(raw.pattern.as_ref())?;
+    Ok(Some(RigSource::Files { calibration: folder.join(&rig.calibration), unit, sequence }))
+}
+
+/// The fringes of `[pattern]`.
+fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProblem> {
+    let raw = raw.ok_or(ConfigurationProblem::Missing {
+        key: "pattern",
+        expected: "a table with steps and period_px says what the projector shows",
+    })?;
+    let steps = checked(
+        "pattern.steps",
+        raw.steps,
+        |v| (MIN_STEPS..=MAX_STEPS).contains(v),
+        "a cycle has 3 to 16 steps",
+    )?;
+    let pattern = FringePattern {
+        period_px: checked(
+            "pattern.period_px",
+            raw.period_px,
+            |v| v.is_finite() && *v >= 2.0,
+            "a fringe has at least 2 projector pixels",
+        )?,
+        sign: checked("pattern.phase_sign", raw.phase_sign.unwrap_or(1.0), |v| v.abs() == 1.0, "it must be 1 or -1")?,
+        offset_rad: checked(
+            "pattern.phase_offset_rad",
+            raw.phase_offset_rad.unwrap_or(0.0),
+            |v| v.is_finite(),
+            "it must be a finite number",
+        )?,
+    };
+    let equal = || (0..steps).map(|k| TAU * k as f64 / steps as f64).collect();
+    let shifts_rad: Vec<f64> = raw.phase_shift_rad.clone().unwrap_or_else(equal);
+    if shifts_rad.len() != steps || shifts_rad.iter().any(|s| !s.is_finite()) {
+        return Err(ConfigurationProblem::Value {
+            key: "pattern.phase_shift_rad",
+            value: format!("{shifts_rad:?}"),
+            expected: "it must hold one finite number a step",
+        });
+    }
+    Ok(FringeSequence { pattern, shifts_rad, gray: None })
+}
+
+fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, ConfigurationProblem> {
+    let megabytes = |key, value: u64, least: u64| {
+        let value = checked(key, value, |v| (least..=1 << 24).contains(v), "it is out of any machine's range");
+        value.map(|v| v << 20)
+    };
+    let flush_ms = raw.flush_ms.unwrap_or(500);
+    let flush_ms =
+        checked("recorder.flush_ms", flush_ms, |v| (10..=60_000).contains(v), "it must lie between 10 and 60000 ms")?;
+    Ok(RecorderConfiguration {
+        folder: raw.folder.as_ref().map_or_else(|| folder.to_owned(), |path| folder.join(path)),
+        from_start: raw.from_start.unwrap_or(false),
+        queue_bytes: megabytes("recorder.queue_mb", raw.queue_mb.unwrap_or(256), 1)?,
+        min_free_bytes: megabytes("recorder.min_free_mb", raw.min_free_mb.unwrap_or(1024), 0)?,
+        flush_ns: flush_ms * 1_000_000,
+        phase_maps: raw.phase_maps.unwrap_or(false),
+        correspondences: raw.correspondences.unwrap_or(false),
+    })
+}
+
+/// The value that a word stands for.
+fn one_of<T: Copy>(key: &'static str, word: &str, values: &[(&'static str, T)]) -> Result<T, ConfigurationProblem> {
+    let found = values.iter().find(|(name, _)| *name == word).map(|&(_, value)| value);
+    found.ok_or_else(|| ConfigurationProblem::Word {
+        key,
+        value: word.to_owned(),
+        known: values.iter().map(|(name, _)| *name).collect(),
+    })
+}

@@ -1,0 +1,87 @@
+//! `[virtual_scanner]`: what stands in for cameras and projector.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use crate::dataset::FringeSequence;
+use crate::simulation::{
+    Arrangement, Board, FaultOptions, NoiseLevel, Object, RigOptions, SimulationError, SweepOptions,
+    VirtualScannerOptions,
+};
+
+use super::ConfigurationProblem;
+use super::raw::{RawFaults, RawSweep, RawVirtualScanner};
+
+/// Configuration of the virtual scanner.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualScannerConfiguration {
+    /// The scanner and its sweep.
+    pub scanner: VirtualScannerOptions,
+    /// What goes wrong on purpose.
+    pub faults: FaultOptions,
+    /// File that keeps its images from one start to the next.
+    pub cache: Option<PathBuf>,
+}
+
+/// Reads `[virtual_scanner]`; ranges are checked where the scanner is built.
+pub(super) fn configuration(
+    raw: &RawVirtualScanner,
+    sequence: &FringeSequence,
+    folder: &Path,
+) -> Result<VirtualScannerConfiguration, ConfigurationProblem> {
+    let object = word("virtual_scanner.object", raw.object.as_deref(), Object::Elephant)?;
+    let seed = raw.seed.unwrap_or(1);
+    let scanner = VirtualScannerOptions {
+        object,
+        board: word("virtual_scanner.board", raw.board.as_deref(), Board::Visible)?,
+        rig: RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: raw.size_px.unwrap_or([640, 512]),
+            depth_m: raw.depth_mm.map_or(object.usual_depth_m(), |mm| mm * 1e-3),
+            period_px: sequence.pattern.period_px,
+            sd_rad: raw.sd_rad.unwrap_or(0.041),
+            seed,
+        },
+        steps: sequence.shifts_rad.len(),
+        noise: word("virtual_scanner.noise", raw.noise.as_deref(), NoiseLevel::Normal)?,
+        gamma: raw.gamma.unwrap_or(1.0),
+        supersampling: raw.supersampling.unwrap_or(1),
+        sweep: sweep(&raw.sweep, seed),
+        seed,
+    };
+    let cache = raw.cache.as_ref().map(|path| folder.join(path));
+    Ok(VirtualScannerConfiguration { scanner, faults: faults(&raw.faults, seed), cache })
+}
+
+fn sweep(raw: &RawSweep, seed: u64) -> SweepOptions {
+    let default = SweepOptions::default();
+    SweepOptions {
+        poses: raw.poses.unwrap_or(default.poses),
+        travel_mm: raw.travel_mm.unwrap_or(default.travel_mm),
+        turn_deg: raw.turn_deg.unwrap_or(default.turn_deg),
+        tremor_mm: raw.tremor_mm.unwrap_or(default.tremor_mm),
+        tremor_deg: raw.tremor_deg.unwrap_or(default.tremor_deg),
+        seed,
+    }
+}
+
+fn faults(raw: &RawFaults, seed: u64) -> FaultOptions {
+    FaultOptions {
+        lost: raw.lost.unwrap_or(0.0),
+        duplicated: raw.duplicated.unwrap_or(0.0),
+        swapped: raw.swapped.unwrap_or(0.0),
+        late: raw.late.unwrap_or(0.0),
+        events_lost: raw.events_lost.unwrap_or(0.0),
+        seed,
+    }
+}
+
+/// The value that a word names.
+fn word<T: FromStr<Err = SimulationError>>(
+    key: &'static str,
+    word: Option<&str>,
+    default: T,
+) -> Result<T, ConfigurationProblem> {
+    let Some(word) = word else { return Ok(default) };
+    word.parse().map_err(|problem: SimulationError| ConfigurationProblem::Named { key, problem: problem.to_string() })
+}

@@ -1,0 +1,181 @@
+//! Correspondences of all pixels of C1: column of q in the epipolar frame `f32`, modulation `f32`, fringe order `i16`, δ
+//! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), outcome `u8`, candidates that passed the test
+//! `u8`, mean `u8`. Column, order, δ and slope are zero where nothing was found.
+
+use crate::correspondence::{Candidate, DeltaStatistics, Outcome};
+use crate::message::{Block, CorrespondenceHeader, Window};
+use crate::worker::Correspondences;
+
+use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
+use super::{WireError, checked_pixels};
+
+/// Blocks of the payload for images of `pixels` pixels.
+#[must_use]
+pub const fn blocks(pixels: usize) -> usize {
+    2 * blocks_of::<f32>(pixels) + 3 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
+}
+
+/// The header of correspondences made from `window`.
+#[must_use]
+pub fn header(found: &Correspondences, window: &Window, published: u64) -> CorrespondenceHeader {
+    let delta = &found.matches.delta;
+    let (chosen_delta_mean_rad, chosen_delta_sd_rad) = found.matches.chosen_delta_rad;
+    CorrespondenceHeader {
+        published,
+        window: *window,
+        delta_mean_rad: delta.mean_rad,
+        delta_sd_rad: delta.sd_rad,
+        delta_noise_sd_rad: delta.noise_sd_rad,
+        mean_periods: delta.mean_periods,
+        references: delta.references as u64,
+        chosen_delta_mean_rad,
+        chosen_delta_sd_rad,
+        noise_grey: found.noise_grey,
+        width_px: found.width as u32,
+        height_px: (found.mean.len() / found.width.max(1)) as u32,
+    }
+}
+
+/// The planes of a payload, in their order.
+struct Planes<'a> {
+    column_px: &'a [f32],
+    modulation: &'a [f32],
+    order: &'a [i16],
+    delta: &'a [i16],
+    slope: &'a [i16],
+    outcome: &'a [u8],
+    passing: &'a [u8],
+    mean: &'a [u8],
+}
+
+/// Writes correspondences into a payload of [`blocks`] blocks.
+pub fn write(found: &Correspondences, mut out: &mut [Block]) {
+    let matches = &found.matches;
+    let pixels = matches.outcomes.len();
+    let out = &mut out;
+    let chosen =
+        |of: fn(&Candidate) -> i16| matches.chosen.iter().map(move |candidate| candidate.as_ref().map_or(0, of));
+    let columns = matches.chosen.iter().map(|candidate| candidate.map_or(0.0, |c| c.column_px));
+    fill(next_plane_mut(out, pixels), columns);
+    next_plane_mut(out, pixels).copy_from_slice(&found.modulation);
+    fill(next_plane_mut(out, pixels), chosen(|c| c.order));
+    fill(next_plane_mut(out, pixels), chosen(|c| c.delta));
+    fill(next_plane_mut(out, pixels), chosen(|c| c.slope));
+    fill(next_plane_mut(out, pixels), matches.outcomes.iter().map(|&outcome| outcome as u8));
+    next_plane_mut(out, pixels).copy_from_slice(&matches.passing);
+    next_plane_mut(out, pixels).copy_from_slice(&found.mean);
+}
+
+fn fill<T>(plane: &mut [T], values: impl Iterator<Item = T>) {
+    for (place, value) in plane.iter_mut().zip(values) {
+        *place = value;
+    }
+}
+
+/// Reads correspondences from a payload.
+///
+/// # Errors
+/// [`WireError`]; `out` is unchanged then.
+pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Correspondences) -> Result<(), WireError> {
+    let pixels = checked_pixels(rest, [header.width_px, header.height_px], blocks)?;
+    let planes = Planes {
+        column_px: next_plane(&mut rest, pixels),
+        modulation: next_plane(&mut rest, pixels),
+        order: next_plane(&mut rest, pixels),
+        delta: next_plane(&mut rest, pixels),
+        slope: next_plane(&mut rest, pixels),
+        outcome: next_plane(&mut rest, pixels),
+        passing: next_plane(&mut rest, pixels),
+        mean: next_plane(&mut rest, pixels),
+    };
+    let outcomes = planes.outcomes()?;
+    out.width = header.width_px as usize;
+    out.noise_grey = header.noise_grey;
+    refill(&mut out.mean, planes.mean);
+    refill(&mut out.modulation, planes.modulation);
+    let matches = &mut out.matches;
+    matches.chosen.clear();
+    matches.chosen.extend(outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| planes.candidate(i))));
+    matches.outcomes = outcomes;
+    refill(&mut matches.passing, planes.passing);
+    matches.delta = statistics(header);
+    matches.chosen_delta_rad = (header.chosen_delta_mean_rad, header.chosen_delta_sd_rad);
+    Ok(())
+}
+
+impl Planes<'_> {
+    fn outcomes(&self) -> Result<Vec<Outcome>, WireError> {
+        let outcome = |(pixel, &code)| Outcome::of(code).ok_or(WireError::Outcome { pixel, code });
+        self.outcome.iter().enumerate().map(outcome).collect()
+    }
+
+    fn candidate(&self, pixel: usize) -> Candidate {
+        Candidate {
+            column_px: self.column_px[pixel],
+            order: self.order[pixel],
+            delta: self.delta[pixel],
+            slope: self.slope[pixel],
+        }
+    }
+}
+
+fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
+    DeltaStatistics {
+        mean_rad: header.delta_mean_rad,
+        sd_rad: header.delta_sd_rad,
+        noise_sd_rad: header.delta_noise_sd_rad,
+        mean_periods: header.mean_periods,
+        references: header.references as usize,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::correspondence::Matches;
+
+    fn found() -> Correspondences {
+        let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();
+        let candidate = |i: usize| Candidate {
+            column_px: i as f32 / 3.0,
+            order: i as i16 - 7,
+            delta: -(i as i16),
+            slope: 31 * i as i16,
+        };
+        let chosen = outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| candidate(i))).collect();
+        let delta =
+            DeltaStatistics { mean_rad: 0.1, sd_rad: 0.04, noise_sd_rad: 0.01, mean_periods: 5.5, references: 12 };
+        let passing = (0..35).map(|i| i as u8 % 4).collect();
+        let matches = Matches { outcomes, chosen, passing, delta, chosen_delta_rad: (0.02, 0.03) };
+        Correspondences {
+            width: 7,
+            matches,
+            mean: (0..35).collect(),
+            modulation: (0..35).map(|i| i as f32 * 0.7).collect(),
+            noise_grey: [1.5, 2.5],
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        let found = found();
+        let mut payload = vec![Block([0xff; 64]); blocks(35)];
+        write(&found, &mut payload);
+        let header = header(&found, &Window::default(), 3);
+        let mut read_back = Correspondences::default();
+        read(&header, &payload, &mut read_back).unwrap();
+        assert_eq!(read_back, found);
+    }
+
+    #[test]
+    fn an_outcome_that_does_not_exist_is_refused() {
+        let found = found();
+        let mut payload = vec![Block([0; 64]); blocks(35)];
+        write(&found, &mut payload);
+        let outcomes = 2 * blocks_of::<f32>(35) + 3 * blocks_of::<i16>(35);
+        payload[outcomes].0[4] = 99;
+        let header = header(&found, &Window::default(), 3);
+        let refused = read(&header, &payload, &mut Correspondences::default());
+        assert_eq!(refused, Err(WireError::Outcome { pixel: 4, code: 99 }));
+    }
+}

@@ -1,0 +1,122 @@
+//! Phase maps of both cameras: per camera phase `u16`, modulation `f32`, mean `u8`, valid `u8` (0 or 1).
+
+use crate::message::{Block, Fit, MapsHeader, Window};
+use crate::phase::{FitStatistics, PhaseMap};
+use crate::worker::PhasePair;
+
+use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
+use super::{WireError, checked_pixels};
+
+/// Blocks of the payload for images of `pixels` pixels.
+#[must_use]
+pub const fn blocks(pixels: usize) -> usize {
+    2 * (blocks_of::<u16>(pixels) + blocks_of::<f32>(pixels) + 2 * blocks_of::<u8>(pixels))
+}
+
+/// The header of maps made from `window`.
+#[must_use]
+pub fn header(maps: &PhasePair, window: &Window, published: u64) -> MapsHeader {
+    MapsHeader {
+        published,
+        window: *window,
+        cam1: fit(&maps.cam1.fit),
+        cam2: fit(&maps.cam2.fit),
+        width_px: maps.cam1.width as u32,
+        height_px: maps.cam1.height as u32,
+    }
+}
+
+/// Writes maps of equal size into a payload of [`blocks`] blocks.
+pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
+    for map in [&maps.cam1, &maps.cam2] {
+        let pixels = map.phase.len();
+        next_plane_mut(&mut out, pixels).copy_from_slice(&map.phase);
+        next_plane_mut(&mut out, pixels).copy_from_slice(&map.modulation);
+        next_plane_mut(&mut out, pixels).copy_from_slice(&map.mean);
+        for (byte, &valid) in next_plane_mut::<u8>(&mut out, pixels).iter_mut().zip(&map.valid) {
+            *byte = u8::from(valid);
+        }
+    }
+}
+
+/// Reads maps from a payload.
+///
+/// # Errors
+/// [`WireError::Length`]; `out` is unchanged then.
+pub fn read(header: &MapsHeader, mut payload: &[Block], out: &mut PhasePair) -> Result<(), WireError> {
+    let pixels = checked_pixels(payload, [header.width_px, header.height_px], blocks)?;
+    for (map, fit) in [(&mut out.cam1, &header.cam1), (&mut out.cam2, &header.cam2)] {
+        read_map(map, &mut payload, pixels);
+        map.width = header.width_px as usize;
+        map.height = header.height_px as usize;
+        map.fit = statistics(fit);
+    }
+    Ok(())
+}
+
+fn read_map(map: &mut PhaseMap, payload: &mut &[Block], pixels: usize) {
+    refill(&mut map.phase, next_plane(payload, pixels));
+    refill(&mut map.modulation, next_plane(payload, pixels));
+    refill(&mut map.mean, next_plane(payload, pixels));
+    map.valid.clear();
+    map.valid.extend(next_plane::<u8>(payload, pixels).iter().map(|&byte| byte != 0));
+}
+
+fn fit(statistics: &FitStatistics) -> Fit {
+    Fit {
+        valid_pixels: statistics.valid_pixels,
+        residual_share: statistics.residual_share.unwrap_or(-1.0),
+        noise_grey: statistics.noise_grey,
+    }
+}
+
+fn statistics(fit: &Fit) -> FitStatistics {
+    FitStatistics {
+        valid_pixels: fit.valid_pixels,
+        residual_share: (fit.residual_share >= 0.0).then_some(fit.residual_share),
+        noise_grey: fit.noise_grey,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(width: usize, height: usize, seed: usize) -> PhaseMap {
+        let pixels = width * height;
+        PhaseMap {
+            width,
+            height,
+            phase: (0..pixels).map(|i| (i * 7919 + seed) as u16).collect(),
+            modulation: (0..pixels).map(|i| (i + seed) as f32 / 3.0).collect(),
+            mean: (0..pixels).map(|i| (i + seed) as u8).collect(),
+            valid: (0..pixels).map(|i| (i + seed) % 3 == 0).collect(),
+            fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5 },
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        // 35 pixels: no plane ends at the end of a block.
+        let maps = PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2) };
+        let mut payload = vec![Block([0xff; 64]); blocks(35)];
+        write(&maps, &mut payload);
+        let header = header(&maps, &Window::default(), 3);
+        let mut read_back = PhasePair { cam1: map(3, 3, 0), cam2: PhaseMap::default() };
+        read(&header, &payload, &mut read_back).unwrap();
+        assert_eq!(read_back, maps);
+    }
+
+    #[test]
+    fn a_payload_of_another_length_is_refused() {
+        let header = MapsHeader { width_px: 7, height_px: 5, ..MapsHeader::default() };
+        for length in [0, blocks(35) - 1, blocks(35) + 1] {
+            let payload = vec![Block([0; 64]); length];
+            let found = read(&header, &payload, &mut PhasePair::default());
+            let expected = blocks(35);
+            assert_eq!(found, Err(WireError::Length { found: length, expected, width_px: 7, height_px: 5 }));
+        }
+        let huge = MapsHeader { width_px: u32::MAX, height_px: u32::MAX, ..MapsHeader::default() };
+        assert!(read(&huge, &[], &mut PhasePair::default()).is_err());
+    }
+}
