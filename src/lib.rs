@@ -37,11 +37,13 @@
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
 //! | [`wire`] | phase maps and correspondences as payloads of messages |
+//! | [`transport`] | channels between processes |
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
 //! | [`config`] | configuration files |
 //! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
+//! | [`recording`] | recordings: MCAP files of what the channels carried |
 
 pub mod atomic_file;
 pub mod calibration;
@@ -56,7 +58,9 @@ pub mod phase;
 mod png_encoding;
 pub mod preview;
 pub mod reconstruction;
+pub mod recording;
 pub mod rig_report;
 pub mod simulation;
 pub mod wire;
+pub mod transport;
 pub mod worker;

@@ -1,22 +1,27 @@
 //! One point as the exported files hold it: names, types and order of its fields.
 //!
-//! PLY and PCD store the same 37 bytes a point, little-endian and without padding; NPZ stores one array a field under
-//! the same names.
+//! PLY and PCD store the same 37 bytes a point, little-endian and without padding, as do the channel `cloud` and
+//! recordings, with lengths in metres; NPZ stores one array a field under the same names.
 
 use super::CloudPoint;
 
 /// Scalar type of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
+pub enum Scalar {
+    /// Unsigned, 1 byte.
     U8,
+    /// Unsigned, 2 bytes.
     U16,
+    /// Signed, 2 bytes.
     I16,
+    /// Floating point, 4 bytes.
     F32,
 }
 
 impl Scalar {
     /// Bytes of one value.
-    pub(super) const fn size(self) -> usize {
+    #[must_use]
+    pub const fn size(self) -> usize {
         match self {
             Self::U8 => 1,
             Self::U16 | Self::I16 => 2,
@@ -26,7 +31,7 @@ impl Scalar {
 }
 
 /// Name and type of every field, in the order of the record.
-pub(super) const FIELDS: [(&str, Scalar); 13] = [
+pub const FIELDS: [(&str, Scalar); 13] = [
     ("x", Scalar::F32),
     ("y", Scalar::F32),
     ("z", Scalar::F32),
@@ -43,7 +48,7 @@ pub(super) const FIELDS: [(&str, Scalar); 13] = [
 ];
 
 /// Bytes of one record.
-pub(super) const RECORD_BYTES: usize = {
+pub const RECORD_BYTES: usize = {
     let mut sum = 0;
     let mut i = 0;
     while i < FIELDS.len() {
@@ -57,11 +62,10 @@ pub(super) const RECORD_BYTES: usize = {
 const CHUNK_POINTS: usize = 8192;
 
 /// Writes all points as packed little-endian records; lengths times `per_metre`.
-pub(super) fn write_records(
-    out: &mut impl std::io::Write,
-    points: &[CloudPoint],
-    per_metre: f32,
-) -> std::io::Result<()> {
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_records(out: &mut impl std::io::Write, points: &[CloudPoint], per_metre: f32) -> std::io::Result<()> {
     let mut bytes = vec![0; CHUNK_POINTS.min(points.len()) * RECORD_BYTES];
     for chunk in points.chunks(CHUNK_POINTS) {
         let bytes = &mut bytes[..chunk.len() * RECORD_BYTES];
@@ -90,4 +94,44 @@ fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
     record[31] = point.candidates;
     record[32] = point.stage;
     record[33..37].copy_from_slice(&(point.sigma_m * per_metre).to_le_bytes());
+}
+
+/// Reads records whose lengths are in metres; `None` if they do not fill the bytes.
+#[must_use]
+pub fn read_records(bytes: &[u8]) -> Option<Vec<CloudPoint>> {
+    let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
+    rest.is_empty().then(|| records.iter().map(decode).collect())
+}
+
+/// Decodes one point; the inverse of [`encode`] in metres.
+fn decode(record: &[u8; RECORD_BYTES]) -> CloudPoint {
+    let two = |at: usize| [record[at], record[at + 1]];
+    let float = |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+    CloudPoint {
+        position_m: [float(0), float(4), float(8)],
+        intensity: record[12],
+        cam1_px: [u16::from_le_bytes(two(13)), u16::from_le_bytes(two(15))],
+        cam2_px: [float(17), float(21)],
+        order: i16::from_le_bytes(two(25)),
+        delta_rad: float(27),
+        candidates: record[31],
+        stage: record[32],
+        sigma_m: float(33),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::export::tests::sample_points;
+    use super::*;
+
+    #[test]
+    fn records_in_metres_read_back_to_the_same_points() {
+        let points = sample_points();
+        let mut bytes = Vec::new();
+        write_records(&mut bytes, &points, 1.0).unwrap();
+        assert_eq!(read_records(&bytes).unwrap(), points);
+        assert!(read_records(&bytes[1..]).is_none());
+        assert!(read_records(&[]).unwrap().is_empty());
+    }
 }

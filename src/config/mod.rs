@@ -17,7 +17,9 @@ use crate::reconstruction::Settings;
 
 use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 
-pub use scanner::{CameraSource, ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
+pub use scanner::{
+    CameraSource, ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
+};
 pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// What a configuration file says, with defaults for what it does not.

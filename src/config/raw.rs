@@ -133,6 +133,7 @@ pub(super) struct RawFaults {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawWindow {
     pub(super) every: Option<usize>,
+    pub(super) when_busy: Option<String>,
 }
 
 #[derive(Deserialize, Default)]
@@ -160,4 +161,3 @@ pub(super) fn checked<T: std::fmt::Display>(
         Err(ConfigurationProblem::Value { key, value: value.to_string(), expected })
     }
 }
-

@@ -32,6 +32,8 @@ pub struct ScannerConfiguration {
     pub projector: ProjectorDriver,
     /// Image pairs from one window to the next.
     pub window_every: usize,
+    /// Whether a stage waits until the next one is free; else it goes on with newer windows, and counts the others.
+    pub wait_when_busy: bool,
     /// The recorder.
     pub recorder: RecorderConfiguration,
     /// The text all this was read from.
@@ -148,6 +150,11 @@ impl ScannerConfiguration {
                 |v| (1..=1000).contains(v),
                 "it must lie between 1 and 1000 image pairs",
             )?,
+            wait_when_busy: one_of(
+                "window.when_busy",
+                raw.window.when_busy.as_deref().unwrap_or("skip"),
+                &[("skip", false), ("wait", true)],
+            )?,
             recorder: recorder(&raw.recorder, folder)?,
             text: text.to_owned(),
         })
@@ -241,12 +248,8 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
         key: "pattern",
         expected: "a table with steps and period_px says what the projector shows",
     })?;
-    let steps = checked(
-        "pattern.steps",
-        raw.steps,
-        |v| (MIN_STEPS..=MAX_STEPS).contains(v),
-        "a cycle has 3 to 16 steps",
-    )?;
+    let steps =
+        checked("pattern.steps", raw.steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "a cycle has 3 to 16 steps")?;
     let pattern = FringePattern {
         period_px: checked(
             "pattern.period_px",
@@ -301,4 +304,53 @@ fn one_of<T: Copy>(key: &'static str, word: &str, values: &[(&'static str, T)]) 
         value: word.to_owned(),
         known: values.iter().map(|(name, _)| *name).collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Setup;
+
+    const DEMO: &str = include_str!("../../configs/demo.toml");
+
+    fn parse(text: &str) -> Result<ScannerConfiguration, ConfigurationProblem> {
+        ScannerConfiguration::parse(text, Path::new("/configs"))
+    }
+
+    #[test]
+    fn the_demo_is_a_scanner_with_a_setup() {
+        let demo = parse(DEMO).unwrap();
+        assert_eq!((demo.cameras, demo.projector), (CameraSource::Virtual, ProjectorDriver::Virtual));
+        assert_eq!(demo.frame_period_ns(), 33_333_333);
+        assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
+        let setup = Setup::parse(demo.setup_text().unwrap(), None).unwrap();
+        assert_eq!((setup.steps, setup.image_size_px), (4, [640, 512]));
+        // The part of it that measures is a configuration of its own.
+        assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        let changed = |from: &str, to: &str| {
+            assert!(DEMO.contains(from), "{from}");
+            parse(&DEMO.replace(from, to)).unwrap_err().to_string()
+        };
+        assert!(changed("rate_hz = 30.0", "rate_hz = 0.0").contains("cameras.rate_hz is 0"));
+        assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("known are"));
+        assert!(changed("steps = 4", "steps = 2").contains("pattern.steps is 2"));
+        assert!(changed("object = \"nose\"", "object = \"hose\"").contains("virtual_scanner.object"));
+        assert!(changed("every = 1", "evry = 1").contains("evry"));
+        assert!(changed("[cameras]", "[camera]").contains("camera"));
+        assert!(parse("").unwrap_err().to_string().contains("key cameras is missing"));
+    }
+
+    #[test]
+    fn a_real_rig_needs_calibration_and_volume() {
+        let cameras = "[cameras]\nsource = \"external\"\nrate_hz = 30.0\n";
+        let none = parse(cameras).unwrap();
+        assert!(matches!(none.setup_text(), Err(SetupTextError::NoRig)));
+        let rig = "[rig]\ncalibration = \"c.yml\"\nunit = \"mm\"\n[pattern]\nsteps = 4\nperiod_px = 16.0\n";
+        let no_volume = parse(&format!("{cameras}{rig}")).unwrap();
+        assert!(matches!(no_volume.setup_text(), Err(SetupTextError::NoVolume)));
+    }
 }

@@ -303,6 +303,13 @@ fn share(fraction: f64) -> u16 {
     (fraction * 65536.0) as u16
 }
 
+impl std::fmt::Display for Fingerprint {
+    /// As hexadecimal digits.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
 impl Fingerprint {
     /// Hash of calibration, measurement volume, pattern and image sizes.
     #[must_use]

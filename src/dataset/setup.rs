@@ -96,6 +96,12 @@ impl Setup {
         })
     }
 
+    /// Phase shifts of one cycle, rad.
+    #[must_use]
+    pub fn cycle_shifts_rad(&self) -> &[f64] {
+        &self.sequence.shifts_rad[..self.steps.min(self.sequence.shifts_rad.len())]
+    }
+
     /// Pixels of an image.
     #[must_use]
     pub fn image_pixels(&self) -> usize {

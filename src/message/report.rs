@@ -133,6 +133,16 @@ impl Counts {
         self.dropped[reason as usize] += count;
     }
 
+    /// These counts and others together.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            taken: self.taken + other.taken,
+            passed: self.passed + other.passed,
+            dropped: std::array::from_fn(|reason| self.dropped[reason] + other.dropped[reason]),
+        }
+    }
+
     /// Items dropped for one reason.
     #[must_use]
     pub fn dropped(&self, reason: DropReason) -> u64 {
@@ -223,6 +233,36 @@ impl DropReason {
         Self::Malformed,
         Self::Injected,
     ];
+
+    /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
+    #[must_use]
+    pub fn is_loss(self) -> bool {
+        match self {
+            Self::Duplicate
+            | Self::Incomplete
+            | Self::BetweenWindows
+            | Self::NextStageBusy
+            | Self::NoCorrespondence
+            | Self::EmptyCloud
+            | Self::NotRecording
+            | Self::Stopped
+            | Self::Injected => false,
+            Self::Overrun
+            | Self::CameraLost
+            | Self::Late
+            | Self::Unpaired
+            | Self::NoPattern
+            | Self::PatternConflict
+            | Self::NewSession
+            | Self::BadImage
+            | Self::BadTime
+            | Self::QueueFull
+            | Self::DiskFull
+            | Self::Restart
+            | Self::NoSample
+            | Self::Malformed => true,
+        }
+    }
 
     /// Name in reports, metrics and recordings.
     #[must_use]

@@ -8,6 +8,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("phase", &["geometry::FringePattern"]),
     ("message", &["phase::MAX_STEPS"]),
+    ("transport", &["message"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
@@ -18,7 +19,21 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("worker", &["geometry", "phase", "correspondence", "cloud"]),
     ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
-    ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
+    ("config", &["geometry", "phase", "calibration", "dataset", "correspondence", "simulation", "reconstruction"]),
+    (
+        "recording",
+        &[
+            "message",
+            "geometry",
+            "phase",
+            "calibration",
+            "dataset",
+            "correspondence",
+            "cloud",
+            "reconstruction",
+            "config",
+        ],
+    ),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 

@@ -12,12 +12,37 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use fringeflow::message::{Counts, DropReason, Stage};
 
-/// Folder of the accounts in the root of an instance.
-const FOLDER: &str = "accounts";
 /// Version of the file, so that leftovers of another one are not misread.
 const VERSION: u64 = 1;
 /// Channels that a stage can take from.
 pub const SOURCES: usize = 8;
+
+/// What a stage takes: so many `items` of the stage `from` make one of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// The stage before.
+    pub from: Stage,
+    /// Its items in one of the stage.
+    pub items: u64,
+}
+
+/// What a stage takes from the stages before, by the number of the source; nothing for those that begin the pipeline, and for
+/// the recorder, which numbers its channels itself.
+#[must_use]
+pub fn sources(stage: Stage) -> &'static [Source] {
+    const fn all_of(from: Stage) -> Source {
+        Source { from, items: 1 }
+    }
+    match stage {
+        Stage::Camera1 | Stage::Camera2 | Stage::Projector | Stage::Recorder => &[],
+        Stage::Pattern => const { &[all_of(Stage::Projector)] },
+        Stage::Pairing => const { &[all_of(Stage::Camera1), all_of(Stage::Camera2)] },
+        Stage::Windowing => const { &[Source { from: Stage::Pairing, items: 2 }] },
+        Stage::Phase => const { &[all_of(Stage::Windowing)] },
+        Stage::Correspondence => const { &[all_of(Stage::Phase)] },
+        Stage::Cloud => const { &[all_of(Stage::Correspondence)] },
+    }
+}
 
 /// What the file holds.
 #[repr(C)]
@@ -32,16 +57,46 @@ struct Record {
 /// Counts of one stage, kept in a file.
 #[derive(Debug)]
 pub struct Account {
+    stage: Stage,
     file: File,
     path: PathBuf,
     record: Record,
-    /// Messages below these numbers were counted as lost before this process listened.
-    floor: [u64; SOURCES],
+    arrivals: [Arrivals; SOURCES],
+}
+
+/// Which messages of a channel have come: they are numbered without gaps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arrivals {
+    /// Number of the next message.
+    pub next: u64,
+    /// Messages below this number were counted as lost before anyone listened.
+    floor: u64,
+}
+
+impl Arrivals {
+    /// Begins to listen after `sent` messages; how many of them were missed.
+    pub fn catch_up(&mut self, sent: u64) -> u64 {
+        let missed = sent.saturating_sub(self.next);
+        self.floor = sent;
+        self.next += missed;
+        missed
+    }
+
+    /// Takes message `number`; how many are missing before it. `None` for one that was counted as lost already, which must
+    /// not be used. A lower number than expected is that of a publisher that began anew.
+    pub fn arrive(&mut self, number: u64) -> Option<u64> {
+        if number < self.floor {
+            return None;
+        }
+        let missing = number.saturating_sub(self.next);
+        *self = Self { next: number + 1, floor: 0 };
+        Some(missing)
+    }
 }
 
 /// An account that cannot be kept.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: the account cannot be kept: {source}; make room in this folder, or name another by FRINGEFLOW_RUNTIME_DIR", path.display())]
+#[error("{}: the account cannot be kept: {source}; make room there, or name another folder by FRINGEFLOW_RUNTIME_DIR", path.display())]
 pub struct AccountError {
     /// Its file.
     pub path: PathBuf,
@@ -51,21 +106,20 @@ pub struct AccountError {
 }
 
 impl Account {
-    /// Opens the account of a stage in the root of an instance; what was in work when its last keeper died is dropped.
+    /// Opens the account of a stage in a folder; what was in work when its last keeper died is dropped.
     ///
     /// # Errors
     /// The file cannot be read or written.
-    pub fn open(root: &Path, stage: Stage) -> Result<Self, AccountError> {
-        let path = path(root, stage);
+    pub fn open(folder: &Path, stage: Stage) -> Result<Self, AccountError> {
+        let path = path(folder, stage);
         let fail = |source| AccountError { path: path.clone(), source };
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(fail)?;
-        }
+        fs::create_dir_all(folder).map_err(fail)?;
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false).mode(0o600);
         let file = options.open(&path).map_err(fail)?;
         let record = read_record(&file).unwrap_or(Record { version: VERSION, ..Record::zeroed() });
-        let mut account = Self { file, path: path.clone(), record, floor: [0; SOURCES] };
+        let arrivals = record.next.map(|next| Arrivals { next, floor: 0 });
+        let mut account = Self { stage, file, path: path.clone(), record, arrivals };
         let in_work = account.counts().in_work().unwrap_or(0);
         account.drop_many(DropReason::Restart, in_work)?;
         Ok(account)
@@ -73,8 +127,8 @@ impl Account {
 
     /// The counts of a stage as they stand; `None` where it keeps no account.
     #[must_use]
-    pub fn read(root: &Path, stage: Stage) -> Option<Counts> {
-        read_record(&File::open(path(root, stage)).ok()?).map(|record| record.counts)
+    pub fn read(folder: &Path, stage: Stage) -> Option<Counts> {
+        read_record(&File::open(path(folder, stage)).ok()?).map(|record| record.counts)
     }
 
     /// The counts.
@@ -83,20 +137,26 @@ impl Account {
         &self.record.counts
     }
 
-    /// The number of the next message of a channel.
+    /// Which messages of a source have come.
     #[must_use]
-    pub fn next(&self, source: usize) -> u64 {
-        self.record.next[source]
+    pub fn arrivals(&self, source: usize) -> &Arrivals {
+        &self.arrivals[source]
     }
 
-    /// Counts everything that a channel's publisher had sent before this process listened: `sent` messages in all.
+    /// Counts as lost what the stages before have put out and this one did not get; what of it still comes must not be used.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn catch_up(&mut self, source: usize, sent: u64, reason: DropReason) -> Result<(), AccountError> {
-        let missed = sent.saturating_sub(self.record.next[source]);
-        self.floor[source] = sent;
-        self.record.next[source] += missed;
+    pub fn catch_up(&mut self, folder: &Path, reason: DropReason) -> Result<(), AccountError> {
+        for (number, source) in sources(self.stage).iter().enumerate() {
+            let sent = Self::read(folder, source.from).map_or(0, |counts| counts.passed / source.items);
+            self.catch_up_to(number, sent, reason)?;
+        }
+        Ok(())
+    }
+
+    fn catch_up_to(&mut self, source: usize, sent: u64, reason: DropReason) -> Result<(), AccountError> {
+        let missed = self.arrivals[source].catch_up(sent);
         self.record.counts.taken += missed;
         self.drop_many(reason, missed)
     }
@@ -107,13 +167,7 @@ impl Account {
     /// # Errors
     /// The file cannot be written.
     pub fn arrive(&mut self, source: usize, published: u64) -> Result<bool, AccountError> {
-        if published < self.floor[source] {
-            return Ok(false);
-        }
-        self.floor[source] = 0;
-        // A lower number than expected is that of a publisher that began anew.
-        let missing = published.saturating_sub(self.record.next[source]);
-        self.record.next[source] = published + 1;
+        let Some(missing) = self.arrivals[source].arrive(published) else { return Ok(false) };
         self.record.counts.taken += missing + 1;
         self.record.counts.drop_many(DropReason::Overrun, missing);
         self.write()?;
@@ -163,18 +217,21 @@ impl Account {
     /// The file cannot be written.
     pub fn set(&mut self, counts: &Counts, next: &[u64]) -> Result<(), AccountError> {
         self.record.counts = *counts;
-        self.record.next[..next.len()].copy_from_slice(next);
+        for (arrivals, &next) in self.arrivals.iter_mut().zip(next) {
+            arrivals.next = next;
+        }
         self.write()
     }
 
     fn write(&mut self) -> Result<(), AccountError> {
+        self.record.next = self.arrivals.map(|arrivals| arrivals.next);
         let written = self.file.write_all_at(bytemuck::bytes_of(&self.record), 0);
         written.map_err(|source| AccountError { path: self.path.clone(), source })
     }
 }
 
-fn path(root: &Path, stage: Stage) -> PathBuf {
-    root.join(FOLDER).join(stage.name())
+fn path(folder: &Path, stage: Stage) -> PathBuf {
+    folder.join(stage.name())
 }
 
 fn read_record(file: &File) -> Option<Record> {
@@ -194,29 +251,29 @@ mod tests {
 
     #[test]
     fn what_is_missing_in_the_channel_is_an_overrun() {
-        let root = tempfile::tempdir().unwrap();
-        let mut account = Account::open(root.path(), Stage::Phase).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut account = Account::open(folder.path(), Stage::Phase).unwrap();
         assert!(account.arrive(0, 0).unwrap());
         assert_eq!(account.pass().unwrap(), 0);
         assert!(account.arrive(0, 4).unwrap());
         assert_eq!(balance(&account), [5, 1, 3, 1]);
         assert_eq!(account.counts().dropped(DropReason::Overrun), 3);
-        assert_eq!(Account::read(root.path(), Stage::Phase).unwrap(), *account.counts());
+        assert_eq!(Account::read(folder.path(), Stage::Phase).unwrap(), *account.counts());
     }
 
     #[test]
     fn a_restart_continues_the_account_and_drops_what_was_in_work() {
-        let root = tempfile::tempdir().unwrap();
-        let mut account = Account::open(root.path(), Stage::Cloud).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut account = Account::open(folder.path(), Stage::Cloud).unwrap();
         account.arrive(0, 0).unwrap();
         account.pass().unwrap();
         account.arrive(0, 1).unwrap();
         drop(account);
-        let mut account = Account::open(root.path(), Stage::Cloud).unwrap();
+        let mut account = Account::open(folder.path(), Stage::Cloud).unwrap();
         assert_eq!(balance(&account), [2, 1, 1, 0]);
         assert_eq!(account.counts().dropped(DropReason::Restart), 1);
         // Messages 2 to 4 were sent while nobody listened; 4 is still in the channel, but counted.
-        account.catch_up(0, 5, DropReason::Restart).unwrap();
+        account.catch_up_to(0, 5, DropReason::Restart).unwrap();
         assert!(!account.arrive(0, 4).unwrap());
         assert!(account.arrive(0, 5).unwrap());
         assert_eq!(account.counts().dropped(DropReason::Restart), 4);
@@ -226,21 +283,21 @@ mod tests {
 
     #[test]
     fn a_publisher_that_begins_anew_is_followed() {
-        let root = tempfile::tempdir().unwrap();
-        let mut account = Account::open(root.path(), Stage::Cloud).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut account = Account::open(folder.path(), Stage::Cloud).unwrap();
         account.arrive(0, 0).unwrap();
         account.arrive(0, 1).unwrap();
         assert!(account.arrive(0, 0).unwrap());
         assert_eq!(balance(&account), [3, 0, 0, 3]);
-        assert_eq!(account.next(0), 1);
+        assert_eq!(account.arrivals(0).next, 1);
     }
 
     #[test]
     fn a_cut_account_begins_anew() {
-        let root = tempfile::tempdir().unwrap();
-        Account::open(root.path(), Stage::Cloud).unwrap().take(3).unwrap();
-        let file = path(root.path(), Stage::Cloud);
+        let folder = tempfile::tempdir().unwrap();
+        Account::open(folder.path(), Stage::Cloud).unwrap().take(3).unwrap();
+        let file = path(folder.path(), Stage::Cloud);
         OpenOptions::new().write(true).open(&file).unwrap().set_len(20).unwrap();
-        assert_eq!(balance(&Account::open(root.path(), Stage::Cloud).unwrap()), [0; 4]);
+        assert_eq!(balance(&Account::open(folder.path(), Stage::Cloud).unwrap()), [0; 4]);
     }
 }

@@ -5,9 +5,13 @@
 mod account;
 mod arguments;
 pub mod clock;
+mod host;
 pub mod log;
 mod stop;
+mod transform;
 
-pub use account::{Account, AccountError, SOURCES};
+pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
+pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes};
 pub use stop::Stop;
+pub use transform::{Dropped, Transform, run_transform};

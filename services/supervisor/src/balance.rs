@@ -1,6 +1,7 @@
 //! Whether the accounts of all stages add up: in each stage, and along each arrow between two.
 
 use fringeflow::message::{Counts, Stage};
+use fringeflow_runtime::sources;
 
 /// The accounts of the stages that ran.
 #[derive(Clone, Debug, Default)]
@@ -28,37 +29,20 @@ impl Balance {
     #[must_use]
     pub fn faults(&self) -> Vec<Imbalance> {
         let mut faults: Vec<Imbalance> = self.0.iter().filter_map(|(stage, counts)| in_stage(*stage, counts)).collect();
-        faults.extend(ARROWS.iter().filter_map(|arrow| self.along(arrow)));
+        faults.extend(self.0.iter().filter_map(|(stage, counts)| self.before(*stage, counts)));
         faults
     }
 
-    fn along(&self, arrow: &Arrow) -> Option<Imbalance> {
-        let passed: u64 = arrow.from.iter().map(|&stage| self.of(stage).map(|c| c.passed)).sum::<Option<u64>>()?;
-        let taken = self.of(arrow.to)?.taken;
-        if passed == taken * arrow.per_item {
-            return None;
-        }
-        let from: Vec<&str> = arrow.from.iter().map(|stage| stage.name()).collect();
-        let (from, to) = (from.join(" and "), arrow.to.name());
-        Some(Imbalance(format!("{from} put out {passed}, {to} took {taken} (of {} each)", arrow.per_item)))
+    /// Compares what a stage took with what the stages before put out; those that ran elsewhere are not compared.
+    fn before(&self, stage: Stage, counts: &Counts) -> Option<Imbalance> {
+        let sources = sources(stage);
+        let passed: Option<u64> = sources.iter().map(|s| self.of(s.from).map(|c| c.passed / s.items)).sum();
+        let passed = passed.filter(|_| !sources.is_empty())?;
+        let names: Vec<&str> = sources.iter().map(|source| source.from.name()).collect();
+        let (from, to, taken) = (names.join(" and "), stage.name(), counts.taken);
+        (passed != taken).then(|| Imbalance(format!("{from} put out {passed} items for {to}, which took {taken}")))
     }
 }
-
-/// What one stage takes from others: `per_item` of theirs make one of its own.
-struct Arrow {
-    from: &'static [Stage],
-    to: Stage,
-    per_item: u64,
-}
-
-const ARROWS: &[Arrow] = &[
-    Arrow { from: &[Stage::Camera1, Stage::Camera2], to: Stage::Pairing, per_item: 1 },
-    Arrow { from: &[Stage::Projector], to: Stage::Pattern, per_item: 1 },
-    Arrow { from: &[Stage::Pairing], to: Stage::Windowing, per_item: 2 },
-    Arrow { from: &[Stage::Windowing], to: Stage::Phase, per_item: 1 },
-    Arrow { from: &[Stage::Phase], to: Stage::Correspondence, per_item: 1 },
-    Arrow { from: &[Stage::Correspondence], to: Stage::Cloud, per_item: 1 },
-];
 
 fn in_stage(stage: Stage, counts: &Counts) -> Option<Imbalance> {
     let (name, taken, passed, dropped) = (stage.name(), counts.taken, counts.passed, counts.all_dropped());

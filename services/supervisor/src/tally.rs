@@ -21,7 +21,7 @@ const RATE_SPAN_NS: u64 = 1_000_000_000;
 pub struct Tally {
     stages: BTreeMap<Stage, StageTally>,
     /// From the start of the last exposure of a cloud to its publication.
-    total: Option<Histogram<u64>>,
+    total: Latencies,
 }
 
 /// Reports of one stage.
@@ -35,7 +35,7 @@ pub struct StageTally {
     pub rate_hz: f64,
     /// Time of the last report.
     pub time_ns: u64,
-    latency: Histogram<u64>,
+    latency: Latencies,
     rate_from: (u64, u64),
 }
 
@@ -57,8 +57,7 @@ impl Tally {
         let tally = self.stages.entry(stage).or_insert_with(|| StageTally::new(report));
         tally.add(report);
         if stage == Stage::Cloud && report.of_item != 0 {
-            let total_ns = report.passed_ns.saturating_sub(report.exposure_start_ns);
-            record(self.total.get_or_insert_with(histogram), total_ns);
+            self.total.record(report.exposure_start_ns, report.passed_ns);
         }
     }
 
@@ -76,7 +75,7 @@ impl Tally {
     /// From the start of the last exposure to the published cloud.
     #[must_use]
     pub fn total(&self) -> Option<Latency> {
-        self.total.as_ref().and_then(brief)
+        self.total.brief()
     }
 }
 
@@ -87,7 +86,7 @@ impl StageTally {
             restarts: 0,
             rate_hz: 0.0,
             time_ns: 0,
-            latency: histogram(),
+            latency: Latencies::default(),
             rate_from: (report.time_ns, report.counts.passed),
         }
     }
@@ -97,7 +96,7 @@ impl StageTally {
         self.restarts = report.restarts;
         self.time_ns = report.time_ns;
         if report.of_item != 0 {
-            record(&mut self.latency, report.passed_ns.saturating_sub(report.taken_ns));
+            self.latency.record(report.taken_ns, report.passed_ns);
         }
         let (from_ns, passed) = self.rate_from;
         let span_ns = report.time_ns.saturating_sub(from_ns);
@@ -110,7 +109,7 @@ impl StageTally {
     /// From taking an item to putting it out.
     #[must_use]
     pub fn latency(&self) -> Option<Latency> {
-        brief(&self.latency)
+        self.latency.brief()
     }
 
     /// Whether it has given no sign of life for long.
@@ -120,20 +119,31 @@ impl StageTally {
     }
 }
 
-fn histogram() -> Histogram<u64> {
-    // These bounds are valid; were they not, an empty histogram that grows by itself would serve as well.
-    Histogram::new_with_bounds(SHORTEST_NS, LONGEST_NS, DIGITS).unwrap_or_else(|_| Histogram::new(DIGITS).unwrap_or_default())
+/// Latencies of items.
+#[derive(Debug)]
+struct Latencies(Option<Histogram<u64>>);
+
+impl Default for Latencies {
+    fn default() -> Self {
+        // The bounds are valid, so there always is a histogram.
+        Self(Histogram::new_with_bounds(SHORTEST_NS, LONGEST_NS, DIGITS).ok())
+    }
 }
 
-fn record(histogram: &mut Histogram<u64>, latency_ns: u64) {
-    histogram.saturating_record(latency_ns.clamp(SHORTEST_NS, LONGEST_NS));
-}
+impl Latencies {
+    fn record(&mut self, from_ns: u64, to_ns: u64) {
+        if let Some(histogram) = &mut self.0 {
+            histogram.saturating_record(to_ns.saturating_sub(from_ns).clamp(SHORTEST_NS, LONGEST_NS));
+        }
+    }
 
-fn brief(histogram: &Histogram<u64>) -> Option<Latency> {
-    let ms = |ns: u64| ns as f64 * 1e-6;
-    (!histogram.is_empty()).then(|| Latency {
-        p50_ms: ms(histogram.value_at_quantile(0.5)),
-        p99_ms: ms(histogram.value_at_quantile(0.99)),
-        max_ms: ms(histogram.max()),
-    })
+    fn brief(&self) -> Option<Latency> {
+        let histogram = self.0.as_ref().filter(|histogram| !histogram.is_empty())?;
+        let ms = |ns: u64| ns as f64 * 1e-6;
+        Some(Latency {
+            p50_ms: ms(histogram.value_at_quantile(0.5)),
+            p99_ms: ms(histogram.value_at_quantile(0.99)),
+            max_ms: ms(histogram.max()),
+        })
+    }
 }

@@ -1,0 +1,85 @@
+//! The cloud service: correspondences in, clouds out.
+
+use std::sync::Arc;
+
+use fringeflow::cloud::{Cloud, write_records};
+use fringeflow::message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
+use fringeflow::wire;
+use fringeflow::worker::{CloudWorker, Correspondences};
+use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, clock, run_transform};
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    let mut host = Host::open(arguments, "cloud")?;
+    let table = Arc::new(arguments.segment_table(&host.setup)?);
+    let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let worker = CloudWorker::new(&host.setup.rig, table, shifts);
+    let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let stage = CloudStage {
+        worker,
+        found: Correspondences::default(),
+        window: Window::default(),
+        cloud: Cloud::default(),
+        records: Vec::new(),
+    };
+    run_transform(&mut host, stage)
+}
+
+struct CloudStage {
+    worker: CloudWorker,
+    found: Correspondences,
+    window: Window,
+    cloud: Cloud,
+    /// The cloud as it is sent: lengths in metres.
+    records: Vec<u8>,
+}
+
+impl Transform for CloudStage {
+    type InHeader = CorrespondenceHeader;
+    type InPayload = [Block];
+    type OutHeader = CloudHeader;
+    type OutPayload = [u8];
+
+    const INPUT: Channel<CorrespondenceHeader, [Block]> = CORRESPONDENCE_MAP;
+    const OUTPUT: Channel<CloudHeader, [u8]> = CLOUD;
+    const STAGE: Stage = Stage::Cloud;
+    const NEXT: Option<Stage> = None;
+
+    fn published(header: &CorrespondenceHeader) -> u64 {
+        header.published
+    }
+
+    fn read(&mut self, header: &CorrespondenceHeader, payload: &[Block]) -> Result<Window, Dropped> {
+        let read = wire::correspondences::read(header, payload, &mut self.found);
+        read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
+        self.window = header.window;
+        Ok(self.window)
+    }
+
+    fn step(&mut self) -> Result<(), Dropped> {
+        self.worker.step(&self.found, &mut self.cloud);
+        if self.cloud.points.is_empty() {
+            return Err(Dropped::new(DropReason::EmptyCloud, "no correspondence has a point before both cameras"));
+        }
+        self.records.clear();
+        write_records(&mut self.records, &self.cloud.points, 1.0).map_err(|e| Dropped::new(DropReason::Malformed, e))
+    }
+
+    fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
+        let (delta_mean_rad, delta_sd_rad) = self.found.matches.chosen_delta_rad;
+        let header = CloudHeader {
+            published,
+            window: self.window,
+            points: self.cloud.points.len() as u64,
+            delta_mean_rad,
+            delta_sd_rad,
+            published_ns: clock::now_ns(),
+        };
+        output.send(&header, &self.records)
+    }
+}

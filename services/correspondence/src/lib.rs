@@ -1,0 +1,65 @@
+//! The correspondence service: phase maps in, correspondences out.
+
+use std::sync::Arc;
+
+use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window};
+use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, TransportError};
+use fringeflow::wire;
+use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
+use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    let mut host = Host::open(arguments, "correspondence")?;
+    let table = Arc::new(arguments.segment_table(&host.setup)?);
+    let worker = CorrespondenceWorker::new(table, host.configuration.measurement.settings.matching);
+    let maps = PhasePair::default();
+    run_transform(&mut host, CorrespondenceStage { worker, maps, window: Window::default(), found: Correspondences::default() })
+}
+
+struct CorrespondenceStage {
+    worker: CorrespondenceWorker,
+    maps: PhasePair,
+    window: Window,
+    found: Correspondences,
+}
+
+impl Transform for CorrespondenceStage {
+    type InHeader = MapsHeader;
+    type InPayload = [Block];
+    type OutHeader = CorrespondenceHeader;
+    type OutPayload = [Block];
+
+    const INPUT: Channel<MapsHeader, [Block]> = PHASE_MAPS;
+    const OUTPUT: Channel<CorrespondenceHeader, [Block]> = CORRESPONDENCE_MAP;
+    const STAGE: Stage = Stage::Correspondence;
+    const NEXT: Option<Stage> = Some(Stage::Cloud);
+
+    fn published(header: &MapsHeader) -> u64 {
+        header.published
+    }
+
+    fn read(&mut self, header: &MapsHeader, payload: &[Block]) -> Result<Window, Dropped> {
+        wire::maps::read(header, payload, &mut self.maps).map_err(|e| Dropped::new(DropReason::Malformed, e))?;
+        self.window = header.window;
+        Ok(self.window)
+    }
+
+    fn step(&mut self) -> Result<(), Dropped> {
+        let found = self.worker.step(&self.maps, &mut self.found);
+        found.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
+    }
+
+    fn send(
+        &mut self,
+        published: u64,
+        output: &mut Publisher<CorrespondenceHeader, [Block]>,
+    ) -> Result<(), TransportError> {
+        let header = wire::correspondences::header(&self.found, &self.window, published);
+        let blocks = wire::correspondences::blocks(self.found.mean.len());
+        output.send_filled(&header, blocks, |payload| wire::correspondences::write(&self.found, payload))
+    }
+}

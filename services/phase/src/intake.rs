@@ -1,0 +1,199 @@
+//! From messages to windows: the synchronizer, its ports, and the accounts of what it counts.
+
+use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
+use fringeflow::dataset::Setup;
+use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, Stage};
+use fringeflow::synchronization::{LEAST_WAITING, Settings, StepSource, Synchronizer, WindowImages};
+use fringeflow::transport::{
+    CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake,
+};
+use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError};
+
+use crate::image::Image;
+
+/// Ports, synchronizer and accounts.
+pub(crate) struct Intake {
+    cameras: [Subscriber<FrameHeader, [u8]>; 2],
+    events: Subscriber<(), PatternEvent>,
+    wake: Wake,
+    synchronizer: Synchronizer<Image>,
+    size_px: [usize; 2],
+    pattern: Ledger,
+    pairing: Ledger,
+    windowing: Ledger,
+    /// What came of the images of camera 1 and 2.
+    frame_arrivals: [Arrivals; 2],
+    /// What came of the events.
+    event_arrivals: Arrivals,
+}
+
+/// An account whose counts the synchronizer keeps since this process began.
+struct Ledger {
+    stage: Stage,
+    account: Account,
+    /// Counts before this process.
+    before: Counts,
+}
+
+impl Intake {
+    pub(crate) fn open(host: &Host) -> Result<Self, ServiceError> {
+        let (node, sizes) = (&host.node, &host.sizes);
+        let cameras = [Subscriber::open(node, CAM1_FRAME, sizes)?, Subscriber::open(node, CAM2_FRAME, sizes)?];
+        let events = Subscriber::open(node, PROJECTOR_PATTERN, sizes)?;
+        let settings = settings(&host.configuration, &host.setup);
+        let mut synchronizer = Synchronizer::new(settings).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+        // In the order of the pipeline: each catches up with what the one before has put out.
+        let pattern = Ledger::open(host, Stage::Pattern)?;
+        let pairing = Ledger::open(host, Stage::Pairing)?;
+        let windowing = Ledger::open(host, Stage::Windowing)?;
+        let frame_arrivals = [0, 1].map(|camera| *pairing.account.arrivals(camera));
+        for (camera, arrivals) in (1..).zip(&frame_arrivals) {
+            synchronizer.expect_frame(camera, arrivals.next);
+        }
+        let event_arrivals = *pattern.account.arrivals(0);
+        let (wake, size_px) = (Wake::new()?, host.setup.image_size_px);
+        Ok(Self {
+            cameras,
+            events,
+            wake,
+            synchronizer,
+            size_px,
+            pattern,
+            pairing,
+            windowing,
+            frame_arrivals,
+            event_arrivals,
+        })
+    }
+
+    /// Waits for messages.
+    pub(crate) fn wait(&self) -> Result<(), TransportError> {
+        self.wake.wait(&[&self.cameras[0], &self.cameras[1], &self.events], BEAT)
+    }
+
+    /// Takes what has come, one message of each channel in turn; `on_window` is given each window with its number as soon as
+    /// it is complete.
+    pub(crate) fn drain(
+        &mut self,
+        mut on_window: impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
+    ) -> Result<(), ServiceError> {
+        loop {
+            let any = self.take_event()? | self.take_frame(0)? | self.take_frame(1)?;
+            self.put_out(&mut on_window)?;
+            if !any {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Ends the run: what still waits for its partner is dropped.
+    pub(crate) fn end(
+        &mut self,
+        mut on_window: impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
+    ) -> Result<(), ServiceError> {
+        self.synchronizer.end();
+        self.put_out(&mut on_window)
+    }
+
+    /// Counts what the cameras and the projector put out and never came.
+    pub(crate) fn close(&mut self, host: &Host) -> Result<(), AccountError> {
+        for ledger in [&mut self.pattern, &mut self.pairing, &mut self.windowing] {
+            host.catch_up(&mut ledger.account, DropReason::Overrun)?;
+        }
+        Ok(())
+    }
+
+    /// Reports all three stages.
+    pub(crate) fn report(&self, host: &mut Host) {
+        for ledger in [&self.pattern, &self.pairing, &self.windowing] {
+            host.report(ledger.stage, ledger.account.counts(), None);
+        }
+    }
+
+    /// Opens ports again that lost their other side.
+    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+        self.events.ensure_connected(now_ns)?;
+        self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(now_ns).map(|_| ()))
+    }
+
+    fn take_event(&mut self) -> Result<bool, ServiceError> {
+        let Some(event) = self.events.receive()? else { return Ok(false) };
+        if self.event_arrivals.arrive(event.sequence).is_some() {
+            self.synchronizer.pattern(*event);
+        }
+        Ok(true)
+    }
+
+    fn take_frame(&mut self, camera: usize) -> Result<bool, ServiceError> {
+        let Some(frame) = self.cameras[camera].receive()? else { return Ok(false) };
+        // The channel says which camera it is; a header that says otherwise would count under the other one.
+        let header = FrameHeader { camera: camera as u32 + 1, ..*frame.header() };
+        if self.frame_arrivals[camera].arrive(header.published).is_some() {
+            self.admit(header, frame);
+        }
+        Ok(true)
+    }
+
+    fn admit(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {
+        match Image::of(frame, self.size_px) {
+            Ok(image) => self.synchronizer.frame(header, image),
+            Err(reason) => self.synchronizer.refuse_frame(&header, reason),
+        }
+    }
+
+    /// Writes the accounts, then hands out the windows: what is counted is never behind what was put out.
+    fn put_out(
+        &mut self,
+        on_window: &mut impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
+    ) -> Result<(), ServiceError> {
+        let first = self.windowing.account.counts().passed;
+        self.write()?;
+        for number in first.. {
+            let Some(window) = self.synchronizer.next_window() else { break };
+            on_window(number, window)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self) -> Result<(), AccountError> {
+        self.pattern.write(&self.synchronizer, &[self.event_arrivals.next])?;
+        self.pairing.write(&self.synchronizer, &self.frame_arrivals.map(|arrivals| arrivals.next))?;
+        self.windowing.write(&self.synchronizer, &[])
+    }
+}
+
+impl Ledger {
+    fn open(host: &Host, stage: Stage) -> Result<Self, AccountError> {
+        let mut account = host.account(stage)?;
+        host.catch_up(&mut account, DropReason::Restart)?;
+        let before = *account.counts();
+        Ok(Self { stage, account, before })
+    }
+
+    /// Writes the counts of the synchronizer on top of those before; a stage without numbered messages numbers its items by
+    /// what it took.
+    fn write(&mut self, synchronizer: &Synchronizer<Image>, next: &[u64]) -> Result<(), AccountError> {
+        let Some(counted) = synchronizer.counts(self.stage) else { return Ok(()) };
+        let counts = self.before.plus(counted);
+        if counts == *self.account.counts() {
+            return Ok(());
+        }
+        let taken = [counts.taken];
+        self.account.set(&counts, if next.is_empty() { &taken } else { next })
+    }
+}
+
+fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
+    let period_px = setup.sequence.pattern.period_px;
+    Settings {
+        steps: setup.steps,
+        frame_period_ns: configuration.frame_period_ns(),
+        source: match configuration.projector {
+            ProjectorDriver::Cycle => StepSource::Cycle,
+            ProjectorDriver::Virtual | ProjectorDriver::External => StepSource::Events { period_px },
+        },
+        every: configuration.window_every,
+        // The channel lets this service hold two windows and so many images more.
+        waiting: LEAST_WAITING,
+    }
+}

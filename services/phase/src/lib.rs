@@ -1,0 +1,115 @@
+//! The phase service: images and pattern events in, phase maps out.
+//!
+//! Keeps four accounts: pattern events, images (pairing), image pairs (windowing), windows (phase).
+
+mod image;
+mod intake;
+
+use fringeflow::message::{DropReason, MapsHeader, Block, Stage};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::synchronization::WindowImages;
+use fringeflow::transport::{PHASE_MAPS, Publisher};
+use fringeflow::wire;
+use fringeflow::worker::{PhasePair, PhaseWorker};
+use fringeflow_runtime::{Account, Host, ItemTimes, ServiceArgs, ServiceError, clock};
+
+use image::Image;
+use intake::Intake;
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    let mut host = Host::open(arguments, "phase")?;
+    let mut intake = Intake::open(&host)?;
+    let mut decoding = Decoding::open(&host)?;
+    loop {
+        // Asked before the channels are emptied, so that what the cameras put out last is not left.
+        let is_last = host.stop.is_requested();
+        intake.drain(|number, images| decoding.add(&mut host, number, images))?;
+        decoding.work(&mut host)?;
+        if is_last {
+            break;
+        }
+        if host.beat_is_due() {
+            intake.report(&mut host);
+            host.report(Stage::Phase, decoding.account.counts(), None);
+        }
+        host.tend(|now_ns| {
+            decoding.output.ensure_connected(now_ns)?;
+            intake.ensure_connected(now_ns)
+        });
+        intake.wait()?;
+    }
+    intake.end(|number, images| decoding.add(&mut host, number, images))?;
+    decoding.work(&mut host)?;
+    intake.close(&host)?;
+    intake.report(&mut host);
+    host.report(Stage::Phase, decoding.account.counts(), None);
+    Ok(())
+}
+
+/// From windows to phase maps.
+struct Decoding {
+    account: Account,
+    output: Publisher<MapsHeader, [Block]>,
+    worker: PhaseWorker,
+    maps: PhasePair,
+    /// The newest window, not decoded yet.
+    newest: Option<(WindowImages<Image>, u64)>,
+}
+
+impl Decoding {
+    fn open(host: &Host) -> Result<Self, ServiceError> {
+        let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad());
+        let shifts = shifts.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+        let mut account = host.account(Stage::Phase)?;
+        host.catch_up(&mut account, DropReason::Restart)?;
+        Ok(Self {
+            account,
+            output: Publisher::open(&host.node, PHASE_MAPS, &host.sizes)?,
+            worker: PhaseWorker::new(&host.setup.rig, shifts, host.configuration.measurement.settings.validity),
+            maps: PhasePair::default(),
+            newest: None,
+        })
+    }
+
+    /// Takes a window; the one before it that nobody had time for is dropped, unless none may be.
+    fn add(&mut self, host: &mut Host, number: u64, images: WindowImages<Image>) -> Result<(), ServiceError> {
+        self.account.arrive(0, number)?;
+        if self.newest.replace((images, clock::now_ns())).is_some() {
+            self.account.drop_one(DropReason::NextStageBusy)?;
+        }
+        if host.configuration.wait_when_busy {
+            host.wait_until_free(Stage::Correspondence, &self.account);
+            self.work(host)?;
+        }
+        Ok(())
+    }
+
+    /// Decodes the newest window if the next stage has time for it.
+    fn work(&mut self, host: &mut Host) -> Result<(), ServiceError> {
+        let Some((images, taken_ns)) = self.newest.take() else { return Ok(()) };
+        if !host.is_free(Stage::Correspondence, &self.account) {
+            return Ok(self.account.drop_one(DropReason::NextStageBusy)?);
+        }
+        let [cam1, cam2] = [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::pixels).collect::<Vec<_>>());
+        if let Err(error) = self.worker.step(&cam1, &cam2, &mut self.maps) {
+            tracing::warn!("{error}");
+            return Ok(self.account.drop_one(DropReason::BadImage)?);
+        }
+        let published = self.account.pass()?;
+        let header = wire::maps::header(&self.maps, &images.window, published);
+        let blocks = wire::maps::blocks(self.maps.cam1.phase.len());
+        let maps = &self.maps;
+        // What could not be sent is missing in the channel, and counted there.
+        if let Err(error) = self.output.send_filled(&header, blocks, |payload| wire::maps::write(maps, payload)) {
+            tracing::warn!("{error}");
+        }
+        let exposure_start_ns = images.window.last_exposure_ns;
+        let times = ItemTimes { exposure_start_ns, taken_ns, passed_ns: clock::now_ns() };
+        host.report(Stage::Phase, self.account.counts(), Some(times));
+        Ok(())
+    }
+}

@@ -1,0 +1,280 @@
+//! Between the structs of the channels and the messages of the schema.
+//!
+//! What comes from a file may say anything: a message that no channel could have carried is `None`.
+
+use crate::message::{self, Counts, DropReason, MAX_WINDOW, Stage};
+
+use super::schema::{
+    CloudHeader, CorrespondenceHeader, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window,
+};
+
+impl FrameHeader {
+    pub(super) fn of(header: &message::FrameHeader) -> Self {
+        let message::FrameHeader {
+            session,
+            sequence,
+            published,
+            exposure_start_ns,
+            received_ns,
+            exposure_ns,
+            width_px,
+            height_px,
+            stride_bytes,
+            pixel_format,
+            flags,
+            camera,
+        } = *header;
+        Self {
+            session,
+            sequence,
+            published,
+            exposure_start_ns,
+            received_ns,
+            exposure_ns,
+            width_px,
+            height_px,
+            stride_bytes,
+            pixel_format,
+            flags,
+            camera,
+        }
+    }
+
+    pub(super) fn to_message(&self) -> message::FrameHeader {
+        let Self {
+            session,
+            sequence,
+            published,
+            exposure_start_ns,
+            received_ns,
+            exposure_ns,
+            width_px,
+            height_px,
+            stride_bytes,
+            pixel_format,
+            flags,
+            camera,
+        } = *self;
+        message::FrameHeader {
+            session,
+            sequence,
+            published,
+            exposure_start_ns,
+            received_ns,
+            exposure_ns,
+            width_px,
+            height_px,
+            stride_bytes,
+            pixel_format,
+            flags,
+            camera,
+        }
+    }
+}
+
+impl PatternEvent {
+    pub(super) fn of(event: &message::PatternEvent) -> Self {
+        let message::PatternEvent {
+            session,
+            sequence,
+            exposure_start_ns,
+            duration_ns,
+            period_px,
+            step,
+            steps,
+            kind,
+            reserved: _,
+        } = *event;
+        Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind }
+    }
+
+    pub(super) fn to_message(&self) -> message::PatternEvent {
+        let Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind } = *self;
+        message::PatternEvent {
+            session,
+            sequence,
+            exposure_start_ns,
+            duration_ns,
+            period_px,
+            step,
+            steps,
+            kind,
+            reserved: 0,
+        }
+    }
+}
+
+impl Window {
+    /// `None` for more steps than a window has.
+    pub(super) fn of(window: &message::Window) -> Option<Self> {
+        let steps = window.steps as usize;
+        Some(Self {
+            cam1_session: window.cam1_session,
+            cam2_session: window.cam2_session,
+            cam1_sequence: window.cam1_sequence.get(..steps)?.to_vec(),
+            cam2_sequence: window.cam2_sequence.get(..steps)?.to_vec(),
+            first_exposure_ns: window.first_exposure_ns,
+            last_exposure_ns: window.last_exposure_ns,
+            centre_ns: window.centre_ns,
+            received_ns: window.received_ns,
+        })
+    }
+
+    /// `None` for more steps than a window has, or unequal numbers of them.
+    pub(super) fn to_message(&self) -> Option<message::Window> {
+        let steps = self.cam1_sequence.len();
+        if steps != self.cam2_sequence.len() || steps > MAX_WINDOW {
+            return None;
+        }
+        let padded = |numbers: &[u64]| std::array::from_fn(|i| numbers.get(i).copied().unwrap_or_default());
+        Some(message::Window {
+            cam1_session: self.cam1_session,
+            cam2_session: self.cam2_session,
+            cam1_sequence: padded(&self.cam1_sequence),
+            cam2_sequence: padded(&self.cam2_sequence),
+            first_exposure_ns: self.first_exposure_ns,
+            last_exposure_ns: self.last_exposure_ns,
+            centre_ns: self.centre_ns,
+            received_ns: self.received_ns,
+            steps: steps as u32,
+            reserved: 0,
+        })
+    }
+}
+
+impl CloudHeader {
+    pub(super) fn of(header: &message::CloudHeader) -> Self {
+        Self {
+            published: header.published,
+            window: Window::of(&header.window),
+            points: header.points,
+            delta_mean_rad: header.delta_mean_rad,
+            delta_sd_rad: header.delta_sd_rad,
+            published_ns: header.published_ns,
+        }
+    }
+
+    pub(super) fn to_message(&self) -> Option<message::CloudHeader> {
+        Some(message::CloudHeader {
+            published: self.published,
+            window: self.window.as_ref()?.to_message()?,
+            points: self.points,
+            delta_mean_rad: self.delta_mean_rad,
+            delta_sd_rad: self.delta_sd_rad,
+            published_ns: self.published_ns,
+        })
+    }
+}
+
+impl Fit {
+    fn of(fit: &message::Fit) -> Self {
+        let message::Fit { valid_pixels, residual_share, noise_grey } = *fit;
+        Self { valid_pixels, residual_share, noise_grey }
+    }
+
+    fn to_message(&self) -> message::Fit {
+        let Self { valid_pixels, residual_share, noise_grey } = *self;
+        message::Fit { valid_pixels, residual_share, noise_grey }
+    }
+}
+
+impl MapsHeader {
+    pub(super) fn of(header: &message::MapsHeader) -> Self {
+        Self {
+            published: header.published,
+            window: Window::of(&header.window),
+            cam1: Some(Fit::of(&header.cam1)),
+            cam2: Some(Fit::of(&header.cam2)),
+            width_px: header.width_px,
+            height_px: header.height_px,
+        }
+    }
+
+    pub(super) fn to_message(&self) -> Option<message::MapsHeader> {
+        Some(message::MapsHeader {
+            published: self.published,
+            window: self.window.as_ref()?.to_message()?,
+            cam1: self.cam1.as_ref()?.to_message(),
+            cam2: self.cam2.as_ref()?.to_message(),
+            width_px: self.width_px,
+            height_px: self.height_px,
+        })
+    }
+}
+
+impl CorrespondenceHeader {
+    pub(super) fn of(header: &message::CorrespondenceHeader) -> Self {
+        Self {
+            published: header.published,
+            window: Window::of(&header.window),
+            delta_mean_rad: header.delta_mean_rad,
+            delta_sd_rad: header.delta_sd_rad,
+            delta_noise_sd_rad: header.delta_noise_sd_rad,
+            mean_periods: header.mean_periods,
+            references: header.references,
+            chosen_delta_mean_rad: header.chosen_delta_mean_rad,
+            chosen_delta_sd_rad: header.chosen_delta_sd_rad,
+            noise_grey: header.noise_grey.to_vec(),
+            width_px: header.width_px,
+            height_px: header.height_px,
+        }
+    }
+
+    pub(super) fn to_message(&self) -> Option<message::CorrespondenceHeader> {
+        Some(message::CorrespondenceHeader {
+            published: self.published,
+            window: self.window.as_ref()?.to_message()?,
+            delta_mean_rad: self.delta_mean_rad,
+            delta_sd_rad: self.delta_sd_rad,
+            delta_noise_sd_rad: self.delta_noise_sd_rad,
+            mean_periods: self.mean_periods,
+            references: self.references,
+            chosen_delta_mean_rad: self.chosen_delta_mean_rad,
+            chosen_delta_sd_rad: self.chosen_delta_sd_rad,
+            noise_grey: <[f32; 2]>::try_from(self.noise_grey.as_slice()).ok()?,
+            width_px: self.width_px,
+            height_px: self.height_px,
+        })
+    }
+}
+
+impl StageReport {
+    /// `None` for a stage that is none.
+    pub(super) fn of(report: &message::StageReport) -> Option<Self> {
+        let counts = &report.counts;
+        Some(Self {
+            stage: Stage::of(report.stage)?.name().to_owned(),
+            pid: report.pid,
+            restarts: report.restarts,
+            of_item: report.of_item,
+            time_ns: report.time_ns,
+            exposure_start_ns: report.exposure_start_ns,
+            taken_ns: report.taken_ns,
+            passed_ns: report.passed_ns,
+            taken: counts.taken,
+            passed: counts.passed,
+            dropped: counts.reasons().map(|(reason, count)| (reason.name().to_owned(), count)).collect(),
+        })
+    }
+
+    /// `None` for an unknown stage or reason.
+    pub(super) fn to_message(&self) -> Option<message::StageReport> {
+        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == self.stage)?;
+        let mut counts = Counts { taken: self.taken, passed: self.passed, ..Counts::default() };
+        for (name, &count) in &self.dropped {
+            let reason = DropReason::ALL.into_iter().find(|reason| reason.name() == name)?;
+            counts.drop_many(reason, count);
+        }
+        Some(message::StageReport {
+            stage: stage as u32,
+            pid: self.pid,
+            restarts: self.restarts,
+            of_item: self.of_item,
+            time_ns: self.time_ns,
+            exposure_start_ns: self.exposure_start_ns,
+            taken_ns: self.taken_ns,
+            passed_ns: self.passed_ns,
+            counts,
+        })
+    }
+}

@@ -1,0 +1,51 @@
+//! Recordings: MCAP files of what the channels carried, and of all that a measurement needs beside it.
+//!
+//! | topic | schema | what |
+//! |---|---|---|
+//! | `/cam1/frame`, `/cam2/frame` | foxglove.RawImage, mono8 | images |
+//! | `/cam1/header`, `/cam2/header` | fringeflow.FrameHeader | their headers |
+//! | `/projector/pattern` | fringeflow.PatternEvent | what the projector showed |
+//! | `/phase/maps` | fringeflow.PhaseMaps | phase maps, where they are recorded |
+//! | `/correspondence/map` | fringeflow.CorrespondenceMap | correspondences, where they are recorded |
+//! | `/cloud` | foxglove.PointCloud | clouds: the records of the exported fields, lengths in metres |
+//! | `/cloud/header` | fringeflow.CloudHeader | their headers |
+//! | `/report/stage` | fringeflow.StageReport | what the stages did and lost |
+//! | `/log` | foxglove.Log | marks, and what the recorder lost |
+//! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once |
+//! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
+//!
+//! An image or cloud and its header have the same MCAP sequence number, the header first. `log_time` is when a message
+//! was received or published, `publish_time` the start of its exposure; both are nanoseconds of `CLOCK_MONOTONIC`, and
+//! the metadata `fringeflow` says which wall clock that was. Attachments: `calibration.yml`, `meta.json`,
+//! `configuration.toml` (what the measurement reads, so that a recording has the same numbers as the rig had), and
+//! `truth.npz` where it is known. The metadata `fringeflow.recorder` at the end says what was written and what was lost.
+//!
+//! The schema of our own messages is `schema/fringeflow.proto`.
+
+mod convert;
+mod error;
+mod file;
+mod opening;
+mod queue;
+mod recordable;
+mod recorder;
+mod schema;
+mod topic;
+mod writer;
+
+pub use error::{RecordingError, RecordingProblem};
+pub use file::UNFINISHED;
+pub use opening::Origin;
+pub use recordable::Recordable;
+pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder, RecorderCounts};
+pub use topic::Topic;
+pub use writer::Opening;
+
+/// Version of the format; raised when older readers would misread a recording.
+pub const FORMAT_VERSION: u64 = 1;
+/// Name of the metadata about origin and setup.
+const METADATA: &str = "fringeflow";
+/// Name of the metadata about what was written and lost.
+const RECORDER_METADATA: &str = "fringeflow.recorder";
+/// Name of the attachment that holds the configuration.
+const CONFIGURATION_FILE: &str = "configuration.toml";

@@ -1,0 +1,249 @@
+//! Messages of the channels as they are recorded: from header structs and payload bytes to protobuf, one copy.
+
+use foxglove::messages::packed_element_field::NumericType;
+use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp, Vector3, log};
+use prost::Message as _;
+
+use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
+use crate::message::{
+    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MapsHeader, PIXEL_FORMAT_GREY, PatternEvent, Stage,
+    StageReport, Window,
+};
+
+use super::{Topic, schema};
+
+/// Key of the `data` of images and clouds: field 6, bytes.
+const DATA_KEY: u8 = 6 << 3 | 2;
+/// Key of the `payload` of maps: field 2, bytes.
+const PAYLOAD_KEY: u8 = 2 << 3 | 2;
+/// What a message takes beside its payload, at most (a mark may be longer, and is small anyway).
+const MOST_HEADER_BYTES: usize = 2048;
+
+/// A message of a channel, with its payload, that a recording takes.
+#[derive(Clone, Copy, Debug)]
+pub enum Recordable<'a> {
+    /// An image; which camera, its header says.
+    Frame {
+        /// Its header.
+        header: &'a FrameHeader,
+        /// Its bytes.
+        image: &'a [u8],
+    },
+    /// A pattern event.
+    Pattern(&'a PatternEvent),
+    /// Phase maps of both cameras.
+    Maps {
+        /// Their header.
+        header: &'a MapsHeader,
+        /// Payload of the channel.
+        payload: &'a [u8],
+    },
+    /// Correspondences.
+    Correspondences {
+        /// Their header.
+        header: &'a CorrespondenceHeader,
+        /// Payload of the channel.
+        payload: &'a [u8],
+    },
+    /// A cloud.
+    Cloud {
+        /// Its header.
+        header: &'a CloudHeader,
+        /// Its records, lengths in metres.
+        records: &'a [u8],
+    },
+    /// Report of a stage.
+    Report(&'a StageReport),
+    /// A mark that a person set.
+    Mark {
+        /// When.
+        time_ns: u64,
+        /// What it says.
+        text: &'a str,
+    },
+    /// What the recorder itself has to say.
+    Loss {
+        /// When.
+        time_ns: u64,
+        /// What it says.
+        text: &'a str,
+    },
+}
+
+/// One or two encoded messages that belong together: what a header describes follows it.
+#[derive(Debug, Default)]
+pub(super) struct Encoded {
+    /// Both messages, one after the other.
+    pub(super) bytes: Vec<u8>,
+    /// Where the second begins.
+    pub(super) split: usize,
+}
+
+/// When a message was received or published, and the exposure it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Times {
+    pub(super) log_ns: u64,
+    pub(super) publish_ns: u64,
+}
+
+impl Recordable<'_> {
+    /// The topic it is counted under; `None` if it contradicts itself.
+    pub(super) fn topic(&self) -> Option<Topic> {
+        match self {
+            Self::Frame { header, image } => {
+                let fits = header.pixel_format == PIXEL_FORMAT_GREY
+                    && header.stride_bytes >= header.width_px
+                    && image.len() as u64 == u64::from(header.stride_bytes) * u64::from(header.height_px);
+                match header.camera {
+                    1 if fits => Some(Topic::Cam1Frame),
+                    2 if fits => Some(Topic::Cam2Frame),
+                    _ => None,
+                }
+            }
+            Self::Pattern(_) => Some(Topic::Pattern),
+            Self::Maps { header, .. } => has_steps(&header.window).then_some(Topic::PhaseMaps),
+            Self::Correspondences { header, .. } => has_steps(&header.window).then_some(Topic::CorrespondenceMap),
+            Self::Cloud { header, records } => {
+                let fits = Some(records.len() as u64) == header.points.checked_mul(RECORD_BYTES as u64);
+                (fits && has_steps(&header.window)).then_some(Topic::Cloud)
+            }
+            Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
+            Self::Mark { .. } | Self::Loss { .. } => Some(Topic::Log),
+        }
+    }
+
+    /// When it was received or published, and the start of its exposure.
+    pub(super) fn times(&self) -> Times {
+        let times = |log_ns, publish_ns| Times { log_ns, publish_ns };
+        match self {
+            Self::Frame { header, .. } => times(header.received_ns, header.exposure_start_ns),
+            Self::Pattern(event) => times(event.exposure_start_ns, event.exposure_start_ns),
+            Self::Maps { header, .. } => times(header.window.received_ns, header.window.first_exposure_ns),
+            Self::Correspondences { header, .. } => times(header.window.received_ns, header.window.first_exposure_ns),
+            Self::Cloud { header, .. } => times(header.published_ns, header.window.first_exposure_ns),
+            Self::Report(report) => times(report.time_ns, report.time_ns),
+            Self::Mark { time_ns, .. } | Self::Loss { time_ns, .. } => times(*time_ns, *time_ns),
+        }
+    }
+
+    /// Bytes that its encoded form takes, about.
+    pub(super) fn size(&self) -> usize {
+        let payload = match self {
+            Self::Frame { image, .. } => image.len(),
+            Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
+            Self::Cloud { records, .. } => records.len(),
+            Self::Mark { text, .. } | Self::Loss { text, .. } => text.len(),
+            Self::Pattern(_) | Self::Report(_) => 0,
+        };
+        payload + MOST_HEADER_BYTES
+    }
+
+    /// Encodes it into a buffer, whose content is replaced.
+    pub(super) fn encode(&self, out: &mut Encoded) {
+        out.bytes.clear();
+        let bytes = &mut out.bytes;
+        match self {
+            Self::Frame { header, image } => {
+                append(bytes, &schema::FrameHeader::of(header));
+                out.split = bytes.len();
+                append(bytes, &raw_image(header));
+                append_bytes(bytes, DATA_KEY, image);
+            }
+            Self::Cloud { header, records } => {
+                append(bytes, &schema::CloudHeader::of(header));
+                out.split = bytes.len();
+                append(bytes, &point_cloud(header));
+                append_bytes(bytes, DATA_KEY, records);
+            }
+            Self::Maps { header, payload } => {
+                append(bytes, &schema::PhaseMaps { header: Some(schema::MapsHeader::of(header)), ..Default::default() });
+                append_bytes(bytes, PAYLOAD_KEY, payload);
+            }
+            Self::Correspondences { header, payload } => {
+                let header = Some(schema::CorrespondenceHeader::of(header));
+                append(bytes, &schema::CorrespondenceMap { header, ..Default::default() });
+                append_bytes(bytes, PAYLOAD_KEY, payload);
+            }
+            Self::Pattern(event) => append(bytes, &schema::PatternEvent::of(event)),
+            Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
+            Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
+            Self::Loss { time_ns, text } => {
+                append(bytes, &log_message(*time_ns, log::Level::Warning, "recorder", text));
+            }
+        }
+    }
+}
+
+/// A time as Foxglove's messages have it; those beyond 2106 are shown as 0.
+pub(super) fn timestamp(time_ns: u64) -> Option<Timestamp> {
+    let seconds = u32::try_from(time_ns / 1_000_000_000).ok()?;
+    Timestamp::new_checked(seconds, (time_ns % 1_000_000_000) as u32)
+}
+
+fn has_steps(window: &Window) -> bool {
+    window.steps as usize <= MAX_WINDOW
+}
+
+fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {
+    // A vector has room for everything that there is room for.
+    let _ = message.encode(bytes);
+}
+
+/// Adds a field of bytes to a message that is encoded already; the order of fields does not matter.
+fn append_bytes(bytes: &mut Vec<u8>, key: u8, content: &[u8]) {
+    bytes.push(key);
+    let _ = prost::encode_length_delimiter(content.len(), bytes);
+    bytes.extend_from_slice(content);
+}
+
+fn raw_image(header: &FrameHeader) -> RawImage {
+    RawImage {
+        timestamp: timestamp(header.exposure_start_ns),
+        frame_id: format!("cam{}", header.camera),
+        width: header.width_px,
+        height: header.height_px,
+        encoding: "mono8".to_owned(),
+        step: header.stride_bytes,
+        ..RawImage::default()
+    }
+}
+
+fn point_cloud(header: &CloudHeader) -> PointCloud {
+    let mut offset = 0;
+    let mut fields = Vec::with_capacity(FIELDS.len());
+    for (name, scalar) in FIELDS {
+        fields.push(PackedElementField { name: name.to_owned(), offset, r#type: numeric_type(scalar).into() });
+        offset += scalar.size() as u32;
+    }
+    let identity = Pose {
+        position: Some(Vector3::default()),
+        orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+    };
+    PointCloud {
+        timestamp: timestamp(header.window.centre_ns),
+        frame_id: "cam1".to_owned(),
+        pose: Some(identity),
+        point_stride: RECORD_BYTES as u32,
+        fields,
+        ..PointCloud::default()
+    }
+}
+
+fn numeric_type(scalar: Scalar) -> NumericType {
+    match scalar {
+        Scalar::U8 => NumericType::Uint8,
+        Scalar::U16 => NumericType::Uint16,
+        Scalar::I16 => NumericType::Int16,
+        Scalar::F32 => NumericType::Float32,
+    }
+}
+
+fn log_message(time_ns: u64, level: log::Level, name: &str, text: &str) -> Log {
+    Log {
+        timestamp: timestamp(time_ns),
+        level: level.into(),
+        message: text.to_owned(),
+        name: name.to_owned(),
+        ..Log::default()
+    }
+}

@@ -1,0 +1,312 @@
+//! The recorder: takes messages without ever waiting for the disk, and writes them in a thread of its own.
+//!
+//! In: messages of the channels. Out: a recording, and a count of what is in it and what was lost, by topic and reason.
+//! Every half second what came is handed to the kernel, so that a killed process loses no more than that; every other
+//! second the disk is asked to keep it. A disk that runs full ends the recording with a whole file; the scan goes on,
+//! and what comes after is counted as lost.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::message::{Counts, DropReason};
+
+use super::error::{RecordingError, RecordingProblem};
+use super::opening::monotonic_ns;
+use super::queue::{Item, Next, Queue};
+use super::recordable::Encoded;
+use super::writer::{Opening, RecordingWriter};
+use super::{Recordable, Topic};
+
+/// Bytes that the queue to the disk takes unless the configuration says otherwise: three seconds of two cameras.
+pub const DEFAULT_QUEUE_BYTES: usize = 256 << 20;
+/// Bytes of the disk that stay free unless the configuration says otherwise.
+pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
+/// Longest time that a message waits for its way to the kernel.
+const FLUSH_EVERY: Duration = Duration::from_millis(500);
+/// Longest time that it waits for its way to the disk.
+const SYNC_EVERY: Duration = Duration::from_secs(2);
+
+/// Messages taken, written and lost, by the topic they are counted under.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecorderCounts {
+    /// By topic; an image and its header are one message. Messages that contradict themselves have no topic.
+    pub topics: BTreeMap<Topic, Counts>,
+    /// Messages that contradict themselves.
+    pub malformed: u64,
+}
+
+/// What came of a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// The file.
+    pub file: PathBuf,
+    /// What is in it and what was lost.
+    pub counts: RecorderCounts,
+}
+
+/// A running recording.
+#[derive(Debug)]
+pub struct Recorder {
+    shared: Arc<Shared>,
+    writer: Option<JoinHandle<Result<PathBuf, RecordingError>>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    target: PathBuf,
+    queue: Queue,
+    account: Mutex<Account>,
+}
+
+#[derive(Debug, Default)]
+struct Account {
+    counts: RecorderCounts,
+    /// Why nothing more is written.
+    ended: Option<&'static str>,
+}
+
+impl RecorderCounts {
+    /// Of all topics together.
+    #[must_use]
+    pub fn total(&self) -> Counts {
+        let mut total = Counts { taken: self.malformed, ..Counts::default() };
+        total.drop_many(DropReason::Malformed, self.malformed);
+        for counts in self.topics.values() {
+            total.taken += counts.taken;
+            total.passed += counts.passed;
+            counts.reasons().for_each(|(reason, count)| total.drop_many(reason, count));
+        }
+        total
+    }
+
+    fn of(&mut self, topic: Topic) -> &mut Counts {
+        self.topics.entry(topic).or_default()
+    }
+
+    /// As metadata of the recording.
+    fn metadata(&self) -> BTreeMap<String, String> {
+        let mut entries = BTreeMap::new();
+        let total = self.total();
+        entries.insert("taken".to_owned(), total.taken.to_string());
+        entries.insert("written".to_owned(), total.passed.to_string());
+        for (reason, count) in total.reasons() {
+            entries.insert(format!("lost.{}", reason.name()), count.to_string());
+        }
+        for (topic, counts) in &self.topics {
+            entries.insert(format!("written{}", topic.name()), counts.passed.to_string());
+            for (reason, count) in counts.reasons() {
+                entries.insert(format!("lost.{}{}", reason.name(), topic.name()), count.to_string());
+            }
+        }
+        entries
+    }
+}
+
+impl Recorder {
+    /// Begins a recording with a queue of `queue_bytes`.
+    ///
+    /// # Errors
+    /// The name is taken, its folder is missing, or the disk is full.
+    pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
+        let writer = RecordingWriter::create(target, opening)?;
+        let shared = Arc::new(Shared {
+            target: target.to_owned(),
+            queue: Queue::new(queue_bytes),
+            account: Mutex::default(),
+        });
+        let work = Arc::clone(&shared);
+        let thread = std::thread::Builder::new().name("recorder".to_owned());
+        let thread = thread.spawn(move || WriterThread::new(&work, writer).run());
+        let writer = thread.map_err(|e| RecordingProblem::Unwritable(e).of(target))?;
+        Ok(Self { shared, writer: Some(writer) })
+    }
+
+    /// Takes a message, or counts it as lost; never waits for the disk.
+    pub fn push(&self, message: &Recordable<'_>) {
+        let Some(topic) = message.topic() else {
+            self.shared.account().counts.malformed += 1;
+            return;
+        };
+        self.shared.account().counts.of(topic).taken += 1;
+        let Some(mut encoded) = self.shared.queue.buffer(message.size()) else {
+            self.shared.account().counts.of(topic).drop_one(DropReason::QueueFull);
+            return;
+        };
+        let had = encoded.bytes.capacity();
+        message.encode(&mut encoded);
+        self.shared.queue.push(Item { topic, times: message.times(), encoded }, had);
+    }
+
+    /// What was taken, written and lost so far.
+    #[must_use]
+    pub fn counts(&self) -> RecorderCounts {
+        self.shared.account().counts.clone()
+    }
+
+    /// Why nothing more is written, though the recording was not ended; `None` while all is well.
+    #[must_use]
+    pub fn ended(&self) -> Option<&'static str> {
+        self.shared.account().ended
+    }
+
+    /// Writes what is still in the queue, and closes the file.
+    ///
+    /// # Errors
+    /// The file could not be finished; what was written can be recovered.
+    pub fn finish(mut self) -> Result<Recorded, RecordingError> {
+        let file = self.join()?;
+        Ok(Recorded { file, counts: self.counts() })
+    }
+
+    fn join(&mut self) -> Result<PathBuf, RecordingError> {
+        self.shared.queue.end();
+        let gone = || RecordingProblem::Unfinishable("the writer thread ended".to_owned()).of(&self.shared.target);
+        match self.writer.take().map(JoinHandle::join) {
+            Some(Ok(result)) => result,
+            Some(Err(_)) | None => Err(gone()),
+        }
+    }
+}
+
+impl Drop for Recorder {
+    /// A recorder that nobody finished closes its file all the same.
+    fn drop(&mut self) {
+        if self.writer.is_some()
+            && let Err(error) = self.join()
+        {
+            tracing::error!("{error}");
+        }
+    }
+}
+
+impl Shared {
+    fn account(&self) -> MutexGuard<'_, Account> {
+        // Counters are whole at any moment.
+        self.account.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The thread that writes.
+struct WriterThread<'a> {
+    shared: &'a Shared,
+    /// `None` once the file is closed.
+    writer: Option<RecordingWriter>,
+    /// What came of closing it before the end.
+    closed: Option<Result<PathBuf, RecordingError>>,
+    /// Written, but not yet handed to the kernel.
+    unflushed: BTreeMap<Topic, u64>,
+    flushed_at: Instant,
+    synced_at: Instant,
+    /// Losses that the file tells of.
+    told: u64,
+}
+
+impl<'a> WriterThread<'a> {
+    fn new(shared: &'a Shared, writer: RecordingWriter) -> Self {
+        let now = Instant::now();
+        let (writer, unflushed) = (Some(writer), BTreeMap::new());
+        Self { shared, writer, closed: None, unflushed, flushed_at: now, synced_at: now, told: 0 }
+    }
+
+    fn run(mut self) -> Result<PathBuf, RecordingError> {
+        loop {
+            match self.shared.queue.next(FLUSH_EVERY.saturating_sub(self.flushed_at.elapsed())) {
+                Next::Item(item) => self.take(item),
+                Next::Nothing => {}
+                Next::Ended => break,
+            }
+            if self.flushed_at.elapsed() >= FLUSH_EVERY {
+                self.flush();
+            }
+        }
+        self.close("end");
+        self.closed.unwrap_or_else(|| {
+            Err(RecordingProblem::Unfinishable("nothing was closed".to_owned()).of(&self.shared.target))
+        })
+    }
+
+    fn take(&mut self, item: Item) {
+        let Item { topic, times, encoded } = item;
+        let admitted = self.writer.as_mut().map(|writer| writer.admits(encoded.bytes.len()));
+        if admitted == Some(false) {
+            tracing::error!("{}: the disk is full, the recording ends", self.shared.target.display());
+            self.close("disk full");
+        }
+        match self.writer.as_mut().map(|writer| writer.write(topic, times, &encoded)) {
+            Some(Ok(())) => *self.unflushed.entry(topic).or_default() += 1,
+            Some(Err(problem)) => {
+                self.lose(topic, 1);
+                self.fail(&problem);
+            }
+            None => self.lose(topic, 1),
+        }
+        self.shared.queue.give_back(encoded);
+    }
+
+    fn lose(&self, topic: Topic, count: u64) {
+        self.shared.account().counts.of(topic).drop_many(DropReason::DiskFull, count);
+    }
+
+    /// Hands everything to the kernel, and now and then to the disk.
+    fn flush(&mut self) {
+        self.flushed_at = Instant::now();
+        self.tell_losses();
+        let Some(writer) = &mut self.writer else { return };
+        let mut result = writer.flush();
+        if self.synced_at.elapsed() >= SYNC_EVERY {
+            result = result.and_then(|()| writer.sync());
+            self.synced_at = Instant::now();
+        }
+        match result {
+            Ok(()) => self.count_written(),
+            Err(problem) => self.fail(&problem),
+        }
+    }
+
+    fn count_written(&mut self) {
+        let mut account = self.shared.account();
+        for (topic, count) in std::mem::take(&mut self.unflushed) {
+            account.counts.of(topic).passed += count;
+        }
+    }
+
+    /// Writes into the file how many messages are missing from it since it last said so.
+    fn tell_losses(&mut self) {
+        let lost = self.shared.account().counts.total().all_dropped();
+        let Some(writer) = self.writer.as_mut().filter(|_| lost > self.told) else { return };
+        let text = format!("{} messages were lost on their way to the file, {lost} so far", lost - self.told);
+        tracing::warn!("{}: {text}", self.shared.target.display());
+        self.told = lost;
+        let loss = Recordable::Loss { time_ns: monotonic_ns(), text: &text };
+        let mut encoded = Encoded::default();
+        loss.encode(&mut encoded);
+        // The counts tell it too, so a failure here loses nothing; the next write comes upon it again.
+        let _ = writer.write(Topic::Log, loss.times(), &encoded);
+    }
+
+    /// Closes the file with the account of what is in it.
+    fn close(&mut self, why: &'static str) {
+        self.flush();
+        let Some(writer) = self.writer.take() else { return };
+        let mut metadata = self.shared.account().counts.metadata();
+        metadata.insert("ended".to_owned(), why.to_owned());
+        metadata.insert("ended_ns".to_owned(), monotonic_ns().to_string());
+        self.shared.account().ended = Some(why);
+        self.closed = Some(writer.finish(metadata));
+    }
+
+    /// Gives the file up where it is; what was not flushed is lost, what was can be recovered.
+    fn fail(&mut self, problem: &RecordingProblem) {
+        let problem = RecordingProblem::Unfinishable(problem.to_string()).of(&self.shared.target);
+        tracing::error!("{problem}");
+        for (topic, count) in std::mem::take(&mut self.unflushed) {
+            self.lose(topic, count);
+        }
+        self.writer = None;
+        self.shared.account().ended = Some("write error");
+        self.closed = Some(Err(problem));
+    }
+}

@@ -1,0 +1,120 @@
+//! The topics of a recording and the schema of each.
+
+use foxglove::messages::{CameraCalibration, FrameTransforms, Log, PointCloud, RawImage};
+use foxglove::{Encode, Schema};
+
+use super::schema::DESCRIPTOR;
+
+/// A topic of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Topic {
+    /// Images of camera 1.
+    Cam1Frame,
+    /// Their headers.
+    Cam1Header,
+    /// Images of camera 2.
+    Cam2Frame,
+    /// Their headers.
+    Cam2Header,
+    /// What the projector showed.
+    Pattern,
+    /// Phase maps of both cameras.
+    PhaseMaps,
+    /// Correspondences.
+    CorrespondenceMap,
+    /// Clouds.
+    Cloud,
+    /// Their headers.
+    CloudHeader,
+    /// Reports of the stages.
+    Report,
+    /// Marks, and what the recorder lost.
+    Log,
+    /// Where cameras, projector and measurement volume are.
+    Transforms,
+    /// Calibration of camera 1.
+    Cam1Calibration,
+    /// Calibration of camera 2.
+    Cam2Calibration,
+}
+
+impl Topic {
+    /// All topics.
+    pub const ALL: [Self; 14] = [
+        Self::Cam1Frame,
+        Self::Cam1Header,
+        Self::Cam2Frame,
+        Self::Cam2Header,
+        Self::Pattern,
+        Self::PhaseMaps,
+        Self::CorrespondenceMap,
+        Self::Cloud,
+        Self::CloudHeader,
+        Self::Report,
+        Self::Log,
+        Self::Transforms,
+        Self::Cam1Calibration,
+        Self::Cam2Calibration,
+    ];
+
+    /// Its name in the file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cam1Frame => "/cam1/frame",
+            Self::Cam1Header => "/cam1/header",
+            Self::Cam2Frame => "/cam2/frame",
+            Self::Cam2Header => "/cam2/header",
+            Self::Pattern => "/projector/pattern",
+            Self::PhaseMaps => "/phase/maps",
+            Self::CorrespondenceMap => "/correspondence/map",
+            Self::Cloud => "/cloud",
+            Self::CloudHeader => "/cloud/header",
+            Self::Report => "/report/stage",
+            Self::Log => "/log",
+            Self::Transforms => "/tf",
+            Self::Cam1Calibration => "/cam1/calibration",
+            Self::Cam2Calibration => "/cam2/calibration",
+        }
+    }
+
+    /// The topic of a name; `None` for one that is none of ours.
+    #[must_use]
+    pub fn of(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+
+    /// MCAP channel of the topic, the same in every recording: where the record of a channel is lost, its messages are not.
+    pub(super) fn channel_id(self) -> u16 {
+        self as u16 + 1
+    }
+
+    /// The topic that holds the headers of this one, if it has one beside it.
+    #[must_use]
+    pub fn header(self) -> Option<Self> {
+        match self {
+            Self::Cam1Frame => Some(Self::Cam1Header),
+            Self::Cam2Frame => Some(Self::Cam2Header),
+            Self::Cloud => Some(Self::CloudHeader),
+            _ => None,
+        }
+    }
+
+    /// Schema of its messages.
+    pub(super) fn schema(self) -> Option<Schema> {
+        let own = |name: &str| Some(Schema::new(format!("fringeflow.{name}"), "protobuf", DESCRIPTOR));
+        match self {
+            Self::Cam1Frame | Self::Cam2Frame => RawImage::get_schema(),
+            Self::Cam1Header | Self::Cam2Header => own("FrameHeader"),
+            Self::Pattern => own("PatternEvent"),
+            Self::PhaseMaps => own("PhaseMaps"),
+            Self::CorrespondenceMap => own("CorrespondenceMap"),
+            Self::Cloud => PointCloud::get_schema(),
+            Self::CloudHeader => own("CloudHeader"),
+            Self::Report => own("StageReport"),
+            Self::Log => Log::get_schema(),
+            Self::Transforms => FrameTransforms::get_schema(),
+            Self::Cam1Calibration | Self::Cam2Calibration => CameraCalibration::get_schema(),
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! All channels: names, types, and how much each of them holds.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use crate::message::{
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
+};
+
+/// Images of camera 1.
+pub const CAM1_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam1Frame);
+/// Images of camera 2.
+pub const CAM2_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam2Frame);
+/// Patterns that the projector shows.
+pub const PROJECTOR_PATTERN: Channel<(), PatternEvent> = Channel::new(ChannelId::ProjectorPattern);
+/// Phase maps of both cameras.
+pub const PHASE_MAPS: Channel<MapsHeader, [Block]> = Channel::new(ChannelId::PhaseMaps);
+/// Correspondences of all pixels of camera 1.
+pub const CORRESPONDENCE_MAP: Channel<CorrespondenceHeader, [Block]> = Channel::new(ChannelId::CorrespondenceMap);
+/// Clouds.
+pub const CLOUD: Channel<CloudHeader, [u8]> = Channel::new(ChannelId::Cloud);
+/// Reports of all stages.
+pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::ReportStage);
+/// What the instance is to do; a new subscriber gets the last one.
+pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
+
+/// A publish–subscribe channel.
+///
+/// | channel | iceoryx2 service, and its event service | payload | user header |
+/// |---|---|---|---|
+/// | `Cam1Frame`, `Cam2Frame` | `cam1/frame`, `cam2/frame` | slice of `u8` | `fringeflow.FrameHeader.1` |
+/// | `ProjectorPattern` | `projector/pattern` | `fringeflow.PatternEvent.1` | none |
+/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.1` |
+/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.1` |
+/// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.1` |
+/// | `ReportStage` | `report/stage` | `fringeflow.StageReport.1` | none |
+/// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
+///
+/// Beside these, `control` is a request–response service, see [`super::ControlServer`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ChannelId {
+    /// Images of camera 1.
+    Cam1Frame,
+    /// Images of camera 2.
+    Cam2Frame,
+    /// Patterns that the projector shows.
+    ProjectorPattern,
+    /// Phase maps of both cameras.
+    PhaseMaps,
+    /// Correspondences of all pixels of camera 1.
+    CorrespondenceMap,
+    /// Clouds.
+    Cloud,
+    /// Reports of all stages.
+    ReportStage,
+    /// What the instance is to do.
+    ScanState,
+}
+
+/// A channel together with the types of its messages: user header `H` and payload `P`.
+pub struct Channel<H, P: ?Sized> {
+    id: ChannelId,
+    types: PhantomData<fn(&H, &P)>,
+}
+
+/// Sizes of the messages of an instance; all its processes use the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelSizes {
+    /// Bytes of the larger camera's image.
+    pub frame_bytes: usize,
+    /// Images of a window, N.
+    pub window: usize,
+    /// Blocks of the phase maps.
+    pub map_blocks: usize,
+    /// Blocks of the correspondences.
+    pub correspondence_blocks: usize,
+    /// Bytes of the largest cloud.
+    pub cloud_bytes: usize,
+}
+
+/// How much a channel holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quality {
+    /// Most publishers. A killed one is replaced at once, since a new process removes it first.
+    pub publishers: usize,
+    /// Most subscribers.
+    pub subscribers: usize,
+    /// Messages that wait for a subscriber; then the oldest goes.
+    pub buffer: usize,
+    /// Messages that a subscriber may hold.
+    pub borrowed: usize,
+    /// Messages that a new subscriber is given.
+    pub history: usize,
+    /// Bytes of the user header.
+    pub header_bytes: usize,
+    /// Bytes of a payload element.
+    pub element_bytes: usize,
+    /// Most elements of a payload.
+    pub elements: usize,
+}
+
+impl ChannelId {
+    /// All channels.
+    pub const ALL: [Self; 8] = [
+        Self::Cam1Frame,
+        Self::Cam2Frame,
+        Self::ProjectorPattern,
+        Self::PhaseMaps,
+        Self::CorrespondenceMap,
+        Self::Cloud,
+        Self::ReportStage,
+        Self::ScanState,
+    ];
+
+    /// Name of the service, and of the event service that tells of its messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cam1Frame => "cam1/frame",
+            Self::Cam2Frame => "cam2/frame",
+            Self::ProjectorPattern => "projector/pattern",
+            Self::PhaseMaps => "phase/maps",
+            Self::CorrespondenceMap => "correspondence/map",
+            Self::Cloud => "cloud",
+            Self::ReportStage => "report/stage",
+            Self::ScanState => "control/state",
+        }
+    }
+
+    /// How much the channel holds.
+    #[must_use]
+    pub fn quality(self, sizes: &ChannelSizes) -> Quality {
+        // The phase service holds a window while the next one arrives.
+        let frame = Quality { borrowed: 2 * sizes.window + 4, ..Quality::of::<FrameHeader, u8>(sizes.frame_bytes, 16) };
+        match self {
+            Self::Cam1Frame | Self::Cam2Frame => frame,
+            Self::ProjectorPattern => Quality::of::<(), PatternEvent>(1, 64),
+            Self::PhaseMaps => Quality::of::<MapsHeader, Block>(sizes.map_blocks, 2),
+            Self::CorrespondenceMap => Quality::of::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2),
+            Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
+            Self::ReportStage => Quality { publishers: 24, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
+            Self::ScanState => Quality { subscribers: 24, history: 1, ..Quality::of::<(), ScanState>(1, 2) },
+        }
+    }
+}
+
+impl Quality {
+    /// One publisher, four subscribers that hold a message and look at the next.
+    fn of<H, E>(elements: usize, buffer: usize) -> Self {
+        Self {
+            publishers: 1,
+            subscribers: 4,
+            buffer,
+            borrowed: 2,
+            history: 0,
+            header_bytes: size_of::<H>(),
+            element_bytes: size_of::<E>(),
+            elements,
+        }
+    }
+}
+
+impl<H, P: ?Sized> Channel<H, P> {
+    const fn new(id: ChannelId) -> Self {
+        Self { id, types: PhantomData }
+    }
+
+    /// Which channel it is.
+    #[must_use]
+    pub fn id(self) -> ChannelId {
+        self.id
+    }
+
+    /// Name of the service.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.id.name()
+    }
+}
+
+impl<H, P: ?Sized> Clone for Channel<H, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<H, P: ?Sized> Copy for Channel<H, P> {}
+
+impl<H, P: ?Sized> fmt::Debug for Channel<H, P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Channel").field(&self.id).finish()
+    }
+}

@@ -1,0 +1,145 @@
+//! Commands to the supervisor, and its answers.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::PortFactory as _;
+use iceoryx2::service::builder::request_response::Builder;
+
+use crate::message::{ControlRequest, ControlResponse};
+
+use super::file_identity::Watched;
+use super::wake::Listening;
+use super::{Instance, Ipc, Node, TransportError};
+
+/// Name of the request–response service, and of the event service that tells of requests.
+const CONTROL: &str = "control";
+
+/// Clients at once.
+const MAX_CLIENTS: usize = 16;
+
+/// Pause between two looks for the answer.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// The end that answers.
+#[derive(Debug)]
+pub struct ControlServer {
+    node: Node,
+    open: Option<Open>,
+}
+
+#[derive(Debug)]
+struct Open {
+    server: Server<Ipc, ControlRequest, (), ControlResponse, ()>,
+    listener: Listener<Ipc>,
+    watched: Watched,
+}
+
+impl ControlServer {
+    /// Opens the end that answers.
+    ///
+    /// # Errors
+    /// Somebody answers already, or iceoryx2 refuses.
+    pub fn open(node: &Node) -> Result<Self, TransportError> {
+        Ok(Self { node: node.clone(), open: Some(Open::new(node)?) })
+    }
+
+    /// Answers all requests that wait, and says how many there were.
+    ///
+    /// # Errors
+    /// A request cannot be received. Whether the answer still finds its client is the client's affair.
+    pub fn answer(
+        &mut self,
+        mut answer: impl FnMut(&ControlRequest) -> ControlResponse,
+    ) -> Result<usize, TransportError> {
+        let Some(open) = &self.open else { return Ok(0) };
+        let mut answered = 0;
+        while let Some(request) = open.server.receive().map_err(|e| self.node.channel_error(CONTROL, "receive", e))? {
+            let _ = request.send_copy(answer(request.payload()));
+            answered += 1;
+        }
+        Ok(answered)
+    }
+
+    /// Opens the port again if its files were removed; says whether that was so.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; the next call tries again.
+    pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
+        if self.open.as_ref().is_some_and(|open| open.watched.unchanged()) {
+            return Ok(false);
+        }
+        self.open = None;
+        self.open = Some(Open::new(&self.node)?);
+        Ok(true)
+    }
+}
+
+impl Listening for ControlServer {
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        self.open.as_ref().map(|open| &open.listener)
+    }
+}
+
+impl Open {
+    fn new(node: &Node) -> Result<Self, TransportError> {
+        node.attempt(|iox| {
+            let name = node.service_name(CONTROL)?;
+            let service = limited(iox.service_builder(&name).request_response::<ControlRequest, ControlResponse>())
+                .open_or_create()
+                .map_err(|e| node.channel_error(CONTROL, "open it", e))?;
+            let event = node.event_on(iox, CONTROL)?;
+            let listener = node.listener(CONTROL, &event)?;
+            let server = service.server_builder().create();
+            let server = server.map_err(|e| node.channel_error(CONTROL, "answer", e))?;
+            let hashes = [service.service_hash().as_str(), event.service_hash().as_str()];
+            let watched = Watched::new(hashes.map(|hash| node.service_file(hash)));
+            Ok(Self { server, listener, watched })
+        })
+    }
+}
+
+/// Asks the supervisor of an instance.
+///
+/// # Errors
+/// [`TransportError::NotRunning`] if nobody answers for the instance, [`TransportError::NoAnswer`] if the answer does
+/// not come in time.
+pub fn request(
+    instance: &Instance,
+    request: &ControlRequest,
+    timeout: Duration,
+) -> Result<ControlResponse, TransportError> {
+    let not_running = || TransportError::NotRunning { name: instance.name().to_owned() };
+    if !instance.root().exists() {
+        return Err(not_running());
+    }
+    let node = Node::open(instance, "client")?;
+    let iox = node.current()?;
+    let name = node.service_name(CONTROL)?;
+    let builder = iox.service_builder(&name).request_response::<ControlRequest, ControlResponse>();
+    let service = builder.open().map_err(|_| not_running())?;
+    let client = service.client_builder().create().map_err(|e| node.channel_error(CONTROL, "ask", e))?;
+    let pending = client.send_copy(*request).map_err(|e| node.channel_error(CONTROL, "ask", e))?;
+    if pending.number_of_server_connections() == 0 {
+        return Err(not_running());
+    }
+    // Without the event the server finds the request at its next look.
+    let _ = node.notifier(CONTROL, &node.event_on(&iox, CONTROL)?)?.notify();
+    let start = Instant::now();
+    loop {
+        if let Some(response) = pending.receive().map_err(|e| node.channel_error(CONTROL, "hear the answer", e))? {
+            return Ok(*response.payload());
+        }
+        if start.elapsed() >= timeout {
+            return Err(TransportError::NoAnswer { name: instance.name().to_owned(), timeout });
+        }
+        std::thread::sleep(PAUSE);
+    }
+}
+
+fn limited(
+    builder: Builder<ControlRequest, (), ControlResponse, (), Ipc>,
+) -> Builder<ControlRequest, (), ControlResponse, (), Ipc> {
+    builder.max_servers(1).max_clients(MAX_CLIENTS).enable_fire_and_forget_requests(false)
+}

@@ -1,0 +1,147 @@
+//! What can go wrong between processes.
+
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A channel, an instance or its shared memory cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TransportError {
+    /// The name of an instance cannot name a folder and sockets.
+    #[error("instance name {name:?}: use 1 to 32 letters, digits, - or _")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// The names of sockets in the folder would be longer than the system allows.
+    #[error(
+        "{} has {bytes} bytes, at most {limit} leave room for the names of sockets; choose a shorter instance name or \
+         runtime folder (FRINGEFLOW_RUNTIME_DIR)",
+        path.display()
+    )]
+    PathTooLong {
+        /// Folder of the instance.
+        path: PathBuf,
+        /// Its length.
+        bytes: usize,
+        /// Longest allowed.
+        limit: usize,
+    },
+    /// A folder that others could write to or replace.
+    #[error("{} {why}; remove it, or choose another runtime folder (FRINGEFLOW_RUNTIME_DIR)", path.display())]
+    NotOurs {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A file of the instance cannot be used.
+    #[error("cannot {action} {}: {source}", path.display())]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// There is a supervisor already.
+    #[error("an instance {name} is already running (pid {pid}); stop it or choose another name")]
+    AlreadyRunning {
+        /// The instance.
+        name: String,
+        /// Its supervisor.
+        pid: String,
+    },
+    /// Nobody answers for this instance.
+    #[error("no instance {name} is running here")]
+    NotRunning {
+        /// The instance.
+        name: String,
+    },
+    /// The supervisor did not answer in time.
+    #[error("instance {name} did not answer within {} ms; it may be overloaded or stopped", timeout.as_millis())]
+    NoAnswer {
+        /// The instance.
+        name: String,
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// Shared memory does not suffice.
+    #[error(
+        "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={}M {}, or \
+         --shm-size={}m of docker), remove what fills it, or use smaller images",
+        folder.display(), needed.div_ceil(1 << 20), folder.display(), needed.div_ceil(1 << 20)
+    )]
+    SharedMemory {
+        /// Where it is mounted.
+        folder: PathBuf,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes available.
+        available: u64,
+    },
+    /// All places of a channel are taken by living processes.
+    #[error("channel {channel} of instance {instance} has its {limit} {role}(s) already; stop one of them")]
+    Occupied {
+        /// Name of the channel.
+        channel: &'static str,
+        /// The instance.
+        instance: String,
+        /// Publisher or subscriber.
+        role: &'static str,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// This process cannot take part in the instance.
+    #[error("cannot join instance {instance} in {}: {reason}", root.display())]
+    Node {
+        /// The instance.
+        instance: String,
+        /// Its folder.
+        root: PathBuf,
+        /// Reason that iceoryx2 gives.
+        reason: String,
+    },
+    /// A channel cannot be used.
+    #[error(
+        "channel {channel} of instance {instance}: cannot {action}: {reason}; if it was made with other settings or by \
+         another version, stop the instance and everything attached to it, and start again"
+    )]
+    Channel {
+        /// Name of the channel.
+        channel: &'static str,
+        /// The instance.
+        instance: String,
+        /// What was tried.
+        action: &'static str,
+        /// Reason that iceoryx2 gives.
+        reason: String,
+    },
+    /// A payload is longer than the channel's messages can be.
+    #[error(
+        "channel {channel}: a payload of {len} elements, at most {limit} fit; the images are larger than configured"
+    )]
+    TooLong {
+        /// Name of the channel.
+        channel: &'static str,
+        /// Its length.
+        len: usize,
+        /// Longest allowed.
+        limit: usize,
+    },
+    /// Waiting failed.
+    #[error("cannot wait for messages: {reason}")]
+    Wait {
+        /// Reason that iceoryx2 gives.
+        reason: String,
+    },
+}
+
+impl TransportError {
+    /// Attaches the path and the action to an error of the file system.
+    pub(super) fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::File { action, path, source }
+    }
+}

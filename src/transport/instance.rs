@@ -1,0 +1,186 @@
+//! An instance: its name, its folder, its prefix of shared memory.
+
+use std::fs;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use iceoryx2::node::NodeView;
+use iceoryx2::prelude::{CallbackProgression, Config, FileName, Node as IoxNode, NodeState, SemanticString};
+use rustix::process::geteuid;
+use sha2::{Digest, Sha256};
+
+use super::{Ipc, TransportError};
+
+/// Longest name of an instance.
+const MAX_NAME_BYTES: usize = 32;
+
+/// Longest path of a socket that Linux takes.
+const MAX_SOCKET_PATH_BYTES: usize = 107;
+
+/// Bytes after the root path in the path of a socket: separator, prefix, a number of up to 128 bits, suffix.
+const SOCKET_NAME_BYTES: usize = 1 + PREFIX_BYTES + 39 + ".event".len();
+
+/// Bytes of the prefix of shared memory.
+const PREFIX_BYTES: usize = "ff_".len() + 8;
+
+/// A set of processes that hear each other, and nobody else.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Instance {
+    name: String,
+    runtime_dir: PathBuf,
+    root: PathBuf,
+    prefix: String,
+}
+
+/// A living process of an instance.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Participant {
+    /// Name that the process gave itself.
+    pub name: String,
+    /// The process.
+    pub pid: u32,
+}
+
+impl Instance {
+    /// The instance of this name of this user: in `$FRINGEFLOW_RUNTIME_DIR`, else in `$XDG_RUNTIME_DIR/fringeflow`,
+    /// else in `/tmp/fringeflow-UID`.
+    ///
+    /// # Errors
+    /// A name that is none, or a path too long for sockets.
+    pub fn new(name: &str) -> Result<Self, TransportError> {
+        let folder = |variable| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let runtime_dir = folder("FRINGEFLOW_RUNTIME_DIR")
+            .or_else(|| folder("XDG_RUNTIME_DIR").map(|dir| dir.join("fringeflow")))
+            .unwrap_or_else(|| PathBuf::from(format!("/tmp/fringeflow-{}", geteuid().as_raw())));
+        Self::under(&runtime_dir, name)
+    }
+
+    /// The instance of this name in this runtime folder.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn under(runtime_dir: &Path, name: &str) -> Result<Self, TransportError> {
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || name.len() > MAX_NAME_BYTES || !name.chars().all(allowed) {
+            return Err(TransportError::Name { name: name.to_owned() });
+        }
+        let runtime_dir = std::path::absolute(runtime_dir).map_err(TransportError::file("find", runtime_dir))?;
+        let root = runtime_dir.join(name);
+        let (bytes, limit) = (root.as_os_str().len(), MAX_SOCKET_PATH_BYTES - SOCKET_NAME_BYTES);
+        if bytes > limit {
+            return Err(TransportError::PathTooLong { path: root, bytes, limit });
+        }
+        let digest = Sha256::digest(root.as_os_str().as_encoded_bytes());
+        let number = digest.iter().take(4).fold(0_u32, |number, &byte| number << 8 | u32::from(byte));
+        Ok(Self { name: name.to_owned(), runtime_dir, root, prefix: format!("ff_{number:08x}") })
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Folder of its sockets and descriptions.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What the names of its files in shared memory begin with.
+    #[must_use]
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// Runtime folder that holds it: `FRINGEFLOW_RUNTIME_DIR` for processes that are to find it.
+    #[must_use]
+    pub fn runtime_dir(&self) -> &Path {
+        &self.runtime_dir
+    }
+
+    /// The configuration of iceoryx2, as TOML, for programs in other languages.
+    ///
+    /// # Errors
+    /// A path that iceoryx2 cannot express.
+    pub fn external_config(&self) -> Result<String, TransportError> {
+        toml::to_string(&self.config()?).map_err(|e| self.node_error(e))
+    }
+
+    /// The processes of the instance that live.
+    ///
+    /// # Errors
+    /// They cannot be listed.
+    pub fn participants(&self) -> Result<Vec<Participant>, TransportError> {
+        let mut found = Vec::new();
+        IoxNode::<Ipc>::list(&self.config()?, |state| {
+            if let NodeState::Alive(node) = state
+                && let Some(details) = node.details()
+            {
+                let pid = u32::try_from(details.process_id().value()).unwrap_or_default();
+                found.push(Participant { name: details.name().to_string(), pid });
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|e| self.node_error(e))?;
+        Ok(found)
+    }
+
+    /// Removes what dead processes left, and says how many there were. One that another process is just removing is
+    /// passed over.
+    ///
+    /// # Errors
+    /// The processes cannot be listed.
+    pub fn clean_dead(&self) -> Result<usize, TransportError> {
+        let mut cleaned = 0;
+        IoxNode::<Ipc>::list(&self.config()?, |state| {
+            if let NodeState::Dead(node) = state {
+                cleaned += usize::from(node.try_remove_stale_resources().is_ok());
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|e| self.node_error(e))?;
+        Ok(cleaned)
+    }
+
+    /// Creates the folders of the instance, and refuses folders that others could tamper with.
+    pub(super) fn prepare(&self) -> Result<(), TransportError> {
+        create_private(&self.runtime_dir)?;
+        refuse_foreign(&self.runtime_dir, 0o022)?;
+        create_private(&self.root)?;
+        refuse_foreign(&self.root, 0o077)
+    }
+
+    /// The configuration of iceoryx2. It is made here in full: no file of the user or of the working folder takes part.
+    pub(super) fn config(&self) -> Result<Config, TransportError> {
+        let mut config = Config::default();
+        let root = self.root.as_os_str().as_encoded_bytes();
+        config.global.set_root_path(&SemanticString::new(root).map_err(|e| self.node_error(e))?);
+        config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(|e| self.node_error(e))?;
+        Ok(config)
+    }
+
+    pub(super) fn node_error(&self, reason: impl std::fmt::Debug) -> TransportError {
+        TransportError::Node { instance: self.name.clone(), root: self.root.clone(), reason: format!("{reason:?}") }
+    }
+}
+
+fn create_private(folder: &Path) -> Result<(), TransportError> {
+    let mut builder = fs::DirBuilder::new();
+    builder.recursive(true).mode(0o700).create(folder).map_err(TransportError::file("create", folder))
+}
+
+/// Refuses a folder that is a link, is somebody else's, or gives others one of the rights in `forbidden`.
+fn refuse_foreign(folder: &Path, forbidden: u32) -> Result<(), TransportError> {
+    let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
+    let why = if !found.is_dir() {
+        "is no folder".to_owned()
+    } else if found.uid() != geteuid().as_raw() {
+        format!("belongs to user {}", found.uid())
+    } else if found.mode() & forbidden != 0 {
+        format!("is open to others (mode {:04o})", found.mode() & 0o7777)
+    } else {
+        return Ok(());
+    };
+    Err(TransportError::NotOurs { path: folder.to_owned(), why })
+}

@@ -1,0 +1,109 @@
+//! One supervisor an instance, and nothing left behind.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read, Seek, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+
+use super::{Instance, TransportError, shared_memory};
+
+/// The right to supervise an instance.
+///
+/// Taking it removes what a killed instance left; dropping it removes everything of the instance, unless a process
+/// outside the supervisor's care is still attached. Drop every other part of the transport first.
+#[derive(Debug)]
+pub struct InstanceLock {
+    instance: Instance,
+    path: PathBuf,
+    _file: File,
+}
+
+impl InstanceLock {
+    /// Takes the right.
+    ///
+    /// # Errors
+    /// [`TransportError::AlreadyRunning`], or the folder of the instance cannot be used.
+    pub fn take(instance: &Instance) -> Result<Self, TransportError> {
+        instance.prepare()?;
+        // Beside the folder of the instance, so that removing that folder does not free the name.
+        let path = instance.runtime_dir().join(format!("{}.lock", instance.name()));
+        let file = lock_file(instance, &path)?;
+        let lock = Self { instance: instance.clone(), path, _file: file };
+        lock.remove_unused()?;
+        instance.prepare()?;
+        Ok(lock)
+    }
+
+    /// Removes everything of the instance that no living process uses.
+    fn remove_unused(&self) -> Result<(), TransportError> {
+        self.instance.clean_dead()?;
+        if !self.instance.participants()?.is_empty() {
+            return Ok(());
+        }
+        for file in shared_memory::files(self.instance.prefix())? {
+            ignore_missing(fs::remove_file(&file)).map_err(TransportError::file("remove", file))?;
+        }
+        let root = self.instance.root();
+        ignore_missing(fs::remove_dir_all(root)).map_err(TransportError::file("remove", root))
+    }
+}
+
+impl Drop for InstanceLock {
+    fn drop(&mut self) {
+        if let Err(error) = self.remove_unused() {
+            tracing::warn!(%error, "the instance left files behind");
+        }
+        // Removed while it is locked: whoever opened it before sees that it is no longer the file of that name.
+        if let Err(error) = ignore_missing(fs::remove_file(&self.path)) {
+            tracing::warn!(%error, path = %self.path.display(), "cannot remove the lock file");
+        }
+    }
+}
+
+/// Opens and locks the file, and writes the process into it.
+fn lock_file(instance: &Instance, path: &Path) -> Result<File, TransportError> {
+    loop {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false).mode(0o600);
+        let mut file = options.open(path).map_err(TransportError::file("open", path))?;
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => {}
+            Err(Errno::WOULDBLOCK) => return Err(already_running(instance, &mut file)),
+            Err(e) => return Err(TransportError::file("lock", path)(e.into())),
+        }
+        if is_file_at(&file, path) {
+            write_pid(&mut file).map_err(TransportError::file("write", path))?;
+            return Ok(file);
+        }
+    }
+}
+
+/// Whether the open file is the one at the path: another supervisor may have removed it just before.
+fn is_file_at(file: &File, path: &Path) -> bool {
+    let identity = |found: fs::Metadata| (found.dev(), found.ino());
+    let (open, named) = (file.metadata().map(identity), fs::metadata(path).map(identity));
+    matches!((open, named), (Ok(open), Ok(named)) if open == named)
+}
+
+fn write_pid(file: &mut File) -> std::io::Result<()> {
+    file.set_len(0)?;
+    file.rewind()?;
+    writeln!(file, "{}", std::process::id())
+}
+
+fn already_running(instance: &Instance, file: &mut File) -> TransportError {
+    let mut pid = String::new();
+    let read = file.take(32).read_to_string(&mut pid);
+    let pid = if read.is_ok() && !pid.trim().is_empty() { pid.trim() } else { "unknown" };
+    TransportError::AlreadyRunning { name: instance.name().to_owned(), pid: pid.to_owned() }
+}
+
+fn ignore_missing(result: std::io::Result<()>) -> std::io::Result<()> {
+    match result {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        result => result,
+    }
+}

@@ -1,0 +1,92 @@
+//! What a channel can carry: one message, or a header with a slice.
+
+use std::fmt::Debug;
+
+use iceoryx2::port::ReceiveError;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{IceoryxSend, ZeroCopySend};
+use iceoryx2::sample::Sample;
+use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeOpenOrCreateError};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::message::{Block, PatternEvent, ScanState, StageReport};
+
+use super::Ipc;
+
+/// A user header: one of [`crate::message`], or `()`.
+pub trait Header: ZeroCopySend + Debug + Default + Copy + Send + 'static {}
+
+impl<H: ZeroCopySend + Debug + Default + Copy + Send + 'static> Header for H {}
+
+/// A payload: a message of its own, or a slice beside a header.
+///
+/// iceoryx2 has separate functions for both kinds; here they meet, so that there is one kind of port.
+pub trait Payload: IceoryxSend + Debug + 'static {
+    /// Opens the service, or creates it.
+    #[doc(hidden)]
+    fn open<H: Header>(
+        builder: Builder<Self, H, Ipc>,
+    ) -> Result<PortFactory<Ipc, Self, H>, PublishSubscribeOpenOrCreateError>;
+
+    /// A publisher of payloads of up to `elements`.
+    #[doc(hidden)]
+    fn publisher<H: Header>(
+        service: &PortFactory<Ipc, Self, H>,
+        elements: usize,
+    ) -> Result<Publisher<Ipc, Self, H>, PublisherCreateError>;
+
+    /// The next message.
+    #[doc(hidden)]
+    fn receive<H: Header>(subscriber: &Subscriber<Ipc, Self, H>) -> Result<Option<Sample<Ipc, Self, H>>, ReceiveError>;
+
+    /// The payload of a message.
+    #[doc(hidden)]
+    fn of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self;
+}
+
+/// Elements of slices.
+pub(super) trait Element: ZeroCopySend + Debug + Copy + 'static {}
+
+impl Element for u8 {}
+impl Element for Block {}
+
+/// Messages that are a payload of their own.
+pub(super) trait Message: ZeroCopySend + Debug + Copy + 'static {}
+
+impl Message for PatternEvent {}
+impl Message for StageReport {}
+impl Message for ScanState {}
+
+/// Both kinds, word for word the same but for the functions of iceoryx2 that they choose.
+macro_rules! implement_payload {
+    ($($generic:ident: $bound:ident)?, $payload:ty, |$factory:ident, $elements:ident| $builder:expr) => {
+        impl<$($generic: $bound)?> Payload for $payload {
+            fn open<H: Header>(
+                builder: Builder<Self, H, Ipc>,
+            ) -> Result<PortFactory<Ipc, Self, H>, PublishSubscribeOpenOrCreateError> {
+                builder.open_or_create()
+            }
+
+            fn publisher<H: Header>(
+                $factory: &PortFactory<Ipc, Self, H>,
+                $elements: usize,
+            ) -> Result<Publisher<Ipc, Self, H>, PublisherCreateError> {
+                $builder.max_loaned_samples(1).create()
+            }
+
+            fn receive<H: Header>(
+                subscriber: &Subscriber<Ipc, Self, H>,
+            ) -> Result<Option<Sample<Ipc, Self, H>>, ReceiveError> {
+                subscriber.receive()
+            }
+
+            fn of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self {
+                sample.payload()
+            }
+        }
+    };
+}
+
+implement_payload!(E: Element, [E], |service, elements| service.publisher_builder().initial_max_slice_len(elements));
+implement_payload!(M: Message, M, |service, _elements| service.publisher_builder());

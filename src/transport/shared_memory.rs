@@ -1,0 +1,100 @@
+//! Shared memory: how much the channels need, whether it is there, and making sure that it stays there.
+//!
+//! Files in shared memory are created sparse: without a reservation, writing a message into a full file system kills
+//! the process.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FallocateFlags, fallocate, statvfs};
+
+use super::{ChannelId, ChannelSizes, Quality, TransportError};
+
+/// Where Linux keeps shared memory.
+const FOLDER: &str = "/dev/shm";
+
+/// Bytes that iceoryx2 puts before user header and payload, alignment included.
+const HEADER_BYTES: usize = 128;
+
+/// Bookkeeping of a publisher: list of free messages, and a connection to each subscriber, whole pages.
+const CONNECTION_BYTES: usize = 16 << 10;
+
+/// Bookkeeping of a channel: who takes part, events of each listener.
+const SERVICE_BYTES: usize = 256 << 10;
+
+/// Publishers of stage reports that a running instance has.
+const REPORTERS: usize = 10;
+
+/// Bytes of shared memory that an instance takes when each of its channels is published.
+#[must_use]
+pub fn required_bytes(sizes: &ChannelSizes) -> u64 {
+    let publishers = |id| if id == ChannelId::ReportStage { REPORTERS as u64 } else { 1 };
+    let channels = ChannelId::ALL.into_iter();
+    channels.map(|id| publishers(id) * publisher_bytes(&id.quality(sizes)) + SERVICE_BYTES as u64).sum()
+}
+
+/// Refuses to begin if shared memory does not suffice for the channels.
+///
+/// # Errors
+/// [`TransportError::SharedMemory`], with what is needed and what is there.
+pub fn check_shared_memory(sizes: &ChannelSizes) -> Result<(), TransportError> {
+    check_free(required_bytes(sizes))
+}
+
+/// Bytes of one publisher and its connections.
+pub(super) fn publisher_bytes(quality: &Quality) -> u64 {
+    // Every subscriber may let its buffer fill and hold what it may hold; one more message is being written.
+    let messages = quality.subscribers * (quality.buffer + quality.borrowed) + quality.history + 1;
+    let message = HEADER_BYTES + quality.header_bytes + quality.elements * quality.element_bytes;
+    (messages * message + quality.subscribers * CONNECTION_BYTES) as u64
+}
+
+/// Refuses if less than `needed` bytes are available.
+pub(super) fn check_free(needed: u64) -> Result<(), TransportError> {
+    let folder = Path::new(FOLDER);
+    let found = statvfs(folder).map_err(|e| TransportError::file("examine", folder)(e.into()))?;
+    suffices(folder, needed, found.f_bavail * found.f_frsize)
+}
+
+fn suffices(folder: &Path, needed: u64, available: u64) -> Result<(), TransportError> {
+    if available >= needed {
+        return Ok(());
+    }
+    Err(TransportError::SharedMemory { folder: folder.to_owned(), needed, available })
+}
+
+/// Reserves the memory behind every file of an instance.
+pub(super) fn reserve(prefix: &str) -> Result<(), TransportError> {
+    for file in files(prefix)? {
+        match reserve_file(&file) {
+            // Another process removes it, or has not finished creating it and reserves it itself.
+            Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied) => {}
+            Err(e) if e.kind() == io::ErrorKind::StorageFull => {
+                let needed = fs::metadata(&file).map_or(0, |found| found.len());
+                check_free(needed)?;
+                return Err(TransportError::file("reserve", file)(e));
+            }
+            result => result.map_err(TransportError::file("reserve", file))?,
+        }
+    }
+    Ok(())
+}
+
+fn reserve_file(path: &Path) -> io::Result<()> {
+    let found = fs::metadata(path)?;
+    if found.blocks() * 512 >= found.len() {
+        return Ok(());
+    }
+    let file: File = OpenOptions::new().write(true).open(path)?;
+    Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, found.len())?)
+}
+
+/// Files of an instance in shared memory.
+pub(super) fn files(prefix: &str) -> Result<Vec<PathBuf>, TransportError> {
+    let folder = Path::new(FOLDER);
+    let entries = fs::read_dir(folder).map_err(TransportError::file("list", folder))?;
+    let ours = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
+    Ok(ours.map(|entry| entry.path()).collect())
+}

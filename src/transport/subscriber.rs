@@ -1,0 +1,201 @@
+//! Receiving.
+
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
+use iceoryx2::sample::Sample;
+
+use super::file_identity::Watched;
+use super::wake::Listening;
+use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
+
+/// Silence after which a subscriber opens its port anew.
+const HEARTBEAT_NS: u64 = 3_000_000_000;
+
+/// Longest silence between two such attempts: they double, since idle channels are silent for hours.
+const LONGEST_PATIENCE_NS: u64 = 60_000_000_000;
+
+/// The receiving end of a channel.
+pub struct Subscriber<H: Header, P: Payload + ?Sized> {
+    node: Node,
+    channel: Channel<H, P>,
+    quality: Quality,
+    open: Option<Open<H, P>>,
+    silence: Silence,
+}
+
+struct Open<H: Header, P: Payload + ?Sized> {
+    subscriber: Arc<IoxSubscriber<Ipc, P, H>>,
+    listener: Listener<Ipc>,
+    watched: Watched,
+}
+
+/// A message that was received; it lies in shared memory, unchanged, as long as this is held.
+pub struct Received<H: Header, P: Payload + ?Sized> {
+    // Before the port: only a registered port keeps the publisher from writing the next message here.
+    sample: Sample<Ipc, P, H>,
+    _port: Arc<IoxSubscriber<Ipc, P, H>>,
+}
+
+/// How long nothing has come.
+#[derive(Clone, Copy, Debug)]
+struct Silence {
+    heard: bool,
+    since_ns: Option<u64>,
+    patience_ns: u64,
+}
+
+impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
+    /// Opens the receiving end.
+    ///
+    /// # Errors
+    /// The channel has all its subscribers, or iceoryx2 refuses.
+    pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
+        let quality = channel.id().quality(sizes);
+        let open = Some(Open::new(node, channel, &quality)?);
+        Ok(Self { node: node.clone(), channel, quality, open, silence: Silence::new() })
+    }
+
+    /// The oldest message that waits; `None` if there is none. After a wake-up, receive until `None`.
+    ///
+    /// # Errors
+    /// The caller holds as many messages as it may, or the connection broke; then the next
+    /// [`Self::ensure_connected`] opens the port anew.
+    pub fn receive(&mut self) -> Result<Option<Received<H, P>>, TransportError> {
+        let Some(open) = &self.open else { return Ok(None) };
+        let sample =
+            P::receive(&open.subscriber).map_err(|e| self.node.channel_error(self.channel.name(), "receive", e))?;
+        self.silence.heard |= sample.is_some();
+        Ok(sample.map(|sample| Received { sample, _port: Arc::clone(&open.subscriber) }))
+    }
+
+    /// Opens the port again if its files were removed, or if it has been silent for long; says whether that was so.
+    /// Called about once a second. Messages that are held stay valid.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; the next call tries again.
+    pub fn ensure_connected(&mut self, now_ns: u64) -> Result<bool, TransportError> {
+        let silent = self.silence.too_long(now_ns);
+        let renew = match &self.open {
+            None => true,
+            Some(open) if !open.watched.unchanged() => true,
+            // While messages are held the old port stays; a second one beside it could find no place.
+            Some(open) => silent && Arc::strong_count(&open.subscriber) == 1,
+        };
+        if renew {
+            self.open = None;
+            self.open = Some(Open::new(&self.node, self.channel, &self.quality)?);
+        }
+        Ok(renew)
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> Listening for Subscriber<H, P> {
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        self.open.as_ref().map(|open| &open.listener)
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> Open<H, P> {
+    fn new(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Self, TransportError> {
+        let opened = node.channel(channel, quality)?;
+        // Before the subscriber, so that no message comes unheard.
+        let listener = node.listener(channel.name(), &opened.event)?;
+        let subscriber = node.attempt(|_| {
+            opened.service.subscriber_builder().create().map_err(|e| match e {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => TransportError::Occupied {
+                    channel: channel.name(),
+                    instance: node.instance().name().to_owned(),
+                    role: "subscriber",
+                    limit: quality.subscribers,
+                },
+                e => node.channel_error(channel.name(), "create a subscriber", e),
+            })
+        })?;
+        shared_memory::reserve(node.instance().prefix())?;
+        Ok(Self { subscriber: Arc::new(subscriber), listener, watched: opened.watched })
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> Received<H, P> {
+    /// Its user header.
+    #[must_use]
+    pub fn header(&self) -> &H {
+        self.sample.user_header()
+    }
+
+    /// Its payload.
+    #[must_use]
+    pub fn payload(&self) -> &P {
+        P::of(&self.sample)
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> Deref for Received<H, P> {
+    type Target = P;
+
+    fn deref(&self) -> &P {
+        self.payload()
+    }
+}
+
+impl Silence {
+    fn new() -> Self {
+        Self { heard: false, since_ns: None, patience_ns: HEARTBEAT_NS }
+    }
+
+    /// Whether nothing has come for longer than the patience, which then doubles.
+    fn too_long(&mut self, now_ns: u64) -> bool {
+        if std::mem::take(&mut self.heard) {
+            *self = Self { since_ns: Some(now_ns), ..Self::new() };
+        }
+        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        let too_long = now_ns.saturating_sub(since_ns) >= self.patience_ns;
+        if too_long {
+            let patience_ns = (2 * self.patience_ns).min(LONGEST_PATIENCE_NS);
+            *self = Self { since_ns: Some(now_ns), patience_ns, ..*self };
+        }
+        too_long
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> fmt::Debug for Subscriber<H, P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Subscriber").field("channel", &self.channel).field("open", &self.open.is_some()).finish()
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> fmt::Debug for Received<H, P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Received").field("header", self.header()).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    #[test]
+    fn silence_is_noticed_after_three_seconds_then_ever_more_rarely() {
+        let mut silence = Silence::new();
+        let noticed: Vec<u64> = (0..200).filter(|&s| silence.too_long(s * SECOND_NS)).collect();
+        assert_eq!(noticed, [3, 9, 21, 45, 93, 153]);
+    }
+
+    #[test]
+    fn a_message_restarts_the_clock() {
+        let mut silence = Silence::new();
+        let noticed: Vec<u64> = (0..20)
+            .filter(|&s| {
+                silence.heard = s < 10;
+                silence.too_long(s * SECOND_NS)
+            })
+            .collect();
+        assert_eq!(noticed, [12, 18]);
+    }
+}
