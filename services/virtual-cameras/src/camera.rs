@@ -13,26 +13,26 @@ use crate::trigger::Trigger;
 
 /// How long a camera takes for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
+pub(crate) struct Timing {
     /// From one image to the next, nanoseconds.
-    pub period_ns: u64,
+    pub(crate) period_ns: u64,
     /// Duration of the exposure, nanoseconds.
-    pub exposure_ns: u64,
+    pub(crate) exposure_ns: u64,
     /// From the end of the exposure to the arrival of the image, nanoseconds.
-    pub readout_ns: u64,
+    pub(crate) readout_ns: u64,
     /// From the trigger to the start of the exposure, nanoseconds.
-    pub skew_ns: u64,
+    pub(crate) skew_ns: u64,
 }
 
 /// An image on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shot {
+pub(crate) struct Shot {
     /// Number of the exposure.
-    pub number: u64,
+    pub(crate) number: u64,
     /// Step that it shows.
-    pub step: Option<u32>,
+    pub(crate) step: Option<u32>,
     /// Start of the exposure.
-    pub exposure_start_ns: u64,
+    pub(crate) exposure_start_ns: u64,
     /// When it arrives.
     due_ns: u64,
     /// It waits for the next one to arrive.
@@ -41,16 +41,16 @@ pub struct Shot {
 
 /// What an exposure yields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Exposed {
+pub(crate) struct Exposed {
     /// Images that will arrive.
-    pub images: u64,
+    pub(crate) images: u64,
     /// Images lost in the camera.
-    pub lost: u64,
+    pub(crate) lost: u64,
 }
 
 /// A camera.
 #[derive(Clone, Debug)]
-pub struct VirtualCamera {
+pub(crate) struct VirtualCamera {
     id: CameraId,
     session: u64,
     size_px: [u32; 2],
@@ -72,7 +72,7 @@ const MAX_HELD_PERIODS: u64 = 3;
 impl Timing {
     /// Usual times at a rate: half a period of exposure, at most 5 ms, and 3 ms of transfer; C2 starts 40 µs late.
     #[must_use]
-    pub fn usual(camera: CameraId, period_ns: u64) -> Self {
+    pub(crate) fn usual(camera: CameraId, period_ns: u64) -> Self {
         let skew_ns = if camera == CameraId::Cam2 { 40_000 } else { 0 };
         Self { period_ns, exposure_ns: (period_ns / 2).min(5_000_000), readout_ns: 3_000_000, skew_ns }
     }
@@ -81,12 +81,12 @@ impl Timing {
 impl VirtualCamera {
     /// A camera; `session` tells this start from others.
     #[must_use]
-    pub fn new(id: CameraId, session: u64, size_px: [u32; 2], timing: Timing, faults: Faults) -> Self {
+    pub(crate) fn new(id: CameraId, session: u64, size_px: [u32; 2], timing: Timing, faults: Faults) -> Self {
         Self { id, session, size_px, timing, faults, waiting: VecDeque::new(), held: None, release: false, free_ns: 0 }
     }
 
     /// Exposes. A trigger during the exposure before is lost, as in a real camera.
-    pub fn expose(&mut self, trigger: &Trigger) -> Exposed {
+    pub(crate) fn expose(&mut self, trigger: &Trigger) -> Exposed {
         let Timing { period_ns, exposure_ns, readout_ns, skew_ns } = self.timing;
         let exposure_start_ns = trigger.start_ns.saturating_add(skew_ns);
         if exposure_start_ns < self.free_ns {
@@ -114,7 +114,7 @@ impl VirtualCamera {
     }
 
     /// The next image that has arrived by `now_ns`; to be asked until there is none.
-    pub fn arrived(&mut self, now_ns: u64) -> Option<Shot> {
+    pub(crate) fn arrived(&mut self, now_ns: u64) -> Option<Shot> {
         if self.release || self.held.is_some_and(|held| self.held_until_ns(&held) <= now_ns) {
             self.release = false;
             return self.held.take();
@@ -138,7 +138,7 @@ impl VirtualCamera {
 
     /// When the next image arrives; `None` if none is on its way.
     #[must_use]
-    pub fn next_ns(&self) -> Option<u64> {
+    pub(crate) fn next_ns(&self) -> Option<u64> {
         let held_ns = self.held.map(|held| if self.release { 0 } else { self.held_until_ns(&held) });
         let waiting_ns = self.waiting.front().map(|shot| shot.due_ns);
         held_ns.into_iter().chain(waiting_ns).min()
@@ -146,7 +146,7 @@ impl VirtualCamera {
 
     /// The header of an image that arrived at `received_ns` and is number `published` of its channel.
     #[must_use]
-    pub fn header(&self, shot: &Shot, received_ns: u64, published: u64) -> FrameHeader {
+    pub(crate) fn header(&self, shot: &Shot, received_ns: u64, published: u64) -> FrameHeader {
         let [width_px, height_px] = self.size_px;
         FrameHeader {
             session: self.session,

@@ -2,6 +2,7 @@
 //!
 //! In: the time. Out: pattern events on an absolute schedule, step after step, as long as the scanner is to scan.
 
+use fringeflow::dataset::FringeSequence;
 use fringeflow::message::{PATTERN_FRINGES, PatternEvent};
 use fringeflow::simulation::{Faults, Schedule};
 
@@ -17,7 +18,7 @@ pub struct VirtualProjector {
     schedule: Option<Schedule>,
     /// Patterns shown so far.
     shown: u64,
-    /// Patterns announced so far.
+    /// Events that the channel has carried.
     announced: u64,
 }
 
@@ -31,10 +32,12 @@ pub struct Shown {
 }
 
 impl VirtualProjector {
-    /// A projector that shows nothing yet; `session` tells this start from others.
+    /// A projector that shows nothing yet; `session` tells this start from others, `announced` are the events that its
+    /// channel has carried before.
     #[must_use]
-    pub fn new(session: u64, rate_hz: f64, steps: u32, period_px: f64, faults: Faults) -> Self {
-        Self { session, rate_hz, steps, period_px, faults, schedule: None, shown: 0, announced: 0 }
+    pub fn new(session: u64, announced: u64, rate_hz: f64, sequence: &FringeSequence, faults: Faults) -> Self {
+        let (steps, period_px) = (sequence.shifts_rad.len() as u32, sequence.pattern.period_px);
+        Self { session, rate_hz, steps, period_px, faults, schedule: None, shown: 0, announced }
     }
 
     /// Starts or stops showing patterns; the steps go on where they stopped.
@@ -66,7 +69,7 @@ impl VirtualProjector {
             exposure_start_ns: tick.time_ns,
             duration_ns: (1e9 / self.rate_hz) as u64,
             period_px: self.period_px,
-            step: (number % u64::from(self.steps)) as u32,
+            step: number.checked_rem(self.steps.into()).unwrap_or(0) as u32,
             steps: self.steps,
             kind: PATTERN_FRINGES,
             reserved: 0,
@@ -79,10 +82,13 @@ impl VirtualProjector {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fringeflow::geometry::FringePattern;
     use fringeflow::simulation::FaultOptions;
 
     fn projector(faults: Faults) -> VirtualProjector {
-        VirtualProjector::new(7, 50.0, 4, 16.0, faults)
+        let pattern = FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 };
+        let sequence = FringeSequence { pattern, shifts_rad: vec![0.0; 4], gray: None };
+        VirtualProjector::new(7, 100, 50.0, &sequence, faults)
     }
 
     /// Everything shown up to a time.
@@ -101,7 +107,7 @@ mod tests {
         projector.scan(true, 1_000);
         for (k, shown) in (0_u64..).zip(shown(&mut projector, 10_000_000_000)) {
             let event = shown.event.unwrap();
-            assert_eq!((event.session, event.sequence, u64::from(event.step)), (7, k, k % 4));
+            assert_eq!((event.session, event.sequence, u64::from(event.step)), (7, 100 + k, k % 4));
             assert_eq!((event.exposure_start_ns, event.duration_ns), (1_000 + 20_000_000 * k, 20_000_000));
             assert_eq!((event.steps, event.kind, event.period_px), (4, PATTERN_FRINGES, 16.0));
         }
@@ -117,7 +123,7 @@ mod tests {
         projector.scan(true, 900_000_000);
         projector.scan(true, 950_000_000);
         let event = projector.show(900_000_000).unwrap().event.unwrap();
-        assert_eq!((event.sequence, event.step, event.exposure_start_ns), (6, 2, 900_000_000));
+        assert_eq!((event.sequence, event.step, event.exposure_start_ns), (106, 2, 900_000_000));
     }
 
     #[test]
@@ -130,7 +136,7 @@ mod tests {
         assert!((60..140).contains(&lost), "{lost} of {}", all.len());
         let events: Vec<_> = all.iter().filter_map(|s| s.event).collect();
         for (k, event) in (0_u64..).zip(&events) {
-            assert_eq!(event.sequence, k);
+            assert_eq!(event.sequence, 100 + k);
             assert_eq!(u64::from(event.step), event.exposure_start_ns / 20_000_000 % 4);
         }
     }
