@@ -62,5 +62,6 @@ pub mod recording;
 pub mod rig_report;
 pub mod simulation;
 pub mod wire;
+pub mod synchronization;
 pub mod transport;
 pub mod worker;

@@ -37,7 +37,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             host.report(Stage::Phase, decoding.account.counts(), None);
         }
         host.tend(|now_ns| {
-            decoding.output.ensure_connected(now_ns)?;
+            decoding.output.ensure_connected()?;
             intake.ensure_connected(now_ns)
         });
         intake.wait()?;

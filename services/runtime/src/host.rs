@@ -189,7 +189,7 @@ impl Host {
             return;
         }
         self.checked_ns = now_ns;
-        let own = self.reports.ensure_connected(now_ns).map(|_| ());
+        let own = self.reports.ensure_connected().map(|_| ());
         if let Err(error) = own.and_then(|()| check(now_ns)) {
             tracing::warn!("{error}");
         }

@@ -106,7 +106,7 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
         let output = &mut service.output;
         service.host.tend(|now_ns| {
             input.ensure_connected(now_ns)?;
-            output.ensure_connected(now_ns)?;
+            output.ensure_connected()?;
             Ok(())
         });
         wake.wait(&[&input], BEAT)?;
