@@ -95,7 +95,7 @@ impl Text {
     #[must_use]
     pub fn new(text: &str) -> Self {
         let mut bytes = [0; TEXT_BYTES];
-        let end = text.floor_char_boundary(TEXT_BYTES);
+        let end = (0..=text.len().min(TEXT_BYTES)).rev().find(|&end| text.is_char_boundary(end)).unwrap_or(0);
         bytes[..end].copy_from_slice(&text.as_bytes()[..end]);
         Self(bytes)
     }

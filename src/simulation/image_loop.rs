@@ -4,6 +4,8 @@
 //! the step that comes round when image follows image. Every step stands at its share of the poses, so that a projector
 //! that shows another step finds a pose of it close by, and the fringes are right whatever it shows.
 
+use std::ops::ControlFlow;
+
 use crate::dataset::CameraId;
 
 use super::SimulationError;
@@ -28,11 +30,14 @@ impl ImageLoop {
         Self { size_px, poses, steps: scanner.options().steps, pixels }
     }
 
-    /// Makes the images; `on_pose` is told after every pose.
+    /// Makes the images; `on_pose` is told after every pose and can break it off, which leaves `None`.
     ///
     /// # Errors
     /// [`SimulationError::Range`]: an option that [`View::trace`] refuses.
-    pub fn render(scanner: &VirtualScanner, mut on_pose: impl FnMut()) -> Result<Self, SimulationError> {
+    pub fn render(
+        scanner: &VirtualScanner,
+        mut on_pose: impl FnMut(usize) -> ControlFlow<()>,
+    ) -> Result<Option<Self>, SimulationError> {
         let mut images = Self::dark(scanner);
         let (scene, sensor, steps) = (scanner.scene(), scanner.sensor(), images.steps);
         let bytes = images.image_bytes();
@@ -43,9 +48,11 @@ impl ImageLoop {
                 let image = sensor.image(&view, &scanner.projected(pose % steps), scanner.image_seed(camera, pose));
                 pixels.copy_from_slice(&image.pixels);
             }
-            on_pose();
+            if on_pose(pose).is_break() {
+                return Ok(None);
+            }
         }
-        Ok(images)
+        Ok(Some(images))
     }
 
     /// Width and height of an image, pixels.
@@ -114,9 +121,13 @@ mod tests {
     #[test]
     fn every_image_is_that_of_its_pose_and_step() {
         let scanner = scanner();
-        let mut told = 0;
-        let images = ImageLoop::render(&scanner, || told += 1).unwrap();
-        assert_eq!(told, 24);
+        let mut told = Vec::new();
+        let on_pose = |pose| {
+            told.push(pose);
+            ControlFlow::Continue(())
+        };
+        let images = ImageLoop::render(&scanner, on_pose).unwrap().unwrap();
+        assert_eq!(told, (0..24).collect::<Vec<_>>());
         let quiet = Sensor::exposed(None, 1.0);
         for pose in [0, 7, 23] {
             let scene = scanner.scene().at(scanner.cam1_from_object(pose));
@@ -134,12 +145,23 @@ mod tests {
     }
 
     #[test]
+    fn rendering_can_be_broken_off() {
+        let mut told = 0;
+        let on_pose = |pose| {
+            told += 1;
+            if pose == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        assert!(ImageLoop::render(&scanner(), on_pose).unwrap().is_none());
+        assert_eq!(told, 2);
+    }
+
+    #[test]
     fn the_number_of_threads_changes_no_byte() {
         let sweep = super::super::SweepOptions { poses: 4, ..options().sweep };
         let scanner = VirtualScanner::new(VirtualScannerOptions { sweep, ..options() }).unwrap();
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| ImageLoop::render(&scanner, || ()).unwrap())
+            pool.install(|| ImageLoop::render(&scanner, |_| ControlFlow::Continue(())).unwrap().unwrap())
         };
         assert_eq!(with(1), with(3));
     }

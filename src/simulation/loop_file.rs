@@ -147,7 +147,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("images.loop");
         let scanner = VirtualScanner::new(small()).unwrap();
-        let images = ImageLoop::render(&scanner, || ()).unwrap();
+        let images = ImageLoop::render(&scanner, |_| std::ops::ControlFlow::Continue(())).unwrap().unwrap();
         images.save(&scanner, &path).unwrap();
         (folder, path, scanner, images)
     }

@@ -12,7 +12,6 @@ use crate::geometry::{MeasurementVolume, Point3, Pose, Vector3};
 use super::SimulationError;
 use super::object::Object;
 use super::solid::{PointMm, Solid};
-use super::tabulated::Tabulated;
 
 /// The board under the object: the plane z = 0 of its frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +49,7 @@ pub enum Surface {
 /// An object on a board, placed before C1; a copy shares the body.
 #[derive(Clone)]
 pub struct Scene {
-    pub(super) solid: Arc<Tabulated>,
+    pub(super) solid: Arc<dyn Solid>,
     pub(super) board: Board,
     cam1_from_object: Pose,
 }
@@ -63,7 +62,7 @@ impl Scene {
     /// A scene from any body and the pose of its frame in that of the exact C1.
     #[must_use]
     pub fn new(solid: Box<dyn Solid>, board: Board, cam1_from_object: Pose) -> Self {
-        Self { solid: Arc::new(Tabulated::new(solid)), board, cam1_from_object }
+        Self { solid: solid.into(), board, cam1_from_object }
     }
 
     /// One of the paper's objects in the middle of a measurement volume, turned towards the sensor.

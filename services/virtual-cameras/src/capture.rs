@@ -1,0 +1,95 @@
+//! A virtual camera with its channel and its account.
+
+use fringeflow::dataset::CameraId;
+use fringeflow::message::{DropReason, FrameHeader, Stage};
+use fringeflow::simulation::{Faults, ImageLoop};
+use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, TransportError};
+use fringeflow_runtime::{Account, AccountError, Host, ItemTimes, ServiceError, clock};
+
+use crate::camera::{Shot, Timing, VirtualCamera};
+use crate::trigger::Trigger;
+
+/// A camera whose images go to a channel.
+pub(crate) struct Capture {
+    id: CameraId,
+    stage: Stage,
+    camera: VirtualCamera,
+    account: Account,
+    output: Publisher<FrameHeader, [u8]>,
+    pixels: usize,
+}
+
+impl Capture {
+    pub(crate) fn open(host: &Host, id: CameraId, session: u64, faults: Faults) -> Result<Self, ServiceError> {
+        let (stage, channel) = match id {
+            CameraId::Cam1 => (Stage::Camera1, CAM1_FRAME),
+            CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
+        };
+        let timing = Timing::usual(id, host.configuration.frame_period_ns());
+        let size_px = host.setup.image_size_px.map(|side| side as u32);
+        Ok(Self {
+            id,
+            stage,
+            camera: VirtualCamera::new(id, session, size_px, timing, faults),
+            account: host.account(stage)?,
+            output: Publisher::open(&host.node, channel, &host.sizes)?,
+            pixels: host.setup.image_pixels(),
+        })
+    }
+
+    /// Exposes on a trigger.
+    pub(crate) fn expose(&mut self, trigger: &Trigger) -> Result<(), AccountError> {
+        let exposed = self.camera.expose(trigger);
+        self.account.take(exposed.images + exposed.lost)?;
+        self.account.drop_many(DropReason::CameraLost, exposed.lost)
+    }
+
+    /// Counts exposures that yield nothing.
+    pub(crate) fn lose(&mut self, exposures: u64, reason: DropReason) -> Result<(), AccountError> {
+        self.account.take(exposures)?;
+        self.account.drop_many(reason, exposures)
+    }
+
+    /// Puts out the images that have arrived.
+    pub(crate) fn put_out(&mut self, host: &mut Host, images: &ImageLoop) -> Result<(), AccountError> {
+        while let Some(shot) = self.camera.arrived(clock::now_ns()) {
+            let taken_ns = clock::now_ns();
+            let header = self.camera.header(&shot, taken_ns, self.account.pass()?);
+            // What could not be sent is missing in the channel, and counted there.
+            if let Err(error) = self.send(&header, &shot, images) {
+                tracing::warn!("{error}");
+            }
+            let exposure_start_ns = shot.exposure_start_ns;
+            let times = ItemTimes { exposure_start_ns, taken_ns, passed_ns: clock::now_ns() };
+            host.report(self.stage, self.account.counts(), Some(times));
+        }
+        Ok(())
+    }
+
+    /// Sends the image of a shot; darkness where the projector shows what is not simulated.
+    fn send(&mut self, header: &FrameHeader, shot: &Shot, images: &ImageLoop) -> Result<(), TransportError> {
+        match shot.step.and_then(|step| images.image(self.id, shot.number, step)) {
+            Some(image) => self.output.send(header, image),
+            None => self.output.send_filled(header, self.pixels, |_| ()),
+        }
+    }
+
+    /// When the next image arrives.
+    pub(crate) fn next_ns(&self) -> Option<u64> {
+        self.camera.next_ns()
+    }
+
+    pub(crate) fn report(&self, host: &mut Host) {
+        host.report(self.stage, self.account.counts(), None);
+    }
+
+    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+        self.output.ensure_connected(now_ns).map(|_| ())
+    }
+
+    /// Ends the run: images still on their way are dropped.
+    pub(crate) fn end(&mut self) -> Result<(), AccountError> {
+        let in_work = self.account.counts().in_work().unwrap_or(0);
+        self.account.drop_many(DropReason::Stopped, in_work)
+    }
+}

@@ -1,0 +1,54 @@
+//! The virtual cameras service: both in one process, since they share the scene and the trigger.
+
+mod camera;
+mod capture;
+mod images;
+mod source;
+mod trigger;
+
+use std::time::Duration;
+
+use fringeflow::config::RigSource;
+use fringeflow::dataset::CameraId;
+use fringeflow::simulation::Faults;
+use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock};
+
+use capture::Capture;
+use source::Source;
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    let mut host = Host::open(arguments, "virtual-cameras")?;
+    let Some(RigSource::Virtual(options)) = host.configuration.rig.clone() else {
+        let why = "the configuration has no virtual scanner; set cameras.source = \"virtual\"";
+        return Err(ServiceError::Unusable(why.to_owned()));
+    };
+    let faults = Faults::new(options.faults).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let Some(images) = images::prepare(&mut host, &options)? else { return Ok(()) };
+    let session = clock::now_ns();
+    let [cam1, cam2] = CameraId::BOTH.map(|id| Capture::open(&host, id, session, faults));
+    let (mut cameras, mut source) = ([cam1?, cam2?], Source::open(&host)?);
+    while !host.stop.is_requested() {
+        source.trigger(&mut cameras)?;
+        for camera in &mut cameras {
+            camera.put_out(&mut host, &images)?;
+        }
+        if host.beat_is_due() {
+            cameras.iter().for_each(|camera| camera.report(&mut host));
+        }
+        host.tend(|now_ns| {
+            cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(now_ns))?;
+            source.ensure_connected(now_ns)
+        });
+        let next_ns = cameras.iter().filter_map(Capture::next_ns).chain(source.next_ns()).min().unwrap_or(u64::MAX);
+        source.wait(Duration::from_nanos(next_ns.saturating_sub(clock::now_ns())).min(BEAT))?;
+    }
+    for camera in &mut cameras {
+        camera.end()?;
+        camera.report(&mut host);
+    }
+    Ok(())
+}

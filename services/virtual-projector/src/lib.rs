@@ -1,0 +1,96 @@
+//! The virtual projector service: announces the patterns that it would show, while the scanner scans.
+
+mod projector;
+
+use std::time::Duration;
+
+use fringeflow::config::RigSource;
+use fringeflow::message::{DropReason, PatternEvent, ScanState, Stage};
+use fringeflow::simulation::Faults;
+use fringeflow::transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, Wake};
+use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock};
+
+pub use projector::{Shown, VirtualProjector};
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    let mut host = Host::open(arguments, "virtual-projector")?;
+    let mut service = Service::open(&host)?;
+    let wake = Wake::new()?;
+    while !host.stop.is_requested() {
+        service.follow_state()?;
+        service.show(&mut host)?;
+        if host.beat_is_due() {
+            host.report(Stage::Projector, service.account.counts(), None);
+        }
+        host.tend(|now_ns| {
+            service.output.ensure_connected(now_ns)?;
+            service.states.ensure_connected(now_ns)?;
+            Ok(())
+        });
+        let next_ns = service.projector.next_ns().unwrap_or(u64::MAX);
+        wake.wait(&[&service.states], Duration::from_nanos(next_ns.saturating_sub(clock::now_ns())).min(BEAT))?;
+    }
+    host.report(Stage::Projector, service.account.counts(), None);
+    Ok(())
+}
+
+struct Service {
+    account: Account,
+    output: Publisher<(), PatternEvent>,
+    states: Subscriber<(), ScanState>,
+    projector: VirtualProjector,
+}
+
+impl Service {
+    fn open(host: &Host) -> Result<Self, ServiceError> {
+        let faults = match &host.configuration.rig {
+            Some(RigSource::Virtual(options)) => Faults::new(options.faults),
+            _ => Ok(Faults::default()),
+        };
+        let faults = faults.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+        let account = host.account(Stage::Projector)?;
+        let announced = account.counts().passed;
+        let (rate_hz, sequence) = (host.configuration.rate_hz, &host.setup.sequence);
+        Ok(Self {
+            projector: VirtualProjector::new(clock::now_ns(), announced, rate_hz, sequence, faults),
+            output: Publisher::open(&host.node, PROJECTOR_PATTERN, &host.sizes)?,
+            states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
+            account,
+        })
+    }
+
+    fn follow_state(&mut self) -> Result<(), ServiceError> {
+        while let Some(state) = self.states.receive()? {
+            self.projector.scan(state.scanning != 0, clock::now_ns());
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, host: &mut Host) -> Result<(), ServiceError> {
+        while let Some(shown) = self.projector.show(clock::now_ns()) {
+            let taken_ns = clock::now_ns();
+            self.account.take(shown.missed + 1)?;
+            self.account.drop_many(DropReason::Overrun, shown.missed)?;
+            match shown.event {
+                None => self.account.drop_one(DropReason::Injected)?,
+                Some(event) => self.announce(host, &event, taken_ns)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn announce(&mut self, host: &mut Host, event: &PatternEvent, taken_ns: u64) -> Result<(), AccountError> {
+        self.account.pass()?;
+        // What could not be sent is missing in the channel, and counted there.
+        if let Err(error) = self.output.send_message(event) {
+            tracing::warn!("{error}");
+        }
+        let times = ItemTimes { exposure_start_ns: event.exposure_start_ns, taken_ns, passed_ns: clock::now_ns() };
+        host.report(Stage::Projector, self.account.counts(), Some(times));
+        Ok(())
+    }
+}
