@@ -62,7 +62,7 @@ pub mod reconstruction;
 pub mod recording;
 pub mod rig_report;
 pub mod simulation;
+pub mod synchronization;
 pub mod transport;
 pub mod wire;
-pub mod synchronization;
 pub mod worker;

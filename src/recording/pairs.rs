@@ -95,8 +95,7 @@ fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
 
 /// Half of the usual time between two exposures.
 fn half_period_ns(headers: &[FrameHeader]) -> u64 {
-    let mut gaps: Vec<u64> =
-        headers.array_windows().map(|[a, b]| b.exposure_start_ns - a.exposure_start_ns).collect();
+    let mut gaps: Vec<u64> = headers.array_windows().map(|[a, b]| b.exposure_start_ns - a.exposure_start_ns).collect();
     gaps.sort_unstable();
     gaps.get(gaps.len() / 2).map_or(u64::MAX, |median| median / 2)
 }

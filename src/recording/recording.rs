@@ -234,12 +234,7 @@ impl Recording {
 
 impl Entry {
     fn problem(&self, what: String) -> RecordingProblem {
-        RecordingProblem::Message {
-            topic: self.topic.name(),
-            sequence: self.sequence,
-            offset: self.place.offset,
-            what,
-        }
+        RecordingProblem::Message { topic: self.topic.name(), sequence: self.sequence, offset: self.place.offset, what }
     }
 }
 

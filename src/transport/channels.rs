@@ -64,7 +64,7 @@ pub struct Channel<H, P: ?Sized> {
 }
 
 /// Sizes of the messages of an instance; all its processes use the same.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChannelSizes {
     /// Bytes of the larger camera's image.
     pub frame_bytes: usize,

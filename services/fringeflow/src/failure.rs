@@ -10,6 +10,9 @@ use fringeflow::config::ConfigurationError;
 use fringeflow::correspondence::SegmentFileError;
 use fringeflow::dataset::{DatasetError, Problem};
 use fringeflow::evaluation::GrayReferenceError;
+use fringeflow::transport::TransportError;
+use fringeflow_runtime::{ArgumentError, ServiceError};
+use fringeflow_supervisor::RunError;
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -20,6 +23,24 @@ pub(crate) enum Failure {
     /// A dataset folder.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// An instance that could not be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// What a service was started with.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
+    /// A service that ended.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// The channels.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The account of a run does not add up.
+    #[error("the balance does not add up, please report this: {0}")]
+    Imbalance(String),
+    /// All was done, but something had been lost before.
+    #[error("{0}")]
+    Losses(String),
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
@@ -49,6 +70,11 @@ impl Failure {
     /// 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
+            Self::Losses(_) => 3,
+            Self::Run(RunError::Transport(error)) | Self::Transport(error) => 1 + u8::from(error.is_lasting()),
+            Self::Run(RunError::Hopeless { .. } | RunError::Recording(_)) | Self::Argument(_) => 2,
+            Self::Service(error) => 1 + u8::from(error.is_lasting()),
+            Self::Run(_) | Self::Imbalance(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,

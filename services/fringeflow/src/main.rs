@@ -7,6 +7,7 @@ mod pictures;
 mod preview_folder;
 mod progress;
 mod proposed;
+mod run_summary;
 mod statistics;
 mod truth;
 
@@ -35,7 +36,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    match set_threads(cli.threads).and_then(|()| cli.command.run()) {
+    match set_threads(cli.threads).and_then(|()| cli.command.run(cli.threads)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
     }

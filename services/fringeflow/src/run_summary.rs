@@ -53,7 +53,8 @@ pub(crate) fn print(outcome: &Outcome, json: bool) -> Result<(), Failure> {
 }
 
 fn losses(outcome: &Outcome) -> u64 {
-    let of_stage = |counts: &Counts| counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(_, n)| n).sum::<u64>();
+    let of_stage =
+        |counts: &Counts| counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(_, n)| n).sum::<u64>();
     outcome.balance.0.iter().map(|(_, counts)| of_stage(counts)).sum()
 }
 

@@ -66,14 +66,6 @@ impl Service {
         Ok(Self { name, restarts: 0, may_finish, state, wait_ns: FIRST_WAIT_NS, started_ns: now_ns })
     }
 
-    /// Process identifier, while it runs.
-    pub(crate) fn pid(&self) -> Option<u32> {
-        match &self.state {
-            State::Running(child) => Some(child.id()),
-            _ => None,
-        }
-    }
-
     /// Looks after the service: notices its death, and starts it again when its wait is over.
     pub(crate) fn tend(&mut self, launch: &Launch, now_ns: u64) -> io::Result<Option<Event>> {
         match &mut self.state {
@@ -224,6 +216,5 @@ mod tests {
             }
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
-        assert_eq!(service.pid(), None);
     }
 }

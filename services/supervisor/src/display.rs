@@ -74,7 +74,9 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-fn headline(state: &ScanState, waiting: &[&str]) -> String {
+/// One line about the instance.
+#[must_use]
+pub fn headline(state: &ScanState, waiting: &[&str]) -> String {
     if !waiting.is_empty() {
         return format!("waiting for {}", waiting.join(", "));
     }
@@ -86,7 +88,9 @@ fn headline(state: &ScanState, waiting: &[&str]) -> String {
     }
 }
 
-fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
+/// One line about a stage: rate, median latency, items put out, drops by reason, restarts.
+#[must_use]
+pub fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
     let latency = tally.latency().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
     let silent = if tally.is_silent(now_ns) { "  silent" } else { "" };
     let drops: Vec<String> = tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())).collect();
