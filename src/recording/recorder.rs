@@ -112,11 +112,8 @@ impl Recorder {
     /// The name is taken, its folder is missing, or the disk is full.
     pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        let shared = Arc::new(Shared {
-            target: target.to_owned(),
-            queue: Queue::new(queue_bytes),
-            account: Mutex::default(),
-        });
+        let shared =
+            Arc::new(Shared { target: target.to_owned(), queue: Queue::new(queue_bytes), account: Mutex::default() });
         let work = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&work, writer).run());

@@ -72,7 +72,13 @@ pub(super) type Visit<'v> = dyn FnMut(Found<'_>) -> Result<(), RecordingProblem>
 /// Scans a file.
 pub(super) fn scan(file: &File, rigour: Rigour, visit: &mut Visit<'_>) -> Result<Scanned, RecordingProblem> {
     let bytes = file.metadata().map_err(RecordingProblem::Unreadable)?.len();
-    let mut reader = Reader { file: BufReader::with_capacity(SEARCH_BYTES, file), bytes, at: 0, crc: Default::default(), has_whole_record: false };
+    let mut reader = Reader {
+        file: BufReader::with_capacity(SEARCH_BYTES, file),
+        bytes,
+        at: 0,
+        crc: Default::default(),
+        has_whole_record: false,
+    };
     reader.seek(0)?;
     let mut scan = Scan { contents: Contents::default(), visit, scanned: Scanned { bytes, ..Scanned::default() } };
     let mut magic = [0; MAGIC.len()];
@@ -163,7 +169,10 @@ impl Reader<'_> {
             return Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" });
         }
         if length > MAX_RECORD_BYTES {
-            return Err(damaged(start, format!("a record claims {length} bytes; no record has over {MAX_RECORD_BYTES}")));
+            return Err(damaged(
+                start,
+                format!("a record claims {length} bytes; no record has over {MAX_RECORD_BYTES}"),
+            ));
         }
         Ok((opcode, length))
     }
@@ -382,7 +391,8 @@ impl Scan<'_, '_> {
     fn attachment(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
         let mut fields = Fields(body);
         let parts = (|| {
-            let (log_ns, _created, name, media_type) = (fields.u64()?, fields.u64()?, fields.string()?, fields.string()?);
+            let (log_ns, _created, name, media_type) =
+                (fields.u64()?, fields.u64()?, fields.string()?, fields.string()?);
             let length = fields.length()?;
             let data = fields.bytes(length)?;
             Some((log_ns, name, media_type, data, fields.u32()?))
@@ -446,7 +456,8 @@ impl Scan<'_, '_> {
         if let Some((what, said, found)) = compared.into_iter().find(|(_, said, found)| said != found) {
             return Err(damaged(start, format!("the statistics say {said} {what}, and {found} are there")));
         }
-        let counts = |map: &BTreeMap<u16, u64>| map.iter().filter(|(_, n)| **n > 0).map(|(i, n)| (*i, *n)).collect::<Vec<_>>();
+        let counts =
+            |map: &BTreeMap<u16, u64>| map.iter().filter(|(_, n)| **n > 0).map(|(i, n)| (*i, *n)).collect::<Vec<_>>();
         if counts(&channels) != counts(&found.messages) {
             return Err(damaged(start, "the statistics count other messages by channel than are there"));
         }

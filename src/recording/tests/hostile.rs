@@ -6,7 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 
 fn small_recording(folder: &Folder) -> Vec<u8> {
-    let recorder = Recorder::create(&folder.path("small.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder =
+        Recorder::create(&folder.path("small.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
     for sequence in 0..3 {
         for camera in [1, 2] {
             let header = frame(camera, sequence);

@@ -24,7 +24,9 @@ fn fields_of_text() -> BTreeMap<String, BTreeMap<String, i32>> {
     for line in PROTO.lines().map(str::trim).filter(|line| !line.starts_with("//")) {
         if let Some(name) = line.strip_prefix("message ").and_then(|rest| rest.strip_suffix(" {")) {
             message = name.to_owned();
-        } else if let Some((field, number)) = line.trim_end_matches(';').split_once(" = ").filter(|_| !message.is_empty()) {
+        } else if let Some((field, number)) =
+            line.trim_end_matches(';').split_once(" = ").filter(|_| !message.is_empty())
+        {
             let name = field.rsplit(' ').next().unwrap();
             let fields: &mut BTreeMap<String, i32> = messages.entry(message.clone()).or_default();
             assert!(fields.insert(name.to_owned(), number.parse().unwrap()).is_none(), "{message}.{name} twice");
