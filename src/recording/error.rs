@@ -115,6 +115,9 @@ pub enum RecordingProblem {
         /// Sequence number of its driver.
         sequence: u64,
     },
+    /// Setup or configuration can be read, but not measured with.
+    #[error("cannot be measured with: {0}")]
+    NotMeasurable(String),
     /// Calibration or description cannot be used.
     #[error("attachment {0}")]
     Setup(#[from] SetupError),
@@ -127,6 +130,18 @@ pub enum RecordingProblem {
 }
 
 impl RecordingProblem {
+    /// Whether a message says what cannot be, in a file that is whole.
+    #[must_use]
+    pub fn is_content(&self) -> bool {
+        matches!(self, Self::Message { .. })
+    }
+
+    /// Whether a new file could not be made or written.
+    #[must_use]
+    pub fn is_about_writing(&self) -> bool {
+        matches!(self, Self::Exists | Self::Unwritable(_) | Self::NoSpace { .. } | Self::Unfinishable(_))
+    }
+
     /// The error about a file.
     pub(super) fn of(self, file: &Path) -> RecordingError {
         RecordingError { file: file.to_owned(), problem: self }

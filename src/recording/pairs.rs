@@ -78,12 +78,12 @@ impl Recording {
 #[must_use]
 pub fn first_cycle(pairs: &[ImagePair], steps: usize) -> Option<usize> {
     let is_cycle = |cycle: &[ImagePair]| {
-        let follows = |[a, b]: &[ImagePair; 2]| {
+        let follows = |(a, b): (&ImagePair, &ImagePair)| {
             [(a.cam1, b.cam1), (a.cam2, b.cam2)]
                 .iter()
                 .all(|(a, b)| a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence))
         };
-        cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.array_windows().all(follows)
+        cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.iter().zip(cycle.iter().skip(1)).all(follows)
     };
     pairs.windows(steps.max(1)).position(is_cycle)
 }
@@ -95,7 +95,8 @@ fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
 
 /// Half of the usual time between two exposures.
 fn half_period_ns(headers: &[FrameHeader]) -> u64 {
-    let mut gaps: Vec<u64> = headers.array_windows().map(|[a, b]| b.exposure_start_ns - a.exposure_start_ns).collect();
+    let mut gaps: Vec<u64> =
+        headers.iter().zip(headers.iter().skip(1)).map(|(a, b)| b.exposure_start_ns - a.exposure_start_ns).collect();
     gaps.sort_unstable();
     gaps.get(gaps.len() / 2).map_or(u64::MAX, |median| median / 2)
 }

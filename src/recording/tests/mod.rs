@@ -1,7 +1,9 @@
 //! Recordings as a whole: what is written reads back, losses are counted, and no file makes the reader panic.
 
+mod content;
 mod hostile;
 mod recorder;
+mod recovery;
 mod round_trip;
 mod schema;
 

@@ -5,9 +5,10 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use crate::cloud::{Cloud, read_records};
 use crate::config::Configuration;
 use crate::dataset::{CALIBRATION_FILE, GreyImage, META_FILE, Setup, SetupText, TRUTH_FILE, Truth};
-use crate::message::{FrameHeader, Window};
+use crate::message::{CloudHeader, FrameHeader, Window};
 
 use super::content::{Content, Header, Message};
 use super::error::{RecordingError, RecordingProblem};
@@ -161,6 +162,19 @@ impl Recording {
         })
     }
 
+    /// Headers of the clouds in the order of their times.
+    pub fn cloud_headers(&self) -> impl Iterator<Item = &CloudHeader> + '_ {
+        self.entries.iter().filter_map(|entry| match &entry.header {
+            Some(Header::Cloud(header)) => Some(header.as_ref()),
+            _ => None,
+        })
+    }
+
+    /// Times of the messages of a topic, in order.
+    pub(super) fn times_of(&self, topic: Topic) -> impl Iterator<Item = u64> + '_ {
+        self.entries.iter().filter(move |entry| entry.topic == topic).map(|entry| entry.times.log_ns)
+    }
+
     /// One image of a camera, without the bytes between its rows.
     ///
     /// # Errors
@@ -196,6 +210,12 @@ impl Recording {
         Ok(images)
     }
 
+    /// Whether a window began before the first image: its own images were taken, but not recorded.
+    pub(super) fn begins_after(&self, window: &Window) -> bool {
+        let first = [1, 2].into_iter().filter_map(|camera| self.frame_headers(camera).next());
+        first.map(|header| header.exposure_start_ns).max().is_none_or(|first_ns| window.first_exposure_ns < first_ns)
+    }
+
     /// Whether an image is there.
     #[must_use]
     pub fn has_image(&self, camera: u32, session: u64, sequence: u64) -> bool {
@@ -207,10 +227,30 @@ impl Recording {
     /// # Errors
     /// The attachment is no truth file.
     pub fn truth(&self) -> Result<Option<Truth>, RecordingError> {
-        let Some(place) = self.truth else { return Ok(None) };
-        let bytes = self.bytes_at(place).map_err(|p| p.of(&self.path))?;
+        let Some(bytes) = self.truth_bytes()? else { return Ok(None) };
         let truth = Truth::parse(&bytes, self.setup.image_size_px);
         truth.map(Some).map_err(|problem| RecordingProblem::Truth(problem).of(&self.path))
+    }
+
+    /// Content of the attachment `truth.npz`, where there is one.
+    pub(super) fn truth_bytes(&self) -> Result<Option<Vec<u8>>, RecordingError> {
+        self.truth.map(|place| self.bytes_at(place).map_err(|p| p.of(&self.path))).transpose()
+    }
+
+    /// A cloud by its number in the order of time, from 0; `None` beyond the last.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn cloud(&self, number: usize) -> Result<Option<Cloud>, RecordingError> {
+        let Some(entry) = self.entries.iter().filter(|entry| entry.topic == Topic::Cloud).nth(number) else {
+            return Ok(None);
+        };
+        let points = match self.read(entry)?.content {
+            Content::Cloud(_, records) => read_records(&records),
+            _ => None,
+        };
+        let points = points.ok_or_else(|| entry.problem("is no cloud".to_owned()).of(&self.path))?;
+        Ok(Some(Cloud { points }))
     }
 
     fn read(&self, entry: &Entry) -> Result<Message, RecordingError> {
@@ -285,7 +325,7 @@ impl Collected {
         let FoundMessage { topic, sequence, times, data, offset } = *found;
         let place = Place { offset, bytes: data.len() };
         let mut entry = Entry { topic, sequence, times, place, header: None };
-        if Topic::ALL.into_iter().any(|described| described.header() == Some(topic)) {
+        if topic.is_header() {
             let header = Header::decode(topic, data).map_err(|what| entry.problem(what))?;
             self.headers.insert((topic, sequence), (header, offset));
             return Ok(());
