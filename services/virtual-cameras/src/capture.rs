@@ -83,8 +83,8 @@ impl Capture {
         host.report(self.stage, self.account.counts(), None);
     }
 
-    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
-        self.output.ensure_connected(now_ns).map(|_| ())
+    pub(crate) fn ensure_connected(&mut self) -> Result<(), TransportError> {
+        self.output.ensure_connected().map(|_| ())
     }
 
     /// Ends the run: images still on their way are dropped.

@@ -45,7 +45,7 @@ fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
 fn render(host: &mut Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
     let poses = scanner.sweep().poses();
     let on_pose = |pose: usize| {
-        if pose % LOGGED_POSES == 0 {
+        if pose.is_multiple_of(LOGGED_POSES) {
             tracing::info!("rendered pose {} of {poses}", pose + 1);
         }
         if host.beat_is_due() {

@@ -40,7 +40,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             cameras.iter().for_each(|camera| camera.report(&mut host));
         }
         host.tend(|now_ns| {
-            cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(now_ns))?;
+            cameras.iter_mut().try_for_each(Capture::ensure_connected)?;
             source.ensure_connected(now_ns)
         });
         let next_ns = cameras.iter().filter_map(Capture::next_ns).chain(source.next_ns()).min().unwrap_or(u64::MAX);

@@ -27,7 +27,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             host.report(Stage::Projector, service.account.counts(), None);
         }
         host.tend(|now_ns| {
-            service.output.ensure_connected(now_ns)?;
+            service.output.ensure_connected()?;
             service.states.ensure_connected(now_ns)?;
             Ok(())
         });
