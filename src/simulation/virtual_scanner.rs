@@ -58,7 +58,7 @@ impl VirtualScanner {
         check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples a side")?;
         let sweep = Sweep::new(options.sweep)?;
         let (poses, steps) = (sweep.poses(), options.steps);
-        if poses % steps != 0 || poses == 0 {
+        if !poses.is_multiple_of(steps) {
             return Err(SimulationError::PosesAndSteps { poses, steps });
         }
         let scanner = Self { options, rig: VirtualRig::new(&options.rig)?, sweep };

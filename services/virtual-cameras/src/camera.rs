@@ -98,7 +98,7 @@ impl VirtualCamera {
         let shot = Shot { number, step, exposure_start_ns, due_ns, swapped: false };
         match self.faults.of_image(self.id, trigger.number) {
             None => self.send(&[shot]),
-            Some(ImageFault::Lost) => return Exposed { images: 0, lost: 1 },
+            Some(ImageFault::Lost) => Exposed { images: 0, lost: 1 },
             Some(ImageFault::Duplicated) => self.send(&[shot, shot]),
             Some(ImageFault::Swapped) => self.send(&[Shot { swapped: true, ..shot }]),
             Some(ImageFault::Late) => self.send(&[Shot { due_ns: due_ns.saturating_add(period_ns), ..shot }]),

@@ -41,7 +41,7 @@ fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
 fn render(host: &Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
     let poses = scanner.sweep().poses();
     let on_pose = |pose: usize| {
-        if pose % LOGGED_POSES == 0 {
+        if pose.is_multiple_of(LOGGED_POSES) {
             tracing::info!("rendered pose {} of {poses}", pose + 1);
         }
         if host.stop.is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -17,14 +17,14 @@ pub(crate) struct Source {
 }
 
 enum Kind {
-    Cable(CableTriggers, Subscriber<(), PatternEvent>),
+    Cable(CableTriggers, Box<Subscriber<(), PatternEvent>>),
     Clock(ClockTriggers),
 }
 
 impl Source {
     pub(crate) fn open(host: &Host) -> Result<Self, ServiceError> {
         let steps = host.setup.sequence.shifts_rad.len() as u32;
-        let events = || Subscriber::open(&host.node, PROJECTOR_PATTERN, &host.sizes);
+        let events = || Subscriber::open(&host.node, PROJECTOR_PATTERN, &host.sizes).map(Box::new);
         let kind = match host.configuration.projector {
             ProjectorDriver::Cycle => Kind::Clock(ClockTriggers::new(host.configuration.rate_hz, steps)),
             ProjectorDriver::External => Kind::Cable(CableTriggers::new(steps, None), events()?),
@@ -76,7 +76,7 @@ impl Source {
     pub(crate) fn wait(&self, longest: std::time::Duration) -> Result<(), TransportError> {
         match &self.kind {
             Kind::Clock(_) => self.wake.wait(&[&self.states], longest),
-            Kind::Cable(_, events) => self.wake.wait(&[&self.states, events], longest),
+            Kind::Cable(_, events) => self.wake.wait(&[&self.states, events.as_ref()], longest),
         }
     }
 

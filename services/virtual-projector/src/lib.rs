@@ -52,14 +52,12 @@ impl Service {
             _ => Ok(Faults::default()),
         };
         let faults = faults.map_err(|e| ServiceError::Unusable(e.to_string()))?;
-        let account = host.account(Stage::Projector)?;
-        let announced = account.counts().passed;
         let (rate_hz, sequence) = (host.configuration.rate_hz, &host.setup.sequence);
         Ok(Self {
-            projector: VirtualProjector::new(clock::now_ns(), announced, rate_hz, sequence, faults),
+            projector: VirtualProjector::new(clock::now_ns(), rate_hz, sequence, faults),
             output: Publisher::open(&host.node, PROJECTOR_PATTERN, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
-            account,
+            account: host.account(Stage::Projector)?,
         })
     }
 

@@ -18,7 +18,7 @@ pub struct VirtualProjector {
     schedule: Option<Schedule>,
     /// Patterns shown so far.
     shown: u64,
-    /// Events that the channel has carried.
+    /// Patterns announced so far.
     announced: u64,
 }
 
@@ -32,12 +32,11 @@ pub struct Shown {
 }
 
 impl VirtualProjector {
-    /// A projector that shows nothing yet; `session` tells this start from others, `announced` are the events that its
-    /// channel has carried before.
+    /// A projector that shows nothing yet; `session` tells this start from others.
     #[must_use]
-    pub fn new(session: u64, announced: u64, rate_hz: f64, sequence: &FringeSequence, faults: Faults) -> Self {
+    pub fn new(session: u64, rate_hz: f64, sequence: &FringeSequence, faults: Faults) -> Self {
         let (steps, period_px) = (sequence.shifts_rad.len() as u32, sequence.pattern.period_px);
-        Self { session, rate_hz, steps, period_px, faults, schedule: None, shown: 0, announced }
+        Self { session, rate_hz, steps, period_px, faults, schedule: None, shown: 0, announced: 0 }
     }
 
     /// Starts or stops showing patterns; the steps go on where they stopped.
@@ -88,7 +87,7 @@ mod tests {
     fn projector(faults: Faults) -> VirtualProjector {
         let pattern = FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 };
         let sequence = FringeSequence { pattern, shifts_rad: vec![0.0; 4], gray: None };
-        VirtualProjector::new(7, 100, 50.0, &sequence, faults)
+        VirtualProjector::new(7, 50.0, &sequence, faults)
     }
 
     /// Everything shown up to a time.
@@ -107,7 +106,7 @@ mod tests {
         projector.scan(true, 1_000);
         for (k, shown) in (0_u64..).zip(shown(&mut projector, 10_000_000_000)) {
             let event = shown.event.unwrap();
-            assert_eq!((event.session, event.sequence, u64::from(event.step)), (7, 100 + k, k % 4));
+            assert_eq!((event.session, event.sequence, u64::from(event.step)), (7, k, k % 4));
             assert_eq!((event.exposure_start_ns, event.duration_ns), (1_000 + 20_000_000 * k, 20_000_000));
             assert_eq!((event.steps, event.kind, event.period_px), (4, PATTERN_FRINGES, 16.0));
         }
@@ -123,7 +122,7 @@ mod tests {
         projector.scan(true, 900_000_000);
         projector.scan(true, 950_000_000);
         let event = projector.show(900_000_000).unwrap().event.unwrap();
-        assert_eq!((event.sequence, event.step, event.exposure_start_ns), (106, 2, 900_000_000));
+        assert_eq!((event.sequence, event.step, event.exposure_start_ns), (6, 2, 900_000_000));
     }
 
     #[test]
@@ -136,7 +135,7 @@ mod tests {
         assert!((60..140).contains(&lost), "{lost} of {}", all.len());
         let events: Vec<_> = all.iter().filter_map(|s| s.event).collect();
         for (k, event) in (0_u64..).zip(&events) {
-            assert_eq!(event.sequence, 100 + k);
+            assert_eq!(event.sequence, k);
             assert_eq!(u64::from(event.step), event.exposure_start_ns / 20_000_000 % 4);
         }
     }
