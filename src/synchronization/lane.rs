@@ -89,8 +89,9 @@ impl<T> Lane<T> {
 
     /// Whether the place is of another session, and not later than what came before.
     pub(super) fn is_stale(&self, place: &Place) -> bool {
-        let last = self.recent.back();
-        last.is_some_and(|last| place.session != last.session && place.time_ns <= last.time_ns)
+        let Some(last) = self.recent.back() else { return false };
+        let newest = self.held.last().map_or(last, |held| &held.place);
+        place.session != last.session && place.time_ns <= newest.time_ns
     }
 
     /// The next place in order.
