@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use crate::message::DropReason;
 
 /// Items held while an earlier one may still come.
-pub(super) const HOLD: usize = 2;
+const HOLD: usize = 2;
 /// Places remembered to tell an item that came twice from one that came late.
 const REMEMBERED: usize = 16;
 /// So many rejected items in a row, each later than the one before, are right, and what they were compared with is wrong.

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 
 use crate::message::{Counts, DropReason, PATTERN_FRINGES, PatternEvent};
 
-use super::lane::{HOLD, Lane, Place, Placed};
+use super::lane::{Lane, Place, Placed};
 use super::numbering::{Arrival, Numbering};
 use super::pairing::Pair;
 use super::{Settings, StepSource};
@@ -20,6 +20,8 @@ use super::{Settings, StepSource};
 const MOST_EVENTS: usize = 64;
 /// Events remembered to recognise a second one of the same exposure.
 const REMEMBERED: usize = 16;
+/// An event is lost when one comes whose number is greater by more than this: well behind where it could still be used.
+const PATIENCE: u64 = 8;
 /// Sessions of the driver remembered, so that one that comes back is not taken for a new one.
 const SESSIONS: usize = 4;
 /// A period is the configured one if it differs by less than this share.
@@ -77,7 +79,7 @@ impl<F> Steps<F> {
             settings,
             pairs: VecDeque::new(),
             events: Lane::new(),
-            sequence: Numbering::new(HOLD as u64),
+            sequence: Numbering::new(PATIENCE),
             sessions: VecDeque::new(),
             recent: VecDeque::new(),
             contradictions: 0,
