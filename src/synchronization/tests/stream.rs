@@ -228,9 +228,9 @@ impl Plan {
             out.usable[k] = self.is_useful(channel, k) && is_in_time(k, &arrived[..index], &numbers);
         }
         if channel < 2 {
-            self.send_images(channel, &sent, &numbers, &mut out)
+            self.send_images(channel, &sent, &numbers, &mut out);
         } else {
-            self.send_events(&sent, &numbers, &mut out)
+            self.send_events(&sent, &numbers, &mut out);
         }
         out
     }
@@ -241,7 +241,7 @@ impl Plan {
         let mut sent: Vec<usize> = (0..self.exposures()).filter(|&k| kind(k) != Kind::Lost).collect();
         // Four in a row that come too late would be taken for a new start.
         let behind = |k: usize| match kind(k) {
-            Kind::Behind(by) if by < 3 || k % 5 == 0 => 2 * by + 1,
+            Kind::Behind(by) if by < 3 || k.is_multiple_of(5) => 2 * by + 1,
             _ => 0,
         };
         sent.sort_by_key(|&k| (numbers[k].0, 2 * k + behind(k)));
@@ -280,7 +280,7 @@ impl Plan {
             match self.fates[channel][k].kind {
                 Kind::Overrun => continue,
                 Kind::Useless(0) => {
-                    out.messages.push(Message::Frame(FrameHeader { exposure_start_ns: 0, ..header }, truth))
+                    out.messages.push(Message::Frame(FrameHeader { exposure_start_ns: 0, ..header }, truth));
                 }
                 Kind::Useless(1) => {
                     let late = FrameHeader { received_ns: exposure_start_ns - 1, ..header };
