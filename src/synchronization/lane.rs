@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use crate::message::DropReason;
 
 /// Items held while an earlier one may still come.
-pub(super) const HOLD: usize = 2;
+const HOLD: usize = 2;
 /// Places remembered to tell an item that came twice from one that came late.
 const REMEMBERED: usize = 16;
 /// So many rejected items in a row, each later than the one before, are right, and what they were compared with is wrong.
@@ -89,8 +89,9 @@ impl<T> Lane<T> {
 
     /// Whether the place is of another session, and not later than what came before.
     pub(super) fn is_stale(&self, place: &Place) -> bool {
-        let last = self.recent.back();
-        last.is_some_and(|last| place.session != last.session && place.time_ns <= last.time_ns)
+        let Some(last) = self.recent.back() else { return false };
+        let newest = self.held.last().map_or(last, |held| &held.place);
+        place.session != last.session && place.time_ns <= newest.time_ns
     }
 
     /// The next place in order.

@@ -15,6 +15,7 @@
 //!
 //! Take one message of each channel in turn: then what waits stays far below the bounds.
 
+mod events;
 mod lane;
 mod numbering;
 mod pairing;
@@ -177,7 +178,7 @@ impl<F: Clone> Synchronizer<F> {
 
     /// Says which event the projector driver publishes next, so that what is lost before the first one is counted.
     pub fn expect_pattern(&mut self, session: u64, sequence: u64) {
-        self.steps.expect(session, sequence);
+        self.steps.events().expect(session, sequence);
     }
 
     /// Takes an image.
@@ -204,7 +205,7 @@ impl<F: Clone> Synchronizer<F> {
 
     /// Takes an event of the projector driver.
     pub fn pattern(&mut self, event: PatternEvent) {
-        self.steps.admit(event, &mut self.counts.pattern);
+        self.steps.events().admit(event, &mut self.counts.pattern);
         self.advance();
     }
 
