@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::PortFactory as _;
 use iceoryx2::service::builder::request_response::Builder;
 
 use crate::message::{ControlRequest, ControlResponse};
@@ -71,7 +70,9 @@ impl ControlServer {
         if self.open.as_ref().is_some_and(Attached::unchanged) {
             return Ok(false);
         }
-        self.open = None;
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
         self.open = Some(Port::open(&self.node)?);
         Ok(true)
     }
@@ -97,7 +98,7 @@ impl Port {
         let listener = member.listener(CONTROL, &event)?;
         let server =
             member.attempt(|| service.server_builder().create().map_err(|e| error("answer", format!("{e:?}"))))?;
-        let files = member.files([service.service_hash().as_str(), event.service_hash().as_str()]);
+        let files = member.files(&service, &event)?;
         Ok(Attached::new(Self { server, listener }, files))
     }
 }

@@ -42,7 +42,9 @@ impl KeptChannels {
         if self.open.as_ref().is_some_and(Attached::unchanged) {
             return Ok(false);
         }
-        self.open = None;
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
         self.open = Some(open(&self.node, &self.sizes)?);
         Ok(true)
     }

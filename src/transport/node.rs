@@ -1,26 +1,25 @@
 //! This process in the instance.
 
 use std::fmt::Debug;
-use std::path::PathBuf;
 use std::sync::Once;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{
-    LogLevel, Node as IoxNode, NodeBuilder, NodeName, PortFactory as _, ServiceName, SignalHandlingMode, set_log_level,
+    LogLevel, Node as IoxNode, NodeBuilder, NodeName, PortFactory, ServiceName, SignalHandlingMode, set_log_level,
 };
 use iceoryx2::service::port_factory::event::PortFactory as EventService;
-use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as ChannelService;
 
-use super::attached::Files;
-use super::{Channel, Header, Instance, Ipc, Payload, Quality, TransportError};
+use super::attached::{Files, Service};
+use super::{Channel, Header, Instance, Ipc, Payload, Quality, TransportError, shared_memory};
 
 /// Ports and tools that may use a channel at once; iceoryx2's own number for event services.
 const MAX_NODES: usize = 36;
 
-/// How often opening is tried: another process may just be creating or cleaning the same service.
-const ATTEMPTS: u32 = 20;
+/// How long opening is tried: another process may just be creating or cleaning the same service.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(25);
@@ -45,7 +44,7 @@ pub(super) struct Member {
 /// A channel as opened: its service, its event service, the files that they rest on.
 #[derive(Debug)]
 pub(super) struct Opened<H: Header, P: Payload + ?Sized> {
-    pub(super) service: PortFactory<Ipc, P, H>,
+    pub(super) service: ChannelService<Ipc, P, H>,
     pub(super) event: EventService<Ipc>,
     pub(super) files: Files,
 }
@@ -110,7 +109,7 @@ impl Member {
             P::open(builder).map_err(|e| self.error(channel.name(), "open it", e))
         })?;
         let event = self.event(channel.name())?;
-        let files = self.files([service.service_hash().as_str(), event.service_hash().as_str()]);
+        let files = self.files(&service, &event)?;
         Ok(Opened { service, event, files })
     }
 
@@ -145,26 +144,35 @@ impl Member {
         &self,
         mut action: impl FnMut() -> Result<T, TransportError>,
     ) -> Result<T, TransportError> {
-        for _ in 1..ATTEMPTS {
-            if let Ok(done) = action() {
-                return Ok(done);
+        let start = Instant::now();
+        loop {
+            let result = action();
+            if result.is_ok() || start.elapsed() >= PATIENCE {
+                return result;
             }
             self.node.try_cleanup_dead_nodes();
             std::thread::sleep(PAUSE);
         }
-        action()
     }
 
     pub(super) fn service_name(&self, name: &'static str) -> Result<ServiceName, TransportError> {
         ServiceName::new(name).map_err(|e| self.error(name, "name it", e))
     }
 
-    /// The files that tell others of this node, and of the services with these hashes.
-    pub(super) fn files<const N: usize>(&self, hashes: [&str; N]) -> Files {
+    /// The files through which others find this node and two services.
+    pub(super) fn files(&self, one: &impl PortFactory, two: &impl PortFactory) -> Result<Files, TransportError> {
         let (root, prefix) = (self.instance.root(), self.instance.prefix());
         let node = root.join("nodes").join(format!("{prefix}{}.node_monitor", self.node.id().value()));
-        let services = hashes.map(|hash| root.join("services").join(format!("{prefix}{hash}.service")));
-        Files::new(std::iter::once::<PathBuf>(node).chain(services))
+        let services = [
+            (one.service_hash().as_str(), one.unique_service_id().value()),
+            (two.service_hash().as_str(), two.unique_service_id().value()),
+        ];
+        let services = services.into_iter().map(|(hash, id)| {
+            let description = root.join("services").join(format!("{prefix}{hash}.service"));
+            let participants = shared_memory::file_ending(prefix, &format!("_{id}.dynamic"))?;
+            Ok(Service { description, participants })
+        });
+        Ok(Files::new([node]).with_services(services.collect::<Result<_, TransportError>>()?))
     }
 
     fn error(&self, channel: &'static str, action: &'static str, reason: impl Debug) -> TransportError {

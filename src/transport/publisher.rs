@@ -7,7 +7,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 
-use super::attached::Attached;
+use super::attached::{Attached, Files};
 use super::payload::{Element, Message};
 use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
 
@@ -49,7 +49,9 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
             return Ok(false);
         }
         // The old one goes first: there is room for one publisher.
-        self.open = None;
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
         self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
         Ok(true)
     }
@@ -160,7 +162,10 @@ impl<H: Header, P: Payload + ?Sized> Port<H, P> {
         })?;
         let notifier = member.notifier(channel.name(), &opened.event)?;
         shared_memory::reserve(node.instance().prefix())?;
-        Ok(Attached::new(Self { publisher, notifier }, opened.files))
+        let mut files = opened.files;
+        let messages = format!("_{}.data", publisher.id().value());
+        files.extend(Files::new([shared_memory::file_ending(node.instance().prefix(), &messages)?]));
+        Ok(Attached::new(Self { publisher, notifier }, files))
     }
 }
 

@@ -85,7 +85,9 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
             Some(open) => silent && Arc::strong_count(open) == 1,
         };
         if renew {
-            self.open = None;
+            if let Some(open) = self.open.take() {
+                open.withdraw();
+            }
             self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
         }
         Ok(renew)

@@ -250,6 +250,73 @@ fn ports_find_each_other_when_only_the_description_of_the_channel_was_removed() 
 }
 
 #[test]
+fn messages_flow_again_after_shared_memory_was_removed() {
+    let place = Place::new();
+    let node = place.node();
+    let mut channels = KeptChannels::open(&node, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1; 4096]).unwrap();
+    let held = subscriber.receive().unwrap().unwrap();
+    for file in shared_memory::files(place.instance.prefix()).unwrap() {
+        fs::remove_file(file).unwrap();
+    }
+    let start = Instant::now();
+    let mut number = 2;
+    // As the service loops do; a port may need several rounds, until the last user of the old channel has let go.
+    while numbers(&mut subscriber).is_empty() {
+        assert!(start.elapsed() < HANG);
+        let _ = (publisher.ensure_connected(), channels.ensure_connected(), subscriber.ensure_connected(0));
+        let _ = publisher.send(&frame(number), &[number as u8; 4096]);
+        number += 1;
+    }
+    assert_eq!(held.payload(), [1; 4096]);
+}
+
+#[test]
+fn a_stopped_subscriber_does_not_hold_up_the_publisher() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let place = Place::new();
+    let node = place.node();
+    let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    let mut child = ChildProcess::start(&place);
+    let pid = Pid::from_child(&child.process);
+    kill_process(pid, Signal::STOP).unwrap();
+    for number in 0..20_000 {
+        publisher.send(&frame(number), &[0; 64]).unwrap();
+    }
+    kill_process(pid, Signal::CONT).unwrap();
+    let last: Vec<_> = (19_984..20_000).collect();
+    assert_eq!(child.send(1).trim(), format!("heard {last:?}"));
+    child.kill();
+}
+
+#[test]
+fn the_longest_path_has_room_for_sockets() {
+    let place = Place::new();
+    let limit = 107 - 1 - 11 - 39 - ".event".len();
+    let folder = place.folder.path().join("folder");
+    let used = folder.as_os_str().len() + 1;
+    let instance = Instance::under(&folder, &"n".repeat(limit - used)).unwrap();
+    let _lock = InstanceLock::take(&instance).unwrap();
+    let node = Node::open(&instance, "test").unwrap();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1]).unwrap();
+    Wake::new().unwrap().wait(&[&subscriber], HANG).unwrap();
+    assert_eq!(numbers(&mut subscriber), [1]);
+}
+
+#[test]
+fn other_programs_are_given_the_folder_and_the_prefix() {
+    let place = Place::new();
+    let config: toml::Table = toml::from_str(&place.instance.external_config().unwrap()).unwrap();
+    let global = config["global"].as_table().unwrap();
+    assert_eq!(global["root-path"].as_str(), place.instance.root().to_str());
+    assert_eq!(global["prefix"].as_str(), Some(place.instance.prefix()));
+}
+
+#[test]
 fn a_silent_subscriber_opens_anew_but_keeps_what_is_held() {
     let place = Place::new();
     let node = place.node();
