@@ -9,7 +9,7 @@ use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
 use fringeflow::transport::{
-    Channels, ControlServer, Instance, InstanceLock, Node, Publisher, REPORT_STAGE, SCAN_STATE, Subscriber,
+    ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE, Subscriber,
     TransportError, Wake, check_shared_memory,
 };
 use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock};
@@ -146,7 +146,7 @@ struct Supervisor<'a> {
 }
 
 struct Ports {
-    _channels: Channels,
+    kept: KeptChannels,
     state: Publisher<(), ScanState>,
     reports: Subscriber<(), StageReport>,
     control: ControlServer,
@@ -351,7 +351,7 @@ impl Ports {
         let node = Node::open(instance, "supervisor")?;
         let sizes = channel_sizes(&plan.setup);
         Ok(Self {
-            _channels: Channels::open(&node, &sizes)?,
+            kept: KeptChannels::open(&node, &sizes)?,
             state: Publisher::open(&node, SCAN_STATE, &sizes)?,
             reports: Subscriber::open(&node, REPORT_STAGE, &sizes)?,
             control: ControlServer::open(&node)?,
@@ -373,7 +373,7 @@ impl Ports {
     }
 
     fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
-        self._channels.ensure_connected()?;
+        self.kept.ensure_connected()?;
         if self.state.ensure_connected()? {
             // Whoever comes now is to hear the state as well.
             self.sent = None;
