@@ -148,6 +148,16 @@ fn a_driver_number_that_contradicts_the_time_costs_its_pair_and_breaks_the_windo
 }
 
 #[test]
+fn a_number_that_both_cameras_skip_breaks_the_window_though_times_run_on() {
+    let mut sync = Synchronizer::new(settings()).unwrap();
+    (0..5).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
+    (5..12).for_each(|exposure| expose(&mut sync, exposure, |header| header.sequence += 1));
+    let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
+    assert_eq!(images, [[0, 1, 2, 3], [4, 1, 2, 3], [8, 5, 6, 7], [8, 9, 6, 7], [8, 9, 10, 7], [8, 9, 10, 11]]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 6)]);
+}
+
+#[test]
 fn a_step_out_of_turn_breaks_the_window() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     for exposure in 0..12 {
