@@ -455,6 +455,8 @@ fn child() {
     say("open");
     for line in std::io::stdin().lines() {
         let number = line.unwrap().parse().unwrap();
+        publisher.ensure_connected().unwrap();
+        subscriber.ensure_connected(0).unwrap();
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
         say(&format!("heard {:?}", numbers(&mut subscriber)));
     }
@@ -540,6 +542,27 @@ fn killed_processes_are_replaced_and_leave_nothing() {
     assert_eq!(place.instance.participants().unwrap().len(), 1);
     drop((subscriber, publisher, lock));
     assert_eq!(shared_memory::files(place.instance.prefix()).unwrap().len(), 0);
+}
+
+#[test]
+fn two_processes_find_each_other_after_the_files_of_the_instance_were_removed() {
+    let place = Place::new();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    let mut child = ChildProcess::start(&place);
+    for round in 0..3 {
+        fs::remove_dir_all(place.instance.root()).unwrap();
+        let (start, mut heard) = (Instant::now(), false);
+        while !heard || numbers(&mut subscriber).is_empty() {
+            assert!(start.elapsed() < HANG, "round {round}: the child heard: {heard}");
+            subscriber.ensure_connected(0).unwrap();
+            publisher.ensure_connected().unwrap();
+            publisher.send(&frame(7), &[7]).unwrap();
+            heard |= child.send(1).contains('7');
+        }
+    }
+    child.kill();
 }
 
 #[test]
