@@ -112,7 +112,7 @@ impl<T> Deref for Attached<T> {
 impl<T> Drop for Attached<T> {
     /// The last user of a service removes its files by name, even if they meanwhile belong to its successor: keep those.
     fn drop(&mut self) {
-        self.kept = self.files.successors().filter_map(|file| Kept::new(file)).collect();
+        self.kept = self.files.successors().filter_map(Kept::new).collect();
     }
 }
 

@@ -69,9 +69,9 @@ pub enum TransportError {
     },
     /// Shared memory does not suffice.
     #[error(
-        "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={}M {}, or \
-         --shm-size={}m of docker), remove what fills it, or use smaller images",
-        folder.display(), needed.div_ceil(1 << 20), folder.display(), needed.div_ceil(1 << 20)
+        "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={enough_mib}M {}, \
+         or --shm-size={enough_mib}m of docker), remove what fills it, or use smaller images",
+        folder.display(), folder.display()
     )]
     SharedMemory {
         /// Where it is mounted.
@@ -80,6 +80,8 @@ pub enum TransportError {
         needed: u64,
         /// Bytes available.
         available: u64,
+        /// Size of the whole that suffices, MiB.
+        enough_mib: u64,
     },
     /// All places of a channel are taken by living processes.
     #[error("channel {channel} of instance {instance} has its {limit} {role}(s) already; stop one of them")]

@@ -55,14 +55,15 @@ pub(super) fn publisher_bytes(quality: &Quality) -> u64 {
 pub(super) fn check_free(needed: u64) -> Result<(), TransportError> {
     let folder = Path::new(FOLDER);
     let found = statvfs(folder).map_err(|e| TransportError::file("examine", folder)(e.into()))?;
-    suffices(folder, needed, found.f_bavail * found.f_frsize)
+    suffices(folder, needed, found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 }
 
-fn suffices(folder: &Path, needed: u64, available: u64) -> Result<(), TransportError> {
+fn suffices(folder: &Path, needed: u64, available: u64, whole: u64) -> Result<(), TransportError> {
     if available >= needed {
         return Ok(());
     }
-    Err(TransportError::SharedMemory { folder: folder.to_owned(), needed, available })
+    let enough_mib = (whole.saturating_sub(available) + needed).div_ceil(1 << 20);
+    Err(TransportError::SharedMemory { folder: folder.to_owned(), needed, available, enough_mib })
 }
 
 /// Reserves the memory behind every file of an instance.
@@ -103,4 +104,46 @@ pub(super) fn files(prefix: &str) -> Result<Vec<PathBuf>, TransportError> {
     let entries = fs::read_dir(folder).map_err(TransportError::file("list", folder))?;
     let ours = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
     Ok(ours.map(|entry| entry.path()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIB: u64 = 1 << 20;
+
+    #[test]
+    fn too_little_is_refused_with_the_size_that_suffices() {
+        assert!(suffices(Path::new("/m"), 8 * MIB, 8 * MIB, 64 * MIB).is_ok());
+        let refused = suffices(Path::new("/m"), 100 * MIB, 8 * MIB, 64 * MIB).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "/m has 8388608 bytes left, the channels need 104857600; enlarge it (mount -o remount,size=156M /m, or \
+             --shm-size=156m of docker), remove what fills it, or use smaller images"
+        );
+    }
+
+    #[test]
+    fn a_window_of_images_more_costs_two_images_for_each_subscriber() {
+        let sizes = |window| ChannelSizes {
+            frame_bytes: 1_000_000,
+            window,
+            map_blocks: 1,
+            correspondence_blocks: 1,
+            cloud_bytes: 1,
+        };
+        let more = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
+        // Two cameras, four subscribers, two images each, with their headers.
+        assert_eq!(more, 2 * 4 * 2 * (1_000_000 + 128 + 72));
+    }
+
+    #[test]
+    fn holes_are_filled() {
+        let folder = tempfile::tempdir_in(FOLDER).unwrap();
+        let path = folder.path().join("sparse");
+        File::create(&path).unwrap().set_len(MIB).unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().blocks(), 0);
+        reserve_file(&path).unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().blocks() * 512, MIB);
+    }
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
+use iceoryx2::port::ReceiveError;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
 use iceoryx2::sample::Sample;
@@ -65,10 +66,18 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// [`Self::ensure_connected`] opens the port anew.
     pub fn receive(&mut self) -> Result<Option<Received<H, P>>, TransportError> {
         let Some(open) = &self.open else { return Ok(None) };
-        let sample = P::receive(&open.subscriber)
-            .map_err(|e| self.node.instance().channel_error(self.channel.name(), "receive", e))?;
-        self.silence.heard |= sample.is_some();
-        Ok(sample.map(|sample| Received { sample, _port: Arc::clone(open) }))
+        match P::receive(&open.subscriber) {
+            Ok(sample) => {
+                self.silence.heard |= sample.is_some();
+                Ok(sample.map(|sample| Received { sample, _port: Arc::clone(open) }))
+            }
+            Err(reason) => {
+                if matches!(reason, ReceiveError::ConnectionFailure(_)) {
+                    self.open = None;
+                }
+                Err(self.node.instance().channel_error(self.channel.name(), "receive", reason))
+            }
+        }
     }
 
     /// Opens the port again if its files were removed, or if it has been silent for long; says whether that was so.
@@ -81,8 +90,9 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         let renew = match &self.open {
             None => true,
             Some(open) if !open.unchanged() => true,
-            // While messages are held the old port stays; a second one beside it could find no place.
-            Some(open) => silent && Arc::strong_count(open) == 1,
+            // While messages are held the old port stays; a second one beside it could find no place. And messages that
+            // wait are no silence: it is the caller who has not looked.
+            Some(open) => silent && Arc::strong_count(open) == 1 && !open.subscriber.has_samples().unwrap_or(false),
         };
         if renew {
             if let Some(open) = self.open.take() {

@@ -334,6 +334,18 @@ fn a_silent_subscriber_opens_anew_but_keeps_what_is_held() {
 }
 
 #[test]
+fn messages_that_wait_are_no_silence() {
+    let place = Place::new();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    assert!(!subscriber.ensure_connected(0).unwrap());
+    publisher.send(&frame(1), &[1]).unwrap();
+    assert!(!subscriber.ensure_connected(3_600_000_000_000).unwrap());
+    assert_eq!(numbers(&mut subscriber), [1]);
+}
+
+#[test]
 fn the_lock_is_exclusive_and_leaves_nothing_behind() {
     let place = Place::new();
     let lock = InstanceLock::take(&place.instance).unwrap();
@@ -427,6 +439,11 @@ fn what_is_required_is_what_is_allocated() {
     drop(ports);
 }
 
+/// Writes a line for the parent process.
+fn say(line: &str) {
+    writeln!(std::io::stdout(), "{line}").unwrap();
+}
+
 /// What the child process does; the tests start it with the folder of their instance.
 #[test]
 #[ignore = "the child process of other tests"]
@@ -435,11 +452,13 @@ fn child() {
     let node = Node::open(&Instance::under(Path::new(&folder), "test").unwrap(), "child").unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut subscriber = Subscriber::open(&node, CAM2_FRAME, &SIZES).unwrap();
-    println!("open");
+    say("open");
     for line in std::io::stdin().lines() {
         let number = line.unwrap().parse().unwrap();
+        publisher.ensure_connected().unwrap();
+        subscriber.ensure_connected(0).unwrap();
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
-        println!("heard {:?}", numbers(&mut subscriber));
+        say(&format!("heard {:?}", numbers(&mut subscriber)));
     }
 }
 
@@ -519,11 +538,31 @@ fn killed_processes_are_replaced_and_leave_nothing() {
         clean(&place.instance, 2);
         left.push(shared_memory::files(place.instance.prefix()).unwrap().len());
     }
-    println!("files after each kill: {left:?}");
     assert_eq!(left.first(), left.last(), "shared memory grows: {left:?}");
     assert_eq!(place.instance.participants().unwrap().len(), 1);
     drop((subscriber, publisher, lock));
     assert_eq!(shared_memory::files(place.instance.prefix()).unwrap().len(), 0);
+}
+
+#[test]
+fn two_processes_find_each_other_after_the_files_of_the_instance_were_removed() {
+    let place = Place::new();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    let mut child = ChildProcess::start(&place);
+    for round in 0..3 {
+        fs::remove_dir_all(place.instance.root()).unwrap();
+        let (start, mut heard) = (Instant::now(), false);
+        while !heard || numbers(&mut subscriber).is_empty() {
+            assert!(start.elapsed() < HANG, "round {round}: the child heard: {heard}");
+            subscriber.ensure_connected(0).unwrap();
+            publisher.ensure_connected().unwrap();
+            publisher.send(&frame(7), &[7]).unwrap();
+            heard |= child.send(1).contains('7');
+        }
+    }
+    child.kill();
 }
 
 #[test]
