@@ -3,6 +3,9 @@
 //! In: a [`VirtualScanner`]. Out: for every pose of its sweep the image of each camera, with one step of the pattern:
 //! the step that comes round when image follows image. Every step stands at its share of the poses, so that a projector
 //! that shows another step finds a pose of it close by, and the fringes are right whatever it shows.
+//!
+//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, by object; the loop is then kept in a
+//! file.
 
 use std::ops::ControlFlow;
 
