@@ -38,6 +38,7 @@
 //! | [`message`] | what crosses a process border |
 //! | [`wire`] | phase maps and correspondences as payloads of messages |
 //! | [`transport`] | channels between processes |
+//! | [`synchronization`] | which images belong together: pairs, pattern steps, windows |
 //! | [`reconstruction`] | the chain from images to cloud |
 //! | [`preview`] | pictures of phase, depth, decisions and δ for people |
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
@@ -61,7 +62,7 @@ pub mod reconstruction;
 pub mod recording;
 pub mod rig_report;
 pub mod simulation;
-pub mod wire;
 pub mod synchronization;
 pub mod transport;
+pub mod wire;
 pub mod worker;

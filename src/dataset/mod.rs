@@ -146,6 +146,19 @@ impl Dataset {
         truth::read(&path, self.setup.image_size_px).map(Some).map_err(|p| DatasetError::new(&path, p))
     }
 
+    /// Content of `truth.npz`; `None` where the folder has none.
+    ///
+    /// # Errors
+    /// An unreadable file.
+    pub fn truth_bytes(&self) -> Result<Option<Vec<u8>>, DatasetError> {
+        let path = self.folder.join(TRUTH_FILE);
+        match std::fs::read(&path) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(DatasetError::new(&path, Problem::Unreadable(e))),
+        }
+    }
+
     fn numbered_images(&self, camera: CameraId, kind: &str, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
         let available = image::numbered(&self.folder.join(camera.folder()), kind)?;
         let find = |number: &usize| {

@@ -1,7 +1,7 @@
 //! `truth.npz`: what is true of a dataset.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use npyz::npz::{NpzArchive, NpzWriter};
@@ -56,7 +56,21 @@ pub struct CapturedTruth {
 /// Reads a truth file for images of `size_px`.
 pub(super) fn read(path: &Path, size_px: [usize; 2]) -> Result<Truth, Problem> {
     let file = File::open(path).map_err(Problem::Unreadable)?;
-    let archive = NpzArchive::new(BufReader::new(file)).map_err(|e| Problem::Truth(e.to_string()))?;
+    parse(BufReader::new(file), size_px)
+}
+
+impl Truth {
+    /// Reads the content of a truth file for images of `size_px`.
+    ///
+    /// # Errors
+    /// Arrays of unexpected names, shapes or types.
+    pub fn parse(bytes: &[u8], size_px: [usize; 2]) -> Result<Self, Problem> {
+        parse(Cursor::new(bytes), size_px)
+    }
+}
+
+fn parse(file: impl Read + Seek, size_px: [usize; 2]) -> Result<Truth, Problem> {
+    let archive = NpzArchive::new(file).map_err(|e| Problem::Truth(e.to_string()))?;
     let mut arrays = Arrays { archive, shape: [size_px[1] as u64, size_px[0] as u64] };
     if arrays.has("gt") { arrays.rendered().map(Truth::Rendered) } else { arrays.captured().map(Truth::Captured) }
 }
@@ -106,13 +120,13 @@ fn write_array<T: AutoSerialize + Copy>(
     array.finish()
 }
 
-struct Arrays {
-    archive: NpzArchive<BufReader<File>>,
+struct Arrays<R: Read + Seek> {
+    archive: NpzArchive<R>,
     /// Rows, columns of the images.
     shape: [u64; 2],
 }
 
-impl Arrays {
+impl<R: Read + Seek> Arrays<R> {
     fn has(&self, name: &str) -> bool {
         self.archive.array_names().any(|n| n == name)
     }

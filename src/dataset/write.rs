@@ -14,7 +14,7 @@ use crate::geometry::{MeasurementVolume, Pose, Rig};
 use super::meta::{RawSequence, VolumeDescription};
 use super::{
     CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE,
-    Problem, RenderedTruth, TRUTH_FILE, truth, write_png,
+    Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
 };
 
 /// What `meta.json` is to say.
@@ -123,6 +123,26 @@ impl DatasetWriter {
     /// # Errors
     /// There is something at `target` that is no empty folder, or the folder around it cannot be written.
     pub fn create(target: &Path, description: &DatasetDescription) -> Result<Self, DatasetError> {
+        let text = description
+            .text()
+            .map_err(|e| DatasetError::new(&target.join(META_FILE), Problem::Unwritable(e.into())))?;
+        let writer = Self::create_folders(target, description.image_size_px)?;
+        writer.file(META_FILE, text.as_bytes())?;
+        Ok(writer)
+    }
+
+    /// Starts a folder with the texts of a setup as they are.
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_from_text(target: &Path, text: &SetupText, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
+        let writer = Self::create_folders(target, image_size_px)?;
+        writer.file(META_FILE, text.description.as_bytes())?;
+        writer.file(CALIBRATION_FILE, text.calibration.as_bytes())?;
+        Ok(writer)
+    }
+
+    fn create_folders(target: &Path, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
         let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
         check_new(target)?;
         let around = match target.parent() {
@@ -136,14 +156,12 @@ impl DatasetWriter {
         for camera in CameraId::BOTH {
             std::fs::create_dir(unfinished.path().join(camera.folder())).map_err(fail)?;
         }
-        let writer = Self { target: target.to_owned(), unfinished, image_size_px: description.image_size_px };
-        writer.meta(description)?;
-        Ok(writer)
+        Ok(Self { target: target.to_owned(), unfinished, image_size_px })
     }
 
-    fn meta(&self, description: &DatasetDescription) -> Result<(), DatasetError> {
-        let text = description.text().map_err(|e| self.failed(META_FILE, e.into()))?;
-        std::fs::write(self.path(META_FILE), text).map_err(|e| self.failed(META_FILE, e))
+    fn file(&self, name: &str, content: &[u8]) -> Result<(), DatasetError> {
+        let written = std::fs::write(self.path(name), content);
+        written.map_err(|e| DatasetError::new(&self.target.join(name), Problem::Unwritable(e)))
     }
 
     /// Writes the calibration, and the exact one where the dataset is simulated.
@@ -177,6 +195,14 @@ impl DatasetWriter {
         written.map_err(|p| DatasetError::new(&self.target.join(TRUTH_FILE), p))
     }
 
+    /// Writes the content of a truth file as it is.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn truth_bytes(&self, content: &[u8]) -> Result<(), DatasetError> {
+        self.file(TRUTH_FILE, content)
+    }
+
     /// Opens what is written so far; images and calibration must be, the truth need not.
     ///
     /// # Errors
@@ -205,10 +231,6 @@ impl DatasetWriter {
     /// The error with the final name of the file, the one that its user knows.
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
         WriteError { path: self.target.join(name), ..error }
-    }
-
-    fn failed(&self, name: &str, error: std::io::Error) -> DatasetError {
-        DatasetError::new(&self.target.join(name), Problem::Unwritable(error))
     }
 }
 

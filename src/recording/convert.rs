@@ -40,7 +40,7 @@ impl FrameHeader {
         }
     }
 
-    pub(super) fn to_message(&self) -> message::FrameHeader {
+    pub(super) fn to_message(self) -> message::FrameHeader {
         let Self {
             session,
             sequence,
@@ -54,7 +54,7 @@ impl FrameHeader {
             pixel_format,
             flags,
             camera,
-        } = *self;
+        } = self;
         message::FrameHeader {
             session,
             sequence,
@@ -88,8 +88,8 @@ impl PatternEvent {
         Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind }
     }
 
-    pub(super) fn to_message(&self) -> message::PatternEvent {
-        let Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind } = *self;
+    pub(super) fn to_message(self) -> message::PatternEvent {
+        let Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind } = self;
         message::PatternEvent {
             session,
             sequence,
@@ -172,8 +172,8 @@ impl Fit {
         Self { valid_pixels, residual_share, noise_grey }
     }
 
-    fn to_message(&self) -> message::Fit {
-        let Self { valid_pixels, residual_share, noise_grey } = *self;
+    fn to_message(self) -> message::Fit {
+        let Self { valid_pixels, residual_share, noise_grey } = self;
         message::Fit { valid_pixels, residual_share, noise_grey }
     }
 }

@@ -48,7 +48,9 @@ pub enum RecordingProblem {
     #[error("is no MCAP file (its first bytes are not those of one)")]
     NotMcap,
     /// The file ends without its end.
-    #[error("is unfinished: it ends at byte {offset} {within}; `fringeflow recover` makes a whole file of what is there")]
+    #[error(
+        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` makes a whole file of what is there"
+    )]
     Unfinished {
         /// Where.
         offset: u64,
@@ -62,6 +64,17 @@ pub enum RecordingProblem {
         offset: u64,
         /// What is wrong there.
         what: String,
+    },
+    /// A chunk is compressed.
+    #[error(
+        "has a chunk at byte {offset} compressed with {compression:?}; unpack it first, with `mcap compress --compression \
+         none`"
+    )]
+    Compressed {
+        /// Where.
+        offset: u64,
+        /// What the chunk says.
+        compression: String,
     },
     /// A newer version wrote it.
     #[error(
@@ -92,6 +105,19 @@ pub enum RecordingProblem {
         /// What is wrong with it.
         what: String,
     },
+    /// An image that is asked for is not there.
+    #[error("has no image {sequence} of session {session} of camera {camera}; it was lost, or never recorded")]
+    NoImage {
+        /// 1 or 2.
+        camera: u32,
+        /// Session of the camera.
+        session: u64,
+        /// Sequence number of its driver.
+        sequence: u64,
+    },
+    /// Setup or configuration can be read, but not measured with.
+    #[error("cannot be measured with: {0}")]
+    NotMeasurable(String),
     /// Calibration or description cannot be used.
     #[error("attachment {0}")]
     Setup(#[from] SetupError),
@@ -104,6 +130,18 @@ pub enum RecordingProblem {
 }
 
 impl RecordingProblem {
+    /// Whether a message says what cannot be, in a file that is whole.
+    #[must_use]
+    pub fn is_content(&self) -> bool {
+        matches!(self, Self::Message { .. })
+    }
+
+    /// Whether a new file could not be made or written.
+    #[must_use]
+    pub fn is_about_writing(&self) -> bool {
+        matches!(self, Self::Exists | Self::Unwritable(_) | Self::NoSpace { .. } | Self::Unfinishable(_))
+    }
+
     /// The error about a file.
     pub(super) fn of(self, file: &Path) -> RecordingError {
         RecordingError { file: file.to_owned(), problem: self }

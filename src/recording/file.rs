@@ -16,6 +16,8 @@ use super::error::{RecordingError, RecordingProblem};
 
 /// What the name of an unfinished recording ends in.
 pub const UNFINISHED: &str = ".part";
+/// The same for one that is being recovered: `NAME.mcap.part` can become `NAME.mcap`.
+pub(super) const UNFINISHED_RECOVERY: &str = ".recovered.part";
 /// Blocks are claimed in steps of so many bytes.
 const CLAIM_BYTES: u64 = 32 << 20;
 /// Room for the end of the file: a fixed part, and indexes, of which this share of the file is four times as much as needed.
@@ -40,10 +42,10 @@ pub(super) struct UnfinishedFile {
 pub(super) struct FileEnd(Arc<File>);
 
 impl UnfinishedFile {
-    /// Makes the file beside its final name.
-    pub(super) fn create(target: &Path, min_free_bytes: u64) -> Result<Self, RecordingError> {
+    /// Makes the file beside its final name, to which `suffix` is added until it is finished.
+    pub(super) fn create(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let mut path = target.as_os_str().to_owned();
-        path.push(UNFINISHED);
+        path.push(suffix);
         let path = PathBuf::from(path);
         if target.symlink_metadata().is_ok() {
             return Err(RecordingProblem::Exists.of(target));

@@ -22,24 +22,47 @@
 //!
 //! The schema of our own messages is `schema/fringeflow.proto`.
 
+mod check;
+mod content;
 mod convert;
 mod error;
+mod export;
+mod fields;
 mod file;
+mod import;
 mod opening;
+mod pairs;
 mod queue;
+mod reader;
 mod recordable;
 mod recorder;
+mod recover;
+mod scan;
 mod schema;
+mod summary;
 mod topic;
+mod verify;
 mod writer;
 
+pub use check::Check;
+pub use content::{Content, Message};
 pub use error::{RecordingError, RecordingProblem};
+pub use export::{ExportError, export_images};
 pub use file::UNFINISHED;
+pub use import::{ImportError, ImportOptions, import};
 pub use opening::Origin;
+pub use pairs::{ImagePair, first_cycle};
+pub use reader::Recording;
 pub use recordable::Recordable;
 pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder, RecorderCounts};
+pub use recover::{Recovered, recover};
+pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
+pub use verify::{VerifiedCloud, VerifyOutcome};
 pub use writer::Opening;
+
+#[cfg(test)]
+mod tests;
 
 /// Version of the format; raised when older readers would misread a recording.
 pub const FORMAT_VERSION: u64 = 1;

@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use foxglove::messages::{CameraCalibration, FrameTransform, FrameTransforms, Quaternion, Vector3};
 use rustix::time::ClockId;
+use serde::Serialize;
 
 use crate::correspondence::Fingerprint;
 use crate::dataset::Setup;
@@ -14,7 +15,7 @@ use super::FORMAT_VERSION;
 use super::recordable::timestamp;
 
 /// Where and when a recording was begun.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Origin {
     /// Name of the host.
     pub host: String,

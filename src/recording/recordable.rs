@@ -2,7 +2,6 @@
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp, Vector3, log};
-use prost::Message as _;
 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{
@@ -156,7 +155,10 @@ impl Recordable<'_> {
                 append_bytes(bytes, DATA_KEY, records);
             }
             Self::Maps { header, payload } => {
-                append(bytes, &schema::PhaseMaps { header: Some(schema::MapsHeader::of(header)), ..Default::default() });
+                append(
+                    bytes,
+                    &schema::PhaseMaps { header: Some(schema::MapsHeader::of(header)), ..Default::default() },
+                );
                 append_bytes(bytes, PAYLOAD_KEY, payload);
             }
             Self::Correspondences { header, payload } => {
@@ -215,10 +217,8 @@ fn point_cloud(header: &CloudHeader) -> PointCloud {
         fields.push(PackedElementField { name: name.to_owned(), offset, r#type: numeric_type(scalar).into() });
         offset += scalar.size() as u32;
     }
-    let identity = Pose {
-        position: Some(Vector3::default()),
-        orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-    };
+    let identity =
+        Pose { position: Some(Vector3::default()), orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }) };
     PointCloud {
         timestamp: timestamp(header.window.centre_ns),
         frame_id: "cam1".to_owned(),

@@ -82,13 +82,13 @@ impl RecorderCounts {
         total
     }
 
-    fn of(&mut self, topic: Topic) -> &mut Counts {
+    pub(super) fn of(&mut self, topic: Topic) -> &mut Counts {
         self.topics.entry(topic).or_default()
     }
 
-    /// As metadata of the recording.
-    fn metadata(&self) -> BTreeMap<String, String> {
-        let mut entries = BTreeMap::new();
+    /// As metadata of a recording that ended for some reason.
+    pub(super) fn metadata(&self, ended: &str) -> BTreeMap<String, String> {
+        let mut entries = BTreeMap::from([("ended".to_owned(), ended.to_owned())]);
         let total = self.total();
         entries.insert("taken".to_owned(), total.taken.to_string());
         entries.insert("written".to_owned(), total.passed.to_string());
@@ -112,11 +112,8 @@ impl Recorder {
     /// The name is taken, its folder is missing, or the disk is full.
     pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        let shared = Arc::new(Shared {
-            target: target.to_owned(),
-            queue: Queue::new(queue_bytes),
-            account: Mutex::default(),
-        });
+        let shared =
+            Arc::new(Shared { target: target.to_owned(), queue: Queue::new(queue_bytes), account: Mutex::default() });
         let work = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&work, writer).run());
@@ -291,8 +288,7 @@ impl<'a> WriterThread<'a> {
     fn close(&mut self, why: &'static str) {
         self.flush();
         let Some(writer) = self.writer.take() else { return };
-        let mut metadata = self.shared.account().counts.metadata();
-        metadata.insert("ended".to_owned(), why.to_owned());
+        let mut metadata = self.shared.account().counts.metadata(why);
         metadata.insert("ended_ns".to_owned(), monotonic_ns().to_string());
         self.shared.account().ended = Some(why);
         self.closed = Some(writer.finish(metadata));

@@ -100,6 +100,11 @@ impl Topic {
         }
     }
 
+    /// Whether it holds headers of another topic.
+    pub(super) fn is_header(self) -> bool {
+        matches!(self, Self::Cam1Header | Self::Cam2Header | Self::CloudHeader)
+    }
+
     /// Schema of its messages.
     pub(super) fn schema(self) -> Option<Schema> {
         let own = |name: &str| Some(Schema::new(format!("fringeflow.{name}"), "protobuf", DESCRIPTOR));

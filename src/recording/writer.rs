@@ -16,7 +16,7 @@ use super::error::{RecordingError, RecordingProblem};
 use super::file::{FileEnd, UnfinishedFile};
 use super::opening::{Origin, calibration, transforms};
 use super::recordable::{Encoded, Times};
-use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic};
+use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic, UNFINISHED};
 
 /// Size from which a chunk is closed.
 const CHUNK_BYTES: u64 = 4 << 20;
@@ -53,7 +53,7 @@ struct Channel {
 impl RecordingWriter {
     /// Makes the file and writes what a recording begins with.
     pub(super) fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
-        let mut writer = Self::create_empty(target, opening.min_free_bytes)?;
+        let mut writer = Self::create_empty(target, UNFINISHED, opening.min_free_bytes)?;
         match writer.open(opening) {
             Ok(()) => Ok(writer),
             Err(problem) => Err(writer.give_up(problem)),
@@ -61,8 +61,8 @@ impl RecordingWriter {
     }
 
     /// Makes the file and writes nothing but its header.
-    pub(super) fn create_empty(target: &Path, min_free_bytes: u64) -> Result<Self, RecordingError> {
-        let file = UnfinishedFile::create(target, min_free_bytes)?;
+    pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
+        let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
         // Chunks are put together in memory, so that the file never holds one whose length is not known yet.
         let options = WriteOptions::new().compression(None).chunk_size(Some(CHUNK_BYTES)).disable_seeking(true);
         let options = options.profile("fringeflow").library(concat!("fringeflow ", env!("CARGO_PKG_VERSION")));
@@ -118,12 +118,8 @@ impl RecordingWriter {
         data: &[u8],
     ) -> Result<(), RecordingProblem> {
         let channel = self.channel(topic)?;
-        let header = MessageHeader {
-            channel_id: channel.id,
-            sequence,
-            log_time: times.log_ns,
-            publish_time: times.publish_ns,
-        };
+        let header =
+            MessageHeader { channel_id: channel.id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
         channel.sequence = sequence.wrapping_add(1);
         self.mcap.write_to_known_channel(&header, data).map_err(problem_of)
     }
@@ -198,11 +194,17 @@ impl RecordingWriter {
         self.file.finish()
     }
 
-    /// Removes a file of which nothing is worth keeping.
+    /// Removes a file of which nothing is worth keeping; the error about it.
     pub(super) fn give_up(self, problem: RecordingProblem) -> RecordingError {
+        let error = problem.of(&self.target);
+        self.discard();
+        error
+    }
+
+    /// Removes the file.
+    pub(super) fn discard(self) {
         drop(self.mcap);
         self.file.discard();
-        problem.of(&self.target)
     }
 }
 

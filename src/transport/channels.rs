@@ -64,7 +64,7 @@ pub struct Channel<H, P: ?Sized> {
 }
 
 /// Sizes of the messages of an instance; all its processes use the same.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChannelSizes {
     /// Bytes of the larger camera's image.
     pub frame_bytes: usize,
@@ -138,8 +138,8 @@ impl ChannelId {
             Self::PhaseMaps => Quality::of::<MapsHeader, Block>(sizes.map_blocks, 2),
             Self::CorrespondenceMap => Quality::of::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2),
             Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
-            Self::ReportStage => Quality { publishers: 24, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
-            Self::ScanState => Quality { subscribers: 24, history: 1, ..Quality::of::<(), ScanState>(1, 2) },
+            Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
+            Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 2) },
         }
     }
 }

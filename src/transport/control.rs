@@ -4,12 +4,11 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::PortFactory as _;
 use iceoryx2::service::builder::request_response::Builder;
 
 use crate::message::{ControlRequest, ControlResponse};
 
-use super::file_identity::Watched;
+use super::attached::Attached;
 use super::wake::Listening;
 use super::{Instance, Ipc, Node, TransportError};
 
@@ -26,14 +25,13 @@ const PAUSE: Duration = Duration::from_millis(2);
 #[derive(Debug)]
 pub struct ControlServer {
     node: Node,
-    open: Option<Open>,
+    open: Option<Attached<Port>>,
 }
 
 #[derive(Debug)]
-struct Open {
+struct Port {
     server: Server<Ipc, ControlRequest, (), ControlResponse, ()>,
     listener: Listener<Ipc>,
-    watched: Watched,
 }
 
 impl ControlServer {
@@ -42,7 +40,7 @@ impl ControlServer {
     /// # Errors
     /// Somebody answers already, or iceoryx2 refuses.
     pub fn open(node: &Node) -> Result<Self, TransportError> {
-        Ok(Self { node: node.clone(), open: Some(Open::new(node)?) })
+        Ok(Self { node: node.clone(), open: Some(Port::open(node)?) })
     }
 
     /// Answers all requests that wait, and says how many there were.
@@ -55,7 +53,9 @@ impl ControlServer {
     ) -> Result<usize, TransportError> {
         let Some(open) = &self.open else { return Ok(0) };
         let mut answered = 0;
-        while let Some(request) = open.server.receive().map_err(|e| self.node.channel_error(CONTROL, "receive", e))? {
+        while let Some(request) =
+            open.server.receive().map_err(|e| self.node.instance().channel_error(CONTROL, "receive", e))?
+        {
             let _ = request.send_copy(answer(request.payload()));
             answered += 1;
         }
@@ -67,11 +67,13 @@ impl ControlServer {
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
-        if self.open.as_ref().is_some_and(|open| open.watched.unchanged()) {
+        if self.open.as_ref().is_some_and(Attached::unchanged) {
             return Ok(false);
         }
-        self.open = None;
-        self.open = Some(Open::new(&self.node)?);
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
+        self.open = Some(Port::open(&self.node)?);
         Ok(true)
     }
 }
@@ -82,21 +84,22 @@ impl Listening for ControlServer {
     }
 }
 
-impl Open {
-    fn new(node: &Node) -> Result<Self, TransportError> {
-        node.attempt(|iox| {
-            let name = node.service_name(CONTROL)?;
-            let service = limited(iox.service_builder(&name).request_response::<ControlRequest, ControlResponse>())
+impl Port {
+    fn open(node: &Node) -> Result<Attached<Self>, TransportError> {
+        let member = node.member()?;
+        let error = |action, reason| node.instance().channel_error(CONTROL, action, reason);
+        let name = member.service_name(CONTROL)?;
+        let service = member.attempt(|| {
+            limited(member.node().service_builder(&name).request_response())
                 .open_or_create()
-                .map_err(|e| node.channel_error(CONTROL, "open it", e))?;
-            let event = node.event_on(iox, CONTROL)?;
-            let listener = node.listener(CONTROL, &event)?;
-            let server = service.server_builder().create();
-            let server = server.map_err(|e| node.channel_error(CONTROL, "answer", e))?;
-            let hashes = [service.service_hash().as_str(), event.service_hash().as_str()];
-            let watched = Watched::new(hashes.map(|hash| node.service_file(hash)));
-            Ok(Self { server, listener, watched })
-        })
+                .map_err(|e| error("open it", format!("{e:?}")))
+        })?;
+        let event = member.event(CONTROL)?;
+        let listener = member.listener(CONTROL, &event)?;
+        let server =
+            member.attempt(|| service.server_builder().create().map_err(|e| error("answer", format!("{e:?}"))))?;
+        let files = member.files(&service, &event)?;
+        Ok(Attached::new(Self { server, listener }, files))
     }
 }
 
@@ -111,24 +114,25 @@ pub fn request(
     timeout: Duration,
 ) -> Result<ControlResponse, TransportError> {
     let not_running = || TransportError::NotRunning { name: instance.name().to_owned() };
+    // Asking must not create the instance.
     if !instance.root().exists() {
         return Err(not_running());
     }
-    let node = Node::open(instance, "client")?;
-    let iox = node.current()?;
-    let name = node.service_name(CONTROL)?;
-    let builder = iox.service_builder(&name).request_response::<ControlRequest, ControlResponse>();
+    let member = Node::open(instance, "client")?.member()?;
+    let name = member.service_name(CONTROL)?;
+    let builder = member.node().service_builder(&name).request_response::<ControlRequest, ControlResponse>();
     let service = builder.open().map_err(|_| not_running())?;
-    let client = service.client_builder().create().map_err(|e| node.channel_error(CONTROL, "ask", e))?;
-    let pending = client.send_copy(*request).map_err(|e| node.channel_error(CONTROL, "ask", e))?;
+    let client = service.client_builder().create().map_err(|e| instance.channel_error(CONTROL, "ask", e))?;
+    let pending = client.send_copy(*request).map_err(|e| instance.channel_error(CONTROL, "ask", e))?;
     if pending.number_of_server_connections() == 0 {
         return Err(not_running());
     }
     // Without the event the server finds the request at its next look.
-    let _ = node.notifier(CONTROL, &node.event_on(&iox, CONTROL)?)?.notify();
+    let _ = member.notifier(CONTROL, &member.event(CONTROL)?)?.notify();
     let start = Instant::now();
     loop {
-        if let Some(response) = pending.receive().map_err(|e| node.channel_error(CONTROL, "hear the answer", e))? {
+        let response = pending.receive().map_err(|e| instance.channel_error(CONTROL, "hear the answer", e))?;
+        if let Some(response) = response {
             return Ok(*response.payload());
         }
         if start.elapsed() >= timeout {

@@ -139,6 +139,20 @@ pub enum TransportError {
 }
 
 impl TransportError {
+    /// Whether trying again would not help: names, folders or the machine must change first.
+    #[must_use]
+    pub fn is_lasting(&self) -> bool {
+        matches!(
+            self,
+            Self::Name { .. }
+                | Self::PathTooLong { .. }
+                | Self::NotOurs { .. }
+                | Self::AlreadyRunning { .. }
+                | Self::NotRunning { .. }
+                | Self::SharedMemory { .. }
+        )
+    }
+
     /// Attaches the path and the action to an error of the file system.
     pub(super) fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();

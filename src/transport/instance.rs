@@ -118,7 +118,11 @@ impl Instance {
                 && let Some(details) = node.details()
             {
                 let pid = u32::try_from(details.process_id().value()).unwrap_or_default();
-                found.push(Participant { name: details.name().to_string(), pid });
+                let participant = Participant { name: details.name().to_string(), pid };
+                // Each of its ports is listed.
+                if !found.contains(&participant) {
+                    found.push(participant);
+                }
             }
             CallbackProgression::Continue
         })
@@ -126,8 +130,8 @@ impl Instance {
         Ok(found)
     }
 
-    /// Removes what dead processes left, and says how many there were. One that another process is just removing is
-    /// passed over.
+    /// Removes what dead processes left, and says how many of their ports there were. What another process is just
+    /// removing is passed over.
     ///
     /// # Errors
     /// The processes cannot be listed.
@@ -158,6 +162,15 @@ impl Instance {
         config.global.set_root_path(&SemanticString::new(root).map_err(|e| self.node_error(e))?);
         config.global.prefix = FileName::new(self.prefix.as_bytes()).map_err(|e| self.node_error(e))?;
         Ok(config)
+    }
+
+    pub(super) fn channel_error(
+        &self,
+        channel: &'static str,
+        action: &'static str,
+        reason: impl std::fmt::Debug,
+    ) -> TransportError {
+        TransportError::Channel { channel, instance: self.name.clone(), action, reason: format!("{reason:?}") }
     }
 
     pub(super) fn node_error(&self, reason: impl std::fmt::Debug) -> TransportError {

@@ -9,7 +9,7 @@
 //!   └─ Node            this process in the instance
 //!       ├─ Publisher ──► channel ──► Subscriber     latest wins: the publisher never waits
 //!       ├─ request() ──► control ──► ControlServer
-//!       └─ Channels    keeps all channels while no port is open
+//!       └─ KeptChannels   keeps all channels while no port is open
 //! ```
 //!
 //! A publisher never waits for a reader: a full buffer loses its oldest message, and the numbers in the headers let the
@@ -21,12 +21,13 @@
 //! They need iceoryx2 0.10, the configuration [`Instance::external_config`], and the names, types and limits in
 //! [`ChannelId`]. After each message they notify the event service that has the name of the channel.
 
+mod attached;
 mod channels;
 mod control;
 mod error;
-mod file_identity;
 mod instance;
 mod instance_lock;
+mod kept_channels;
 mod node;
 mod payload;
 mod publisher;
@@ -45,7 +46,8 @@ pub use control::{ControlServer, request};
 pub use error::TransportError;
 pub use instance::{Instance, Participant};
 pub use instance_lock::InstanceLock;
-pub use node::{Channels, Node};
+pub use kept_channels::KeptChannels;
+pub use node::Node;
 pub use payload::{Header, Payload};
 pub use publisher::Publisher;
 pub use shared_memory::{check_shared_memory, required_bytes};

@@ -7,7 +7,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 
-use super::file_identity::Watched;
+use super::attached::{Attached, Files};
 use super::payload::{Element, Message};
 use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
 
@@ -19,13 +19,12 @@ pub struct Publisher<H: Header, P: Payload + ?Sized> {
     node: Node,
     channel: Channel<H, P>,
     quality: Quality,
-    open: Option<Open<H, P>>,
+    open: Option<Attached<Port<H, P>>>,
 }
 
-struct Open<H: Header, P: Payload + ?Sized> {
+struct Port<H: Header, P: Payload + ?Sized> {
     publisher: IoxPublisher<Ipc, P, H>,
     notifier: Notifier<Ipc>,
-    watched: Watched,
 }
 
 impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
@@ -35,7 +34,7 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
     /// A living publisher has the channel, shared memory does not suffice, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let quality = channel.id().quality(sizes);
-        let open = Some(Open::new(node, channel, &quality)?);
+        let open = Some(Port::open(node, channel, &quality)?);
         Ok(Self { node: node.clone(), channel, quality, open })
     }
 
@@ -45,27 +44,29 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
-        if let Some(open) = self.open.as_ref().filter(|open| open.watched.unchanged()) {
+        if let Some(open) = self.open.as_ref().filter(|open| open.unchanged()) {
             open.publisher.update_connections().map_err(|e| self.error("connect", e))?;
             return Ok(false);
         }
         // The old one goes first: there is room for one publisher.
-        self.open = None;
-        self.open = Some(Open::new(&self.node, self.channel, &self.quality)?);
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
+        self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
         Ok(true)
     }
 
     fn error(&self, action: &'static str, reason: impl fmt::Debug) -> TransportError {
-        self.node.channel_error(self.channel.name(), action, reason)
+        self.node.instance().channel_error(self.channel.name(), action, reason)
     }
 
-    fn opened(&self) -> Result<&Open<H, P>, TransportError> {
-        self.open.as_ref().ok_or_else(|| self.error("send", "the port is closed"))
+    fn opened(&self) -> Result<&Port<H, P>, TransportError> {
+        self.open.as_deref().ok_or_else(|| self.error("send", "the port is closed"))
     }
 
     /// Closes the port if sending failed, and wakes the subscribers otherwise.
     fn sent(&mut self, result: Result<(), TransportError>) -> Result<(), TransportError> {
-        match (&result, &self.open) {
+        match (&result, self.open.as_deref()) {
             // Whoever cannot be notified finds the message at its next look.
             (Ok(()), Some(open)) => {
                 let _ = open.notifier.notify();
@@ -143,11 +144,12 @@ impl<M: Message> Publisher<(), M> {
     }
 }
 
-impl<H: Header, P: Payload + ?Sized> Open<H, P> {
-    fn new(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Self, TransportError> {
+impl<H: Header, P: Payload + ?Sized> Port<H, P> {
+    fn open(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Attached<Self>, TransportError> {
         shared_memory::check_free(shared_memory::publisher_bytes(quality))?;
-        let opened = node.channel(channel, quality)?;
-        let publisher = node.attempt(|_| {
+        let member = node.member()?;
+        let opened = member.channel(channel, quality)?;
+        let publisher = member.attempt(|| {
             P::publisher(&opened.service, quality.elements).map_err(|e| match e {
                 PublisherCreateError::ExceedsMaxSupportedPublishers => TransportError::Occupied {
                     channel: channel.name(),
@@ -155,12 +157,15 @@ impl<H: Header, P: Payload + ?Sized> Open<H, P> {
                     role: "publisher",
                     limit: quality.publishers,
                 },
-                e => node.channel_error(channel.name(), "create a publisher", e),
+                e => node.instance().channel_error(channel.name(), "create a publisher", e),
             })
         })?;
-        let notifier = node.notifier(channel.name(), &opened.event)?;
+        let notifier = member.notifier(channel.name(), &opened.event)?;
         shared_memory::reserve(node.instance().prefix())?;
-        Ok(Self { publisher, notifier, watched: opened.watched })
+        let mut files = opened.files;
+        let messages = format!("_{}.data", publisher.id().value());
+        files.extend(Files::new([shared_memory::file_ending(node.instance().prefix(), &messages)?]));
+        Ok(Attached::new(Self { publisher, notifier }, files))
     }
 }
 

@@ -13,7 +13,7 @@ use rustix::fs::{FallocateFlags, fallocate, statvfs};
 use super::{ChannelId, ChannelSizes, Quality, TransportError};
 
 /// Where Linux keeps shared memory.
-const FOLDER: &str = "/dev/shm";
+pub(super) const FOLDER: &str = "/dev/shm";
 
 /// Bytes that iceoryx2 puts before user header and payload, alignment included.
 const HEADER_BYTES: usize = 128;
@@ -89,6 +89,12 @@ fn reserve_file(path: &Path) -> io::Result<()> {
     }
     let file: File = OpenOptions::new().write(true).open(path)?;
     Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, found.len())?)
+}
+
+/// The file of an instance whose name ends so; a name that does not exist if it has just been removed.
+pub(super) fn file_ending(prefix: &str, end: &str) -> Result<PathBuf, TransportError> {
+    let found = files(prefix)?.into_iter().find(|file| file.to_string_lossy().ends_with(end));
+    Ok(found.unwrap_or_else(|| Path::new(FOLDER).join(format!("{prefix}{end}"))))
 }
 
 /// Files of an instance in shared memory.

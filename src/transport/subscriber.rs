@@ -8,7 +8,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
 use iceoryx2::sample::Sample;
 
-use super::file_identity::Watched;
+use super::attached::Attached;
 use super::wake::Listening;
 use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
 
@@ -23,21 +23,20 @@ pub struct Subscriber<H: Header, P: Payload + ?Sized> {
     node: Node,
     channel: Channel<H, P>,
     quality: Quality,
-    open: Option<Open<H, P>>,
+    open: Option<Arc<Attached<Port<H, P>>>>,
     silence: Silence,
 }
 
-struct Open<H: Header, P: Payload + ?Sized> {
-    subscriber: Arc<IoxSubscriber<Ipc, P, H>>,
+struct Port<H: Header, P: Payload + ?Sized> {
+    subscriber: IoxSubscriber<Ipc, P, H>,
     listener: Listener<Ipc>,
-    watched: Watched,
 }
 
 /// A message that was received; it lies in shared memory, unchanged, as long as this is held.
 pub struct Received<H: Header, P: Payload + ?Sized> {
     // Before the port: only a registered port keeps the publisher from writing the next message here.
     sample: Sample<Ipc, P, H>,
-    _port: Arc<IoxSubscriber<Ipc, P, H>>,
+    _port: Arc<Attached<Port<H, P>>>,
 }
 
 /// How long nothing has come.
@@ -55,7 +54,7 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// The channel has all its subscribers, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let quality = channel.id().quality(sizes);
-        let open = Some(Open::new(node, channel, &quality)?);
+        let open = Some(Port::open(node, channel, &quality)?);
         Ok(Self { node: node.clone(), channel, quality, open, silence: Silence::new() })
     }
 
@@ -66,10 +65,10 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// [`Self::ensure_connected`] opens the port anew.
     pub fn receive(&mut self) -> Result<Option<Received<H, P>>, TransportError> {
         let Some(open) = &self.open else { return Ok(None) };
-        let sample =
-            P::receive(&open.subscriber).map_err(|e| self.node.channel_error(self.channel.name(), "receive", e))?;
+        let sample = P::receive(&open.subscriber)
+            .map_err(|e| self.node.instance().channel_error(self.channel.name(), "receive", e))?;
         self.silence.heard |= sample.is_some();
-        Ok(sample.map(|sample| Received { sample, _port: Arc::clone(&open.subscriber) }))
+        Ok(sample.map(|sample| Received { sample, _port: Arc::clone(open) }))
     }
 
     /// Opens the port again if its files were removed, or if it has been silent for long; says whether that was so.
@@ -81,13 +80,15 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         let silent = self.silence.too_long(now_ns);
         let renew = match &self.open {
             None => true,
-            Some(open) if !open.watched.unchanged() => true,
+            Some(open) if !open.unchanged() => true,
             // While messages are held the old port stays; a second one beside it could find no place.
-            Some(open) => silent && Arc::strong_count(&open.subscriber) == 1,
+            Some(open) => silent && Arc::strong_count(open) == 1,
         };
         if renew {
-            self.open = None;
-            self.open = Some(Open::new(&self.node, self.channel, &self.quality)?);
+            if let Some(open) = self.open.take() {
+                open.withdraw();
+            }
+            self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
         }
         Ok(renew)
     }
@@ -99,12 +100,13 @@ impl<H: Header, P: Payload + ?Sized> Listening for Subscriber<H, P> {
     }
 }
 
-impl<H: Header, P: Payload + ?Sized> Open<H, P> {
-    fn new(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Self, TransportError> {
-        let opened = node.channel(channel, quality)?;
+impl<H: Header, P: Payload + ?Sized> Port<H, P> {
+    fn open(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Arc<Attached<Self>>, TransportError> {
+        let member = node.member()?;
+        let opened = member.channel(channel, quality)?;
         // Before the subscriber, so that no message comes unheard.
-        let listener = node.listener(channel.name(), &opened.event)?;
-        let subscriber = node.attempt(|_| {
+        let listener = member.listener(channel.name(), &opened.event)?;
+        let subscriber = member.attempt(|| {
             opened.service.subscriber_builder().create().map_err(|e| match e {
                 SubscriberCreateError::ExceedsMaxSupportedSubscribers => TransportError::Occupied {
                     channel: channel.name(),
@@ -112,11 +114,11 @@ impl<H: Header, P: Payload + ?Sized> Open<H, P> {
                     role: "subscriber",
                     limit: quality.subscribers,
                 },
-                e => node.channel_error(channel.name(), "create a subscriber", e),
+                e => node.instance().channel_error(channel.name(), "create a subscriber", e),
             })
         })?;
         shared_memory::reserve(node.instance().prefix())?;
-        Ok(Self { subscriber: Arc::new(subscriber), listener, watched: opened.watched })
+        Ok(Arc::new(Attached::new(Self { subscriber, listener }, opened.files)))
     }
 }
 

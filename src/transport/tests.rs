@@ -26,6 +26,15 @@ struct Place {
     instance: Instance,
 }
 
+impl Drop for Place {
+    fn drop(&mut self) {
+        // What iceoryx2 keeps for the next node; in service, InstanceLock removes it.
+        for file in shared_memory::files(self.instance.prefix()).unwrap_or_default() {
+            let _ = fs::remove_file(file);
+        }
+    }
+}
+
 impl Place {
     fn new() -> Self {
         let folder = tempfile::tempdir_in("/tmp").unwrap();
@@ -197,4 +206,334 @@ fn a_request_is_answered_and_without_a_server_refused() {
     drop(node);
     let gone = request(&place.instance, &ask, HANG).unwrap_err();
     assert!(matches!(gone, TransportError::NotRunning { .. }), "{gone}");
+}
+
+#[test]
+fn messages_flow_again_after_the_files_of_the_instance_were_removed() {
+    let place = Place::new();
+    let (here, there) = (place.node(), place.node());
+    let mut channels = KeptChannels::open(&here, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&here, CAM1_FRAME, &SIZES).unwrap();
+    let mut server = ControlServer::open(&here).unwrap();
+    let mut subscriber = Subscriber::open(&there, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1; 4096]).unwrap();
+    let held = subscriber.receive().unwrap().unwrap();
+
+    fs::remove_dir_all(place.instance.root()).unwrap();
+    assert!(publisher.ensure_connected().unwrap());
+    assert!(channels.ensure_connected().unwrap());
+    assert!(server.ensure_connected().unwrap());
+    assert!(subscriber.ensure_connected(0).unwrap());
+    for number in 2..40 {
+        publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
+    }
+    assert_eq!(numbers(&mut subscriber), (24..40).collect::<Vec<_>>());
+    assert_eq!(held.header().published, 1);
+    assert_eq!(held.payload(), [1; 4096]);
+
+    let again = (publisher.ensure_connected(), channels.ensure_connected(), subscriber.ensure_connected(0));
+    assert!(matches!(again, (Ok(false), Ok(false), Ok(false))), "{again:?}");
+    assert_eq!(place.instance.participants().unwrap(), [Participant { name: "test".into(), pid: std::process::id() }]);
+}
+
+#[test]
+fn ports_find_each_other_when_only_the_description_of_the_channel_was_removed() {
+    let place = Place::new();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    fs::remove_dir_all(place.instance.root().join("services")).unwrap();
+    assert!(subscriber.ensure_connected(0).unwrap());
+    assert!(publisher.ensure_connected().unwrap());
+    publisher.send(&frame(1), &[1]).unwrap();
+    assert_eq!(numbers(&mut subscriber), [1]);
+}
+
+#[test]
+fn messages_flow_again_after_shared_memory_was_removed() {
+    let place = Place::new();
+    let node = place.node();
+    let mut channels = KeptChannels::open(&node, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1; 4096]).unwrap();
+    let held = subscriber.receive().unwrap().unwrap();
+    for file in shared_memory::files(place.instance.prefix()).unwrap() {
+        fs::remove_file(file).unwrap();
+    }
+    let start = Instant::now();
+    let mut number = 2;
+    // As the service loops do; a port may need several rounds, until the last user of the old channel has let go.
+    while numbers(&mut subscriber).is_empty() {
+        assert!(start.elapsed() < HANG);
+        let _ = (publisher.ensure_connected(), channels.ensure_connected(), subscriber.ensure_connected(0));
+        let _ = publisher.send(&frame(number), &[number as u8; 4096]);
+        number += 1;
+    }
+    assert_eq!(held.payload(), [1; 4096]);
+}
+
+#[test]
+fn a_stopped_subscriber_does_not_hold_up_the_publisher() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let place = Place::new();
+    let node = place.node();
+    let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    let mut child = ChildProcess::start(&place);
+    let pid = Pid::from_child(&child.process);
+    kill_process(pid, Signal::STOP).unwrap();
+    for number in 0..20_000 {
+        publisher.send(&frame(number), &[0; 64]).unwrap();
+    }
+    kill_process(pid, Signal::CONT).unwrap();
+    let last: Vec<_> = (19_984..20_000).collect();
+    assert_eq!(child.send(1).trim(), format!("heard {last:?}"));
+    child.kill();
+}
+
+#[test]
+fn the_longest_path_has_room_for_sockets() {
+    let place = Place::new();
+    let limit = 107 - 1 - 11 - 39 - ".event".len();
+    let folder = place.folder.path().join("folder");
+    let used = folder.as_os_str().len() + 1;
+    let instance = Instance::under(&folder, &"n".repeat(limit - used)).unwrap();
+    let _lock = InstanceLock::take(&instance).unwrap();
+    let node = Node::open(&instance, "test").unwrap();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1]).unwrap();
+    Wake::new().unwrap().wait(&[&subscriber], HANG).unwrap();
+    assert_eq!(numbers(&mut subscriber), [1]);
+}
+
+#[test]
+fn other_programs_are_given_the_folder_and_the_prefix() {
+    let place = Place::new();
+    let config: toml::Table = toml::from_str(&place.instance.external_config().unwrap()).unwrap();
+    let global = config["global"].as_table().unwrap();
+    assert_eq!(global["root-path"].as_str(), place.instance.root().to_str());
+    assert_eq!(global["prefix"].as_str(), Some(place.instance.prefix()));
+}
+
+#[test]
+fn a_silent_subscriber_opens_anew_but_keeps_what_is_held() {
+    let place = Place::new();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1; 4096]).unwrap();
+    let held = subscriber.receive().unwrap().unwrap();
+    let second_ns = 1_000_000_000;
+    assert!(!subscriber.ensure_connected(second_ns).unwrap());
+    assert!(!subscriber.ensure_connected(5 * second_ns).unwrap(), "a message is held");
+    drop(held);
+    assert!(subscriber.ensure_connected(20 * second_ns).unwrap());
+    publisher.send(&frame(2), &[2; 4096]).unwrap();
+    assert_eq!(numbers(&mut subscriber), [2]);
+}
+
+#[test]
+fn the_lock_is_exclusive_and_leaves_nothing_behind() {
+    let place = Place::new();
+    let lock = InstanceLock::take(&place.instance).unwrap();
+    let refused = InstanceLock::take(&place.instance).unwrap_err().to_string();
+    let pid = std::process::id();
+    assert_eq!(refused, format!("an instance test is already running (pid {pid}); stop it or choose another name"));
+
+    let node = place.node();
+    let publisher = Publisher::open(&node, CLOUD, &SIZES).unwrap();
+    let subscriber = Subscriber::open(&node, CLOUD, &SIZES).unwrap();
+    assert!(!shared_memory::files(place.instance.prefix()).unwrap().is_empty());
+    drop((publisher, subscriber, node));
+    drop(lock);
+    assert_eq!(shared_memory::files(place.instance.prefix()).unwrap(), Vec::<std::path::PathBuf>::new());
+    assert_eq!(fs::read_dir(place.folder.path()).unwrap().count(), 0);
+    InstanceLock::take(&place.instance).unwrap();
+}
+
+#[test]
+fn a_lock_does_not_remove_what_a_driver_uses() {
+    let place = Place::new();
+    let lock = InstanceLock::take(&place.instance).unwrap();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    drop(lock);
+    let _lock = InstanceLock::take(&place.instance).unwrap();
+    let mut publisher = Publisher::open(&place.node(), CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1]).unwrap();
+    assert_eq!(numbers(&mut subscriber), [1]);
+}
+
+#[test]
+fn names_that_cannot_be_folders_and_sockets_are_refused() {
+    for name in ["", "a/b", "..", "a b", "ä", &"a".repeat(33)] {
+        assert!(matches!(Instance::new(name), Err(TransportError::Name { .. })), "{name:?}");
+    }
+    let long = Path::new("/tmp").join("x".repeat(60));
+    assert!(matches!(Instance::under(&long, "a"), Err(TransportError::PathTooLong { bytes: 67, .. })));
+}
+
+#[test]
+fn folders_of_others_are_refused() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let place = Place::new();
+    fs::create_dir(place.instance.root()).unwrap();
+    fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o755)).unwrap();
+    let open = Node::open(&place.instance, "test").unwrap_err().to_string();
+    assert!(open.contains("is open to others (mode 0755); remove it"), "{open}");
+
+    fs::remove_dir(place.instance.root()).unwrap();
+    symlink("/tmp", place.instance.root()).unwrap();
+    let link = Node::open(&place.instance, "test").unwrap_err().to_string();
+    assert!(link.contains("is no folder"), "{link}");
+}
+
+#[test]
+fn instances_of_one_name_in_two_folders_do_not_hear_each_other() {
+    let (one, other) = (Place::new(), Place::new());
+    let mut publisher = Publisher::open(&one.node(), CAM1_FRAME, &SIZES).unwrap();
+    let mut subscriber = Subscriber::open(&other.node(), CAM1_FRAME, &SIZES).unwrap();
+    publisher.send(&frame(1), &[1]).unwrap();
+    assert!(subscriber.receive().unwrap().is_none());
+    assert_ne!(one.instance.prefix(), other.instance.prefix());
+}
+
+#[test]
+fn what_is_required_is_what_is_allocated() {
+    let place = Place::new();
+    let sizes = ChannelSizes {
+        frame_bytes: 327_680,
+        window: 4,
+        map_blocks: 81_920,
+        correspondence_blocks: 174_080,
+        cloud_bytes: 12_124_160,
+    };
+    let node = place.node();
+    let ports = (
+        Publisher::open(&node, CAM1_FRAME, &sizes).unwrap(),
+        Publisher::open(&node, CAM2_FRAME, &sizes).unwrap(),
+        Publisher::open(&node, PROJECTOR_PATTERN, &sizes).unwrap(),
+        Publisher::open(&node, SCAN_STATE, &sizes).unwrap(),
+    );
+    let _subscribers = [0; 4].map(|_| Subscriber::open(&node, CAM1_FRAME, &sizes).unwrap());
+    let files = shared_memory::files(place.instance.prefix()).unwrap();
+    let allocated: u64 =
+        files.iter().map(|file| std::os::unix::fs::MetadataExt::blocks(&fs::metadata(file).unwrap())).sum();
+    let ids = [ChannelId::Cam1Frame, ChannelId::Cam2Frame, ChannelId::ProjectorPattern, ChannelId::ScanState];
+    let required: u64 = ids.iter().map(|id| shared_memory::publisher_bytes(&id.quality(&sizes))).sum();
+    let ratio = (512 * allocated) as f64 / required as f64;
+    assert!((0.98..1.0).contains(&ratio), "allocated {} of {required} bytes", 512 * allocated);
+    drop(ports);
+}
+
+/// What the child process does; the tests start it with the folder of their instance.
+#[test]
+#[ignore = "the child process of other tests"]
+fn child() {
+    let Some(folder) = std::env::var_os("FRINGEFLOW_TEST_CHILD") else { return };
+    let node = Node::open(&Instance::under(Path::new(&folder), "test").unwrap(), "child").unwrap();
+    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut subscriber = Subscriber::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    println!("open");
+    for line in std::io::stdin().lines() {
+        let number = line.unwrap().parse().unwrap();
+        publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
+        println!("heard {:?}", numbers(&mut subscriber));
+    }
+}
+
+struct ChildProcess {
+    process: Child,
+    to: ChildStdin,
+    from: BufReader<ChildStdout>,
+}
+
+impl ChildProcess {
+    fn start(place: &Place) -> Self {
+        let mut process = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "transport::tests::child", "--ignored", "--nocapture"])
+            .env("FRINGEFLOW_TEST_CHILD", place.folder.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let (to, from) = (process.stdin.take().unwrap(), BufReader::new(process.stdout.take().unwrap()));
+        let mut child = Self { process, to, from };
+        child.line_with("open");
+        child
+    }
+
+    /// Reads lines until one holds `text`: the test harness writes too.
+    fn line_with(&mut self, text: &str) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(self.from.read_line(&mut line).unwrap() > 0, "the child ended before it wrote {text:?}");
+            if line.contains(text) {
+                return line;
+            }
+        }
+    }
+
+    fn send(&mut self, number: u64) -> String {
+        writeln!(self.to, "{number}").unwrap();
+        self.line_with("heard")
+    }
+
+    fn kill(mut self) {
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+}
+
+/// Removes what a dead process left. Several calls, as other tests clean in this process too, one at a time.
+fn clean(instance: &Instance, ports: usize) {
+    let start = Instant::now();
+    let mut cleaned = 0;
+    while cleaned < ports {
+        cleaned += instance.clean_dead().unwrap();
+        assert!(start.elapsed() < HANG, "cleaned {cleaned} of {ports}");
+        std::thread::sleep(STEP);
+    }
+    assert_eq!(cleaned, ports);
+}
+
+#[test]
+fn killed_processes_are_replaced_and_leave_nothing() {
+    let place = Place::new();
+    let lock = InstanceLock::take(&place.instance).unwrap();
+    let node = place.node();
+    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
+    let kills: u64 = std::env::var("FRINGEFLOW_TEST_KILLS").map_or(5, |kills| kills.parse().unwrap());
+    let mut left = Vec::new();
+    for round in 0..kills {
+        let mut child = ChildProcess::start(&place);
+        publisher.send(&frame(round), &[0; 4096]).unwrap();
+        assert_eq!(child.send(round).trim(), format!("heard [{round}]"));
+        let received = subscriber.receive().unwrap().unwrap();
+        assert_eq!(received.header().published, round);
+        child.kill();
+        assert_eq!(received.payload(), [round as u8; 4096], "a message of a dead process stays");
+        drop(received);
+        clean(&place.instance, 2);
+        left.push(shared_memory::files(place.instance.prefix()).unwrap().len());
+    }
+    println!("files after each kill: {left:?}");
+    assert_eq!(left.first(), left.last(), "shared memory grows: {left:?}");
+    assert_eq!(place.instance.participants().unwrap().len(), 1);
+    drop((subscriber, publisher, lock));
+    assert_eq!(shared_memory::files(place.instance.prefix()).unwrap().len(), 0);
+}
+
+#[test]
+fn a_killed_publisher_is_replaced_without_waiting_for_the_supervisor() {
+    let place = Place::new();
+    let mut subscriber = Subscriber::open(&place.node(), CAM1_FRAME, &SIZES).unwrap();
+    for round in 0..2 {
+        let mut child = ChildProcess::start(&place);
+        child.send(round);
+        assert_eq!(numbers(&mut subscriber), [round]);
+        child.kill();
+    }
 }

@@ -9,6 +9,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("phase", &["geometry::FringePattern"]),
     ("message", &["phase::MAX_STEPS"]),
     ("transport", &["message"]),
+    ("synchronization", &["phase::MIN_STEPS", "message"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),

@@ -17,7 +17,10 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let table = Arc::new(arguments.segment_table(&host.setup)?);
     let worker = CorrespondenceWorker::new(table, host.configuration.measurement.settings.matching);
     let maps = PhasePair::default();
-    run_transform(&mut host, CorrespondenceStage { worker, maps, window: Window::default(), found: Correspondences::default() })
+    run_transform(
+        &mut host,
+        CorrespondenceStage { worker, maps, window: Window::default(), found: Correspondences::default() },
+    )
 }
 
 struct CorrespondenceStage {

@@ -10,6 +10,10 @@ use fringeflow::config::ConfigurationError;
 use fringeflow::correspondence::SegmentFileError;
 use fringeflow::dataset::{DatasetError, Problem};
 use fringeflow::evaluation::GrayReferenceError;
+use fringeflow::transport::TransportError;
+use fringeflow_runtime::{ArgumentError, ServiceError};
+use fringeflow_supervisor::RunError;
+use fringeflow::recording::{ExportError, ImportError, RecordingError, RecordingProblem};
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -20,6 +24,33 @@ pub(crate) enum Failure {
     /// A dataset folder.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// An instance that could not be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// What a service was started with.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
+    /// A service that ended.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// The channels.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The account of a run does not add up.
+    #[error("the balance does not add up, please report this: {0}")]
+    Imbalance(String),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// A recording that was checked and is not whole.
+    #[error(transparent)]
+    Damaged(RecordingError),
+    /// Recorded clouds that are not those of their images, or faults in what was checked.
+    #[error("{0}")]
+    Refuted(String),
+    /// All was done, but something had been lost before.
+    #[error("{0}")]
+    Losses(String),
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
@@ -46,9 +77,18 @@ impl Failure {
         Self::Usage(error.to_string())
     }
 
-    /// 2: wrong usage, configuration or input; 1: the work itself failed.
+    /// 3: done, but something was lost; 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
+            Self::Losses(_) => 3,
+            Self::Run(RunError::Transport(error)) | Self::Transport(error) => 1 + u8::from(error.is_lasting()),
+            Self::Run(RunError::Hopeless { .. } | RunError::Recording(_)) | Self::Argument(_) => 2,
+            Self::Service(error) => 1 + u8::from(error.is_lasting()),
+            Self::Run(_) | Self::Imbalance(_) => 1,
+            Self::Recording(RecordingError { problem: RecordingProblem::Exists, .. }) => 2,
+            Self::Recording(error) if error.problem.is_about_writing() => 1,
+            Self::Recording(_) => 2,
+            Self::Damaged(_) | Self::Refuted(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,
@@ -62,6 +102,25 @@ impl Failure {
         // A closed standard error leaves nobody to tell.
         let _ = writeln!(std::io::stderr(), "fringeflow: {self}");
         ExitCode::from(self.exit_code())
+    }
+}
+
+impl From<ImportError> for Failure {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Dataset(error) => Self::Dataset(error),
+            ImportError::Recording(error) => Self::Recording(error),
+            error @ ImportError::NotPeriodic { .. } => Self::unusable(error),
+        }
+    }
+}
+
+impl From<ExportError> for Failure {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Dataset(error) => Self::Dataset(error),
+            ExportError::Recording(error) => Self::Recording(error),
+        }
     }
 }
 

@@ -2,11 +2,14 @@
 
 mod commands;
 mod failure;
+mod input;
+mod json;
 mod method;
 mod pictures;
 mod preview_folder;
 mod progress;
 mod proposed;
+mod run_summary;
 mod statistics;
 mod truth;
 
@@ -35,7 +38,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    match set_threads(cli.threads).and_then(|()| cli.command.run()) {
+    match set_threads(cli.threads).and_then(|()| cli.command.run(cli.threads)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
     }

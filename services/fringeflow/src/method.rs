@@ -1,11 +1,11 @@
-//! The methods by which a dataset becomes a cloud.
+//! The methods by which images become a cloud.
 
 use fringeflow::cloud::Cloud;
-use fringeflow::dataset::Dataset;
 use fringeflow::evaluation::{cgc, egc};
 use fringeflow::reconstruction::Reconstruction;
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::proposed::ProposedArgs;
 
 /// How correspondences are found.
@@ -27,16 +27,16 @@ pub(crate) struct Made {
 }
 
 impl Method {
-    /// Makes the cloud of a dataset; `proposed` matters to the proposed method alone.
-    pub(crate) fn run(self, dataset: &Dataset, proposed: &ProposedArgs) -> Result<Made, Failure> {
+    /// Makes the cloud of an input; `proposed` matters to the proposed method alone.
+    pub(crate) fn run(self, input: &Input, proposed: &ProposedArgs) -> Result<Made, Failure> {
         let reference = |cloud: Cloud| Made { cloud, reconstruction: None };
         match self {
             Self::Pa => {
-                let reconstruction = proposed.reconstruct(dataset)?;
+                let reconstruction = proposed.reconstruct(input)?;
                 Ok(Made { cloud: reconstruction.cloud.clone(), reconstruction: Some(reconstruction) })
             }
-            Self::Egc => Ok(reference(egc(dataset)?)),
-            Self::Cgc => Ok(reference(cgc(dataset)?)),
+            Self::Egc => Ok(reference(egc(input.folder()?)?)),
+            Self::Cgc => Ok(reference(cgc(input.folder()?)?)),
         }
     }
 }

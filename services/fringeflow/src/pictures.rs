@@ -3,20 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use fringeflow::atomic_file::check_writable;
-use fringeflow::dataset::Dataset;
 use fringeflow::preview::{
     Picture, delta_histogram_picture, depth_picture, judgement_picture, modulation_picture, outcome_picture,
     phase_picture,
 };
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::method::Made;
 use crate::truth;
 
 /// Writes all pictures that can be drawn into a folder, none if one of them cannot be written.
-pub(crate) fn write(folder: &Path, dataset: &Dataset, made: &Made) -> Result<(), Failure> {
+pub(crate) fn write(folder: &Path, input: &Input, made: &Made) -> Result<(), Failure> {
     let pictures: Vec<(PathBuf, Picture)> =
-        draw(dataset, made)?.into_iter().map(|(name, picture)| (folder.join(name), picture)).collect();
+        draw(input, made)?.into_iter().map(|(name, picture)| (folder.join(name), picture)).collect();
     for (path, _) in &pictures {
         check_writable(path)?;
     }
@@ -26,8 +26,8 @@ pub(crate) fn write(folder: &Path, dataset: &Dataset, made: &Made) -> Result<(),
     Ok(())
 }
 
-fn draw(dataset: &Dataset, made: &Made) -> Result<Vec<(&'static str, Picture)>, Failure> {
-    let size_px = dataset.setup.image_size_px;
+fn draw(input: &Input, made: &Made) -> Result<Vec<(&'static str, Picture)>, Failure> {
+    let size_px = input.setup().image_size_px;
     let mut pictures = vec![("depth.png", depth_picture(&made.cloud, size_px))];
     if let Some(reconstruction) = &made.reconstruction {
         let matches = &reconstruction.matches;
@@ -41,7 +41,7 @@ fn draw(dataset: &Dataset, made: &Made) -> Result<Vec<(&'static str, Picture)>, 
             ("delta.png", delta_histogram_picture(&deltas, matches.delta.threshold_rad() as f32)),
         ]);
     }
-    if let Some(evaluation) = truth::evaluate(dataset, &made.cloud)? {
+    if let Some(evaluation) = truth::evaluate(input, &made.cloud)? {
         pictures.push(("judgement.png", judgement_picture(&evaluation.judgements, size_px)));
     }
     Ok(pictures)

@@ -4,9 +4,7 @@ use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, Stage};
 use fringeflow::synchronization::{LEAST_WAITING, Settings, StepSource, Synchronizer, WindowImages};
-use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake,
-};
+use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError};
 
 use crate::image::Image;

@@ -5,7 +5,7 @@
 mod image;
 mod intake;
 
-use fringeflow::message::{DropReason, MapsHeader, Block, Stage};
+use fringeflow::message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::synchronization::WindowImages;
 use fringeflow::transport::{PHASE_MAPS, Publisher};
@@ -94,7 +94,8 @@ impl Decoding {
         if !host.is_free(Stage::Correspondence, &self.account) {
             return Ok(self.account.drop_one(DropReason::NextStageBusy)?);
         }
-        let [cam1, cam2] = [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::pixels).collect::<Vec<_>>());
+        let [cam1, cam2] =
+            [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::pixels).collect::<Vec<_>>());
         if let Err(error) = self.worker.step(&cam1, &cam2, &mut self.maps) {
             tracing::warn!("{error}");
             return Ok(self.account.drop_one(DropReason::BadImage)?);

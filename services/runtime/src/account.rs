@@ -74,6 +74,12 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
+    /// Nothing has come; the next message has this number.
+    #[must_use]
+    pub fn beginning_at(next: u64) -> Self {
+        Self { next, floor: 0 }
+    }
+
     /// Begins to listen after `sent` messages; how many of them were missed.
     pub fn catch_up(&mut self, sent: u64) -> u64 {
         let missed = sent.saturating_sub(self.next);
@@ -118,7 +124,7 @@ impl Account {
         options.read(true).write(true).create(true).truncate(false).mode(0o600);
         let file = options.open(&path).map_err(fail)?;
         let record = read_record(&file).unwrap_or(Record { version: VERSION, ..Record::zeroed() });
-        let arrivals = record.next.map(|next| Arrivals { next, floor: 0 });
+        let arrivals = record.next.map(Arrivals::beginning_at);
         let mut account = Self { stage, file, path: path.clone(), record, arrivals };
         let in_work = account.counts().in_work().unwrap_or(0);
         account.drop_many(DropReason::Restart, in_work)?;

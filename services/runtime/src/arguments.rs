@@ -71,6 +71,15 @@ pub enum ArgumentError {
 }
 
 impl ServiceArgs {
+    /// The arguments on a command line, without those that a supervisor adds.
+    #[must_use]
+    pub fn to_command_line(&self) -> Vec<String> {
+        let named = [("--config", Some(&self.config)), ("--setup", self.setup.as_ref())];
+        let named = named.into_iter().chain([("--segment-table", self.segment_table.as_ref())]);
+        let given = named.filter_map(|(name, path)| Some([name.to_owned(), path?.to_string_lossy().into_owned()]));
+        given.flatten().collect()
+    }
+
     /// Reads the configuration.
     ///
     /// # Errors

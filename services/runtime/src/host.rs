@@ -48,14 +48,7 @@ impl ServiceError {
     pub fn is_lasting(&self) -> bool {
         match self {
             Self::Argument(_) | Self::Unusable(_) => true,
-            Self::Transport(error) => matches!(
-                error,
-                TransportError::Name { .. }
-                    | TransportError::PathTooLong { .. }
-                    | TransportError::NotOurs { .. }
-                    | TransportError::AlreadyRunning { .. }
-                    | TransportError::SharedMemory { .. }
-            ),
+            Self::Transport(error) => error.is_lasting(),
             Self::Account(_) | Self::Signals(_) => false,
         }
     }

@@ -2,7 +2,16 @@
 
 mod balance;
 mod child;
+mod control;
+mod display;
+mod observer;
+mod plan;
+mod supervisor;
 mod tally;
 
 pub use balance::{Balance, Imbalance};
+pub use display::{headline, stage_line};
+pub use observer::observe;
+pub use plan::{ServiceKind, live_services};
+pub use supervisor::{Outcome, Plan, RunError, run};
 pub use tally::{Latency, StageTally, Tally};

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use fringeflow::config::VirtualScannerConfiguration;
-use fringeflow::message::Stage;
 use fringeflow::simulation::{ImageLoop, VirtualScanner};
 use fringeflow_runtime::{Host, ServiceError};
 
@@ -12,10 +11,7 @@ use fringeflow_runtime::{Host, ServiceError};
 const LOGGED_POSES: usize = 24;
 
 /// The image loop of a virtual scanner; `None` if the service is to end before it is rendered.
-pub(crate) fn prepare(
-    host: &mut Host,
-    options: &VirtualScannerConfiguration,
-) -> Result<Option<ImageLoop>, ServiceError> {
+pub(crate) fn prepare(host: &Host, options: &VirtualScannerConfiguration) -> Result<Option<ImageLoop>, ServiceError> {
     let unusable = |e: fringeflow::simulation::SimulationError| ServiceError::Unusable(e.to_string());
     let scanner = VirtualScanner::new(options.scanner).map_err(unusable)?;
     let speed = scanner.speed();
@@ -42,17 +38,11 @@ fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
     }
 }
 
-fn render(host: &mut Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
+fn render(host: &Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
     let poses = scanner.sweep().poses();
     let on_pose = |pose: usize| {
         if pose.is_multiple_of(LOGGED_POSES) {
             tracing::info!("rendered pose {} of {poses}", pose + 1);
-        }
-        if host.beat_is_due() {
-            for stage in [Stage::Camera1, Stage::Camera2] {
-                let counts = host.counts_of(stage).unwrap_or_default();
-                host.report(stage, &counts, None);
-            }
         }
         if host.stop.is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };

@@ -27,7 +27,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         return Err(ServiceError::Unusable(why.to_owned()));
     };
     let faults = Faults::new(options.faults).map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let Some(images) = images::prepare(&mut host, &options)? else { return Ok(()) };
+    let Some(images) = images::prepare(&host, &options)? else { return Ok(()) };
     let session = clock::now_ns();
     let [cam1, cam2] = CameraId::BOTH.map(|id| Capture::open(&host, id, session, faults));
     let (mut cameras, mut source) = ([cam1?, cam2?], Source::open(&host)?);

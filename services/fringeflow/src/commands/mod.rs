@@ -1,36 +1,80 @@
 //! One module a subcommand: its arguments and what it does with the library.
 
+mod control;
+mod check;
 mod evaluate;
+mod export;
+mod import;
+mod info;
 mod reconstruct;
+mod recover;
+mod replay;
 mod rig;
+mod run;
+mod service;
 mod simulate;
+mod status;
 
 use crate::failure::Failure;
 
 /// The subcommands.
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
+    /// Command a running instance: start, stop, record, mark, quit.
+    Control(control::Args),
+    /// Check a recording: read every record, compare checksums, counts and windows.
+    ///
+    /// Exit code 1: it is damaged; 3: it is whole, but something was lost when it was made.
+    Check(check::Args),
     /// Compare a reconstruction with the truth or with Gray code: com, miss, fpc, 3D error.
     Evaluate(evaluate::Args),
-    /// Reconstruct a dataset folder: images to a point cloud.
+    /// Export a recording: its clouds as PLY, PCD or NPZ, or its images as a dataset folder.
+    Export(export::Args),
+    /// Make a recording of a dataset folder, as if a scanner had taken its images at a steady rate.
+    Import(import::Args),
+    /// Say what is in a recording.
+    Info(info::Args),
+    /// Reconstruct a dataset folder or a recording: images to a point cloud.
     Reconstruct(reconstruct::Args),
+    /// Make a whole recording of what can be read of a cut, damaged or unfinished one.
+    Recover(recover::Args),
+    /// Replay a recording: make its clouds again and compare them byte by byte.
+    Replay(replay::Args),
     /// Report on a rig: n, sd and efc, which wrong fringe orders survive where, and what changes would do.
     ///
     /// Needs no image, so it can be asked before anything is built. Example:
     ///
     ///   fringeflow rig calibration.yml --volume=-50,-40,280,50,40,325 --period 16 --steps 4
     Rig(rig::Args),
+    /// Run an instance live: cameras, projector, phase, correspondence, cloud, recorder, each a process of its own.
+    Run(run::Args),
+    /// Run one service of an instance, as `run` and systemd do.
+    Service(service::Args),
+    /// Tell what a running instance does: rates, latencies, drops.
+    Status(status::Args),
     /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
     Simulate(simulate::Args),
 }
 
 impl Command {
     /// Runs the subcommand.
-    pub(crate) fn run(&self) -> Result<(), Failure> {
+    ///
+    /// `threads`: what the services of an instance are to use.
+    pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
         match self {
+            Self::Control(args) => args.run(),
+            Self::Check(args) => args.run(),
             Self::Evaluate(args) => args.run(),
+            Self::Export(args) => args.run(),
+            Self::Import(args) => args.run(),
+            Self::Info(args) => args.run(),
             Self::Reconstruct(args) => args.run(),
+            Self::Recover(args) => args.run(),
+            Self::Replay(args) => args.run(),
             Self::Rig(args) => args.run(),
+            Self::Run(args) => args.run(threads),
+            Self::Service(args) => args.run(),
+            Self::Status(args) => args.run(),
             Self::Simulate(args) => args.run(),
         }
     }

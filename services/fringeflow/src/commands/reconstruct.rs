@@ -1,4 +1,4 @@
-//! `fringeflow reconstruct`: from the images of a dataset folder to a point cloud.
+//! `fringeflow reconstruct`: from the images of a dataset folder or a recording to a point cloud.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use fringeflow::atomic_file::check_writable;
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::{CloudExport, CloudFormat};
-use fringeflow::dataset::Dataset;
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::method::{Made, Method};
 use crate::pictures;
 use crate::preview_folder;
@@ -18,7 +18,7 @@ use crate::statistics::Statistics;
 /// Arguments of `fringeflow reconstruct`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder.
+    /// Dataset folder, or recording.
     input: PathBuf,
     /// Cloud to write: .ply, .pcd or .npz.
     #[arg(short, long, value_name = "CLOUD")]
@@ -56,23 +56,23 @@ impl Args {
         if let Some(folder) = &self.preview {
             preview_folder::prepare(folder)?;
         }
-        let dataset = Dataset::open(&self.input, self.units)?;
-        let made = self.method.run(&dataset, &self.proposed)?;
+        let input = Input::open(&self.input, self.units)?;
+        let made = self.method.run(&input, &self.proposed)?;
         let unit = self.units.unwrap_or(Unit::Millimetre);
-        made.cloud.write(&self.output, &CloudExport { unit, dataset: &dataset.setup.name })?;
+        made.cloud.write(&self.output, &CloudExport { unit, dataset: &input.setup().name })?;
         if let Some(folder) = &self.preview {
-            pictures::write(folder, &dataset, &made)?;
+            pictures::write(folder, &input, &made)?;
         }
-        self.print(&dataset, &made)
+        self.print(&input, &made)
     }
 
-    fn print(&self, dataset: &Dataset, made: &Made) -> Result<(), Failure> {
+    fn print(&self, input: &Input, made: &Made) -> Result<(), Failure> {
         let statistics = made.reconstruction.as_ref().map(Statistics::of);
         let points = made.cloud.points.len();
         let mut out = std::io::stdout().lock();
         if self.json {
             let report = Report {
-                set: &dataset.setup.name,
+                set: &input.setup().name,
                 method: self.method,
                 cloud: &self.output,
                 points,
@@ -81,7 +81,7 @@ impl Args {
             serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {
-            writeln!(out, "{}: {points} points in {}", dataset.setup.name, self.output.display())?;
+            writeln!(out, "{}: {points} points in {}", input.setup().name, self.output.display())?;
             if let Some(statistics) = statistics {
                 write!(out, "{statistics}")?;
             }

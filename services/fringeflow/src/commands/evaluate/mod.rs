@@ -1,4 +1,4 @@
-//! `fringeflow evaluate`: reconstructs a dataset and compares the cloud with what is known of the scene.
+//! `fringeflow evaluate`: reconstructs a dataset or a recording and compares the cloud with what is known of the scene.
 
 mod paper;
 mod report;
@@ -6,10 +6,11 @@ mod report;
 use std::path::PathBuf;
 
 use fringeflow::calibration::Unit;
-use fringeflow::dataset::{Dataset, TRUTH_FILE};
+use fringeflow::dataset::TRUTH_FILE;
 use fringeflow::evaluation::{Evaluation, against_cloud, egc};
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::method::{Made, Method};
 use crate::pictures;
 use crate::preview_folder;
@@ -29,7 +30,7 @@ pub(crate) enum Against {
 /// Arguments of `fringeflow evaluate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder.
+    /// Dataset folder, or recording.
     #[arg(required_unless_present = "paper")]
     input: Option<PathBuf>,
     /// What to compare with.
@@ -62,22 +63,22 @@ impl Args {
         let Some(input) = &self.input else {
             return paper::run(self.json);
         };
-        let dataset = Dataset::open(input, self.units)?;
-        let made = self.method.run(&dataset, &self.proposed)?;
-        let evaluation = self.judge(&dataset, &made)?;
+        let input = Input::open(input, self.units)?;
+        let made = self.method.run(&input, &self.proposed)?;
+        let evaluation = self.judge(&input, &made)?;
         if let Some(folder) = &self.preview {
-            pictures::write(folder, &dataset, &made)?;
+            pictures::write(folder, &input, &made)?;
         }
-        report::print(&dataset.setup.name, self, &made, &evaluation)
+        report::print(&input.setup().name, self, &made, &evaluation)
     }
 
-    fn judge(&self, dataset: &Dataset, made: &Made) -> Result<Evaluation, Failure> {
+    fn judge(&self, input: &Input, made: &Made) -> Result<Evaluation, Failure> {
         if self.against == Against::Gray {
-            let reference = egc(dataset)?;
-            return against_cloud(&made.cloud, dataset.setup.image_size_px, &reference).map_err(Failure::unusable);
+            let reference = egc(input.folder()?)?;
+            return against_cloud(&made.cloud, input.setup().image_size_px, &reference).map_err(Failure::unusable);
         }
-        truth::evaluate(dataset, &made.cloud)?.ok_or_else(|| {
-            let file = dataset.folder.join(TRUTH_FILE);
+        truth::evaluate(input, &made.cloud)?.ok_or_else(|| {
+            let file = input.path().join(TRUTH_FILE);
             Failure::Usage(format!("{} is missing; give --against gray instead", file.display()))
         })
     }

@@ -2,7 +2,6 @@
 
 use std::io::Write as _;
 
-use fringeflow::dataset::Dataset;
 use fringeflow::evaluation::{CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table};
 use fringeflow::simulation::{
     Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, SimulationSummary,
@@ -10,6 +9,7 @@ use fringeflow::simulation::{
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::method::Method;
 use crate::progress;
 use crate::proposed::ProposedArgs;
@@ -83,10 +83,10 @@ fn measure(object: Object, steps: usize) -> Result<Row, Failure> {
     let simulation = Simulation::new(options(object, steps))?;
     let target = folder.path().join(object.name());
     simulation.write(&target, || {})?;
-    let dataset = Dataset::open(&target, None)?;
-    let made = Method::Pa.run(&dataset, &ProposedArgs::default())?;
+    let input = Input::open(&target, None)?;
+    let made = Method::Pa.run(&input, &ProposedArgs::default())?;
     let missing = || Failure::Usage(format!("{}: the simulated dataset has no truth", target.display()));
-    let evaluation = truth::evaluate(&dataset, &made.cloud)?.ok_or_else(missing)?;
+    let evaluation = truth::evaluate(&input, &made.cloud)?.ok_or_else(missing)?;
     let statistics = made.reconstruction.as_ref().map(Statistics::of).ok_or_else(missing)?;
     Ok(Row { object: object.name(), steps, scores: evaluation.scores, statistics, simulated: simulation.summary() })
 }

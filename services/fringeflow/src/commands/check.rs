@@ -1,0 +1,60 @@
+//! `fringeflow check`: is a recording whole, and was anything lost when it was made.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use fringeflow::recording::{Check, Recording};
+
+use crate::failure::Failure;
+use crate::{json, progress};
+
+/// Arguments of `fringeflow check`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording.
+    input: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let recording = Recording::open(&self.input).map_err(Failure::Damaged)?;
+        let bar = progress::bar("messages", recording.messages().count() as u64);
+        let check = recording.check(|| bar.inc(1)).map_err(Failure::Damaged)?;
+        bar.finish_and_clear();
+        if self.json {
+            json::print(&check)?;
+        } else {
+            self.print(&check)?;
+        }
+        let file = self.input.display();
+        if check.fault_count > 0 {
+            return Err(Failure::Refuted(format!("{file}: {} messages cannot be as they are", check.fault_count)));
+        }
+        if check.has_losses() {
+            return Err(Failure::Losses(format!("{file}: is whole, but something was lost when it was made")));
+        }
+        Ok(())
+    }
+
+    fn print(&self, check: &Check) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}: {} messages, all checksums and counts right", self.input.display(), check.messages)?;
+        for fault in &check.faults {
+            writeln!(out, "fault: {fault}")?;
+        }
+        let lost = check.lost.map_or_else(|| "unknown".to_owned(), |lost| lost.to_string());
+        let [missing1, missing2] = check.missing_images;
+        let [repeated1, repeated2] = check.repeated_images;
+        writeln!(
+            out,
+            "lost by the recorder: {lost}\nmissing images: {missing1} of camera 1, {missing2} of camera 2\n\
+             repeated images: {repeated1} of camera 1, {repeated2} of camera 2\nmissing pattern events: {}\n\
+             clouds: {}, of which {} lack an image",
+            check.missing_patterns, check.clouds, check.clouds_without_images
+        )?;
+        Ok(())
+    }
+}

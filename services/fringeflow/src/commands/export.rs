@@ -1,0 +1,143 @@
+//! `fringeflow export`: clouds of a recording as files, or its images as a dataset folder.
+
+use std::io::Write as _;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use fringeflow::atomic_file::{WriteError, WriteProblem};
+use fringeflow::calibration::Unit;
+use fringeflow::cloud::{CloudExport, CloudFormat};
+use fringeflow::dataset::check_new;
+use fringeflow::recording::{Recording, Topic, export_images};
+
+use crate::failure::Failure;
+use crate::proposed::frames;
+use crate::{json, progress};
+
+/// Arguments of `fringeflow export`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording.
+    input: PathBuf,
+    /// File for one cloud (.ply, .pcd or .npz), or a new folder for numbered clouds or images.
+    #[arg(short, long, value_name = "FILE|FOLDER")]
+    output: PathBuf,
+    /// Which cloud goes to the file, from 0.
+    #[arg(long, value_name = "K", default_value_t = 0, conflicts_with_all = ["clouds", "images"])]
+    cloud: usize,
+    /// Clouds A up to but without B go to the folder; all by default.
+    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "images")]
+    clouds: Option<Range<usize>>,
+    /// Format of the clouds in the folder: ply, pcd or npz.
+    #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["ply", "pcd", "npz"])]
+    format: String,
+    /// Write the images as a dataset folder instead, the inverse of `import`.
+    #[arg(long)]
+    images: bool,
+    /// With --images: image pairs A up to but without B; all by default.
+    #[arg(long, value_name = "A..B", value_parser = frames, requires = "images")]
+    frames: Option<Range<usize>>,
+    /// Unit of the clouds.
+    #[arg(long, value_name = "mm|m", default_value = "mm")]
+    units: Unit,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    output: &'a Path,
+    clouds: usize,
+    points: usize,
+    image_pairs: usize,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let (mut clouds, mut points, mut image_pairs) = (0, 0, 0);
+        if self.images {
+            image_pairs = self.export_images()?;
+        } else if self.clouds.is_none() && self.output.extension().is_some() {
+            CloudFormat::of_path(&self.output)?;
+            let recording = Recording::open(&self.input)?;
+            points = self.write_cloud(&recording, self.cloud, &self.output)?;
+            clouds = 1;
+        } else {
+            check_new(&self.output)?;
+            let recording = Recording::open(&self.input)?;
+            let range = self.cloud_range(&recording)?;
+            clouds = range.len();
+            points = self.write_clouds(&recording, range)?;
+        }
+        let report = Report { output: &self.output, clouds, points, image_pairs };
+        if self.json {
+            return json::print(&report);
+        }
+        let mut out = std::io::stdout().lock();
+        let to = self.output.display();
+        if self.images {
+            return Ok(writeln!(out, "{to}: {image_pairs} image pairs")?);
+        }
+        Ok(writeln!(out, "{to}: {clouds} clouds, {points} points")?)
+    }
+
+    fn cloud_range(&self, recording: &Recording) -> Result<Range<usize>, Failure> {
+        let available = recording.count(Topic::Cloud);
+        let range = self.clouds.clone().unwrap_or(0..available);
+        if range.start < range.end && range.end <= available {
+            return Ok(range);
+        }
+        Err(Failure::Usage(format!(
+            "--clouds {}..{}: {} has clouds 0..{available}; give A below B within these",
+            range.start,
+            range.end,
+            self.input.display()
+        )))
+    }
+
+    fn write_clouds(&self, recording: &Recording, range: Range<usize>) -> Result<usize, Failure> {
+        let fail = |e| WriteError { path: self.output.clone(), problem: WriteProblem::Io(e) };
+        std::fs::create_dir_all(&self.output).map_err(fail)?;
+        let bar = progress::bar("clouds", range.len() as u64);
+        let mut points = 0;
+        for number in range {
+            let path = self.output.join(format!("cloud_{number:06}.{}", self.format));
+            points += self.write_cloud(recording, number, &path)?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(points)
+    }
+
+    fn write_cloud(&self, recording: &Recording, number: usize, path: &Path) -> Result<usize, Failure> {
+        let missing = || {
+            let (file, count) = (self.input.display(), recording.count(Topic::Cloud));
+            Failure::Usage(format!("--cloud {number}: {file} has {count} clouds, counted from 0"))
+        };
+        let cloud = recording.cloud(number)?.ok_or_else(missing)?;
+        cloud.write(path, &CloudExport { unit: self.units, dataset: &recording.setup().name })?;
+        Ok(cloud.points.len())
+    }
+
+    fn export_images(&self) -> Result<usize, Failure> {
+        check_new(&self.output)?;
+        let recording = Recording::open(&self.input)?;
+        let pairs = recording.pairs()?;
+        let range = self.frames.clone().unwrap_or(0..pairs.len());
+        let steps = recording.setup().steps;
+        let chosen = pairs.get(range.clone()).filter(|chosen| chosen.len() >= steps);
+        let chosen = chosen.ok_or_else(|| {
+            let (start, end, count) = (range.start, range.end, pairs.len());
+            Failure::Usage(format!(
+                "--frames {start}..{end}: {} has image pairs 0..{count}; give A below B within these, with at least \
+                 the {steps} of a cycle between them",
+                self.input.display()
+            ))
+        })?;
+        let bar = progress::bar("images", chosen.len() as u64);
+        export_images(&recording, chosen, &self.output, || bar.inc(1))?;
+        bar.finish_and_clear();
+        Ok(chosen.len())
+    }
+}

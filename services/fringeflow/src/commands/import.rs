@@ -1,0 +1,76 @@
+//! `fringeflow import`: from a dataset folder to a recording.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use fringeflow::calibration::Unit;
+use fringeflow::config::{Configuration, ConfigurationError, ConfigurationProblem};
+use fringeflow::dataset::Dataset;
+use fringeflow::recording::{ImportOptions, import};
+
+use crate::failure::Failure;
+use crate::{json, progress};
+
+/// Arguments of `fringeflow import`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Dataset folder.
+    input: PathBuf,
+    /// Recording to write.
+    #[arg(short, long, value_name = "REC")]
+    output: PathBuf,
+    /// Image pairs a second.
+    #[arg(long, value_name = "HZ", default_value_t = 30.0, value_parser = rate)]
+    rate: f64,
+    /// TOML file with settings that the recording is to carry, see configs/reconstruct.toml.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    recording: &'a Path,
+    set: &'a str,
+    image_pairs: usize,
+    messages: u64,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        // A recording has no place for a unit beside the description, so the folder must state it.
+        let dataset = Dataset::open(&self.input, None::<Unit>)?;
+        let configuration = self.config.as_deref().map(configuration_text).transpose()?.unwrap_or_default();
+        let options = ImportOptions {
+            period_ns: (1e9 / self.rate).round() as u64,
+            configuration: &configuration,
+            min_free_bytes: 0,
+        };
+        let image_pairs = dataset.setup.sequence.shifts_rad.len();
+        let bar = progress::bar("images", image_pairs as u64);
+        let counts = import(&dataset, &self.output, &options, || bar.inc(1))?;
+        bar.finish_and_clear();
+        let (set, messages) = (dataset.setup.name.as_str(), counts.total().passed);
+        if self.json {
+            return json::print(&Report { recording: &self.output, set, image_pairs, messages });
+        }
+        let mut out = std::io::stdout().lock();
+        Ok(writeln!(out, "{set}: {image_pairs} image pairs in {}", self.output.display())?)
+    }
+}
+
+/// The text of a configuration file, once it is known to be one.
+fn configuration_text(path: &Path) -> Result<String, ConfigurationError> {
+    let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
+    let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
+    Configuration::parse(&text).map_err(fail)?;
+    Ok(text)
+}
+
+/// A rate that a camera can have.
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse::<f64>().ok().filter(|rate| (0.001..=100_000.0).contains(rate));
+    rate.ok_or_else(|| format!("{text:?} is no rate; write image pairs a second, 0.001 to 100000"))
+}

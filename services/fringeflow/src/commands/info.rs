@@ -1,0 +1,67 @@
+//! `fringeflow info`: what is in a recording.
+
+use std::path::PathBuf;
+
+use fringeflow::recording::{Recording, Summary};
+
+use crate::failure::Failure;
+use crate::json;
+
+/// Arguments of `fringeflow info`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording.
+    input: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let summary = Recording::open(&self.input)?.summary()?;
+        if self.json { json::print(&summary) } else { Ok(print(&mut std::io::stdout().lock(), &summary)?) }
+    }
+}
+
+fn print(out: &mut impl std::io::Write, s: &Summary) -> std::io::Result<()> {
+    let [width, height] = s.image_size_px;
+    let origin = &s.origin;
+    let megabytes = s.bytes as f64 * 1e-6;
+    writeln!(
+        out,
+        "{}: {:.2} s, {megabytes:.1} MB, {width} × {height} pixels, {} steps",
+        s.name, s.duration_s, s.steps
+    )?;
+    let known = |text: &str| if text.is_empty() { "–".to_owned() } else { text.to_owned() };
+    writeln!(
+        out,
+        "fringeflow {}, host {}, Linux {}, {}",
+        s.version,
+        known(&origin.host),
+        known(&origin.kernel),
+        known(&origin.cpu)
+    )?;
+    for topic in &s.topics {
+        let rate = topic.rate_hz.map(|rate| format!("{rate:9.2} Hz")).unwrap_or_default();
+        writeln!(out, "{:>8}  {:<20}{rate}", topic.messages, topic.topic)?;
+    }
+    for (topic, messages) in &s.foreign {
+        writeln!(out, "{messages:>8}  {topic:<20} (unknown)")?;
+    }
+    writeln!(out, "{} points in all clouds", s.points)?;
+    for mark in &s.marks {
+        writeln!(out, "mark at {:.3} s: {}", mark.time_s, mark.text)?;
+    }
+    for loss in &s.losses {
+        writeln!(out, "loss at {:.3} s: {}", loss.time_s, loss.text)?;
+    }
+    for stage in s.stages.iter().filter(|stage| !stage.dropped.is_empty()) {
+        let dropped: Vec<String> = stage.dropped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        writeln!(out, "stage {}: {} of {} passed, {}", stage.stage, stage.passed, stage.taken, dropped.join(", "))?;
+    }
+    match s.lost {
+        Some(lost) => writeln!(out, "lost by the recorder: {lost} messages"),
+        None => writeln!(out, "lost by the recorder: unknown, it did not come to its end"),
+    }
+}

@@ -1,0 +1,56 @@
+//! `fringeflow recover`: a whole recording of what can be read of another one.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use fringeflow::recording::{Recovered, recover};
+
+use crate::failure::Failure;
+use crate::json;
+
+/// Arguments of `fringeflow recover`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Cut, damaged or unfinished recording; it stays as it is.
+    input: PathBuf,
+    /// Recording to write.
+    #[arg(short, long, value_name = "REC")]
+    output: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let recovered = recover(&self.input, &self.output, 0)?;
+        if self.json {
+            json::print(&recovered)?;
+        } else {
+            self.print(&recovered)?;
+        }
+        if recovered.missing.is_empty() {
+            return Ok(());
+        }
+        let missing = recovered.missing.join(", ");
+        Err(Failure::Losses(format!("{}: has no {missing}, so nothing can be measured with it", self.output.display())))
+    }
+
+    fn print(&self, recovered: &Recovered) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}: recovered from {}", self.output.display(), self.input.display())?;
+        for (topic, count) in &recovered.messages {
+            writeln!(out, "{count:>8}  {topic}")?;
+        }
+        for fault in &recovered.faults {
+            writeln!(out, "left out: {fault}")?;
+        }
+        for (topic, count) in &recovered.foreign {
+            writeln!(out, "left out: {count} messages of the unknown topic {topic}")?;
+        }
+        if recovered.left_out > 0 {
+            writeln!(out, "left out: {} messages without their other half", recovered.left_out)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! `fringeflow replay --verify`: makes the clouds of a recording again and compares them byte by byte.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifyOutcome};
+
+use crate::failure::Failure;
+use crate::{json, progress};
+
+/// Arguments of `fringeflow replay`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording.
+    input: PathBuf,
+    /// Make every recorded cloud again of its images, and compare.
+    #[arg(long, required = true)]
+    verify: bool,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    clouds: usize,
+    same: usize,
+    different: usize,
+    images_missing: usize,
+    before_recording: usize,
+    no_cloud: usize,
+    results: &'a [VerifiedCloud],
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let recording = Recording::open(&self.input)?;
+        let bar = progress::bar("clouds", recording.count(Topic::Cloud) as u64);
+        let results = recording.verify(|_| bar.inc(1))?;
+        bar.finish_and_clear();
+        let count = |is: fn(&VerifyOutcome) -> bool| results.iter().filter(|cloud| is(&cloud.outcome)).count();
+        let report = Report {
+            clouds: results.len(),
+            same: count(|outcome| *outcome == VerifyOutcome::Same),
+            different: count(|outcome| matches!(outcome, VerifyOutcome::Different { .. })),
+            images_missing: count(|outcome| *outcome == VerifyOutcome::ImagesMissing),
+            before_recording: count(|outcome| *outcome == VerifyOutcome::BeforeRecording),
+            no_cloud: count(|outcome| matches!(outcome, VerifyOutcome::NoCloud(_))),
+            results: &results,
+        };
+        if self.json {
+            json::print(&report)?;
+        } else {
+            self.print(&report)?;
+        }
+        self.judge(&report)
+    }
+
+    fn print(&self, report: &Report<'_>) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        for cloud in report.results {
+            match &cloud.outcome {
+                VerifyOutcome::Different { points, first } => writeln!(
+                    out,
+                    "cloud {}: {} points were recorded, {points} were made, the first difference is in point {first}",
+                    cloud.published, cloud.points
+                )?,
+                VerifyOutcome::NoCloud(why) => writeln!(out, "cloud {}: {why}", cloud.published)?,
+                VerifyOutcome::Same | VerifyOutcome::ImagesMissing | VerifyOutcome::BeforeRecording => {}
+            }
+        }
+        writeln!(
+            out,
+            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} began \
+             before the recording",
+            self.input.display(),
+            report.same,
+            report.clouds,
+            report.different + report.no_cloud,
+            report.images_missing,
+            report.before_recording
+        )?;
+        Ok(())
+    }
+
+    fn judge(&self, report: &Report<'_>) -> Result<(), Failure> {
+        let file = self.input.display();
+        if report.clouds == 0 {
+            return Err(Failure::Usage(format!("{file}: has no clouds to compare with")));
+        }
+        match report.different + report.no_cloud {
+            0 if report.images_missing == 0 => Ok(()),
+            0 => Err(Failure::Losses(format!("{file}: {} clouds lack an image", report.images_missing))),
+            wrong => Err(Failure::Refuted(format!("{file}: {wrong} clouds are not those of their images"))),
+        }
+    }
+}

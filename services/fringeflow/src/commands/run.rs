@@ -1,0 +1,73 @@
+//! `fringeflow run`: a whole instance, live.
+
+use std::path::PathBuf;
+
+use fringeflow_runtime::{ServiceArgs, log};
+use fringeflow_supervisor::{Plan, live_services, run};
+
+use crate::failure::Failure;
+use crate::run_summary;
+
+/// Arguments of `fringeflow run`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Configuration of the scanner, see configs/demo.toml.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// File of the segment table: read if it exists, else computed and written.
+    #[arg(long, value_name = "FILE")]
+    segment_table: Option<PathBuf>,
+    /// Scan for so many seconds, then stop; else until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Record to this file from the start; it must not exist.
+    #[arg(long, value_name = "REC")]
+    record: Option<PathBuf>,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
+        log::start();
+        let plan = self.plan(threads)?;
+        let outcome = run(&plan, || Ok(()))?;
+        run_summary::print(&outcome, self.json)
+    }
+
+    fn plan(&self, threads: Option<usize>) -> Result<Plan, Failure> {
+        let arguments = ServiceArgs {
+            config: self.config.clone(),
+            setup: None,
+            segment_table: self.segment_table.clone(),
+            restarts: 0,
+            supervised: false,
+        };
+        let configuration = arguments.configuration()?;
+        let setup = arguments.setup(&configuration)?;
+        // Computed here once, so that its file is there, and its faults are told, before anything starts.
+        drop(arguments.segment_table(&setup)?);
+        let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
+        let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
+        Ok(Plan {
+            services: live_services(&configuration),
+            configuration,
+            setup,
+            program: std::env::current_exe()?,
+            before: threads.map_or_else(Vec::new, |n| vec!["--threads".to_owned(), n.to_string()]),
+            arguments: arguments.to_command_line(),
+            duration_ns: self.duration_ns()?,
+            recording,
+        })
+    }
+
+    fn duration_ns(&self) -> Result<Option<u64>, Failure> {
+        match self.seconds {
+            Some(s) if !(s > 0.0 && s < 1e9) => {
+                Err(Failure::Usage(format!("--seconds {s}: give a number above 0 and below a billion")))
+            }
+            seconds => Ok(seconds.map(|s| (s * 1e9) as u64)),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! `fringeflow service`: one process of an instance, as the supervisor or systemd starts it.
+
+use fringeflow_recorder::Outcome;
+use fringeflow_runtime::{ServiceArgs, ServiceError, log};
+
+use crate::failure::Failure;
+
+/// Arguments of `fringeflow service`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    service: Service,
+}
+
+#[derive(clap::Subcommand)]
+enum Service {
+    /// Pattern events of a virtual projector.
+    VirtualProjector(ServiceArgs),
+    /// Images of both cameras of a virtual scanner.
+    VirtualCameras(ServiceArgs),
+    /// Images to phase maps.
+    Phase(ServiceArgs),
+    /// Phase maps to correspondences.
+    Correspondence(ServiceArgs),
+    /// Correspondences to clouds.
+    Cloud(ServiceArgs),
+    /// All channels to recordings.
+    Recorder(ServiceArgs),
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        log::start();
+        self.service.run().map_err(Failure::Service)?.map_or(Ok(()), |losses| Err(Failure::Losses(losses)))
+    }
+}
+
+impl Service {
+    /// Runs until the service is to end; what was lost, if that is for the service to say.
+    fn run(&self) -> Result<Option<String>, ServiceError> {
+        let done = match self {
+            Self::VirtualProjector(arguments) => fringeflow_virtual_projector::run(arguments),
+            Self::VirtualCameras(arguments) => fringeflow_virtual_cameras::run(arguments),
+            Self::Phase(arguments) => fringeflow_phase::run(arguments),
+            Self::Correspondence(arguments) => fringeflow_correspondence::run(arguments),
+            Self::Cloud(arguments) => fringeflow_cloud::run(arguments),
+            Self::Recorder(arguments) => return Ok(recorded(fringeflow_recorder::run(arguments)?)),
+        };
+        done.map(|()| None)
+    }
+}
+
+fn recorded(outcome: Outcome) -> Option<String> {
+    (outcome == Outcome::Incomplete).then(|| "recordings of this run are incomplete".to_owned())
+}

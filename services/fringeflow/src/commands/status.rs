@@ -1,0 +1,89 @@
+//! `fringeflow status`: what a running instance does, seen from another terminal.
+
+use std::io::Write as _;
+use std::time::Duration;
+
+use fringeflow::message::{Command, ControlRequest, DropReason, ScanState, Stage};
+use fringeflow::transport::{Instance, request};
+use fringeflow_runtime::clock;
+use fringeflow_supervisor::{Latency, Tally, headline, observe, stage_line};
+
+use crate::failure::Failure;
+
+/// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
+const SPAN_NS: u64 = 2_500_000_000;
+/// How long an answer may take.
+pub(crate) const ANSWER: Duration = Duration::from_secs(3);
+
+/// Arguments of `fringeflow status`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Name of the instance: key instance.name of its configuration.
+    #[arg(default_value = "fringeflow")]
+    instance: String,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Report {
+    instance: String,
+    scanning: bool,
+    recording: Option<String>,
+    stages: Vec<StageReport>,
+    exposure_to_cloud: Option<Latency>,
+}
+
+#[derive(serde::Serialize)]
+struct StageReport {
+    stage: &'static str,
+    taken: u64,
+    passed: u64,
+    rate_hz: f64,
+    dropped: std::collections::BTreeMap<&'static str, u64>,
+    latency: Option<Latency>,
+    restarts: u32,
+    silent: bool,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let instance = Instance::new(&self.instance)?;
+        let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
+        let state = request(&instance, &asked, ANSWER)?.state;
+        let tally = observe(&instance, SPAN_NS)?;
+        let mut out = std::io::stdout().lock();
+        if self.json {
+            serde_json::to_writer(&mut out, &self.report(&state, &tally)).map_err(std::io::Error::from)?;
+            return Ok(writeln!(out)?);
+        }
+        let now_ns = clock::now_ns();
+        writeln!(out, "{}: {}", self.instance, headline(&state, &[]))?;
+        for (stage, of_stage) in tally.stages() {
+            writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
+        }
+        Ok(())
+    }
+
+    fn report(&self, state: &ScanState, tally: &Tally) -> Report {
+        let now_ns = clock::now_ns();
+        let stage = |(stage, of_stage): (Stage, &fringeflow_supervisor::StageTally)| StageReport {
+            stage: stage.name(),
+            taken: of_stage.counts.taken,
+            passed: of_stage.counts.passed,
+            rate_hz: of_stage.rate_hz,
+            dropped: of_stage.counts.reasons().map(|(reason, n): (DropReason, u64)| (reason.name(), n)).collect(),
+            latency: of_stage.latency(),
+            restarts: of_stage.restarts,
+            silent: of_stage.is_silent(now_ns),
+        };
+        Report {
+            instance: self.instance.clone(),
+            scanning: state.scanning != 0,
+            recording: (state.recording != 0).then(|| state.recording_file.to_text()),
+            stages: tally.stages().map(stage).collect(),
+            exposure_to_cloud: tally.total(),
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! What a cloud is made of: the phase images of a dataset folder or of a recording, by number.
+
+use std::ops::Range;
+use std::path::Path;
+
+use fringeflow::calibration::Unit;
+use fringeflow::config::Configuration;
+use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
+use fringeflow::recording::{ImagePair, Recording, first_cycle};
+
+use crate::failure::Failure;
+
+/// An opened input.
+pub(crate) enum Input {
+    /// A dataset folder.
+    Folder(Box<Dataset>),
+    /// A recording, and its image pairs in the order of their exposures.
+    Recording(Box<Recording>, Vec<ImagePair>),
+}
+
+impl Input {
+    /// Opens a folder or a recording; `unit` is used where a folder states none.
+    pub(crate) fn open(path: &Path, unit: Option<Unit>) -> Result<Self, Failure> {
+        if !path.is_file() {
+            return Ok(Self::Folder(Box::new(Dataset::open(path, unit)?)));
+        }
+        let recording = Recording::open(path)?;
+        let pairs = recording.pairs()?;
+        Ok(Self::Recording(Box::new(recording), pairs))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        match self {
+            Self::Folder(dataset) => &dataset.folder,
+            Self::Recording(recording, _) => recording.path(),
+        }
+    }
+
+    pub(crate) fn setup(&self) -> &Setup {
+        match self {
+            Self::Folder(dataset) => &dataset.setup,
+            Self::Recording(recording, _) => recording.setup(),
+        }
+    }
+
+    /// The settings that apply unless others are given: those that were recorded.
+    pub(crate) fn configuration(&self) -> Result<Configuration, Failure> {
+        match self {
+            Self::Folder(_) => Ok(Configuration::default()),
+            Self::Recording(recording, _) => Ok(recording.configuration()?),
+        }
+    }
+
+    /// What is true of the scene, where it is known.
+    pub(crate) fn truth(&self) -> Result<Option<Truth>, Failure> {
+        match self {
+            Self::Folder(dataset) => Ok(dataset.truth()?),
+            Self::Recording(recording, _) => Ok(recording.truth()?),
+        }
+    }
+
+    /// The folder, for methods that need more images than a recording has.
+    pub(crate) fn folder(&self) -> Result<&Dataset, Failure> {
+        match self {
+            Self::Folder(dataset) => Ok(dataset),
+            Self::Recording(..) => {
+                Err(self.unusable(&"a recording has no Gray-code images; give the dataset folder they are in"))
+            }
+        }
+    }
+
+    /// Number of image pairs.
+    pub(crate) fn available(&self) -> usize {
+        match self {
+            Self::Folder(dataset) => dataset.setup.sequence.shifts_rad.len(),
+            Self::Recording(_, pairs) => pairs.len(),
+        }
+    }
+
+    /// The image pairs that are used unless others are asked for: the first complete cycle.
+    pub(crate) fn first_cycle(&self) -> Result<Range<usize>, Failure> {
+        let steps = self.setup().steps;
+        let start = match self {
+            Self::Folder(_) => Some(0),
+            Self::Recording(_, pairs) => first_cycle(pairs, steps),
+        };
+        let none = || {
+            self.unusable(&format!("among its {} image pairs is no complete cycle of {steps} steps", self.available()))
+        };
+        start.map(|start| start..start + steps).ok_or_else(none)
+    }
+
+    /// Phase shift of an image pair, rad.
+    pub(crate) fn shift_rad(&self, number: usize) -> Option<f64> {
+        let shifts = &self.setup().sequence.shifts_rad;
+        match self {
+            Self::Folder(_) => shifts.get(number).copied(),
+            Self::Recording(_, pairs) => shifts.get(pairs.get(number)?.step).copied(),
+        }
+    }
+
+    /// Images of both cameras by number.
+    pub(crate) fn images(&self, numbers: &[usize]) -> Result<[Vec<GreyImage>; 2], Failure> {
+        let [cam1, cam2] = CameraId::BOTH.map(|camera| match self {
+            Self::Folder(dataset) => Ok(dataset.phase_images(camera, numbers)?),
+            Self::Recording(recording, pairs) => {
+                let chosen: Vec<ImagePair> = numbers.iter().filter_map(|&n| pairs.get(n).copied()).collect();
+                Ok::<_, Failure>(recording.pair_images(&chosen, camera)?)
+            }
+        });
+        Ok([cam1?, cam2?])
+    }
+
+    /// The input can be read, but not worked with.
+    pub(crate) fn unusable(&self, problem: &dyn std::fmt::Display) -> Failure {
+        Failure::Usage(format!("{}: {problem}", self.path().display()))
+    }
+}

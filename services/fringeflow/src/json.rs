@@ -1,0 +1,14 @@
+//! One JSON object on standard output, for programs that read what a command has to say.
+
+use std::io::Write as _;
+
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// Prints a value as one line of JSON.
+pub(crate) fn print(value: &impl Serialize) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    serde_json::to_writer(&mut out, value).map_err(std::io::Error::from)?;
+    Ok(writeln!(out)?)
+}

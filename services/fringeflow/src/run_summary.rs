@@ -1,0 +1,120 @@
+//! The end of a run in figures: what each stage took, put out and dropped, and how long it took.
+
+use std::fmt;
+use std::io::Write as _;
+use std::path::Path;
+
+use fringeflow::message::{Counts, Stage};
+use fringeflow_supervisor::{Latency, Outcome};
+
+use crate::failure::Failure;
+
+#[derive(serde::Serialize)]
+struct Summary<'a> {
+    stages: Vec<StageSummary>,
+    /// From the start of the last exposure of a cloud to its publication.
+    exposure_to_cloud: Option<Latency>,
+    restarts: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recording: Option<&'a Path>,
+    imbalances: Vec<String>,
+}
+
+#[derive(serde::Serialize)]
+struct StageSummary {
+    stage: &'static str,
+    taken: u64,
+    passed: u64,
+    dropped: std::collections::BTreeMap<&'static str, u64>,
+    latency: Option<Latency>,
+}
+
+/// Prints the summary of a run.
+///
+/// # Errors
+/// The balance does not add up, or something was lost: the exit code says so.
+pub(crate) fn print(outcome: &Outcome, json: bool) -> Result<(), Failure> {
+    let summary = Summary::of(outcome);
+    let mut out = std::io::stdout().lock();
+    if json {
+        serde_json::to_writer(&mut out, &summary).map_err(std::io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        write!(out, "{summary}")?;
+    }
+    if let Some(imbalance) = summary.imbalances.first() {
+        return Err(Failure::Imbalance(imbalance.clone()));
+    }
+    match losses(outcome) {
+        0 if outcome.ended_badly.is_empty() => Ok(()),
+        0 => Err(Failure::Losses(ended_badly(outcome))),
+        lost => Err(Failure::Losses(format!("{lost} items were lost, by the reasons above"))),
+    }
+}
+
+fn losses(outcome: &Outcome) -> u64 {
+    let of_stage =
+        |counts: &Counts| counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(_, n)| n).sum::<u64>();
+    outcome.balance.0.iter().map(|(_, counts)| of_stage(counts)).sum()
+}
+
+fn ended_badly(outcome: &Outcome) -> String {
+    let services: Vec<String> = outcome.ended_badly.iter().map(|(name, how)| format!("{name}: {how}")).collect();
+    format!("services did not end well: {}", services.join(", "))
+}
+
+impl<'a> Summary<'a> {
+    fn of(outcome: &'a Outcome) -> Self {
+        let stage = |(stage, counts): &(Stage, Counts)| StageSummary {
+            stage: stage.name(),
+            taken: counts.taken,
+            passed: counts.passed,
+            dropped: counts.reasons().map(|(reason, n)| (reason.name(), n)).collect(),
+            latency: outcome.tally.stage(*stage).and_then(fringeflow_supervisor::StageTally::latency),
+        };
+        Self {
+            stages: outcome.balance.0.iter().map(stage).collect(),
+            exposure_to_cloud: outcome.tally.total(),
+            restarts: outcome.restarts,
+            recording: outcome.recording.as_deref(),
+            imbalances: outcome.balance.faults().iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{:<15} {:>9} {:>9}   {:>8} {:>8}   dropped", "stage", "in", "out", "p50 ms", "p99 ms")?;
+        for stage in &self.stages {
+            let [p50, p99] = percentiles(stage.latency);
+            let dropped: Vec<String> = stage.dropped.iter().map(|(reason, n)| format!("{reason} {n}")).collect();
+            let line = format!(
+                "{:<15} {:>9} {:>9}   {p50:>8} {p99:>8}   {}",
+                stage.stage,
+                stage.taken,
+                stage.passed,
+                dropped.join(", ")
+            );
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        let [p50, p99] = percentiles(self.exposure_to_cloud);
+        writeln!(f, "{:<35}   {p50:>8} {p99:>8}", "exposure to cloud")?;
+        if self.restarts > 0 {
+            writeln!(f, "services started again: {}", self.restarts)?;
+        }
+        for imbalance in &self.imbalances {
+            writeln!(f, "does not add up: {imbalance}")?;
+        }
+        if self.imbalances.is_empty() {
+            writeln!(f, "balance: in = out + dropped at every stage")?;
+        }
+        match self.recording {
+            Some(file) => writeln!(f, "recording: {}", file.display()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn percentiles(latency: Option<Latency>) -> [String; 2] {
+    latency.map_or_else(Default::default, |l| [l.p50_ms, l.p99_ms].map(|ms| format!("{ms:.1}")))
+}

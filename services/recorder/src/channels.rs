@@ -1,0 +1,142 @@
+//! All channels that are recorded, and the numbers of their messages.
+
+use fringeflow::message::{
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
+};
+use fringeflow::recording::Recordable;
+use fringeflow::transport::{
+    CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
+    REPORT_STAGE, Subscriber, TransportError, Wake, WakeSource,
+};
+use fringeflow_runtime::{Arrivals, BEAT, Host};
+
+/// The receiving ends.
+pub(crate) struct Channels {
+    cameras: [Numbered<FrameHeader, [u8]>; 2],
+    events: Numbered<(), PatternEvent>,
+    maps: Option<Numbered<MapsHeader, [Block]>>,
+    correspondences: Option<Numbered<CorrespondenceHeader, [Block]>>,
+    clouds: Numbered<CloudHeader, [u8]>,
+    reports: Numbered<(), StageReport>,
+    wake: Wake,
+}
+
+/// A channel whose messages are numbered.
+struct Numbered<H: Header, P: Payload + ?Sized> {
+    port: Subscriber<H, P>,
+    /// `None` until the first message: what was sent before it was not for this recorder.
+    arrivals: Option<Arrivals>,
+}
+
+impl Channels {
+    pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
+        let settings = &host.configuration.recorder;
+        Ok(Self {
+            cameras: [Numbered::open(host, CAM1_FRAME)?, Numbered::open(host, CAM2_FRAME)?],
+            events: Numbered::open(host, PROJECTOR_PATTERN)?,
+            maps: settings.phase_maps.then(|| Numbered::open(host, PHASE_MAPS)).transpose()?,
+            correspondences: settings.correspondences.then(|| Numbered::open(host, CORRESPONDENCE_MAP)).transpose()?,
+            clouds: Numbered::open(host, CLOUD)?,
+            reports: Numbered::open(host, REPORT_STAGE)?,
+            wake: Wake::new()?,
+        })
+    }
+
+    /// Waits for messages, or for a change of the state.
+    pub(crate) fn wait(&self, state: &Subscriber<(), ScanState>) -> Result<(), TransportError> {
+        let mut ports: Vec<&dyn WakeSource> = vec![
+            state,
+            &self.cameras[0].port,
+            &self.cameras[1].port,
+            &self.events.port,
+            &self.clouds.port,
+            &self.reports.port,
+        ];
+        ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
+        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WakeSource));
+        self.wake.wait(&ports, BEAT)
+    }
+
+    /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) -> Result<(), TransportError> {
+        loop {
+            let mut any = self.events.next(
+                |(), event| event.sequence,
+                |(), event, missing| {
+                    take(&Recordable::Pattern(event), missing);
+                },
+            )?;
+            for camera in &mut self.cameras {
+                any |= camera.next(
+                    |header, _| header.published,
+                    |header, image, missing| {
+                        take(&Recordable::Frame { header, image }, missing);
+                    },
+                )?;
+            }
+            if let Some(maps) = &mut self.maps {
+                any |= maps.next(
+                    |header, _| header.published,
+                    |header, payload, missing| {
+                        take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing);
+                    },
+                )?;
+            }
+            if let Some(found) = &mut self.correspondences {
+                any |= found.next(
+                    |header, _| header.published,
+                    |header, payload, missing| {
+                        take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing);
+                    },
+                )?;
+            }
+            any |= self.clouds.next(
+                |header, _| header.published,
+                |header, records, missing| {
+                    take(&Recordable::Cloud { header, records }, missing);
+                },
+            )?;
+            any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0))?;
+            if !any {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Opens ports again that lost their other side.
+    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+        self.cameras.iter_mut().try_for_each(|camera| camera.port.ensure_connected(now_ns).map(|_| ()))?;
+        self.events.port.ensure_connected(now_ns)?;
+        self.maps.iter_mut().try_for_each(|maps| maps.port.ensure_connected(now_ns).map(|_| ()))?;
+        self.correspondences.iter_mut().try_for_each(|found| found.port.ensure_connected(now_ns).map(|_| ()))?;
+        self.clouds.port.ensure_connected(now_ns)?;
+        self.reports.port.ensure_connected(now_ns).map(|_| ())
+    }
+}
+
+impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
+    fn open(host: &Host, channel: Channel<H, P>) -> Result<Self, TransportError> {
+        Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, arrivals: None })
+    }
+
+    /// Takes the next message, if there is one.
+    fn next(
+        &mut self,
+        number: impl Fn(&H, &P) -> u64,
+        mut take: impl FnMut(&H, &P, u64),
+    ) -> Result<bool, TransportError> {
+        let Some(message) = self.port.receive()? else { return Ok(false) };
+        let number = number(message.header(), message.payload());
+        let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
+        let missing = arrivals.arrive(number).unwrap_or(0);
+        take(message.header(), message.payload(), missing);
+        Ok(true)
+    }
+
+    /// Takes the next message of a channel with many publishers, whose messages have no common number.
+    fn unnumbered(&mut self, mut take: impl FnMut(&P)) -> Result<bool, TransportError> {
+        let Some(message) = self.port.receive()? else { return Ok(false) };
+        take(message.payload());
+        Ok(true)
+    }
+}

@@ -1,0 +1,65 @@
+//! One recording: from the wish to the closed file.
+
+use std::path::PathBuf;
+
+use fringeflow::message::{Counts, ScanState};
+use fringeflow::recording::{Opening, Origin, Recordable, Recorder, RecordingError};
+use fringeflow_runtime::{Host, clock};
+
+/// A running recording.
+pub(crate) struct Session {
+    recorder: Recorder,
+    file: PathBuf,
+    /// Whether it was said that nothing more is written.
+    has_told: bool,
+}
+
+impl Session {
+    pub(crate) fn begin(wanted: &ScanState, host: &Host) -> Result<Self, RecordingError> {
+        let file = PathBuf::from(wanted.recording_file.to_text());
+        let settings = &host.configuration.recorder;
+        let opening = Opening {
+            setup: &host.setup,
+            configuration: &host.configuration.text,
+            origin: &Origin::here(),
+            min_free_bytes: settings.min_free_bytes,
+        };
+        let queue_bytes = usize::try_from(settings.queue_bytes).unwrap_or(usize::MAX);
+        let recorder = Recorder::create(&file, &opening, queue_bytes)?;
+        tracing::info!(file = %file.display(), "recording");
+        Ok(Self { recorder, file, has_told: false })
+    }
+
+    /// Takes a message; how many were lost in its channel before it is written down as well.
+    pub(crate) fn take(&self, message: &Recordable<'_>, missing: u64) {
+        if missing > 0 {
+            let text = format!("{missing} messages were overwritten before the recorder took them");
+            self.recorder.push(&Recordable::Loss { time_ns: clock::now_ns(), text: &text });
+        }
+        self.recorder.push(message);
+    }
+
+    pub(crate) fn mark(&self, time_ns: u64, text: &str) {
+        self.recorder.push(&Recordable::Mark { time_ns, text });
+    }
+
+    pub(crate) fn counts(&self) -> Counts {
+        self.recorder.counts().total()
+    }
+
+    /// Why nothing more is written; said once.
+    pub(crate) fn standstill(&mut self) -> Option<String> {
+        let why = self.recorder.ended()?;
+        let first = !std::mem::replace(&mut self.has_told, true);
+        first.then(|| format!("{}: {why}; the scan goes on, nothing more is recorded", self.file.display()))
+    }
+
+    /// Closes the file; what is in it, and its path.
+    pub(crate) fn end(self) -> (Counts, Result<PathBuf, RecordingError>) {
+        let before = self.recorder.counts().total();
+        match self.recorder.finish() {
+            Ok(recorded) => (recorded.counts.total(), Ok(recorded.file)),
+            Err(error) => (before, Err(error)),
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! What the operator sees while an instance runs: a line a stage in a terminal, a log line now and then elsewhere.
+
+use std::io::{IsTerminal, stderr};
+
+use fringeflow::message::{ScanState, Stage};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+
+use crate::{StageTally, Tally};
+
+/// Time between two log lines, nanoseconds.
+const LOG_NS: u64 = 10_000_000_000;
+
+/// Shows how the stages fare.
+#[derive(Debug)]
+pub(crate) struct Display {
+    /// Lines of a terminal; `None` where nobody watches.
+    lines: Option<MultiProgress>,
+    head: ProgressBar,
+    stages: Vec<(Stage, ProgressBar)>,
+    logged_ns: u64,
+}
+
+impl Display {
+    pub(crate) fn new() -> Self {
+        let lines = stderr().is_terminal().then(MultiProgress::new);
+        let head = line(lines.as_ref());
+        Self { lines, head, stages: Vec::new(), logged_ns: 0 }
+    }
+
+    /// Shows the present; `waiting` names services that are not ready yet.
+    pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: &[&str], now_ns: u64) {
+        if self.lines.is_some() {
+            self.head.set_message(headline(state, waiting));
+            for (stage, of_stage) in tally.stages() {
+                self.line_of(stage).set_message(stage_line(stage, of_stage, now_ns));
+            }
+        } else if now_ns.saturating_sub(self.logged_ns) >= LOG_NS {
+            self.logged_ns = now_ns;
+            let stages: Vec<String> = tally.stages().map(|(stage, of_stage)| brief(stage, of_stage, now_ns)).collect();
+            tracing::info!("{}: {}", headline(state, waiting), stages.join(", "));
+        }
+    }
+
+    /// Leaves the last lines as they are.
+    pub(crate) fn finish(&self) {
+        self.head.abandon();
+        self.stages.iter().for_each(|(_, line)| line.abandon());
+    }
+
+    fn line_of(&mut self, stage: Stage) -> &ProgressBar {
+        let at = self.stages.partition_point(|(other, _)| *other < stage);
+        if self.stages.get(at).is_none_or(|(other, _)| *other != stage) {
+            let line = line(None);
+            let line = match &self.lines {
+                Some(lines) => lines.insert(at + 1, line),
+                None => line,
+            };
+            line.set_style(style());
+            self.stages.insert(at, (stage, line));
+        }
+        &self.stages[at].1
+    }
+}
+
+fn line(lines: Option<&MultiProgress>) -> ProgressBar {
+    let line = ProgressBar::new_spinner().with_style(style());
+    match lines {
+        Some(lines) => lines.add(line),
+        None => line,
+    }
+}
+
+fn style() -> ProgressStyle {
+    ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
+}
+
+/// One line about the instance.
+#[must_use]
+pub fn headline(state: &ScanState, waiting: &[&str]) -> String {
+    if !waiting.is_empty() {
+        return format!("waiting for {}", waiting.join(", "));
+    }
+    let scanning = if state.scanning != 0 { "scanning" } else { "stopped" };
+    if state.recording != 0 {
+        format!("{scanning}, recording to {}", state.recording_file.to_text())
+    } else {
+        scanning.to_owned()
+    }
+}
+
+/// One line about a stage: rate, median latency, items put out, drops by reason, restarts.
+#[must_use]
+pub fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
+    let latency = tally.latency().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
+    let silent = if tally.is_silent(now_ns) { "  silent" } else { "" };
+    let drops: Vec<String> = tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())).collect();
+    let restarts = if tally.restarts > 0 { format!("  restarts {}", tally.restarts) } else { String::new() };
+    format!(
+        "{:<15}{:7.1}/s{latency:>12}  out {:<9}{}{restarts}{silent}",
+        stage.name(),
+        tally.rate_hz,
+        tally.counts.passed,
+        if drops.is_empty() { String::new() } else { format!("dropped: {}", drops.join(", ")) },
+    )
+}
+
+fn brief(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
+    let silent = if tally.is_silent(now_ns) { " silent" } else { "" };
+    let dropped = tally.counts.all_dropped();
+    format!("{} {:.1}/s out {} dropped {dropped}{silent}", stage.name(), tally.rate_hz, tally.counts.passed)
+}

@@ -1,0 +1,385 @@
+//! The supervisor's loop: services up, reports in, commands answered, services down in order, balance drawn.
+
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use fringeflow::config::ScannerConfiguration;
+use fringeflow::dataset::Setup;
+use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
+use fringeflow::transport::{
+    Channels, ControlServer, Instance, InstanceLock, Node, Publisher, REPORT_STAGE, SCAN_STATE, Subscriber,
+    TransportError, Wake, check_shared_memory,
+};
+use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock};
+
+use crate::child::{Event, Launch, Service};
+use crate::control::Control;
+use crate::display::Display;
+use crate::{Balance, ServiceKind, Tally};
+
+/// Longest wait for messages.
+const TURN: Duration = Duration::from_millis(50);
+/// Time between two looks at connections and dead processes, nanoseconds.
+const HOUSEKEEPING_NS: u64 = 1_000_000_000;
+/// Time that a service has to finish its work when it is to end, nanoseconds.
+const STOP_NS: u64 = 30_000_000_000;
+
+/// What is to run.
+#[derive(Debug)]
+pub struct Plan {
+    /// Configuration of the instance.
+    pub configuration: ScannerConfiguration,
+    /// Rig, pattern and volume.
+    pub setup: Setup,
+    /// Services in the order of the pipeline.
+    pub services: Vec<ServiceKind>,
+    /// The `fringeflow` command.
+    pub program: PathBuf,
+    /// Its arguments before `service`.
+    pub before: Vec<String>,
+    /// Arguments of every service.
+    pub arguments: Vec<String>,
+    /// How long to scan, once all services are ready; without end if `None`.
+    pub duration_ns: Option<u64>,
+    /// Whether a recording is wanted from the start, and its file; an empty one is named by the time.
+    pub recording: Option<String>,
+}
+
+/// Why an instance could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The channels.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// An account.
+    #[error(transparent)]
+    Account(#[from] AccountError),
+    /// A service cannot be started or watched.
+    #[error("service {service}: {source}")]
+    Service {
+        /// Its name.
+        service: &'static str,
+        /// What the system said.
+        #[source]
+        source: io::Error,
+    },
+    /// Something of the system.
+    #[error("{what}: {source}")]
+    System {
+        /// What was tried.
+        what: &'static str,
+        /// What the system said.
+        #[source]
+        source: io::Error,
+    },
+    /// The recording cannot be begun.
+    #[error("recording: {0}")]
+    Recording(String),
+    /// A service found that it cannot run as configured; it has said why.
+    #[error("service {service} cannot run ({how}); see its message above")]
+    Hopeless {
+        /// Its name.
+        service: &'static str,
+        /// How it ended.
+        how: String,
+    },
+}
+
+/// What came of a run.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Accounts of all stages.
+    pub balance: Balance,
+    /// Reports of all stages.
+    pub tally: Tally,
+    /// Services that did not end well at the stop, and how.
+    pub ended_badly: Vec<(&'static str, String)>,
+    /// Restarts of all services.
+    pub restarts: u32,
+    /// The last recording.
+    pub recording: Option<PathBuf>,
+}
+
+/// Runs an instance until its time is over, its source is exhausted, somebody stops it, or it cannot go on. `on_turn` is
+/// called many times a second.
+///
+/// # Errors
+/// [`RunError`]; nothing is left running.
+pub fn run(plan: &Plan, on_turn: impl FnMut() -> Result<(), TransportError>) -> Result<Outcome, RunError> {
+    let instance = Instance::new(&plan.configuration.name)?;
+    check_shared_memory(&channel_sizes(&plan.setup))?;
+    let lock = InstanceLock::take(&instance)?;
+    let accounts = accounts_folder(&instance);
+    remove_folder(&accounts)?;
+    let outcome = Supervisor::start(plan, &instance, &accounts).and_then(|supervisor| supervisor.run(on_turn));
+    remove_folder(&accounts)?;
+    // Last: everything of the instance goes with it.
+    drop(lock);
+    outcome
+}
+
+fn remove_folder(folder: &PathBuf) -> Result<(), RunError> {
+    match fs::remove_dir_all(folder) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(RunError::System { what: "the accounts of the last run cannot be removed", source })
+        }
+        _ => Ok(()),
+    }
+}
+
+struct Supervisor<'a> {
+    plan: &'a Plan,
+    instance: &'a Instance,
+    accounts: &'a PathBuf,
+    launch: Launch,
+    services: Vec<(ServiceKind, Service)>,
+    stop: Stop,
+    control: Control,
+    tally: Tally,
+    display: Display,
+    ports: Ports,
+    housekeeping_ns: u64,
+    /// When scanning began.
+    scanning_since_ns: Option<u64>,
+}
+
+struct Ports {
+    _channels: Channels,
+    state: Publisher<(), ScanState>,
+    reports: Subscriber<(), StageReport>,
+    control: ControlServer,
+    wake: Wake,
+    sent: Option<u64>,
+}
+
+impl<'a> Supervisor<'a> {
+    fn start(plan: &'a Plan, instance: &'a Instance, accounts: &'a PathBuf) -> Result<Self, RunError> {
+        let stop =
+            Stop::on_signals().map_err(|source| RunError::System { what: "signals cannot be handled", source })?;
+        let ports = Ports::open(instance, plan)?;
+        let launch =
+            Launch { program: plan.program.clone(), before: plan.before.clone(), behind: plan.arguments.clone() };
+        let mut supervisor = Self {
+            plan,
+            instance,
+            accounts,
+            launch,
+            services: Vec::new(),
+            stop,
+            control: Control::new(&plan.configuration),
+            tally: Tally::default(),
+            display: Display::new(),
+            ports,
+            housekeeping_ns: 0,
+            scanning_since_ns: None,
+        };
+        // From the end of the pipeline to its beginning: whoever sends is heard.
+        for &kind in plan.services.iter().rev() {
+            let service =
+                Service::start(kind.name(), kind == ServiceKind::Replayer, &supervisor.launch, clock::now_ns());
+            let service = service.map_err(|source| RunError::Service { service: kind.name(), source })?;
+            supervisor.services.insert(0, (kind, service));
+        }
+        Ok(supervisor)
+    }
+
+    fn run(mut self, mut on_turn: impl FnMut() -> Result<(), TransportError>) -> Result<Outcome, RunError> {
+        while !self.is_over() {
+            self.turn()?;
+            on_turn()?;
+            if self.source_is_exhausted() {
+                break;
+            }
+        }
+        let ended_badly = self.stop_all(&mut on_turn)?;
+        self.close_accounts(&ended_badly)?;
+        self.display.finish();
+        Ok(self.outcome(ended_badly))
+    }
+
+    /// Whether it is time to stop.
+    fn is_over(&self) -> bool {
+        let scanned_ns = self.scanning_since_ns.map_or(0, |since| clock::now_ns().saturating_sub(since));
+        let time_is_up = self.plan.duration_ns.is_some_and(|duration| scanned_ns >= duration);
+        self.stop.is_requested() || self.control.is_to_end || time_is_up
+    }
+
+    /// One turn: children, reports, commands, state, display.
+    fn turn(&mut self) -> Result<(), RunError> {
+        let now_ns = clock::now_ns();
+        self.tend_services(now_ns)?;
+        self.listen()?;
+        self.begin_when_ready(now_ns)?;
+        self.ports.publish_state(&self.control.state)?;
+        if now_ns.saturating_sub(self.housekeeping_ns) >= HOUSEKEEPING_NS {
+            self.housekeeping_ns = now_ns;
+            self.keep_house(now_ns);
+        }
+        self.ports.wait()?;
+        Ok(())
+    }
+
+    fn listen(&mut self) -> Result<(), TransportError> {
+        while let Some(report) = self.ports.reports.receive()? {
+            self.tally.add(&report);
+        }
+        let control = &mut self.control;
+        self.ports.control.answer(|request| control.answer(request))?;
+        Ok(())
+    }
+
+    fn tend_services(&mut self, now_ns: u64) -> Result<(), RunError> {
+        for (_, service) in &mut self.services {
+            let event = service.tend(&self.launch, now_ns);
+            let event = event.map_err(|source| RunError::Service { service: service.name, source })?;
+            match event {
+                None | Some(Event::Finished) => {}
+                Some(Event::Died { how, wait_ns }) => {
+                    tracing::warn!(service = service.name, how, wait_ms = wait_ns / 1_000_000, "service died");
+                }
+                Some(Event::Restarted) => tracing::info!(service = service.name, "service started again"),
+                Some(Event::Hopeless { how }) => return Err(RunError::Hopeless { service: service.name, how }),
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins to scan, and to record, when every service has given a sign of life.
+    fn begin_when_ready(&mut self, now_ns: u64) -> Result<(), RunError> {
+        if self.scanning_since_ns.is_some() {
+            return Ok(());
+        }
+        if !self.waited_for().is_empty() {
+            return Ok(());
+        }
+        if let Some(file) = &self.plan.recording {
+            self.control.record(file).map_err(RunError::Recording)?;
+        }
+        self.control.start();
+        self.scanning_since_ns = Some(now_ns);
+        Ok(())
+    }
+
+    fn keep_house(&mut self, now_ns: u64) {
+        if let Err(error) = self.ports.ensure_connected(now_ns) {
+            tracing::warn!("{error}");
+        }
+        match self.instance.clean_dead() {
+            Ok(_) => {}
+            Err(error) => tracing::warn!("{error}"),
+        }
+        self.display.show(&self.tally, &self.control.state, &self.waited_for(), now_ns);
+    }
+
+    /// Services that have not reported yet.
+    fn waited_for(&self) -> Vec<&'static str> {
+        let is_ready = |kind: ServiceKind| kind.stages().iter().any(|&stage| self.tally.stage(stage).is_some());
+        self.services.iter().map(|(kind, _)| *kind).filter(|&kind| !is_ready(kind)).map(ServiceKind::name).collect()
+    }
+
+    /// Whether a replayer has played everything.
+    fn source_is_exhausted(&self) -> bool {
+        self.services.iter().any(|(kind, service)| *kind == ServiceKind::Replayer && service.has_finished())
+    }
+
+    /// Stops the services in the order of the pipeline: each gets the time to work off what the one before left.
+    fn stop_all(
+        &mut self,
+        on_turn: &mut impl FnMut() -> Result<(), TransportError>,
+    ) -> Result<Vec<(&'static str, String)>, RunError> {
+        let mut ended_badly = Vec::new();
+        self.control.state.scanning = 0;
+        self.control.state.revision += 1;
+        self.ports.publish_state(&self.control.state)?;
+        for number in 0..self.services.len() {
+            let deadline_ns = clock::now_ns() + STOP_NS;
+            self.services[number].1.ask_to_stop();
+            loop {
+                self.listen()?;
+                on_turn()?;
+                let (kind, service) = &mut self.services[number];
+                let ended = service.has_ended();
+                match ended.map_err(|source| RunError::Service { service: kind.name(), source })? {
+                    Some(how) => {
+                        ended_badly.extend(how.map(|how| (kind.name(), how)));
+                        break;
+                    }
+                    None if clock::now_ns() > deadline_ns => {
+                        service.kill();
+                        ended_badly.push((kind.name(), "did not end in time and was killed".to_owned()));
+                        break;
+                    }
+                    None => self.ports.wait()?,
+                }
+            }
+        }
+        self.listen()?;
+        Ok(ended_badly)
+    }
+
+    /// Closes the accounts that a service left open by its death.
+    fn close_accounts(&self, ended_badly: &[(&'static str, String)]) -> Result<(), AccountError> {
+        let died = |kind: &ServiceKind| ended_badly.iter().any(|(name, how)| *name == kind.name() && how != LOSSES);
+        for (kind, _) in self.services.iter().filter(|(kind, _)| died(kind)) {
+            for &stage in kind.stages() {
+                Account::open(self.accounts, stage)?.catch_up(self.accounts, DropReason::Restart)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn outcome(self, ended_badly: Vec<(&'static str, String)>) -> Outcome {
+        let account = |stage| Some((stage, Account::read(self.accounts, stage)?));
+        let recording = self.control.state.recording_file.to_text();
+        Outcome {
+            balance: Balance(Stage::ALL.into_iter().filter_map(account).collect()),
+            tally: self.tally,
+            ended_badly,
+            restarts: self.services.iter().map(|(_, service)| service.restarts).sum(),
+            recording: (!recording.is_empty()).then(|| PathBuf::from(recording)),
+        }
+    }
+}
+
+/// How a service ends that has done its work, but lost something on the way.
+const LOSSES: &str = "exit code 3";
+
+impl Ports {
+    fn open(instance: &Instance, plan: &Plan) -> Result<Self, TransportError> {
+        let node = Node::open(instance, "supervisor")?;
+        let sizes = channel_sizes(&plan.setup);
+        Ok(Self {
+            _channels: Channels::open(&node, &sizes)?,
+            state: Publisher::open(&node, SCAN_STATE, &sizes)?,
+            reports: Subscriber::open(&node, REPORT_STAGE, &sizes)?,
+            control: ControlServer::open(&node)?,
+            wake: Wake::new()?,
+            sent: None,
+        })
+    }
+
+    /// Publishes the state if it has changed.
+    fn publish_state(&mut self, state: &ScanState) -> Result<(), TransportError> {
+        if self.sent.replace(state.revision) != Some(state.revision) {
+            self.state.send_message(state)?;
+        }
+        Ok(())
+    }
+
+    fn wait(&self) -> Result<(), TransportError> {
+        self.wake.wait(&[&self.reports, &self.control], TURN)
+    }
+
+    fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+        self._channels.ensure_connected()?;
+        if self.state.ensure_connected()? {
+            // Whoever comes now is to hear the state as well.
+            self.sent = None;
+        }
+        self.reports.ensure_connected(now_ns)?;
+        self.control.ensure_connected()?;
+        Ok(())
+    }
+}

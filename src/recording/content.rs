@@ -1,0 +1,143 @@
+//! Messages of a recording, decoded.
+
+use foxglove::messages::{Log, PointCloud, RawImage, log};
+use prost::Message as _;
+use prost::bytes::Bytes;
+
+use crate::cloud::RECORD_BYTES;
+use crate::message::{CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport};
+
+use super::{Topic, schema};
+
+/// A message of a recording.
+#[derive(Clone, Debug)]
+pub struct Message {
+    /// Its topic.
+    pub topic: Topic,
+    /// When it was received or published.
+    pub log_ns: u64,
+    /// Start of its exposure.
+    pub publish_ns: u64,
+    /// What it says.
+    pub content: Content,
+}
+
+/// What a message says; payloads are those of the channels.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// An image.
+    Frame(FrameHeader, Bytes),
+    /// A pattern event.
+    Pattern(PatternEvent),
+    /// Phase maps.
+    Maps(Box<MapsHeader>, Bytes),
+    /// Correspondences.
+    Correspondences(Box<CorrespondenceHeader>, Bytes),
+    /// A cloud: its records, lengths in metres.
+    Cloud(Box<CloudHeader>, Bytes),
+    /// Report of a stage.
+    Report(Box<StageReport>),
+    /// A mark that a person set.
+    Mark(String),
+    /// What the recorder said about its own losses.
+    Loss(String),
+    /// Calibration or transforms for viewers; the measurement reads the attachments.
+    ForViewers,
+}
+
+/// Decoded header of an image or a cloud.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Header {
+    Frame(FrameHeader),
+    Cloud(Box<CloudHeader>),
+}
+
+impl Header {
+    /// Decodes a message of a header topic.
+    pub(super) fn decode(topic: Topic, data: &[u8]) -> Result<Self, String> {
+        let camera = match topic {
+            Topic::Cam1Header => 1,
+            Topic::Cam2Header => 2,
+            _ => {
+                let header = schema::CloudHeader::decode(data).map_err(|e| e.to_string())?;
+                let header = header.to_message().ok_or("field window is missing or contradicts itself")?;
+                return Ok(Self::Cloud(Box::new(header)));
+            }
+        };
+        let header = schema::FrameHeader::decode(data).map_err(|e| e.to_string())?.to_message();
+        if header.camera != camera {
+            return Err(format!("field camera is {}; expected {camera}", header.camera));
+        }
+        Ok(Self::Frame(header))
+    }
+}
+
+impl Content {
+    /// Decodes a message; `header` is the one beside it, where its topic has one.
+    pub(super) fn decode(topic: Topic, header: Option<&Header>, data: Bytes) -> Result<Self, String> {
+        match (topic, header) {
+            (Topic::Cam1Frame | Topic::Cam2Frame, Some(Header::Frame(header))) => image(header, data),
+            (Topic::Cloud, Some(Header::Cloud(header))) => cloud(header, data),
+            (Topic::Cam1Frame | Topic::Cam2Frame | Topic::Cloud, _) => Err("its header is missing".to_owned()),
+            (Topic::Pattern, _) => Ok(Self::Pattern(decode::<schema::PatternEvent>(data)?.to_message())),
+            (Topic::PhaseMaps, _) => {
+                let maps = decode::<schema::PhaseMaps>(data)?;
+                let header = maps.header.and_then(|header| header.to_message());
+                let header = header.ok_or("field header is missing or contradicts itself")?;
+                Ok(Self::Maps(Box::new(header), maps.payload))
+            }
+            (Topic::CorrespondenceMap, _) => {
+                let map = decode::<schema::CorrespondenceMap>(data)?;
+                let header = map.header.and_then(|header| header.to_message());
+                let header = header.ok_or("field header is missing or contradicts itself")?;
+                Ok(Self::Correspondences(Box::new(header), map.payload))
+            }
+            (Topic::Report, _) => {
+                let report = decode::<schema::StageReport>(data)?.to_message();
+                Ok(Self::Report(Box::new(report.ok_or("field stage or dropped has an unknown name")?)))
+            }
+            (Topic::Log, _) => {
+                let log = decode::<Log>(data)?;
+                let is_loss = log.level >= i32::from(log::Level::Warning);
+                Ok(if is_loss { Self::Loss(log.message) } else { Self::Mark(log.message) })
+            }
+            (Topic::Transforms | Topic::Cam1Calibration | Topic::Cam2Calibration, _) => Ok(Self::ForViewers),
+            (Topic::Cam1Header | Topic::Cam2Header | Topic::CloudHeader, _) => {
+                Err("it describes nothing that is there".to_owned())
+            }
+        }
+    }
+}
+
+fn decode<M: prost::Message + Default>(data: Bytes) -> Result<M, String> {
+    M::decode(data).map_err(|e| e.to_string())
+}
+
+fn image(header: &FrameHeader, data: Bytes) -> Result<Content, String> {
+    let image = decode::<RawImage>(data)?;
+    let [width, height, stride] = [header.width_px, header.height_px, header.stride_bytes];
+    if [image.width, image.height, image.step] != [width, height, stride] || image.encoding != "mono8" {
+        return Err(format!(
+            "the image is {} × {} pixels, {} bytes a row, {:?}; its header says {width} × {height}, {stride}, mono8",
+            image.width, image.height, image.step, image.encoding
+        ));
+    }
+    if stride < width || image.data.len() as u64 != u64::from(stride) * u64::from(height) {
+        return Err(format!("field data has {} bytes; expected {height} rows of {stride}", image.data.len()));
+    }
+    Ok(Content::Frame(*header, image.data))
+}
+
+fn cloud(header: &CloudHeader, data: Bytes) -> Result<Content, String> {
+    let cloud = decode::<PointCloud>(data)?;
+    let expected = header.points.checked_mul(RECORD_BYTES as u64);
+    if cloud.point_stride as usize != RECORD_BYTES || Some(cloud.data.len() as u64) != expected {
+        return Err(format!(
+            "field data has {} bytes in records of {}; expected {} points of {RECORD_BYTES}",
+            cloud.data.len(),
+            cloud.point_stride,
+            header.points
+        ));
+    }
+    Ok(Content::Cloud(Box::new(*header), cloud.data))
+}

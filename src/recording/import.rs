@@ -1,0 +1,190 @@
+//! From a dataset folder to a recording: as if a scanner had taken its phase images at a steady rate.
+//!
+//! In: a dataset. Out: a recording with image k of both cameras as driver sequence k, pattern events, the setup, and the
+//! truth where there is one. The same dataset and rate give the same bytes: the times count from one second, and no
+//! host is named.
+
+use std::path::{Path, PathBuf};
+
+use crate::dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
+use crate::message::{FrameHeader, PATTERN_FRINGES, PIXEL_FORMAT_GREY, PatternEvent};
+
+use super::error::{RecordingError, RecordingProblem};
+use super::recordable::Encoded;
+use super::recorder::RecorderCounts;
+use super::writer::{Opening, RecordingWriter};
+use super::{Origin, Recordable};
+
+/// Start of the first exposure.
+const FIRST_EXPOSURE_NS: u64 = 1_000_000_000;
+/// Session of cameras and projector.
+const SESSION: u64 = 1;
+
+/// Why a dataset was not imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The dataset cannot be read.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The shifts do not repeat with the cycle, so that no pattern event could name them.
+    #[error(
+        "{}: phase_shift_rad {image} is {shift_rad} and {step} is {first_rad}; a recording needs shifts that repeat \
+         every {steps} images", folder.display()
+    )]
+    NotPeriodic {
+        /// The dataset.
+        folder: PathBuf,
+        /// The image.
+        image: usize,
+        /// Its shift.
+        shift_rad: f64,
+        /// The image of the first cycle with the same step.
+        step: usize,
+        /// Its shift.
+        first_rad: f64,
+        /// Steps of the cycle.
+        steps: usize,
+    },
+}
+
+/// How a dataset becomes a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImportOptions<'a> {
+    /// Time from one exposure to the next.
+    pub period_ns: u64,
+    /// Text of the configuration.
+    pub configuration: &'a str,
+    /// Bytes of the disk that are to stay free.
+    pub min_free_bytes: u64,
+}
+
+/// Writes a dataset as a recording; `progress` is called after each image pair.
+///
+/// # Errors
+/// [`ImportError`]: shifts that do not repeat, an unreadable image, a name that is taken, a full disk.
+pub fn import(
+    dataset: &Dataset,
+    target: &Path,
+    options: &ImportOptions<'_>,
+    mut progress: impl FnMut(),
+) -> Result<RecorderCounts, ImportError> {
+    check_periodic(dataset)?;
+    let origin = Origin::default();
+    let opening = Opening {
+        setup: &dataset.setup,
+        configuration: options.configuration,
+        origin: &origin,
+        min_free_bytes: options.min_free_bytes,
+    };
+    let mut import = Import { writer: RecordingWriter::create(target, &opening)?, counts: RecorderCounts::default() };
+    match import.write(dataset, options.period_ns, &mut progress) {
+        Ok(()) => {}
+        Err(Stopped::Dataset(error)) => {
+            // What was written is half of what was asked for; the dataset is still there.
+            import.writer.discard();
+            return Err(error.into());
+        }
+        Err(Stopped::Writing(problem)) => return Err(import.writer.give_up(problem).into()),
+    }
+    let metadata = import.counts.metadata("end");
+    import.writer.finish(metadata)?;
+    Ok(import.counts)
+}
+
+/// A pattern event names a step of the cycle, and the setup the shift of the step.
+fn check_periodic(dataset: &Dataset) -> Result<(), ImportError> {
+    let (shifts, steps) = (&dataset.setup.sequence.shifts_rad, dataset.setup.steps);
+    let differs = shifts.iter().zip(shifts.iter().cycle().take(steps).cycle()).position(|(a, b)| a != b);
+    let Some(image) = differs else { return Ok(()) };
+    let (folder, step) = (dataset.folder.clone(), image % steps);
+    Err(ImportError::NotPeriodic { folder, image, shift_rad: shifts[image], step, first_rad: shifts[step], steps })
+}
+
+/// Why an import stopped.
+enum Stopped {
+    Dataset(DatasetError),
+    Writing(RecordingProblem),
+}
+
+impl From<DatasetError> for Stopped {
+    fn from(error: DatasetError) -> Self {
+        Self::Dataset(error)
+    }
+}
+
+impl From<RecordingProblem> for Stopped {
+    fn from(problem: RecordingProblem) -> Self {
+        Self::Writing(problem)
+    }
+}
+
+struct Import {
+    writer: RecordingWriter,
+    counts: RecorderCounts,
+}
+
+impl Import {
+    fn write(&mut self, dataset: &Dataset, period_ns: u64, progress: &mut dyn FnMut()) -> Result<(), Stopped> {
+        if let Some(truth) = dataset.truth_bytes()? {
+            self.writer.attach(TRUTH_FILE, "application/zip", &truth, 0)?;
+        }
+        let (setup, images) = (&dataset.setup, dataset.setup.sequence.shifts_rad.len());
+        for number in 0..images {
+            let time_ns = FIRST_EXPOSURE_NS + number as u64 * period_ns;
+            let event = PatternEvent {
+                session: SESSION,
+                sequence: number as u64,
+                exposure_start_ns: time_ns,
+                duration_ns: period_ns,
+                period_px: setup.sequence.pattern.period_px,
+                step: (number % setup.steps) as u32,
+                steps: setup.steps as u32,
+                kind: PATTERN_FRINGES,
+                reserved: 0,
+            };
+            self.put(&Recordable::Pattern(&event))?;
+            for (camera, id) in [1, 2].into_iter().zip(CameraId::BOTH) {
+                for image in dataset.phase_images(id, &[number])? {
+                    let header = header(camera, number as u64, &image, [time_ns, period_ns]);
+                    self.put(&Recordable::Frame { header: &header, image: &image.pixels })?;
+                }
+            }
+            progress();
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, message: &Recordable<'_>) -> Result<(), RecordingProblem> {
+        let Some(topic) = message.topic() else { return Ok(()) };
+        let counts = self.counts.of(topic);
+        counts.taken += 1;
+        let mut encoded = Encoded::default();
+        message.encode(&mut encoded);
+        if !self.writer.admits(encoded.bytes.len()) {
+            return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
+        }
+        self.writer.write(topic, message.times(), &encoded)?;
+        counts.passed += 1;
+        Ok(())
+    }
+}
+
+fn header(camera: u32, number: u64, image: &GreyImage, [time_ns, period_ns]: [u64; 2]) -> FrameHeader {
+    FrameHeader {
+        session: SESSION,
+        sequence: number,
+        published: number,
+        exposure_start_ns: time_ns,
+        received_ns: time_ns + period_ns,
+        exposure_ns: 0,
+        width_px: image.width as u32,
+        height_px: image.height as u32,
+        stride_bytes: image.width as u32,
+        pixel_format: PIXEL_FORMAT_GREY,
+        flags: 0,
+        camera,
+    }
+}

@@ -1,0 +1,138 @@
+//! Image pairs of a recording, in the order of their exposures, each with the step of its pattern.
+
+use crate::dataset::{CameraId, GreyImage};
+use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
+
+use super::content::Content;
+use super::error::RecordingError;
+use super::{Recording, Topic};
+
+/// Images of both cameras, taken at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImagePair {
+    /// Image of camera 1.
+    pub cam1: FrameHeader,
+    /// Image of camera 2.
+    pub cam2: FrameHeader,
+    /// Step of the phase shift, from 0; below the steps of the setup.
+    pub step: usize,
+}
+
+impl Recording {
+    /// The image pairs that have a step: by the pattern event of their exposure, or, where the recording has no events
+    /// at all, by counting.
+    ///
+    /// # Errors
+    /// A pattern event cannot be read.
+    pub fn pairs(&self) -> Result<Vec<ImagePair>, RecordingError> {
+        let [cam1, cam2] = [1, 2].map(|camera| {
+            let mut headers: Vec<FrameHeader> = self.frame_headers(camera).copied().collect();
+            headers.sort_by_key(|header| header.exposure_start_ns);
+            headers
+        });
+        let mut events = self.pattern_events()?;
+        events.sort_by_key(|event| event.exposure_start_ns);
+        let tolerance_ns = half_period_ns(&cam1);
+        let steps = self.setup().steps;
+        let mut pairs = Vec::with_capacity(cam1.len());
+        let times: Vec<u64> = cam2.iter().map(|header| header.exposure_start_ns).collect();
+        let event_times: Vec<u64> = events.iter().map(|event| event.exposure_start_ns).collect();
+        for (number, first) in cam1.iter().enumerate() {
+            let time_ns = first.exposure_start_ns;
+            let Some(second) = nearest(&times, time_ns, tolerance_ns).and_then(|i| cam2.get(i)) else { continue };
+            let event = nearest(&event_times, time_ns, tolerance_ns).and_then(|i| events.get(i));
+            let step = match event {
+                _ if events.is_empty() => Some(number % steps),
+                Some(event) => step_of(event, steps),
+                None => None,
+            };
+            pairs.extend(step.map(|step| ImagePair { cam1: *first, cam2: *second, step }));
+        }
+        Ok(pairs)
+    }
+
+    /// Images of one camera of these pairs.
+    ///
+    /// # Errors
+    /// An image cannot be read.
+    pub fn pair_images(&self, pairs: &[ImagePair], camera: CameraId) -> Result<Vec<GreyImage>, RecordingError> {
+        let header = |pair: &ImagePair| match camera {
+            CameraId::Cam1 => pair.cam1,
+            CameraId::Cam2 => pair.cam2,
+        };
+        let image = |header: FrameHeader| self.image(header.camera, header.session, header.sequence);
+        pairs.iter().map(|pair| image(header(pair))).collect()
+    }
+
+    fn pattern_events(&self) -> Result<Vec<PatternEvent>, RecordingError> {
+        let events = self.messages_of(Topic::Pattern).map(|message| match message?.content {
+            Content::Pattern(event) => Ok(Some(event)),
+            _ => Ok(None),
+        });
+        events.filter_map(Result::transpose).collect()
+    }
+}
+
+/// Number of the pair with which the first complete cycle begins: its steps count up from 0, without a gap between its
+/// images.
+#[must_use]
+pub fn first_cycle(pairs: &[ImagePair], steps: usize) -> Option<usize> {
+    let is_cycle = |cycle: &[ImagePair]| {
+        let follows = |(a, b): (&ImagePair, &ImagePair)| {
+            [(a.cam1, b.cam1), (a.cam2, b.cam2)]
+                .iter()
+                .all(|(a, b)| a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence))
+        };
+        cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.iter().zip(cycle.iter().skip(1)).all(follows)
+    };
+    pairs.windows(steps.max(1)).position(is_cycle)
+}
+
+fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
+    let step = event.step as usize;
+    (event.kind == PATTERN_FRINGES && event.steps as usize == steps && step < steps).then_some(step)
+}
+
+/// Half of the usual time between two exposures.
+fn half_period_ns(headers: &[FrameHeader]) -> u64 {
+    let mut gaps: Vec<u64> =
+        headers.iter().zip(headers.iter().skip(1)).map(|(a, b)| b.exposure_start_ns - a.exposure_start_ns).collect();
+    gaps.sort_unstable();
+    gaps.get(gaps.len() / 2).map_or(u64::MAX, |median| median / 2)
+}
+
+/// The place of the time nearest to `time_ns`, if it is no further than `tolerance_ns`.
+fn nearest(sorted: &[u64], time_ns: u64, tolerance_ns: u64) -> Option<usize> {
+    let after = sorted.partition_point(|&t| t < time_ns);
+    let places = [after.checked_sub(1), Some(after)].into_iter().flatten();
+    let distances = places.filter_map(|i| Some((sorted.get(i)?.abs_diff(time_ns), i)));
+    distances.min().filter(|(distance, _)| *distance <= tolerance_ns).map(|(_, i)| i)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(sequence: u64, step: usize) -> ImagePair {
+        let header = |camera| FrameHeader { camera, sequence, session: 7, ..FrameHeader::default() };
+        ImagePair { cam1: header(1), cam2: header(2), step }
+    }
+
+    #[test]
+    fn the_nearest_time_within_the_tolerance() {
+        let times = [10, 20, 30];
+        assert_eq!(nearest(&times, 14, 5), Some(0));
+        assert_eq!(nearest(&times, 16, 5), Some(1));
+        assert_eq!(nearest(&times, 36, 5), None);
+        assert_eq!(nearest(&[], 0, u64::MAX), None);
+    }
+
+    #[test]
+    fn a_cycle_has_all_steps_and_no_gap() {
+        let whole = [pair(0, 2), pair(1, 0), pair(2, 1), pair(3, 2)];
+        assert_eq!(first_cycle(&whole, 3), Some(1));
+        let gap = [pair(0, 0), pair(1, 1), pair(3, 2), pair(4, 0), pair(5, 1), pair(6, 2)];
+        assert_eq!(first_cycle(&gap, 3), Some(3));
+        assert_eq!(first_cycle(&gap[..5], 3), None);
+    }
+}

@@ -1,0 +1,166 @@
+//! Files that are cut, flipped, or lie.
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::recording::recordable::Times;
+use crate::recording::schema;
+use crate::recording::writer::RecordingWriter;
+
+fn small_recording(folder: &Folder) -> Vec<u8> {
+    let recorder =
+        Recorder::create(&folder.path("small.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    for sequence in 0..3 {
+        for camera in [1, 2] {
+            let header = frame(camera, sequence);
+            recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
+        }
+        recorder.push(&Recordable::Report(&report()));
+    }
+    recorder.push(&Recordable::Cloud { header: &cloud(3), records: &[0; 3 * 37] });
+    recorder.push(&Recordable::Mark { time_ns: 1, text: "here" });
+    std::fs::read(recorder.finish().unwrap().file).unwrap()
+}
+
+/// Opens it and reads everything in it; true if nothing was found wrong.
+fn read_through(path: &Path) -> bool {
+    Recording::open(path).is_ok_and(|recording| recording.messages().all(|message| message.is_ok()))
+}
+
+#[test]
+fn a_flipped_byte_anywhere_is_found() {
+    let folder = Folder::new();
+    let intact = small_recording(&folder);
+    let path = folder.path("flipped.mcap");
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for round in 0..600 {
+        let mut bytes = intact.clone();
+        let places: Vec<usize> = (0..1 + round % 4).map(|_| random.random_range(0..bytes.len())).collect();
+        places.iter().for_each(|&place| bytes[place] ^= random.random_range(1..=255));
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(bytes == intact || !read_through(&path), "flips at {places:?} went unnoticed");
+    }
+}
+
+#[test]
+fn a_cut_file_is_unfinished_wherever_it_is_cut() {
+    let folder = Folder::new();
+    let intact = small_recording(&folder);
+    let path = folder.path("cut.mcap");
+    for end in (0..intact.len()).step_by(997) {
+        std::fs::write(&path, &intact[..end]).unwrap();
+        let problem = problem(&path);
+        let is_named = match problem {
+            RecordingProblem::NotMcap => end < 8,
+            RecordingProblem::Unfinished { offset, .. } => offset == end as u64,
+            _ => false,
+        };
+        assert!(is_named, "cut at {end}: {problem}");
+    }
+    std::fs::write(&path, [intact.as_slice(), b"more"].concat()).unwrap();
+    assert!(matches!(problem(&path), RecordingProblem::Damaged { .. }));
+}
+
+/// A recording that was made otherwise than by us.
+fn made(folder: &Folder, make: impl FnOnce(&mut RecordingWriter)) -> PathBuf {
+    let path = folder.path("made.mcap");
+    let mut writer = RecordingWriter::create_empty(&path, UNFINISHED, 0).unwrap();
+    make(&mut writer);
+    writer.finish(BTreeMap::new()).unwrap()
+}
+
+fn format(version: &str) -> BTreeMap<String, String> {
+    [("format", version), ("version", "9.9.9")].map(|(key, value)| (key.to_owned(), value.to_owned())).into()
+}
+
+#[test]
+fn a_newer_format_is_refused_before_anything_else() {
+    let folder = Folder::new();
+    let path = made(&folder, |writer| writer.metadata(METADATA, format("2")).unwrap());
+    let message = Recording::open(&path).unwrap_err().to_string();
+    assert!(message.contains("format version 2") && message.contains("9.9.9"), "{message}");
+    assert!(message.contains("update fringeflow"), "{message}");
+    let error = recover(&path, &folder.path("saved.mcap"), 0).unwrap_err();
+    assert!(matches!(error.problem, RecordingProblem::NewerFormat { found: 2, .. }), "{error}");
+    assert_eq!(folder.names(), ["made.mcap"]);
+}
+
+#[test]
+fn what_every_recording_has_is_asked_for_by_name() {
+    let folder = Folder::new();
+    let path = made(&folder, |_| ());
+    assert!(matches!(problem(&path), RecordingProblem::Missing { what: "metadata fringeflow" }));
+    std::fs::remove_file(&path).unwrap();
+    let path = made(&folder, |writer| writer.metadata(METADATA, format("1")).unwrap());
+    assert!(matches!(problem(&path), RecordingProblem::Missing { what: "attachment calibration.yml" }));
+}
+
+#[test]
+fn a_calibration_that_cannot_be_is_named_with_its_field() {
+    let folder = Folder::new();
+    let text = &setup().text;
+    let path = made(&folder, |writer| {
+        writer.metadata(METADATA, format("1")).unwrap();
+        writer.attach("calibration.yml", "", text.calibration.replace("K1", "K9").as_bytes(), 0).unwrap();
+        writer.attach("meta.json", "", text.description.as_bytes(), 0).unwrap();
+        writer.attach("configuration.toml", "", b"", 0).unwrap();
+    });
+    let message = Recording::open(&path).unwrap_err().to_string();
+    assert!(message.contains("attachment calibration.yml") && message.contains("K1"), "{message}");
+}
+
+#[test]
+fn headers_and_payloads_that_do_not_pair_are_named() {
+    let folder = Folder::new();
+    let write = |writer: &mut RecordingWriter, topic, data: &[u8]| {
+        writer.metadata(METADATA, format("1")).unwrap();
+        writer.write_one(topic, Times { log_ns: 0, publish_ns: 0 }, data).unwrap();
+    };
+    let lonely = [(Topic::Cam1Frame, "its header is missing"), (Topic::Cam2Header, "camera is 0; expected 2")];
+    for (topic, says) in lonely {
+        let path = made(&folder, |writer| write(writer, topic, &[]));
+        let message = Recording::open(&path).unwrap_err().to_string();
+        assert!(message.contains(says) && message.contains(topic.name()), "{message}");
+        std::fs::remove_file(&path).unwrap();
+    }
+    let header = schema::FrameHeader::of(&frame(2, 0));
+    let path = made(&folder, |writer| write(writer, Topic::Cam2Header, &prost::Message::encode_to_vec(&header)));
+    let message = Recording::open(&path).unwrap_err().to_string();
+    assert!(message.contains("what it describes is missing"), "{message}");
+}
+
+#[test]
+fn records_that_claim_too_much_are_refused_without_room_for_them() {
+    let folder = Folder::new();
+    let intact = small_recording(&folder);
+    let path = folder.path("claims.mcap");
+    // The length of the first record after the header's: everything from half the file to all there can be.
+    let first = 8 + 9 + u64::from_le_bytes(intact[9..17].try_into().unwrap()) as usize;
+    for claim in [intact.len() as u64, 1 << 31, 1 << 40, u64::MAX - 8, u64::MAX] {
+        let mut bytes = intact.clone();
+        bytes[first + 1..first + 9].copy_from_slice(&claim.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(matches!(problem(&path), RecordingProblem::Unfinished { .. }), "{claim}");
+    }
+    // A file long enough for the claim, with a hole in it.
+    let mut bytes = intact.clone();
+    bytes[first + 1..first + 9].copy_from_slice(&(1_u64 << 40).to_le_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(1 << 41).unwrap();
+    assert!(matches!(problem(&path), RecordingProblem::Damaged { .. }));
+}
+
+#[test]
+fn other_files_are_no_recordings() {
+    let folder = Folder::new();
+    let path = folder.path("text.mcap");
+    for bytes in [&b""[..], b"ply\nformat", &[0; 64]] {
+        std::fs::write(&path, bytes).unwrap();
+        assert!(matches!(problem(&path), RecordingProblem::NotMcap));
+    }
+    assert!(matches!(problem(&folder.path("nowhere.mcap")), RecordingProblem::Unreadable(_)));
+    assert!(matches!(problem(folder.folder.path()), RecordingProblem::Unreadable(_) | RecordingProblem::NotMcap));
+}

@@ -1,0 +1,197 @@
+//! Recordings as a whole: what is written reads back, losses are counted, and no file makes the reader panic.
+
+mod content;
+mod hostile;
+mod recorder;
+mod recovery;
+mod round_trip;
+mod schema;
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use tempfile::TempDir;
+
+use super::*;
+use crate::dataset::{Dataset, Setup};
+use crate::message::{
+    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, MapsHeader, PIXEL_FORMAT_GREY,
+    PatternEvent, Stage, StageReport, Window,
+};
+use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+
+/// Width and height of the images, pixels; as small as the virtual scanner takes them.
+const SIZE_PX: [usize; 2] = [64, 64];
+
+struct Folder {
+    folder: TempDir,
+}
+
+impl Folder {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.folder.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+/// A simulated plane with fringes wide enough for so few pixels.
+fn dataset() -> &'static Dataset {
+    static DATASET: OnceLock<(TempDir, Dataset)> = OnceLock::new();
+    let make = || {
+        let rig = RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px: SIZE_PX,
+            depth_m: 0.025,
+            period_px: 64.0,
+            sd_rad: 0.0,
+            seed: 1,
+        };
+        let options = SimulationOptions {
+            object: Object::Plane,
+            board: Board::None,
+            rig,
+            steps: 4,
+            two_directions: false,
+            gray: false,
+            noise: NoiseLevel::None,
+            gamma: 1.0,
+            supersampling: 1,
+            seed: 1,
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plane");
+        Simulation::new(options).unwrap().write(&path, || ()).unwrap();
+        (folder, Dataset::open(&path, None).unwrap())
+    };
+    &DATASET.get_or_init(make).1
+}
+
+fn setup() -> &'static Setup {
+    &dataset().setup
+}
+
+fn opening(origin: &Origin) -> Opening<'_> {
+    Opening { setup: setup(), configuration: "[phase]\nmin_modulation_grey = 4.0\n", origin, min_free_bytes: 0 }
+}
+
+fn import_options() -> ImportOptions<'static> {
+    ImportOptions { period_ns: 20_000_000, configuration: "", min_free_bytes: 0 }
+}
+
+fn imported(folder: &Folder) -> PathBuf {
+    let path = folder.path("plane.mcap");
+    import(dataset(), &path, &import_options(), || ()).unwrap();
+    path
+}
+
+fn problem(path: &Path) -> RecordingProblem {
+    Recording::open(path).unwrap_err().problem
+}
+
+fn window() -> Window {
+    let mut window = Window { cam1_session: 5, cam2_session: 6, steps: 4, ..Window::default() };
+    window.cam1_sequence[..4].copy_from_slice(&[11, 12, 13, 14]);
+    window.cam2_sequence[..4].copy_from_slice(&[21, 22, 23, 24]);
+    Window { first_exposure_ns: 100, last_exposure_ns: 400, centre_ns: 250, received_ns: 450, ..window }
+}
+
+fn frame(camera: u32, sequence: u64) -> FrameHeader {
+    let [width, height] = SIZE_PX.map(|n| n as u32);
+    FrameHeader {
+        session: 4 + u64::from(camera),
+        sequence,
+        published: sequence + 1,
+        exposure_start_ns: 1000 * sequence,
+        received_ns: 1000 * sequence + 900,
+        exposure_ns: 300,
+        width_px: width,
+        height_px: height,
+        stride_bytes: width + 8,
+        pixel_format: PIXEL_FORMAT_GREY,
+        flags: 2,
+        camera,
+    }
+}
+
+fn frame_bytes(header: &FrameHeader) -> Vec<u8> {
+    let count = header.stride_bytes * header.height_px;
+    (0..count).map(|i| (i % 251) as u8 ^ header.sequence as u8).collect()
+}
+
+fn pattern() -> PatternEvent {
+    PatternEvent {
+        session: 9,
+        sequence: 31,
+        exposure_start_ns: 5000,
+        duration_ns: 900,
+        period_px: 16.25,
+        step: 3,
+        steps: 4,
+        kind: 1,
+        reserved: 0,
+    }
+}
+
+fn fit(valid_pixels: u64) -> Fit {
+    Fit { valid_pixels, residual_share: 0.125, noise_grey: 1.5 }
+}
+
+fn maps() -> MapsHeader {
+    let [width_px, height_px] = SIZE_PX.map(|n| n as u32);
+    MapsHeader { published: 3, window: window(), cam1: fit(77), cam2: fit(78), width_px, height_px }
+}
+
+fn correspondences() -> CorrespondenceHeader {
+    CorrespondenceHeader {
+        published: 4,
+        window: window(),
+        delta_mean_rad: 0.5,
+        delta_sd_rad: 0.25,
+        delta_noise_sd_rad: 0.125,
+        mean_periods: 6.5,
+        references: 1234,
+        chosen_delta_mean_rad: -0.5,
+        chosen_delta_sd_rad: 0.0625,
+        noise_grey: [1.25, 1.75],
+        width_px: 64,
+        height_px: 48,
+    }
+}
+
+fn cloud(points: u64) -> CloudHeader {
+    CloudHeader {
+        published: 2,
+        window: window(),
+        points,
+        delta_mean_rad: 0.0078125,
+        delta_sd_rad: 0.03125,
+        published_ns: 600,
+    }
+}
+
+fn report() -> StageReport {
+    let mut counts = Counts { taken: 100, passed: 90, ..Counts::default() };
+    counts.drop_many(DropReason::Unpaired, 7);
+    counts.drop_many(DropReason::Overrun, 2);
+    StageReport {
+        stage: Stage::Pairing as u32,
+        pid: 4711,
+        restarts: 1,
+        of_item: 1,
+        time_ns: 7000,
+        exposure_start_ns: 6000,
+        taken_ns: 6500,
+        passed_ns: 6800,
+        counts,
+    }
+}

@@ -1,0 +1,103 @@
+//! The recorder: nothing is lost silently, and no half of a file is called a recording.
+
+use super::*;
+
+#[test]
+fn a_full_queue_loses_messages_and_says_so_in_the_file() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let image = frame_bytes(&frame(1, 0));
+    // Room for the report, not for an image.
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), 4096).unwrap();
+    recorder.push(&Recordable::Frame { header: &frame(1, 0), image: &image });
+    recorder.push(&Recordable::Frame { header: &frame(1, 1), image: &image });
+    recorder.push(&Recordable::Report(&report()));
+    let recorded = recorder.finish().unwrap();
+    let total = recorded.counts.total();
+    assert_eq!((total.taken, total.passed, total.in_work()), (3, 1, Some(0)));
+    assert_eq!(recorded.counts.topics[&Topic::Cam1Frame].dropped(DropReason::QueueFull), 2);
+    let recording = Recording::open(&recorded.file).unwrap();
+    assert_eq!(recording.count(Topic::Cam1Frame), 0);
+    assert_eq!(recording.lost(), Some(2));
+    assert_eq!(recording.account()["lost.queue_full/cam1/frame"], "2");
+    let told: Vec<_> = recording.messages_of(Topic::Log).map(|m| m.unwrap().content).collect();
+    assert!(matches!(&told[..], [Content::Loss(text)] if text.starts_with("2 messages were lost")), "{told:?}");
+}
+
+#[test]
+fn messages_that_contradict_themselves_are_counted_and_not_written() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let good = frame(1, 0);
+    let image = frame_bytes(&good);
+    let narrow = FrameHeader { stride_bytes: 1, ..good };
+    let colour = FrameHeader { pixel_format: 1, ..good };
+    let third = FrameHeader { camera: 3, ..good };
+    for header in [&narrow, &colour, &third] {
+        recorder.push(&Recordable::Frame { header, image: &image });
+    }
+    recorder.push(&Recordable::Frame { header: &good, image: &image[1..] });
+    recorder.push(&Recordable::Cloud { header: &cloud(2), records: &[0; 37] });
+    recorder.push(&Recordable::Cloud { header: &cloud(u64::MAX), records: &[] });
+    let endless = Window { steps: 17, ..window() };
+    recorder.push(&Recordable::Maps { header: &MapsHeader { window: endless, ..maps() }, payload: &[] });
+    recorder.push(&Recordable::Report(&StageReport { stage: 99, ..report() }));
+    let recorded = recorder.finish().unwrap();
+    assert_eq!(recorded.counts.malformed, 8);
+    let total = recorded.counts.total();
+    assert_eq!((total.taken, total.dropped(DropReason::Malformed), total.in_work()), (8, 8, Some(0)));
+    assert_eq!(Recording::open(&recorded.file).unwrap().lost(), Some(8));
+}
+
+#[test]
+fn a_name_that_is_taken_is_refused_and_stays() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let path = folder.path("a.mcap");
+    std::fs::write(&path, "mine").unwrap();
+    let error = Recorder::create(&path, &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap_err();
+    assert!(matches!(error.problem, RecordingProblem::Exists), "{error}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    let unfinished = folder.path("b.mcap.part");
+    std::fs::write(&unfinished, "mine too").unwrap();
+    let error = Recorder::create(&folder.path("b.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap_err();
+    assert_eq!(error.file, unfinished);
+    assert_eq!(folder.names(), ["a.mcap", "b.mcap.part"]);
+}
+
+#[test]
+fn a_disk_as_full_as_it_may_be_is_refused() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let opening = Opening { min_free_bytes: u64::MAX, ..opening(&origin) };
+    let error = Recorder::create(&folder.path("a.mcap"), &opening, DEFAULT_QUEUE_BYTES).unwrap_err();
+    assert!(matches!(error.problem, RecordingProblem::NoSpace { min_free_bytes: u64::MAX, .. }), "{error}");
+    assert!(folder.names().is_empty());
+}
+
+#[test]
+fn an_unfinished_recording_has_another_name() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    assert_eq!(folder.names(), ["a.mcap.part"]);
+    let unfinished = problem(&folder.path("a.mcap.part"));
+    assert!(matches!(unfinished, RecordingProblem::Unfinished { .. }), "{unfinished}");
+    drop(recorder);
+    assert_eq!(folder.names(), ["a.mcap"]);
+    Recording::open(&folder.path("a.mcap")).unwrap();
+}
+
+#[test]
+fn a_name_taken_meanwhile_is_not_overwritten() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let path = folder.path("a.mcap");
+    let recorder = Recorder::create(&path, &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    std::fs::write(&path, "mine").unwrap();
+    let error = recorder.finish().unwrap_err();
+    assert!(matches!(error.problem, RecordingProblem::Unfinishable(_)), "{error}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    assert_eq!(folder.names(), ["a.mcap", "a.mcap.part"]);
+}

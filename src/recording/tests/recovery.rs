@@ -1,0 +1,185 @@
+//! What a killed recorder or a damaged disk leaves is saved as far as a checksum vouches for it, and nothing else.
+
+use std::time::{Duration, Instant};
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::recording::recordable::Encoded;
+use crate::recording::writer::RecordingWriter;
+
+/// Image pairs of the recording, each in a chunk of its own.
+const PAIRS: u64 = 6;
+
+fn chunked_recording(folder: &Folder) -> Vec<u8> {
+    let path = folder.path("whole.mcap");
+    let mut writer = RecordingWriter::create(&path, &opening(&Origin::default())).unwrap();
+    let mut encoded = Encoded::default();
+    for sequence in 0..PAIRS {
+        for camera in [1, 2] {
+            let header = frame(camera, sequence);
+            let image = frame_bytes(&header);
+            let message = Recordable::Frame { header: &header, image: &image };
+            message.encode(&mut encoded);
+            writer.write(message.topic().unwrap(), message.times(), &encoded).unwrap();
+        }
+        writer.flush().unwrap();
+    }
+    writer.finish(RecorderCounts::default().metadata("end")).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// Recovers a file of these bytes; `None` where nothing can be.
+fn recovered(folder: &Folder, bytes: &[u8]) -> Option<(Recovered, Result<Recording, RecordingError>)> {
+    let (damaged, target) = (folder.path("damaged.mcap"), folder.path("saved.mcap"));
+    std::fs::write(&damaged, bytes).unwrap();
+    let _ = std::fs::remove_file(&target);
+    let recovered = recover(&damaged, &target, 0).ok()?;
+    Some((recovered, Recording::open(&target)))
+}
+
+/// Every image is one that was recorded; the number of them.
+fn images_are_genuine(recording: &Recording) -> usize {
+    let mut count = 0;
+    for topic in [Topic::Cam1Frame, Topic::Cam2Frame] {
+        for message in recording.messages_of(topic) {
+            let Content::Frame(header, bytes) = message.unwrap().content else { panic!("an image") };
+            assert_eq!(header, frame(header.camera, header.sequence));
+            assert!(bytes == frame_bytes(&header));
+            count += 1;
+        }
+    }
+    count
+}
+
+#[test]
+fn a_whole_file_is_recovered_whole() {
+    let folder = Folder::new();
+    let bytes = chunked_recording(&folder);
+    let (report, recording) = recovered(&folder, &bytes).unwrap();
+    assert_eq!((report.faults.len(), report.left_out, report.missing.len()), (0, 0, 0));
+    let recording = recording.unwrap();
+    assert_eq!(images_are_genuine(&recording), 2 * PAIRS as usize);
+    assert_eq!(*recording.setup(), *setup());
+    assert_eq!(recording.account()["ended"], "recovered");
+}
+
+#[test]
+fn of_a_cut_file_every_whole_chunk_is_saved() {
+    let folder = Folder::new();
+    let bytes = chunked_recording(&folder);
+    let mut saved_before = 0;
+    for end in (0..=bytes.len()).step_by(997) {
+        let Some((report, recording)) = recovered(&folder, &bytes[..end]) else {
+            assert!(end < 8, "cut at {end}");
+            continue;
+        };
+        assert_eq!(report.faults.len(), 1, "cut at {end}");
+        assert!(report.faults[0].contains("unfinished"), "{}", report.faults[0]);
+        let Ok(recording) = recording else {
+            assert!(!report.missing.is_empty(), "cut at {end}");
+            continue;
+        };
+        let saved = images_are_genuine(&recording);
+        assert!(saved >= saved_before && saved % 2 == 0, "cut at {end}: {saved} images");
+        saved_before = saved;
+    }
+    assert_eq!(saved_before, 2 * PAIRS as usize);
+}
+
+#[test]
+fn a_damaged_chunk_costs_itself_alone() {
+    let folder = Folder::new();
+    let bytes = chunked_recording(&folder);
+    let chunk = find(&bytes, &frame_bytes(&frame(1, 2))) - 400;
+    // Within its data, and, further below, its code and its length.
+    let (report, recording) = recovered(&folder, &flipped(&bytes, chunk + 600)).unwrap();
+    assert_eq!(images_are_genuine(&recording.unwrap()), 2 * (PAIRS - 1) as usize);
+    assert_eq!(report.faults.len(), 1, "{:?}", report.faults);
+    let head = chunk_head(&bytes, chunk);
+    for place in [head, head + 1, head + 5, head + 8] {
+        let (report, recording) = recovered(&folder, &flipped(&bytes, place)).unwrap();
+        assert_eq!(images_are_genuine(&recording.unwrap()), 2 * (PAIRS - 1) as usize, "byte {place}");
+        assert!(!report.faults.is_empty());
+    }
+}
+
+fn find(bytes: &[u8], part: &[u8]) -> usize {
+    bytes.windows(part.len()).position(|window| window == part).unwrap()
+}
+
+fn flipped(bytes: &[u8], place: usize) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    bytes[place] ^= 0x40;
+    bytes
+}
+
+/// The last chunk record that begins before a place: code 6, its length, and no compression.
+fn chunk_head(bytes: &[u8], before: usize) -> usize {
+    let is_head = |at: &usize| {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
+        let records = u64::from_le_bytes(bytes[at + 25..at + 33].try_into().unwrap());
+        bytes[*at] == 6 && length == records + 40
+    };
+    (0..before + 400).rev().find(is_head).unwrap()
+}
+
+#[test]
+fn nothing_altered_is_saved_and_no_file_makes_it_panic() {
+    let folder = Folder::new();
+    let bytes = chunked_recording(&folder);
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    for round in 0..200 {
+        let mut damaged = bytes.clone();
+        for _ in 0..1 + round % 4 {
+            let place = random.random_range(0..damaged.len());
+            damaged[place] ^= random.random_range(1..=255);
+        }
+        if round % 3 == 0 {
+            damaged.truncate(random.random_range(0..damaged.len()));
+        }
+        let Some((report, recording)) = recovered(&folder, &damaged) else { continue };
+        match recording {
+            Ok(recording) => drop(images_are_genuine(&recording)),
+            Err(error) => assert!(!report.missing.is_empty(), "{error}; {report:?}"),
+        }
+    }
+}
+
+#[test]
+fn what_a_killed_recorder_had_handed_over_is_saved() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    for sequence in 0..PAIRS {
+        for camera in [1, 2] {
+            let header = frame(camera, sequence);
+            recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
+        }
+    }
+    let begun = Instant::now();
+    while recorder.counts().total().in_work() != Some(0) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "nothing was handed over");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    // What is in the file now is what a kill would leave.
+    let left = std::fs::read(folder.path("a.mcap.part")).unwrap();
+    let (report, recording) = recovered(&folder, &left).unwrap();
+    let recording = recording.unwrap();
+    assert_eq!(images_are_genuine(&recording), 2 * PAIRS as usize);
+    assert_eq!((report.left_out, recording.lost()), (0, None));
+    assert!(recording.check(|| ()).unwrap().has_losses());
+}
+
+#[test]
+fn an_unfinished_file_can_take_its_name() {
+    let folder = Folder::new();
+    let bytes = chunked_recording(&folder);
+    let left = folder.path("scan.mcap.part");
+    std::fs::write(&left, &bytes[..bytes.len() / 2]).unwrap();
+    recover(&left, &folder.path("scan.mcap"), 0).unwrap();
+    assert_eq!(folder.names(), ["scan.mcap", "scan.mcap.part", "whole.mcap"]);
+    let error = recover(&left, &folder.path("scan.mcap"), 0).unwrap_err();
+    assert!(matches!(error.problem, RecordingProblem::Exists), "{error}");
+}

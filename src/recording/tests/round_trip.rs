@@ -1,0 +1,115 @@
+//! What goes in comes out, to the last bit.
+
+use super::*;
+use crate::cloud::RECORD_BYTES;
+use crate::dataset::CameraId;
+
+#[test]
+fn every_message_reads_back_as_it_was() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let (first, second) = (frame(1, 11), frame(2, 21));
+    let (first_bytes, second_bytes) = (frame_bytes(&first), frame_bytes(&second));
+    let records: Vec<u8> = (0..3 * RECORD_BYTES).map(|i| i as u8).collect();
+    let payload = [1, 2, 3, 4, 5];
+    recorder.push(&Recordable::Frame { header: &first, image: &first_bytes });
+    recorder.push(&Recordable::Frame { header: &second, image: &second_bytes });
+    recorder.push(&Recordable::Pattern(&pattern()));
+    recorder.push(&Recordable::Maps { header: &maps(), payload: &payload });
+    recorder.push(&Recordable::Correspondences { header: &correspondences(), payload: &payload });
+    recorder.push(&Recordable::Cloud { header: &cloud(3), records: &records });
+    recorder.push(&Recordable::Report(&report()));
+    recorder.push(&Recordable::Mark { time_ns: 8000, text: "here ö" });
+    let recorded = recorder.finish().unwrap();
+    assert_eq!((recorded.counts.total().passed, recorded.counts.total().in_work()), (8, Some(0)));
+
+    let recording = Recording::open(&recorded.file).unwrap();
+    let read: Vec<Message> = recording.messages().map(Result::unwrap).collect();
+    let of = |topic: Topic| {
+        let mut found = read.iter().filter(|message| message.topic == topic);
+        let message = found.next().unwrap();
+        assert!(found.next().is_none());
+        message
+    };
+    assert!(matches!(&of(Topic::Cam1Frame).content, Content::Frame(h, b) if *h == first && *b == first_bytes));
+    assert!(matches!(&of(Topic::Cam2Frame).content, Content::Frame(h, b) if *h == second && *b == second_bytes));
+    assert!(matches!(&of(Topic::Pattern).content, Content::Pattern(event) if *event == pattern()));
+    assert!(matches!(&of(Topic::PhaseMaps).content, Content::Maps(h, b) if **h == maps() && *b == payload[..]));
+    let Content::Correspondences(header, bytes) = &of(Topic::CorrespondenceMap).content else { panic!() };
+    assert!(**header == correspondences() && *bytes == payload[..]);
+    assert!(matches!(&of(Topic::Cloud).content, Content::Cloud(h, b) if **h == cloud(3) && *b == records));
+    assert!(matches!(&of(Topic::Report).content, Content::Report(r) if **r == report()));
+    assert!(matches!(&of(Topic::Log).content, Content::Mark(text) if text == "here ö"));
+    let times = |topic| (of(topic).log_ns, of(topic).publish_ns);
+    assert_eq!(times(Topic::Cam1Frame), (11_900, 11_000));
+    assert_eq!(times(Topic::Cloud), (600, 100));
+    assert_eq!(times(Topic::Report), (7000, 7000));
+    assert_eq!((recording.lost(), recording.account()["ended"].as_str()), (Some(0), "end"));
+}
+
+#[test]
+fn messages_come_in_the_order_of_their_times() {
+    let folder = Folder::new();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    for time_ns in [30, 10, 20, 10] {
+        recorder.push(&Recordable::Mark { time_ns, text: "" });
+    }
+    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let times: Vec<u64> = recording.messages_of(Topic::Log).map(|message| message.unwrap().log_ns).collect();
+    assert_eq!(times, [10, 10, 20, 30]);
+}
+
+#[test]
+fn a_recording_carries_setup_configuration_and_origin() {
+    let folder = Folder::new();
+    let origin = Origin::here();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    assert_eq!(*recording.setup(), *setup());
+    assert_eq!(recording.origin(), origin);
+    assert!(origin.started_ns > 0 && !origin.kernel.is_empty());
+    assert_eq!(recording.writer_version(), env!("CARGO_PKG_VERSION"));
+    assert_eq!(recording.configuration().unwrap().settings.validity.min_modulation_grey, 4.0);
+    assert!(recording.truth().unwrap().is_none());
+}
+
+#[test]
+fn rows_are_read_without_the_bytes_between_them() {
+    let folder = Folder::new();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let header = frame(1, 11);
+    let bytes = frame_bytes(&header);
+    recorder.push(&Recordable::Frame { header: &header, image: &bytes });
+    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let image = recording.image(1, header.session, 11).unwrap();
+    assert_eq!([image.width, image.height], SIZE_PX);
+    assert_eq!(image.pixels[..64], bytes[..64]);
+    assert_eq!(image.pixels[64..128], bytes[72..136]);
+    let missing = recording.image(1, header.session, 12).unwrap_err();
+    assert!(matches!(missing.problem, RecordingProblem::NoImage { camera: 1, sequence: 12, .. }), "{missing}");
+}
+
+#[test]
+fn an_imported_dataset_has_its_images_steps_setup_and_truth() {
+    let folder = Folder::new();
+    let recording = Recording::open(&imported(&folder)).unwrap();
+    assert_eq!(*recording.setup(), *setup());
+    let pairs = recording.pairs().unwrap();
+    assert_eq!(pairs.iter().map(|pair| pair.step).collect::<Vec<_>>(), [0, 1, 2, 3]);
+    assert_eq!(first_cycle(&pairs, 4), Some(0));
+    assert_eq!(pairs[3].cam2.exposure_start_ns, 1_060_000_000);
+    for camera in CameraId::BOTH {
+        let images = recording.pair_images(&pairs, camera).unwrap();
+        assert_eq!(images, dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
+    }
+    assert!(recording.truth().unwrap().is_some());
+    assert_eq!(recording.lost(), Some(0));
+}
+
+#[test]
+fn the_same_dataset_is_the_same_bytes() {
+    let folders = [Folder::new(), Folder::new()];
+    let [a, b] = folders.each_ref().map(|folder| std::fs::read(imported(folder)).unwrap());
+    assert!(a == b);
+}

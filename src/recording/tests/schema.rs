@@ -1,0 +1,112 @@
+//! The committed schema, its descriptor and the structs made of it say the same.
+
+use std::collections::BTreeMap;
+
+use prost::Message as _;
+use prost_types::{DescriptorProto, FileDescriptorSet};
+
+use super::*;
+use crate::recording::schema::{self, DESCRIPTOR};
+
+const PROTO: &str = include_str!("../schema/fringeflow.proto");
+
+fn descriptor() -> BTreeMap<String, DescriptorProto> {
+    let set = FileDescriptorSet::decode(DESCRIPTOR).unwrap();
+    let [file] = &set.file[..] else { panic!("one file") };
+    assert_eq!(file.package(), "fringeflow");
+    file.message_type.iter().map(|message| (message.name().to_owned(), message.clone())).collect()
+}
+
+/// Messages of the text with their fields: name and number.
+fn fields_of_text() -> BTreeMap<String, BTreeMap<String, i32>> {
+    let mut messages = BTreeMap::new();
+    let mut message = String::new();
+    for line in PROTO.lines().map(str::trim).filter(|line| !line.starts_with("//")) {
+        if let Some(name) = line.strip_prefix("message ").and_then(|rest| rest.strip_suffix(" {")) {
+            message = name.to_owned();
+        } else if let Some((field, number)) =
+            line.trim_end_matches(';').split_once(" = ").filter(|_| !message.is_empty())
+        {
+            let name = field.rsplit(' ').next().unwrap();
+            let fields: &mut BTreeMap<String, i32> = messages.entry(message.clone()).or_default();
+            assert!(fields.insert(name.to_owned(), number.parse().unwrap()).is_none(), "{message}.{name} twice");
+        }
+    }
+    messages
+}
+
+#[test]
+fn the_text_is_what_the_descriptor_was_made_of() {
+    let text = fields_of_text();
+    let descriptor = descriptor();
+    assert_eq!(text.keys().collect::<Vec<_>>(), descriptor.keys().collect::<Vec<_>>());
+    for (name, message) in &descriptor {
+        let fields: BTreeMap<String, i32> =
+            message.field.iter().map(|field| (field.name().to_owned(), field.number())).collect();
+        assert_eq!(text[name], fields, "{name}");
+    }
+}
+
+#[test]
+fn every_field_is_documented() {
+    let lines: Vec<&str> = PROTO.lines().map(str::trim).collect();
+    for pair in lines.windows(2).filter(|pair| pair[1].ends_with(';') && pair[1].contains(" = ")) {
+        assert!(pair[0].starts_with("//") || pair[1].starts_with("syntax"), "{} has no comment", pair[1]);
+    }
+}
+
+/// Field numbers on the wire, in order, without repetitions.
+fn numbers_on_the_wire(mut bytes: &[u8]) -> Vec<i32> {
+    let mut numbers = Vec::new();
+    while !bytes.is_empty() {
+        let key = varint(&mut bytes);
+        match key & 7 {
+            0 => drop(varint(&mut bytes)),
+            1 => bytes = &bytes[8..],
+            2 => {
+                let length = varint(&mut bytes) as usize;
+                bytes = &bytes[length..];
+            }
+            5 => bytes = &bytes[4..],
+            other => panic!("wire type {other}"),
+        }
+        numbers.push((key >> 3) as i32);
+    }
+    numbers.dedup();
+    numbers
+}
+
+fn varint(bytes: &mut &[u8]) -> u64 {
+    let end = bytes.iter().position(|byte| byte & 0x80 == 0).unwrap() + 1;
+    let value = bytes[..end].iter().rev().fold(0, |value, byte| value << 7 | u64::from(byte & 0x7f));
+    *bytes = &bytes[end..];
+    value
+}
+
+#[test]
+fn the_structs_write_exactly_the_fields_of_the_descriptor() {
+    let header = FrameHeader { flags: 2, ..frame(1, 11) };
+    let maps_message = schema::PhaseMaps { header: Some(schema::MapsHeader::of(&maps())), payload: vec![1].into() };
+    let map = schema::CorrespondenceHeader::of(&correspondences());
+    let map_message = schema::CorrespondenceMap { header: Some(map.clone()), payload: vec![1].into() };
+    // None of the fields has its default, so every one is on the wire.
+    let written = [
+        ("FrameHeader", schema::FrameHeader::of(&header).encode_to_vec()),
+        ("PatternEvent", schema::PatternEvent::of(&pattern()).encode_to_vec()),
+        ("Window", schema::Window::of(&window()).unwrap().encode_to_vec()),
+        ("Fit", schema::MapsHeader::of(&maps()).cam1.unwrap().encode_to_vec()),
+        ("MapsHeader", schema::MapsHeader::of(&maps()).encode_to_vec()),
+        ("PhaseMaps", maps_message.encode_to_vec()),
+        ("CorrespondenceHeader", map.encode_to_vec()),
+        ("CorrespondenceMap", map_message.encode_to_vec()),
+        ("CloudHeader", schema::CloudHeader::of(&cloud(3)).encode_to_vec()),
+        ("StageReport", schema::StageReport::of(&report()).unwrap().encode_to_vec()),
+    ];
+    let written: BTreeMap<&str, Vec<i32>> =
+        written.iter().map(|(name, bytes)| (*name, numbers_on_the_wire(bytes))).collect();
+    for (name, message) in descriptor() {
+        // The entry of a map, which prost writes by itself.
+        let numbers: Vec<i32> = message.field.iter().map(|field| field.number()).collect();
+        assert_eq!(written[name.as_str()], numbers, "{name}");
+    }
+}

@@ -1,0 +1,120 @@
+//! Verifying a recording: every recorded cloud is made again of its images and compared byte by byte.
+//!
+//! In: a recording with images and clouds. Out: what became of each cloud. The images of a cloud are those its window
+//! names; calibration, pattern and settings are the attachments. The result does not depend on the number of threads.
+
+use serde::Serialize;
+
+use crate::cloud::{Cloud, RECORD_BYTES, write_records};
+use crate::correspondence::SegmentTable;
+use crate::message::CloudHeader;
+use crate::phase::PhaseShifts;
+use crate::reconstruction::Reconstructor;
+
+use super::content::Content;
+use super::error::{RecordingError, RecordingProblem};
+use super::{Recording, Topic};
+
+/// A recorded cloud, made again.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VerifiedCloud {
+    /// Its number in its channel.
+    pub published: u64,
+    /// Middle of its exposures.
+    pub centre_ns: u64,
+    /// Points of the recorded cloud.
+    pub points: u64,
+    /// How the new one compares.
+    pub outcome: VerifyOutcome,
+}
+
+/// How a recorded cloud compares with the one made of its images.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VerifyOutcome {
+    /// The same bytes.
+    Same,
+    /// Other bytes.
+    Different {
+        /// Points of the new cloud.
+        points: u64,
+        /// First point that differs.
+        first: u64,
+    },
+    /// An image of its window is not in the recording.
+    ImagesMissing,
+    /// The recording began in the middle of its window.
+    BeforeRecording,
+    /// Its images yield no cloud; the reason.
+    NoCloud(String),
+}
+
+impl Recording {
+    /// What turns the images of its windows into clouds: by the recorded setup and configuration.
+    ///
+    /// # Errors
+    /// The configuration cannot be read, or the rig cannot be measured with.
+    pub fn reconstructor(&self) -> Result<Reconstructor, RecordingError> {
+        let fail = |what: String| RecordingProblem::NotMeasurable(what).of(self.path());
+        let (setup, configuration) = (self.setup(), self.configuration()?);
+        let volume = configuration.volume.or_else(|| setup.volume.clone());
+        let volume =
+            volume.ok_or_else(|| fail("neither meta.json nor configuration.toml states a volume".to_owned()))?;
+        let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern);
+        let table = table.map_err(|e| fail(e.to_string()))?;
+        let cycle: Vec<f64> = setup.sequence.shifts_rad.iter().copied().take(setup.steps).collect();
+        let shifts = PhaseShifts::new(&cycle).map_err(|e| fail(e.to_string()))?;
+        let reconstructor = Reconstructor::new(&setup.rig, table, shifts, configuration.settings);
+        reconstructor.map_err(|e| fail(e.to_string()))
+    }
+
+    /// Makes every recorded cloud again and compares; `each` is called with every result.
+    ///
+    /// # Errors
+    /// As [`Self::reconstructor`], or the file cannot be read.
+    pub fn verify(&self, mut each: impl FnMut(&VerifiedCloud)) -> Result<Vec<VerifiedCloud>, RecordingError> {
+        let mut reconstructor = self.reconstructor()?;
+        let mut verified = Vec::new();
+        for message in self.messages_of(Topic::Cloud) {
+            let Content::Cloud(header, records) = message?.content else { continue };
+            let outcome = self.verify_cloud(&mut reconstructor, &header, &records)?;
+            let CloudHeader { published, window, points, .. } = *header;
+            let cloud = VerifiedCloud { published, centre_ns: window.centre_ns, points, outcome };
+            each(&cloud);
+            verified.push(cloud);
+        }
+        Ok(verified)
+    }
+
+    fn verify_cloud(
+        &self,
+        reconstructor: &mut Reconstructor,
+        header: &CloudHeader,
+        records: &[u8],
+    ) -> Result<VerifyOutcome, RecordingError> {
+        let [cam1, cam2] = match self.images(&header.window) {
+            Ok(images) => images,
+            Err(error) if matches!(error.problem, RecordingProblem::NoImage { .. }) => {
+                let is_early = self.begins_after(&header.window);
+                return Ok(if is_early { VerifyOutcome::BeforeRecording } else { VerifyOutcome::ImagesMissing });
+            }
+            Err(error) => return Err(error),
+        };
+        let [cam1, cam2] = [&cam1, &cam2].map(|images| images.iter().map(|i| i.pixels.as_slice()).collect::<Vec<_>>());
+        Ok(match reconstructor.reconstruct(&cam1, &cam2) {
+            Ok(made) => compare(records, &made.cloud),
+            Err(error) => VerifyOutcome::NoCloud(error.to_string()),
+        })
+    }
+}
+
+fn compare(records: &[u8], cloud: &Cloud) -> VerifyOutcome {
+    let mut made = Vec::with_capacity(cloud.points.len() * RECORD_BYTES);
+    // A vector takes everything.
+    let _ = write_records(&mut made, &cloud.points, 1.0);
+    if made == records {
+        return VerifyOutcome::Same;
+    }
+    let first = made.iter().zip(records).take_while(|(a, b)| a == b).count() / RECORD_BYTES;
+    VerifyOutcome::Different { points: cloud.points.len() as u64, first: first as u64 }
+}

@@ -1,0 +1,105 @@
+//! Windows: in go pairs with their steps, out come N consecutive pairs that show each step once.
+//!
+//! Windows slide: each pair behind N − 1 others without a gap completes one. A gap in the driver numbers of a camera or
+//! of the projector, a new session, a pause or a step out of turn begins a new run of pairs.
+
+use std::collections::VecDeque;
+
+use crate::message::{Counts, DropReason, MAX_WINDOW, Window};
+
+use super::pairing::Image;
+use super::steps::SteppedPair;
+use super::{Settings, WindowImages};
+
+/// Collects pairs to windows.
+#[derive(Debug)]
+pub(super) struct Windows<F> {
+    settings: Settings,
+    /// The last pairs of an unbroken run, at most N.
+    run: VecDeque<SteppedPair<F>>,
+    /// Place of the last pair in its run, counted so that step 0 has a multiple of N.
+    place: usize,
+}
+
+impl<F: Clone> Windows<F> {
+    pub(super) fn new(settings: Settings) -> Self {
+        Self { settings, run: VecDeque::new(), place: 0 }
+    }
+
+    /// Takes a pair; the window that it completes, if that one is wanted.
+    pub(super) fn add(&mut self, next: SteppedPair<F>, counts: &mut Counts) -> Option<WindowImages<F>> {
+        counts.taken += 1;
+        let broken = self.run.back().and_then(|last| self.break_between(last, &next));
+        if broken.is_some() {
+            self.run.clear();
+        }
+        self.place = if self.run.is_empty() { next.step } else { self.place + 1 };
+        while self.run.len() >= self.settings.steps {
+            self.run.pop_front();
+        }
+        self.run.push_back(next);
+        if self.run.len() < self.settings.steps {
+            counts.drop_one(broken.unwrap_or(DropReason::Incomplete));
+            return None;
+        }
+        if !(self.place + 1).is_multiple_of(self.settings.every) {
+            counts.drop_one(DropReason::BetweenWindows);
+            return None;
+        }
+        counts.passed += 1;
+        Some(self.window())
+    }
+
+    /// Gives the images of the present run back.
+    pub(super) fn end(&mut self) {
+        self.run.clear();
+    }
+
+    /// Why no window can hold both pairs.
+    fn break_between(&self, last: &SteppedPair<F>, next: &SteppedPair<F>) -> Option<DropReason> {
+        if !next.pair.of_sessions_of(&last.pair) || next.origin.session != last.origin.session {
+            return Some(DropReason::NewSession);
+        }
+        let apart_ns = next.pair.exposure_start_ns().checked_sub(last.pair.exposure_start_ns());
+        if !next.pair.follows(&last.pair) || !apart_ns.is_some_and(|apart_ns| self.is_one_period(apart_ns)) {
+            return Some(DropReason::Incomplete);
+        }
+        let in_turn = next.step == (last.step + 1) % self.settings.steps;
+        (!in_turn || !next.origin.follows(&last.origin)).then_some(DropReason::PatternConflict)
+    }
+
+    fn is_one_period(&self, apart_ns: u64) -> bool {
+        let half_ns = self.settings.half_period_ns();
+        apart_ns > half_ns && apart_ns < half_ns.saturating_mul(3)
+    }
+
+    fn window(&self) -> WindowImages<F> {
+        let mut by_step: Vec<&SteppedPair<F>> = self.run.iter().collect();
+        by_step.sort_by_key(|stepped| stepped.step);
+        let images = |camera: usize| by_step.iter().map(move |stepped| &stepped.pair.0[camera]);
+        let handles = |camera: usize| images(camera).map(|image| image.handle.clone()).collect();
+        let sequences = |camera: usize| {
+            let mut sequences = [0; MAX_WINDOW];
+            sequences.iter_mut().zip(images(camera)).for_each(|(s, image)| *s = image.header.sequence);
+            sequences
+        };
+        let session = |camera: usize| images(camera).next().map_or(0, |image| image.header.session);
+        let exposures_ns = || self.run.iter().map(|stepped| stepped.pair.exposure_start_ns());
+        let (first_exposure_ns, last_exposure_ns) =
+            (exposures_ns().min().unwrap_or(0), exposures_ns().max().unwrap_or(0));
+        let received_ns = |image: &Image<F>| image.header.received_ns;
+        let window = Window {
+            cam1_session: session(0),
+            cam2_session: session(1),
+            cam1_sequence: sequences(0),
+            cam2_sequence: sequences(1),
+            first_exposure_ns,
+            last_exposure_ns,
+            centre_ns: first_exposure_ns.midpoint(last_exposure_ns),
+            received_ns: images(0).chain(images(1)).map(received_ns).max().unwrap_or(0),
+            steps: self.settings.steps as u32,
+            reserved: 0,
+        };
+        WindowImages { window, cam1: handles(0), cam2: handles(1) }
+    }
+}

@@ -1,0 +1,77 @@
+//! All channels, kept in being.
+
+use std::fmt::Debug;
+
+use super::attached::{Attached, Files};
+use super::node::Member;
+use super::{
+    CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelSizes, Header, Node, PHASE_MAPS,
+    PROJECTOR_PATTERN, Payload, REPORT_STAGE, SCAN_STATE, TransportError,
+};
+
+/// Keeps every channel in being while no port is open, so that drivers in other languages find them, with the limits
+/// of the instance, whichever process starts first.
+#[derive(Debug)]
+pub struct KeptChannels {
+    node: Node,
+    sizes: ChannelSizes,
+    open: Option<Attached<Services>>,
+}
+
+type Services = Vec<Box<dyn Kept>>;
+
+/// A service that exists as long as it is held.
+trait Kept: Debug + Send {}
+
+impl<T: Debug + Send> Kept for T {}
+
+impl KeptChannels {
+    /// Opens all channels, or creates them.
+    ///
+    /// # Errors
+    /// One of them exists with other settings.
+    pub fn open(node: &Node, sizes: &ChannelSizes) -> Result<Self, TransportError> {
+        Ok(Self { node: node.clone(), sizes: *sizes, open: Some(open(node, sizes)?) })
+    }
+
+    /// Opens them again if their files were removed; says whether that was so. Called about once a second.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; the next call tries again.
+    pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
+        if self.open.as_ref().is_some_and(Attached::unchanged) {
+            return Ok(false);
+        }
+        if let Some(open) = self.open.take() {
+            open.withdraw();
+        }
+        self.open = Some(open(&self.node, &self.sizes)?);
+        Ok(true)
+    }
+}
+
+fn open(node: &Node, sizes: &ChannelSizes) -> Result<Attached<Services>, TransportError> {
+    let member = node.member()?;
+    let mut kept = (Services::new(), Files::default());
+    keep(&mut kept, &member, CAM1_FRAME, sizes)?;
+    keep(&mut kept, &member, CAM2_FRAME, sizes)?;
+    keep(&mut kept, &member, PROJECTOR_PATTERN, sizes)?;
+    keep(&mut kept, &member, PHASE_MAPS, sizes)?;
+    keep(&mut kept, &member, CORRESPONDENCE_MAP, sizes)?;
+    keep(&mut kept, &member, CLOUD, sizes)?;
+    keep(&mut kept, &member, REPORT_STAGE, sizes)?;
+    keep(&mut kept, &member, SCAN_STATE, sizes)?;
+    Ok(Attached::new(kept.0, kept.1))
+}
+
+fn keep<H: Header, P: Payload + ?Sized>(
+    (services, files): &mut (Services, Files),
+    member: &Member,
+    channel: Channel<H, P>,
+    sizes: &ChannelSizes,
+) -> Result<(), TransportError> {
+    let opened = member.channel(channel, &channel.id().quality(sizes))?;
+    files.extend(opened.files);
+    services.push(Box::new((opened.service, opened.event)));
+    Ok(())
+}
