@@ -28,6 +28,7 @@ mod sequence;
 mod solid;
 mod sweep;
 mod trace;
+mod tracking;
 mod truth;
 mod view;
 mod virtual_scanner;

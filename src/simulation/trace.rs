@@ -57,6 +57,26 @@ pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     board.map(|distance| Hit { point: ray.at(distance), normal: PointMm::z(), surface: Surface::Board })
 }
 
+/// Half the stretch of a ray that is searched for a hit expected there, millimetres.
+const REACH_MM: f64 = 0.02;
+
+/// The place where a ray meets the scene, if that is where it meets the tangential plane of a hit close by; nothing else
+/// may stand in its way.
+pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
+    if close.surface == Surface::Board {
+        let distance = board_distance(scene.board, ray)?;
+        return Some(Hit { point: ray.at(distance), ..*close });
+    }
+    let solid = scene.solid.as_ref();
+    let expected = (close.point - ray.origin).dot(&close.normal) / ray.direction.dot(&close.normal);
+    let [outside, inside] = [expected - REACH_MM, expected + REACH_MM].map(|at| (at, solid.distance_mm(&ray.at(at))));
+    if !(outside.1 > 0.0 && inside.1 < 0.0) {
+        return None;
+    }
+    let point = ray.at(crossing(solid, ray, outside, inside));
+    Some(Hit { point, normal: normal(solid, &point), surface: Surface::Object })
+}
+
 /// Whether light gets from a place of a surface to `target` (a centre of projection).
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;

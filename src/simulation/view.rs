@@ -63,10 +63,34 @@ impl View {
     /// # Errors
     /// [`SimulationError::Range`]: more than 4 × 4 samples, or none.
     pub fn trace(rig: &Rig, scene: &Scene, camera: CameraId, supersampling: usize) -> Result<Self, SimulationError> {
+        Self::trace_with(None, rig, scene, camera, supersampling)
+    }
+
+    /// As [`Self::trace`], with less work: `before` is what the same camera saw of the same scene, moved a little.
+    ///
+    /// # Errors
+    /// As [`Self::trace`].
+    pub(super) fn trace_after(
+        before: &Self,
+        rig: &Rig,
+        scene: &Scene,
+        camera: CameraId,
+        supersampling: usize,
+    ) -> Result<Self, SimulationError> {
+        Self::trace_with(Some(before), rig, scene, camera, supersampling)
+    }
+
+    fn trace_with(
+        before: Option<&Self>,
+        rig: &Rig,
+        scene: &Scene,
+        camera: CameraId,
+        supersampling: usize,
+    ) -> Result<Self, SimulationError> {
         check_range("supersampling", supersampling as f64, 1.0, 4.0, "samples a side")?;
         let eye = Eye::new(rig, scene, camera);
         let (width, height) = (eye.camera.width_px(), eye.camera.height_px());
-        let centres = Centres::trace(&eye, width, height);
+        let centres = Centres::trace(&eye, width, height, before);
         let per_pixel = supersampling * supersampling;
         let mut samples = vec![Sample::default(); width * height * per_pixel];
         samples.par_chunks_mut((width * per_pixel).max(1)).enumerate().for_each(|(v, row)| {
@@ -84,15 +108,15 @@ impl View {
 }
 
 /// A camera and the projector, in the frame of the object.
-struct Eye<'a> {
+pub(super) struct Eye<'a> {
     rig: &'a Rig,
-    scene: &'a Scene,
+    pub(super) scene: &'a Scene,
     camera: &'a Camera,
     cam1_from_camera: Pose,
     /// Centre of the camera.
     centre: PointMm,
     /// Centre of the projector.
-    light: PointMm,
+    pub(super) light: PointMm,
 }
 
 impl<'a> Eye<'a> {
@@ -111,28 +135,53 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// What the ray of an image point meets first.
-    fn hit(&self, pixel: &Pixel) -> Option<Hit> {
+    /// The ray of an image point.
+    pub(super) fn ray(&self, pixel: &Pixel) -> Option<Ray> {
         let direction: Vector3 = self.cam1_from_camera.rotation * self.camera.ray(pixel)?;
-        let direction = self.scene.direction_to_object(&direction.normalize());
-        first_hit(self.scene, &Ray { origin: self.centre, direction })
+        Some(Ray { origin: self.centre, direction: self.scene.direction_to_object(&direction.normalize()) })
     }
 
-    /// The projector pixel that lights a place; `None` in shadow and beside the display.
-    fn lit_by(&self, hit: &Hit) -> Option<Pixel> {
+    /// Where the camera sees a place.
+    pub(super) fn project(&self, point: &PointMm) -> Option<Pixel> {
+        self.camera.project(&self.cam1_from_camera.inverse_transform_point(&self.scene.to_cam1(point)))
+    }
+
+    /// What the ray of an image point meets first.
+    fn hit(&self, pixel: &Pixel) -> Option<Hit> {
+        first_hit(self.scene, &self.ray(pixel)?)
+    }
+
+    /// The projector pixel that lights a place unless something stands between; `None` beside the display.
+    pub(super) fn projector_pixel(&self, hit: &Hit) -> Option<Pixel> {
         let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
-        (self.rig.projector.sees(&pixel) && is_free(self.scene, hit, &self.light)).then_some(pixel)
+        self.rig.projector.sees(&pixel).then_some(pixel)
+    }
+
+    fn centre(&self, u: usize, v: usize) -> Centre {
+        let hit = self.hit(&Pixel::new(u as f64, v as f64));
+        hit.map_or_else(Centre::default, |hit| Centre { hit: Some(hit), sample: self.sample(&hit) })
     }
 
     fn sample(&self, hit: &Hit) -> Sample {
+        match self.projector_pixel(hit) {
+            Some(pixel) if is_free(self.scene, hit, &self.light) => self.sample_at(hit, &pixel),
+            _ => self.dark_sample(hit),
+        }
+    }
+
+    /// A place that the projector does not light.
+    pub(super) fn dark_sample(&self, hit: &Hit) -> Sample {
+        Sample { albedo: self.scene.albedo(hit.surface, &hit.point) as f32, ..Sample::default() }
+    }
+
+    /// A place that a pixel of the projector lights.
+    pub(super) fn sample_at(&self, hit: &Hit, pixel: &Pixel) -> Sample {
         let albedo = self.scene.albedo(hit.surface, &hit.point);
-        let dark = Sample { albedo: albedo as f32, ..Sample::default() };
-        let Some(pixel) = self.lit_by(hit) else { return dark };
         let way = self.light - hit.point;
         let distance_m = way.norm() * 1e-3;
         let cosine = way.dot(&hit.normal).max(0.0) / way.norm();
         let reflected = albedo * cosine * (REFERENCE_DISTANCE_M / distance_m).powi(2);
-        Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, ..dark }
+        Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, albedo: albedo as f32 }
     }
 }
 
@@ -144,13 +193,12 @@ struct Centres {
 }
 
 impl Centres {
-    fn trace(eye: &Eye<'_>, width: usize, height: usize) -> Self {
+    fn trace(eye: &Eye<'_>, width: usize, height: usize, before: Option<&View>) -> Self {
         let mut pixels = vec![Centre::default(); width * height];
         pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.iter_mut().enumerate() {
-                if let Some(hit) = eye.hit(&Pixel::new(u as f64, v as f64)) {
-                    *pixel = Centre { hit: Some(hit), sample: eye.sample(&hit) };
-                }
+                let tracked = before.and_then(|before| eye.centre_after(before, u, v));
+                *pixel = tracked.unwrap_or_else(|| eye.centre(u, v));
             }
         });
         Self { width, height, pixels }

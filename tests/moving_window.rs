@@ -1,0 +1,73 @@
+//! A window of a slowly moving scanner yields nearly what one of a scanner at rest does.
+
+#![expect(clippy::unwrap_used, reason = "a scanner that cannot be simulated fails the test")]
+
+use std::ops::ControlFlow;
+
+use fringeflow::calibration::Unit;
+use fringeflow::correspondence::SegmentTable;
+use fringeflow::dataset::CameraId;
+use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::reconstruction::{Reconstructor, Settings};
+use fringeflow::simulation::{
+    Arrangement, Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner,
+    VirtualScannerOptions, truth,
+};
+
+const SIZE_PX: [usize; 2] = [320, 256];
+const STEPS: usize = 4;
+const RESTING: SweepOptions =
+    SweepOptions { poses: 4, travel_mm: [0.0; 3], turn_deg: [0.0; 3], tremor_mm: 0.0, tremor_deg: 0.0, seed: 1 };
+
+fn scanner(sweep: SweepOptions) -> VirtualScanner {
+    let arrangement = Arrangement::TABLE_TOP;
+    VirtualScanner::new(VirtualScannerOptions {
+        object: Object::Tooth,
+        board: Board::Visible,
+        rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
+        steps: STEPS,
+        noise: NoiseLevel::Normal,
+        gamma: 1.0,
+        supersampling: 1,
+        sweep,
+        seed: 3,
+    })
+    .unwrap()
+}
+
+/// com and fpc of the window that begins with the first pose, against the truth of its middle.
+fn scores(scanner: &VirtualScanner) -> Scores {
+    let (rig, options) = (scanner.rig(), scanner.options());
+    let images = ImageLoop::render(scanner, |_| ControlFlow::Continue(())).unwrap().unwrap();
+    let window = |camera| (0..STEPS).map(|k| images.image(camera, k as u64, k as u32).unwrap()).collect::<Vec<_>>();
+    let shifts_rad: Vec<f64> = (0..STEPS).map(|k| std::f64::consts::TAU * k as f64 / STEPS as f64).collect();
+    let shifts = PhaseShifts::new(&shifts_rad).unwrap();
+    let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
+    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, Settings::default()).unwrap();
+    let made = reconstructor.reconstruct(&window(CameraId::Cam1), &window(CameraId::Cam2)).unwrap();
+
+    let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
+    let scene = scene.at(scanner.cam1_from_object(STEPS / 2));
+    let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
+    let truth = truth(&rig.exact, &rig.exact_volume, &scene, &view, Unit::Millimetre);
+    let frames = Frames {
+        cam1_from_volume: *rig.volume.cam1_from_volume(),
+        exact_cam1_from_volume: *rig.exact_volume.cam1_from_volume(),
+        unit_m: 1e-3,
+    };
+    against_rendered(&made.cloud, SIZE_PX, &truth, &frames).unwrap().scores
+}
+
+#[test]
+fn three_hundredths_of_a_millimetre_from_image_to_image_cost_little() {
+    let resting = scores(&scanner(RESTING));
+    let slow = SweepOptions { poses: 16, travel_mm: [0.075, 0.075, 0.01], turn_deg: [0.01, 0.01, 0.02], ..RESTING };
+    let moving = scanner(slow);
+    let speed = moving.speed();
+    assert!((0.027..0.033).contains(&speed.mean_mm), "{speed:?}");
+    let moving = scores(&moving);
+    assert!(resting.com_percent > 96.0, "at rest: {resting:?}");
+    assert!(moving.com_percent > resting.com_percent - 0.5, "moving: {moving:?}; at rest: {resting:?}");
+    assert!(moving.fpc_percent < 0.1, "moving: {moving:?}");
+}
