@@ -71,4 +71,4 @@ const METADATA: &str = "fringeflow";
 /// Name of the metadata about what was written and lost.
 const RECORDER_METADATA: &str = "fringeflow.recorder";
 /// Name of the attachment that holds the configuration.
-const CONFIGURATION_FILE: &str = "configuration.toml";
+pub const CONFIGURATION_FILE: &str = "configuration.toml";

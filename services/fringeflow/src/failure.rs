@@ -10,10 +10,10 @@ use fringeflow::config::ConfigurationError;
 use fringeflow::correspondence::SegmentFileError;
 use fringeflow::dataset::{DatasetError, Problem};
 use fringeflow::evaluation::GrayReferenceError;
+use fringeflow::recording::{ExportError, ImportError, RecordingError, RecordingProblem};
 use fringeflow::transport::TransportError;
 use fringeflow_runtime::{ArgumentError, ServiceError};
 use fringeflow_supervisor::RunError;
-use fringeflow::recording::{ExportError, ImportError, RecordingError, RecordingProblem};
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]

@@ -5,18 +5,23 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
+use fringeflow_replayer::Compared;
 use fringeflow_supervisor::{Latency, Outcome};
 
 use crate::failure::Failure;
+use crate::json;
 
+/// A run in figures.
 #[derive(serde::Serialize)]
-struct Summary<'a> {
+pub(crate) struct Summary<'a> {
     stages: Vec<StageSummary>,
     /// From the start of the last exposure of a cloud to its publication.
     exposure_to_cloud: Option<Latency>,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compared: Option<Compared>,
     imbalances: Vec<String>,
 }
 
@@ -30,20 +35,17 @@ struct StageSummary {
 }
 
 /// Prints the summary of a run.
-///
-/// # Errors
-/// The balance does not add up, or something was lost: the exit code says so.
-pub(crate) fn print(outcome: &Outcome, json: bool) -> Result<(), Failure> {
-    let summary = Summary::of(outcome);
-    let mut out = std::io::stdout().lock();
+pub(crate) fn print(summary: &Summary<'_>, json: bool) -> Result<(), Failure> {
     if json {
-        serde_json::to_writer(&mut out, &summary).map_err(std::io::Error::from)?;
-        writeln!(out)?;
-    } else {
-        write!(out, "{summary}")?;
+        return json::print(summary);
     }
-    if let Some(imbalance) = summary.imbalances.first() {
-        return Err(Failure::Imbalance(imbalance.clone()));
+    Ok(write!(std::io::stdout(), "{summary}")?)
+}
+
+/// Whether a run was well: its balance adds up, and nothing was lost.
+pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
+    if let Some(imbalance) = outcome.balance.faults().first() {
+        return Err(Failure::Imbalance(imbalance.to_string()));
     }
     match losses(outcome) {
         0 if outcome.ended_badly.is_empty() => Ok(()),
@@ -64,7 +66,8 @@ fn ended_badly(outcome: &Outcome) -> String {
 }
 
 impl<'a> Summary<'a> {
-    fn of(outcome: &'a Outcome) -> Self {
+    /// The figures of a run, and of the comparison with a recording where there was one.
+    pub(crate) fn of(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
         let stage = |(stage, counts): &(Stage, Counts)| StageSummary {
             stage: stage.name(),
             taken: counts.taken,
@@ -77,6 +80,7 @@ impl<'a> Summary<'a> {
             exposure_to_cloud: outcome.tally.total(),
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
+            compared,
             imbalances: outcome.balance.faults().iter().map(ToString::to_string).collect(),
         }
     }
@@ -107,6 +111,12 @@ impl fmt::Display for Summary<'_> {
         }
         if self.imbalances.is_empty() {
             writeln!(f, "balance: in = out + dropped at every stage")?;
+        }
+        if let Some(Compared { same, different, new, missing }) = self.compared {
+            writeln!(
+                f,
+                "clouds: {same} the same to the last byte, {different} differ, {missing} did not come, {new} new"
+            )?;
         }
         match self.recording {
             Some(file) => writeln!(f, "recording: {}", file.display()),

@@ -29,8 +29,6 @@ pub(crate) struct Launch {
 pub(crate) struct Service {
     pub(crate) name: &'static str,
     pub(crate) restarts: u32,
-    /// Whether it may end by itself, its work done; others run until they are stopped.
-    may_finish: bool,
     state: State,
     wait_ns: u64,
     started_ns: u64,
@@ -41,8 +39,6 @@ enum State {
     Running(Child),
     /// Died; is started again at this time.
     Waiting(u64),
-    /// Ended by itself and well: its work is done.
-    Finished,
     /// Stopped, or beyond help.
     Ended,
 }
@@ -54,16 +50,14 @@ pub(crate) enum Event {
     Died { how: String, wait_ns: u64 },
     /// It was started again.
     Restarted,
-    /// It ended well: its work is done.
-    Finished,
     /// It cannot run at all.
     Hopeless { how: String },
 }
 
 impl Service {
-    pub(crate) fn start(name: &'static str, may_finish: bool, launch: &Launch, now_ns: u64) -> io::Result<Self> {
+    pub(crate) fn start(name: &'static str, launch: &Launch, now_ns: u64) -> io::Result<Self> {
         let state = State::Running(spawn(name, launch, 0)?);
-        Ok(Self { name, restarts: 0, may_finish, state, wait_ns: FIRST_WAIT_NS, started_ns: now_ns })
+        Ok(Self { name, restarts: 0, state, wait_ns: FIRST_WAIT_NS, started_ns: now_ns })
     }
 
     /// Looks after the service: notices its death, and starts it again when its wait is over.
@@ -79,16 +73,12 @@ impl Service {
                 self.started_ns = now_ns;
                 Ok(Some(Event::Restarted))
             }
-            State::Waiting(_) | State::Finished | State::Ended => Ok(None),
+            State::Waiting(_) | State::Ended => Ok(None),
         }
     }
 
     fn died(&mut self, status: ExitStatus, now_ns: u64) -> Event {
         let how = describe(status);
-        if status.success() && self.may_finish {
-            self.state = State::Finished;
-            return Event::Finished;
-        }
         if status.code() == Some(WRONG_USAGE) {
             self.state = State::Ended;
             return Event::Hopeless { how };
@@ -100,11 +90,6 @@ impl Service {
         self.state = State::Waiting(now_ns + wait_ns);
         self.wait_ns = (2 * wait_ns).min(LONGEST_WAIT_NS);
         Event::Died { how, wait_ns }
-    }
-
-    /// Whether it ended by itself because its work is done.
-    pub(crate) fn has_finished(&self) -> bool {
-        matches!(self.state, State::Finished)
     }
 
     /// Asks the service to finish its work and end: closes the pipe that it listens to.
@@ -179,7 +164,7 @@ mod tests {
     #[test]
     fn a_service_that_dies_is_started_again_with_growing_waits() {
         let launch = launch("exit 1");
-        let mut service = Service::start("phase", false, &launch, 0).unwrap();
+        let mut service = Service::start("phase", &launch, 0).unwrap();
         let mut now_ns = 0;
         let waits: Vec<u64> = (0..8)
             .map(|_| {
@@ -198,7 +183,7 @@ mod tests {
     #[test]
     fn wrong_usage_is_hopeless() {
         let launch = launch("exit 2");
-        let mut service = Service::start("phase", false, &launch, 0).unwrap();
+        let mut service = Service::start("phase", &launch, 0).unwrap();
         assert_eq!(wait_for(&mut service, &launch, 0), Event::Hopeless { how: "exit code 2".to_owned() });
         assert_eq!(service.tend(&launch, u64::MAX).unwrap(), None);
     }
@@ -206,7 +191,7 @@ mod tests {
     #[test]
     fn a_service_hears_that_it_is_to_stop() {
         let launch = launch("read line; exit 0");
-        let mut service = Service::start("phase", false, &launch, 0).unwrap();
+        let mut service = Service::start("phase", &launch, 0).unwrap();
         assert_eq!(service.has_ended().unwrap(), None);
         service.ask_to_stop();
         loop {

@@ -10,8 +10,6 @@ pub enum ServiceKind {
     VirtualProjector,
     /// The virtual cameras.
     VirtualCameras,
-    /// Plays a recording onto the channels of cameras and projector.
-    Replayer,
     /// Images to phase maps.
     Phase,
     /// Phase maps to correspondences.
@@ -29,7 +27,6 @@ impl ServiceKind {
         match self {
             Self::VirtualProjector => "virtual-projector",
             Self::VirtualCameras => "virtual-cameras",
-            Self::Replayer => "replayer",
             Self::Phase => "phase",
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
@@ -43,7 +40,6 @@ impl ServiceKind {
         match self {
             Self::VirtualProjector => &[Stage::Projector],
             Self::VirtualCameras => &[Stage::Camera1, Stage::Camera2],
-            Self::Replayer => &[Stage::Camera1, Stage::Camera2, Stage::Projector],
             Self::Phase => &[Stage::Pattern, Stage::Pairing, Stage::Windowing, Stage::Phase],
             Self::Correspondence => &[Stage::Correspondence],
             Self::Cloud => &[Stage::Cloud],
@@ -57,6 +53,8 @@ impl ServiceKind {
 pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
     let projector = (configuration.projector == ProjectorDriver::Virtual).then_some(ServiceKind::VirtualProjector);
     let cameras = (configuration.cameras == CameraSource::Virtual).then_some(ServiceKind::VirtualCameras);
-    let workers = [ServiceKind::Phase, ServiceKind::Correspondence, ServiceKind::Cloud, ServiceKind::Recorder];
-    projector.into_iter().chain(cameras).chain(workers).collect()
+    projector.into_iter().chain(cameras).chain(WORKERS).chain([ServiceKind::Recorder]).collect()
 }
+
+/// The services that make clouds of images, in the order of the pipeline.
+pub const WORKERS: [ServiceKind; 3] = [ServiceKind::Phase, ServiceKind::Correspondence, ServiceKind::Cloud];

@@ -9,15 +9,15 @@ use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
 use fringeflow::transport::{
-    ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE, Subscriber,
-    TransportError, Wake, check_shared_memory,
+    ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
+    Subscriber, TransportError, Wake, check_shared_memory,
 };
 use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock};
 
 use crate::child::{Event, Launch, Service};
 use crate::control::Control;
 use crate::display::Display;
-use crate::{Balance, ServiceKind, Tally};
+use crate::{Balance, Progress, ServiceKind, Source, SourceError, Tally};
 
 /// Longest wait for messages.
 const TURN: Duration = Duration::from_millis(50);
@@ -77,6 +77,9 @@ pub enum RunError {
     /// The recording cannot be begun.
     #[error("recording: {0}")]
     Recording(String),
+    /// What stands in the place of the cameras.
+    #[error("{0}")]
+    Source(SourceError),
     /// A service found that it cannot run as configured; it has said why.
     #[error("service {service} cannot run ({how}); see its message above")]
     Hopeless {
@@ -102,22 +105,30 @@ pub struct Outcome {
     pub recording: Option<PathBuf>,
 }
 
-/// Runs an instance until its time is over, its source is exhausted, somebody stops it, or it cannot go on. `on_turn` is
-/// called many times a second.
+/// Runs an instance until its time is over, its `source` is exhausted, somebody stops it, or it cannot go on.
 ///
 /// # Errors
 /// [`RunError`]; nothing is left running.
-pub fn run(plan: &Plan, on_turn: impl FnMut() -> Result<(), TransportError>) -> Result<Outcome, RunError> {
+pub fn run<'s>(plan: &Plan, source: Option<&'s mut (dyn Source + 's)>) -> Result<Outcome, RunError> {
     let instance = Instance::new(&plan.configuration.name)?;
     check_shared_memory(&channel_sizes(&plan.setup))?;
     let lock = InstanceLock::take(&instance)?;
     let accounts = accounts_folder(&instance);
     remove_folder(&accounts)?;
-    let outcome = Supervisor::start(plan, &instance, &accounts).and_then(|supervisor| supervisor.run(on_turn));
+    let outcome = Supervisor::start(plan, &instance, &accounts, source).and_then(Supervisor::run);
     remove_folder(&accounts)?;
     // Last: everything of the instance goes with it.
     drop(lock);
     outcome
+}
+
+/// How long to rest until a source has something to put out.
+fn wait_until(progress: Progress) -> Duration {
+    match progress {
+        Progress::Next(time_ns) => Duration::from_nanos(time_ns.saturating_sub(clock::now_ns())).min(TURN),
+        Progress::Waiting => TURN,
+        Progress::Finished => Duration::ZERO,
+    }
 }
 
 fn remove_folder(folder: &PathBuf) -> Result<(), RunError> {
@@ -129,7 +140,7 @@ fn remove_folder(folder: &PathBuf) -> Result<(), RunError> {
     }
 }
 
-struct Supervisor<'a> {
+struct Supervisor<'a, 's> {
     plan: &'a Plan,
     instance: &'a Instance,
     accounts: &'a PathBuf,
@@ -143,6 +154,8 @@ struct Supervisor<'a> {
     housekeeping_ns: u64,
     /// When scanning began.
     scanning_since_ns: Option<u64>,
+    /// What puts out images and events in this process, if anything does.
+    source: Option<&'s mut (dyn Source + 's)>,
 }
 
 struct Ports {
@@ -154,11 +167,21 @@ struct Ports {
     sent: Option<u64>,
 }
 
-impl<'a> Supervisor<'a> {
-    fn start(plan: &'a Plan, instance: &'a Instance, accounts: &'a PathBuf) -> Result<Self, RunError> {
+impl<'a, 's> Supervisor<'a, 's> {
+    fn start(
+        plan: &'a Plan,
+        instance: &'a Instance,
+        accounts: &'a PathBuf,
+        mut source: Option<&'s mut (dyn Source + 's)>,
+    ) -> Result<Self, RunError> {
         let stop =
             Stop::on_signals().map_err(|source| RunError::System { what: "signals cannot be handled", source })?;
-        let ports = Ports::open(instance, plan)?;
+        let node = Node::open(instance, "supervisor")?;
+        let sizes = channel_sizes(&plan.setup);
+        let ports = Ports::open(&node, &sizes)?;
+        if let Some(source) = &mut source {
+            source.open(&node, &sizes, accounts).map_err(RunError::Source)?;
+        }
         let launch =
             Launch { program: plan.program.clone(), before: plan.before.clone(), behind: plan.arguments.clone() };
         let mut supervisor = Self {
@@ -174,26 +197,26 @@ impl<'a> Supervisor<'a> {
             ports,
             housekeeping_ns: 0,
             scanning_since_ns: None,
+            source,
         };
         // From the end of the pipeline to its beginning: whoever sends is heard.
         for &kind in plan.services.iter().rev() {
-            let service =
-                Service::start(kind.name(), kind == ServiceKind::Replayer, &supervisor.launch, clock::now_ns());
+            let service = Service::start(kind.name(), &supervisor.launch, clock::now_ns());
             let service = service.map_err(|source| RunError::Service { service: kind.name(), source })?;
             supervisor.services.insert(0, (kind, service));
         }
         Ok(supervisor)
     }
 
-    fn run(mut self, mut on_turn: impl FnMut() -> Result<(), TransportError>) -> Result<Outcome, RunError> {
+    fn run(mut self) -> Result<Outcome, RunError> {
         while !self.is_over() {
-            self.turn()?;
-            on_turn()?;
-            if self.source_is_exhausted() {
+            let progress = self.turn_source(self.scanning_since_ns.is_some())?;
+            if progress == Progress::Finished {
                 break;
             }
+            self.turn(wait_until(progress))?;
         }
-        let ended_badly = self.stop_all(&mut on_turn)?;
+        let ended_badly = self.stop_all()?;
         self.close_accounts(&ended_badly)?;
         self.display.finish();
         Ok(self.outcome(ended_badly))
@@ -206,8 +229,16 @@ impl<'a> Supervisor<'a> {
         self.stop.is_requested() || self.control.is_to_end || time_is_up
     }
 
-    /// One turn: children, reports, commands, state, display.
-    fn turn(&mut self) -> Result<(), RunError> {
+    /// Lets the source put out what is due.
+    fn turn_source(&mut self, is_scanning: bool) -> Result<Progress, RunError> {
+        match &mut self.source {
+            Some(source) if is_scanning => source.turn().map_err(RunError::Source),
+            _ => Ok(Progress::Waiting),
+        }
+    }
+
+    /// One turn: children, reports, commands, state, display; then a rest.
+    fn turn(&mut self, rest: Duration) -> Result<(), RunError> {
         let now_ns = clock::now_ns();
         self.tend_services(now_ns)?;
         self.listen()?;
@@ -217,8 +248,7 @@ impl<'a> Supervisor<'a> {
             self.housekeeping_ns = now_ns;
             self.keep_house(now_ns);
         }
-        self.ports.wait()?;
-        Ok(())
+        Ok(self.ports.wait(rest)?)
     }
 
     fn listen(&mut self) -> Result<(), TransportError> {
@@ -235,7 +265,7 @@ impl<'a> Supervisor<'a> {
             let event = service.tend(&self.launch, now_ns);
             let event = event.map_err(|source| RunError::Service { service: service.name, source })?;
             match event {
-                None | Some(Event::Finished) => {}
+                None => {}
                 Some(Event::Died { how, wait_ns }) => {
                     tracing::warn!(service = service.name, how, wait_ms = wait_ns / 1_000_000, "service died");
                 }
@@ -279,16 +309,8 @@ impl<'a> Supervisor<'a> {
         self.services.iter().map(|(kind, _)| *kind).filter(|&kind| !is_ready(kind)).map(ServiceKind::name).collect()
     }
 
-    /// Whether a replayer has played everything.
-    fn source_is_exhausted(&self) -> bool {
-        self.services.iter().any(|(kind, service)| *kind == ServiceKind::Replayer && service.has_finished())
-    }
-
     /// Stops the services in the order of the pipeline: each gets the time to work off what the one before left.
-    fn stop_all(
-        &mut self,
-        on_turn: &mut impl FnMut() -> Result<(), TransportError>,
-    ) -> Result<Vec<(&'static str, String)>, RunError> {
+    fn stop_all(&mut self) -> Result<Vec<(&'static str, String)>, RunError> {
         let mut ended_badly = Vec::new();
         self.control.state.scanning = 0;
         self.control.state.revision += 1;
@@ -298,7 +320,7 @@ impl<'a> Supervisor<'a> {
             self.services[number].1.ask_to_stop();
             loop {
                 self.listen()?;
-                on_turn()?;
+                self.turn_source(true)?;
                 let (kind, service) = &mut self.services[number];
                 let ended = service.has_ended();
                 match ended.map_err(|source| RunError::Service { service: kind.name(), source })? {
@@ -311,7 +333,7 @@ impl<'a> Supervisor<'a> {
                         ended_badly.push((kind.name(), "did not end in time and was killed".to_owned()));
                         break;
                     }
-                    None => self.ports.wait()?,
+                    None => self.ports.wait(TURN)?,
                 }
             }
         }
@@ -347,14 +369,12 @@ impl<'a> Supervisor<'a> {
 const LOSSES: &str = "exit code 3";
 
 impl Ports {
-    fn open(instance: &Instance, plan: &Plan) -> Result<Self, TransportError> {
-        let node = Node::open(instance, "supervisor")?;
-        let sizes = channel_sizes(&plan.setup);
+    fn open(node: &Node, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         Ok(Self {
-            kept: KeptChannels::open(&node, &sizes)?,
-            state: Publisher::open(&node, SCAN_STATE, &sizes)?,
-            reports: Subscriber::open(&node, REPORT_STAGE, &sizes)?,
-            control: ControlServer::open(&node)?,
+            kept: KeptChannels::open(node, sizes)?,
+            state: Publisher::open(node, SCAN_STATE, sizes)?,
+            reports: Subscriber::open(node, REPORT_STAGE, sizes)?,
+            control: ControlServer::open(node)?,
             wake: Wake::new()?,
             sent: None,
         })
@@ -368,8 +388,8 @@ impl Ports {
         Ok(())
     }
 
-    fn wait(&self) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.reports, &self.control], TURN)
+    fn wait(&self, rest: Duration) -> Result<(), TransportError> {
+        self.wake.wait(&[&self.reports, &self.control], rest)
     }
 
     fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {

@@ -1,7 +1,7 @@
 //! One module a subcommand: its arguments and what it does with the library.
 
-mod control;
 mod check;
+mod control;
 mod evaluate;
 mod export;
 mod import;
@@ -38,7 +38,7 @@ pub(crate) enum Command {
     Reconstruct(reconstruct::Args),
     /// Make a whole recording of what can be read of a cut, damaged or unfinished one.
     Recover(recover::Args),
-    /// Replay a recording: make its clouds again and compare them byte by byte.
+    /// Replay a recording over the channels, or make its clouds again here, and compare them byte by byte.
     Replay(replay::Args),
     /// Report on a rig: n, sd and efc, which wrong fringe orders survive where, and what changes would do.
     ///
@@ -70,7 +70,7 @@ impl Command {
             Self::Info(args) => args.run(),
             Self::Reconstruct(args) => args.run(),
             Self::Recover(args) => args.run(),
-            Self::Replay(args) => args.run(),
+            Self::Replay(args) => args.run(threads),
             Self::Rig(args) => args.run(),
             Self::Run(args) => args.run(threads),
             Self::Service(args) => args.run(),

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use fringeflow_runtime::{ServiceArgs, log};
-use fringeflow_supervisor::{Plan, live_services, run};
+use fringeflow_supervisor::{Plan, ServiceKind, live_services, run};
 
 use crate::failure::Failure;
-use crate::run_summary;
+use crate::run_summary::{self, Summary};
 
 /// Arguments of `fringeflow run`.
 #[derive(clap::Args)]
@@ -31,12 +31,6 @@ pub(crate) struct Args {
 impl Args {
     pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
         log::start();
-        let plan = self.plan(threads)?;
-        let outcome = run(&plan, || Ok(()))?;
-        run_summary::print(&outcome, self.json)
-    }
-
-    fn plan(&self, threads: Option<usize>) -> Result<Plan, Failure> {
         let arguments = ServiceArgs {
             config: self.config.clone(),
             setup: None,
@@ -45,21 +39,12 @@ impl Args {
             supervised: false,
         };
         let configuration = arguments.configuration()?;
-        let setup = arguments.setup(&configuration)?;
-        // Computed here once, so that its file is there, and its faults are told, before anything starts.
-        drop(arguments.segment_table(&setup)?);
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
         let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
-        Ok(Plan {
-            services: live_services(&configuration),
-            configuration,
-            setup,
-            program: std::env::current_exe()?,
-            before: threads.map_or_else(Vec::new, |n| vec!["--threads".to_owned(), n.to_string()]),
-            arguments: arguments.to_command_line(),
-            duration_ns: self.duration_ns()?,
-            recording,
-        })
+        let plan = plan(&arguments, threads, live_services(&configuration), recording)?;
+        let outcome = run(&Plan { duration_ns: self.duration_ns()?, ..plan }, None)?;
+        run_summary::print(&Summary::of(&outcome, None), self.json)?;
+        run_summary::judge(&outcome)
     }
 
     fn duration_ns(&self) -> Result<Option<u64>, Failure> {
@@ -70,4 +55,27 @@ impl Args {
             seconds => Ok(seconds.map(|s| (s * 1e9) as u64)),
         }
     }
+}
+
+/// What an instance is to be run with, without end.
+pub(super) fn plan(
+    arguments: &ServiceArgs,
+    threads: Option<usize>,
+    services: Vec<ServiceKind>,
+    recording: Option<String>,
+) -> Result<Plan, Failure> {
+    let configuration = arguments.configuration()?;
+    let setup = arguments.setup(&configuration)?;
+    // Computed here once, so that its file is there, and its faults are told, before anything starts.
+    drop(arguments.segment_table(&setup)?);
+    Ok(Plan {
+        configuration,
+        setup,
+        services,
+        program: std::env::current_exe()?,
+        before: threads.map_or_else(Vec::new, |n| vec!["--threads".to_owned(), n.to_string()]),
+        arguments: arguments.to_command_line(),
+        duration_ns: None,
+        recording,
+    })
 }

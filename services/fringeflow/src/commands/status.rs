@@ -9,6 +9,7 @@ use fringeflow_runtime::clock;
 use fringeflow_supervisor::{Latency, Tally, headline, observe, stage_line};
 
 use crate::failure::Failure;
+use crate::json;
 
 /// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
 const SPAN_NS: u64 = 2_500_000_000;
@@ -53,11 +54,10 @@ impl Args {
         let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
         let state = request(&instance, &asked, ANSWER)?.state;
         let tally = observe(&instance, SPAN_NS)?;
-        let mut out = std::io::stdout().lock();
         if self.json {
-            serde_json::to_writer(&mut out, &self.report(&state, &tally)).map_err(std::io::Error::from)?;
-            return Ok(writeln!(out)?);
+            return json::print(&self.report(&state, &tally));
         }
+        let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
         writeln!(out, "{}: {}", self.instance, headline(&state, &[]))?;
         for (stage, of_stage) in tally.stages() {

@@ -1,25 +1,12 @@
-//! `fringeflow replay --verify`: makes the clouds of a recording again and compares them byte by byte.
+//! `fringeflow replay --verify`: makes the clouds of a recording again, in this process, and compares them byte by byte.
 
 use std::io::Write as _;
-use std::path::PathBuf;
 
 use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifyOutcome};
 
+use super::Args;
 use crate::failure::Failure;
 use crate::{json, progress};
-
-/// Arguments of `fringeflow replay`.
-#[derive(clap::Args)]
-pub(crate) struct Args {
-    /// Recording.
-    input: PathBuf,
-    /// Make every recorded cloud again of its images, and compare.
-    #[arg(long, required = true)]
-    verify: bool,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
-}
 
 #[derive(serde::Serialize)]
 struct Report<'a> {
@@ -33,8 +20,8 @@ struct Report<'a> {
 }
 
 impl Args {
-    pub(crate) fn run(&self) -> Result<(), Failure> {
-        let recording = Recording::open(&self.input)?;
+    /// Verifies the clouds of a recording.
+    pub(super) fn verify(&self, recording: &Recording) -> Result<(), Failure> {
         let bar = progress::bar("clouds", recording.count(Topic::Cloud) as u64);
         let results = recording.verify(|_| bar.inc(1))?;
         bar.finish_and_clear();
@@ -51,12 +38,12 @@ impl Args {
         if self.json {
             json::print(&report)?;
         } else {
-            self.print(&report)?;
+            self.print_verified(&report)?;
         }
-        self.judge(&report)
+        self.judge_verified(&report)
     }
 
-    fn print(&self, report: &Report<'_>) -> Result<(), Failure> {
+    fn print_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
         for cloud in report.results {
             match &cloud.outcome {
@@ -83,7 +70,7 @@ impl Args {
         Ok(())
     }
 
-    fn judge(&self, report: &Report<'_>) -> Result<(), Failure> {
+    fn judge_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
         let file = self.input.display();
         if report.clouds == 0 {
             return Err(Failure::Usage(format!("{file}: has no clouds to compare with")));

@@ -1,0 +1,71 @@
+//! `fringeflow replay` over the channels: the services of the live pipeline, with the recording as their cameras.
+
+use std::path::Path;
+
+use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow::recording::{CONFIGURATION_FILE, Recording};
+use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
+use fringeflow_runtime::{ServiceArgs, log};
+use fringeflow_supervisor::{Plan, ServiceKind, WORKERS, run};
+
+use super::Args;
+use crate::failure::Failure;
+use crate::run_summary::{self, Summary};
+
+impl Args {
+    /// Plays a recording onto the channels.
+    pub(super) fn play(&self, recording: &Recording, threads: Option<usize>) -> Result<(), Failure> {
+        log::start();
+        let folder = tempfile::tempdir()?;
+        let plan = self.plan(recording, folder.path(), threads)?;
+        let comparison = if self.verify { Comparison::of(recording)? } else { Comparison::default() };
+        let mut player = Player::new(recording, self.pace(), comparison);
+        let outcome = run(&plan, Some(&mut player))?;
+        let compared = self.verify.then(|| player.comparison.compared());
+        run_summary::print(&Summary::of(&outcome, compared), self.json)?;
+        match compared {
+            Some(compared) => self.judge(&compared),
+            None => run_summary::judge(&outcome),
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        self.rate.unwrap_or(Pace::Rate(1.0))
+    }
+
+    /// Writes configuration and setup of the recording to a folder, where the services find them.
+    fn plan(&self, recording: &Recording, folder: &Path, threads: Option<usize>) -> Result<Plan, Failure> {
+        let name = self.instance.clone().unwrap_or_else(|| format!("replay-{}", std::process::id()));
+        let configuration = replay_configuration(recording, &name, self.pace());
+        let configuration = configuration.map_err(|e| Failure::Usage(format!("{}: {e}", self.input.display())))?;
+        let text = &recording.setup().text;
+        let files = [
+            (CONFIGURATION_FILE, &configuration),
+            (META_FILE, &text.description),
+            (CALIBRATION_FILE, &text.calibration),
+        ];
+        files.into_iter().try_for_each(|(name, text)| std::fs::write(folder.join(name), text))?;
+        let arguments = ServiceArgs {
+            config: folder.join(CONFIGURATION_FILE),
+            setup: Some(folder.to_owned()),
+            segment_table: Some(folder.join("rig.segments")),
+            restarts: 0,
+            supervised: false,
+        };
+        let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
+        let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
+        super::super::run::plan(&arguments, threads, WORKERS.into_iter().chain(recorder).collect(), recording)
+    }
+
+    fn judge(&self, compared: &Compared) -> Result<(), Failure> {
+        let file = self.input.display();
+        if compared.different > 0 {
+            return Err(Failure::Refuted(format!("{file}: {} clouds are not those recorded", compared.different)));
+        }
+        if compared.missing > 0 {
+            let why = "windows that this machine was too slow for; --rate max loses none";
+            return Err(Failure::Losses(format!("{file}: {} recorded clouds did not come: {why}", compared.missing)));
+        }
+        Ok(())
+    }
+}

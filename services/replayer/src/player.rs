@@ -1,0 +1,143 @@
+//! The player: messages of a recording, one after the other, onto the channels of cameras and projector.
+
+use std::iter::Peekable;
+use std::path::{Path, PathBuf};
+
+use fringeflow::message::{CloudHeader, FrameHeader, PatternEvent, Stage, flags};
+use fringeflow::recording::{Content, Message, Recording, RecordingError};
+use fringeflow::transport::{
+    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TransportError,
+};
+use fringeflow_runtime::{Account, AccountError, clock};
+use fringeflow_supervisor::{Progress, Source, SourceError};
+
+use crate::pace::is_worked_off;
+use crate::{Comparison, Pace};
+
+/// Messages of a recording that are still to be played.
+type Messages<'a> = Peekable<Box<dyn Iterator<Item = Result<Message, RecordingError>> + 'a>>;
+
+/// Plays a recording.
+pub struct Player<'a> {
+    messages: Messages<'a>,
+    pace: Pace,
+    /// Clouds to compare with.
+    pub comparison: Comparison,
+    ports: Option<Ports>,
+    /// Times of the first message: when it was recorded, and when it was played.
+    begun_ns: Option<(u64, u64)>,
+}
+
+/// Channels and accounts in the place of cameras and projector.
+struct Ports {
+    cameras: [Publisher<FrameHeader, [u8]>; 2],
+    events: Publisher<(), PatternEvent>,
+    clouds: Subscriber<CloudHeader, [u8]>,
+    /// Of both cameras.
+    image_accounts: [Account; 2],
+    event_account: Account,
+    accounts: PathBuf,
+    clouds_seen: u64,
+}
+
+impl<'a> Player<'a> {
+    /// A player of everything that cameras and projector put into a recording.
+    #[must_use]
+    pub fn new(recording: &'a Recording, pace: Pace, comparison: Comparison) -> Self {
+        let is_played = |message: &Result<Message, RecordingError>| {
+            message.as_ref().map_or(true, |m| matches!(m.content, Content::Frame(..) | Content::Pattern(_)))
+        };
+        let messages: Box<dyn Iterator<Item = _>> = Box::new(recording.messages().filter(is_played));
+        Self { messages: messages.peekable(), pace, comparison, ports: None, begun_ns: None }
+    }
+
+    /// When a message is due, by the clock of this machine; `None` where it is due once the pipeline is idle.
+    fn due_ns(&mut self, log_ns: u64) -> Option<u64> {
+        let Pace::Rate(rate) = self.pace else { return None };
+        let (recorded_ns, played_ns) = *self.begun_ns.get_or_insert_with(|| (log_ns, clock::now_ns()));
+        Some(played_ns + (log_ns.saturating_sub(recorded_ns) as f64 / rate) as u64)
+    }
+}
+
+impl Source for Player<'_> {
+    fn open(&mut self, node: &Node, sizes: &ChannelSizes, accounts: &Path) -> Result<(), SourceError> {
+        self.ports = Some(Ports::open(node, sizes, accounts)?);
+        Ok(())
+    }
+
+    fn turn(&mut self) -> Result<Progress, SourceError> {
+        loop {
+            let Some(ports) = &mut self.ports else { return Ok(Progress::Waiting) };
+            ports.see_clouds(&mut self.comparison)?;
+            let is_idle = ports.is_idle();
+            let Some(next) = self.messages.peek() else {
+                let is_finished = is_idle || self.pace != Pace::Fastest;
+                return Ok(if is_finished { Progress::Finished } else { Progress::Waiting });
+            };
+            let log_ns = next.as_ref().map_or(0, |message| message.log_ns);
+            match self.due_ns(log_ns) {
+                Some(due_ns) if clock::now_ns() < due_ns => return Ok(Progress::Next(due_ns)),
+                None if !is_idle => return Ok(Progress::Waiting),
+                _ => {}
+            }
+            if let (Some(message), Some(ports)) = (self.messages.next(), &mut self.ports) {
+                ports.put_out(&message?)?;
+            }
+        }
+    }
+}
+
+impl Ports {
+    fn open(node: &Node, sizes: &ChannelSizes, accounts: &Path) -> Result<Self, SourceError> {
+        Ok(Self {
+            cameras: [Publisher::open(node, CAM1_FRAME, sizes)?, Publisher::open(node, CAM2_FRAME, sizes)?],
+            events: Publisher::open(node, PROJECTOR_PATTERN, sizes)?,
+            clouds: Subscriber::open(node, CLOUD, sizes)?,
+            image_accounts: [Account::open(accounts, Stage::Camera1)?, Account::open(accounts, Stage::Camera2)?],
+            event_account: Account::open(accounts, Stage::Projector)?,
+            accounts: accounts.to_owned(),
+            clouds_seen: 0,
+        })
+    }
+
+    fn see_clouds(&mut self, comparison: &mut Comparison) -> Result<(), TransportError> {
+        while let Some(cloud) = self.clouds.receive()? {
+            comparison.add(cloud.header(), cloud.payload());
+            self.clouds_seen = cloud.header().published + 1;
+        }
+        Ok(())
+    }
+
+    /// Whether everything that was put out has gone through, and its clouds were seen.
+    fn is_idle(&self) -> bool {
+        let images = self.image_accounts.iter().map(|account| account.counts().passed).sum();
+        is_worked_off(&self.accounts, images, self.event_account.counts().passed, self.clouds_seen)
+    }
+
+    /// Puts out a message under the next number of its channel.
+    fn put_out(&mut self, message: &Message) -> Result<(), AccountError> {
+        let sent = match &message.content {
+            Content::Frame(header, image) => {
+                let camera = usize::from(header.camera == 2);
+                let published = number_of_next(&mut self.image_accounts[camera])?;
+                let header = FrameHeader { published, flags: header.flags | flags::REPLAYED, ..*header };
+                self.cameras[camera].send(&header, image)
+            }
+            Content::Pattern(event) => {
+                let sequence = number_of_next(&mut self.event_account)?;
+                self.events.send_message(&PatternEvent { sequence, ..*event })
+            }
+            _ => Ok(()),
+        };
+        // What could not be sent is missing in the channel, and counted there.
+        if let Err(error) = sent {
+            tracing::warn!("{error}");
+        }
+        Ok(())
+    }
+}
+
+fn number_of_next(account: &mut Account) -> Result<u64, AccountError> {
+    account.take(1)?;
+    account.pass()
+}
