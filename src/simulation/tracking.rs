@@ -24,10 +24,8 @@ impl Eye<'_> {
         let seen = smooth_centre(before, u, v)?;
         let old = seen.hit?;
         let pixel = Pixel::new(u as f64, v as f64);
-        if !((self.project(&old.point)? - pixel).norm() <= MAX_MOTION_PX) {
-            return None;
-        }
-        let ray = self.ray(&pixel)?;
+        let moved_px = (self.project(&old.point)? - pixel).norm();
+        let ray = (moved_px <= MAX_MOTION_PX).then(|| self.ray(&pixel))??;
         let hit = hit_near(self.scene, &ray, &old)?;
         if -ray.direction.dot(&hit.normal) < MIN_COSINE {
             return None;

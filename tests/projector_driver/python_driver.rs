@@ -8,7 +8,7 @@ use fringeflow::message::{
     Command as Ask, ControlRequest, ControlResponse, PATTERN_FRINGES, PatternEvent, ScanState, Text,
 };
 use fringeflow::transport::{
-    ChannelSizes, Channels, ControlServer, Instance, Node, PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber,
+    ChannelSizes, ControlServer, Instance, KeptChannels, Node, PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber,
 };
 
 const HANG: Duration = Duration::from_secs(60);
@@ -18,7 +18,7 @@ const SIZES: ChannelSizes =
 /// What a supervisor holds, as far as a driver sees it.
 struct Supervisor {
     config_file: PathBuf,
-    _channels: Channels,
+    _channels: KeptChannels,
     states: Publisher<(), ScanState>,
     events: Subscriber<(), PatternEvent>,
     control: ControlServer,
@@ -34,7 +34,7 @@ impl Supervisor {
         std::fs::write(&config_file, instance.external_config().unwrap()).unwrap();
         Self {
             config_file,
-            _channels: Channels::open(&node, &SIZES).unwrap(),
+            _channels: KeptChannels::open(&node, &SIZES).unwrap(),
             states: Publisher::open(&node, SCAN_STATE, &SIZES).unwrap(),
             events: Subscriber::open(&node, PROJECTOR_PATTERN, &SIZES).unwrap(),
             control: ControlServer::open(&node).unwrap(),
@@ -120,6 +120,19 @@ fn it_starts_the_scan_announces_its_patterns_and_stops_the_scan() {
         let due_ns = events[0].exposure_start_ns + k * 5_000_000;
         assert!(event.exposure_start_ns.abs_diff(due_ns) <= 1, "event {k}");
     }
+}
+
+#[test]
+fn without_the_channels_it_says_what_to_do() {
+    let folder = tempfile::tempdir_in("/tmp").unwrap();
+    let mut supervisor = Supervisor::new(folder.path());
+    let nobody = Instance::under(folder.path(), "nobody").unwrap();
+    std::fs::create_dir(nobody.root()).unwrap();
+    std::fs::write(&supervisor.config_file, nobody.external_config().unwrap()).unwrap();
+    let driver = supervisor.driver(&[]);
+    let (code, text, _) = supervisor.serve_until_end(driver);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("start the instance first"), "{text}");
 }
 
 #[test]

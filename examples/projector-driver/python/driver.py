@@ -219,8 +219,11 @@ def main() -> None:
     asked_to_stop = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: asked_to_stop.append(True))
-    instance = Instance(config_file)
-    driver = Driver(instance, args.steps, args.period_px, args.rate_hz)
+    try:
+        instance = Instance(config_file)
+        driver = Driver(instance, args.steps, args.period_px, args.rate_hz)
+    except iox2.PublishSubscribeOpenError as error:
+        sys.exit(f"the channels cannot be opened ({error}); start the instance first")
     if args.record is not None:
         instance.request(COMMAND_RECORD_START, args.record)
     if args.start:
