@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use crate::dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
 use crate::message::{FrameHeader, PATTERN_FRINGES, PIXEL_FORMAT_GREY, PatternEvent};
 
+use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
 use super::recordable::Encoded;
-use super::recorder::RecorderCounts;
 use super::writer::{Opening, RecordingWriter};
 use super::{Origin, Recordable};
 

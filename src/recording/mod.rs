@@ -23,8 +23,10 @@
 //! The schema of our own messages is `schema/fringeflow.proto`.
 
 mod check;
+mod collect;
 mod content;
 mod convert;
+mod counts;
 mod error;
 mod export;
 mod fields;
@@ -46,6 +48,7 @@ mod writer;
 
 pub use check::Check;
 pub use content::{Content, Message};
+pub use counts::RecorderCounts;
 pub use error::{RecordingError, RecordingProblem};
 pub use export::{ExportError, export_images};
 pub use file::UNFINISHED;
@@ -54,7 +57,7 @@ pub use opening::Origin;
 pub use pairs::{ImagePair, first_cycle};
 pub use reader::Recording;
 pub use recordable::Recordable;
-pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder, RecorderCounts};
+pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder};
 pub use recover::{Recovered, recover};
 pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;

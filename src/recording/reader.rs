@@ -7,48 +7,49 @@ use std::path::{Path, PathBuf};
 
 use crate::cloud::{Cloud, read_records};
 use crate::config::Configuration;
-use crate::dataset::{CALIBRATION_FILE, GreyImage, META_FILE, Setup, SetupText, TRUTH_FILE, Truth};
+use crate::dataset::{GreyImage, Setup, Truth};
 use crate::message::{CloudHeader, FrameHeader, Window};
 
+use super::Topic;
+use super::collect::Collected;
 use super::content::{Content, Header, Message};
 use super::error::{RecordingError, RecordingProblem};
 use super::opening::Origin;
 use super::recordable::Times;
-use super::scan::{Found, FoundMessage, Rigour, scan};
-use super::{CONFIGURATION_FILE, FORMAT_VERSION, METADATA, RECORDER_METADATA, Topic};
+use super::scan::{Rigour, scan};
 
 /// An opened recording.
 #[derive(Debug)]
 pub struct Recording {
-    path: PathBuf,
-    file: File,
-    setup: Setup,
-    configuration: String,
-    metadata: BTreeMap<String, String>,
-    account: BTreeMap<String, String>,
-    truth: Option<Place>,
-    entries: Vec<Entry>,
+    pub(super) path: PathBuf,
+    pub(super) file: File,
+    pub(super) setup: Setup,
+    pub(super) configuration: String,
+    pub(super) metadata: BTreeMap<String, String>,
+    pub(super) account: BTreeMap<String, String>,
+    pub(super) truth: Option<Place>,
+    pub(super) entries: Vec<Entry>,
     /// Entries of images by camera, session and sequence.
-    frames: BTreeMap<(u32, u64, u64), usize>,
-    foreign: BTreeMap<String, u64>,
-    bytes: u64,
+    pub(super) frames: BTreeMap<(u32, u64, u64), usize>,
+    pub(super) foreign: BTreeMap<String, u64>,
+    pub(super) bytes: u64,
 }
 
 /// Where something stands in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
-    offset: u64,
-    bytes: usize,
+pub(super) struct Place {
+    pub(super) offset: u64,
+    pub(super) bytes: usize,
 }
 
 /// A message, not yet read.
 #[derive(Clone, Debug)]
-struct Entry {
-    topic: Topic,
-    sequence: u32,
-    times: Times,
-    place: Place,
-    header: Option<Header>,
+pub(super) struct Entry {
+    pub(super) topic: Topic,
+    pub(super) sequence: u32,
+    pub(super) times: Times,
+    pub(super) place: Place,
+    pub(super) header: Option<Header>,
 }
 
 impl Recording {
@@ -62,10 +63,7 @@ impl Recording {
         let file = File::open(path).map_err(unreadable)?;
         let mut found = Collected::default();
         let scanned = scan(&file, Rigour::Strict, &mut |item| found.take(item)).map_err(|p| p.of(path))?;
-        let mut recording = found.recording(path, file).map_err(|p| p.of(path))?;
-        recording.foreign = scanned.foreign;
-        recording.bytes = scanned.bytes;
-        Ok(recording)
+        found.recording(path, file, scanned).map_err(|p| p.of(path))
     }
 
     /// The file.
@@ -137,11 +135,13 @@ impl Recording {
         self.entries.iter().filter(|entry| entry.topic == topic).count()
     }
 
-    /// Times of the first and the last message.
+    /// Times of the first and the last message, those for viewers aside.
     #[must_use]
     pub fn span_ns(&self) -> Option<[u64; 2]> {
-        let of = |entry: &Entry| entry.times.log_ns;
-        Some([self.entries.iter().map(of).min()?, self.entries.iter().map(of).max()?])
+        let mut times =
+            self.entries.iter().filter(|entry| !entry.topic.is_for_viewers()).map(|entry| entry.times.log_ns);
+        let first_ns = times.next()?;
+        Some([first_ns, times.next_back().unwrap_or(first_ns)])
     }
 
     /// All messages in the order of their times; each is read when its turn comes.
@@ -273,111 +273,7 @@ impl Recording {
 }
 
 impl Entry {
-    fn problem(&self, what: String) -> RecordingProblem {
+    pub(super) fn problem(&self, what: String) -> RecordingProblem {
         RecordingProblem::Message { topic: self.topic.name(), sequence: self.sequence, offset: self.place.offset, what }
-    }
-}
-
-/// What a scan has found so far.
-#[derive(Default)]
-struct Collected {
-    texts: BTreeMap<&'static str, String>,
-    metadata: Option<BTreeMap<String, String>>,
-    account: Option<BTreeMap<String, String>>,
-    truth: Option<Place>,
-    entries: Vec<Entry>,
-    /// Headers whose image or cloud has not come yet.
-    headers: BTreeMap<(Topic, u32), (Header, u64)>,
-}
-
-impl Collected {
-    fn take(&mut self, found: Found<'_>) -> Result<(), RecordingProblem> {
-        match found {
-            Found::Message(message) => self.message(&message),
-            Found::Attachment { name, data, offset, .. } => self.attachment(name, data, offset),
-            Found::Metadata { name: METADATA, entries } => {
-                check_version(&entries)?;
-                self.metadata = Some(entries);
-                Ok(())
-            }
-            Found::Metadata { name: RECORDER_METADATA, entries } => {
-                self.account = Some(entries);
-                Ok(())
-            }
-            Found::Metadata { .. } => Ok(()),
-        }
-    }
-
-    fn attachment(&mut self, name: &str, data: &[u8], offset: u64) -> Result<(), RecordingProblem> {
-        if name == TRUTH_FILE {
-            self.truth = Some(Place { offset, bytes: data.len() });
-        }
-        let Some(name) = [CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE].into_iter().find(|n| *n == name) else {
-            return Ok(());
-        };
-        let text = std::str::from_utf8(data);
-        let no_text = |_| RecordingProblem::Damaged { offset, what: format!("attachment {name} is no UTF-8 text") };
-        self.texts.insert(name, text.map_err(no_text)?.to_owned());
-        Ok(())
-    }
-
-    fn message(&mut self, found: &FoundMessage<'_>) -> Result<(), RecordingProblem> {
-        let FoundMessage { topic, sequence, times, data, offset } = *found;
-        let place = Place { offset, bytes: data.len() };
-        let mut entry = Entry { topic, sequence, times, place, header: None };
-        if topic.is_header() {
-            let header = Header::decode(topic, data).map_err(|what| entry.problem(what))?;
-            self.headers.insert((topic, sequence), (header, offset));
-            return Ok(());
-        }
-        if let Some(header) = topic.header() {
-            let header = self.headers.remove(&(header, sequence)).map(|(header, _)| header);
-            entry.header = Some(header.ok_or_else(|| entry.problem("its header is missing".to_owned()))?);
-        }
-        self.entries.push(entry);
-        Ok(())
-    }
-
-    fn recording(mut self, path: &Path, file: File) -> Result<Recording, RecordingProblem> {
-        let metadata = self.metadata.ok_or(RecordingProblem::Missing { what: "metadata fringeflow" })?;
-        if let Some(((topic, sequence), (_, offset))) = self.headers.pop_first() {
-            let (topic, what) = (topic.name(), "what it describes is missing".to_owned());
-            return Err(RecordingProblem::Message { topic, sequence, offset, what });
-        }
-        let mut text = |name, what| self.texts.remove(name).ok_or(RecordingProblem::Missing { what });
-        let calibration = text(CALIBRATION_FILE, "attachment calibration.yml")?;
-        let description = text(META_FILE, "attachment meta.json")?;
-        let configuration = text(CONFIGURATION_FILE, "attachment configuration.toml")?;
-        let setup = Setup::parse(SetupText { description, calibration }, None)?;
-        // Stable: what has the same time stays in the order of the file.
-        self.entries.sort_by_key(|entry| entry.times.log_ns);
-        let frames = self.entries.iter().enumerate().filter_map(|(i, entry)| match &entry.header {
-            Some(Header::Frame(header)) => Some(((header.camera, header.session, header.sequence), i)),
-            _ => None,
-        });
-        let frames = frames.collect();
-        Ok(Recording {
-            path: path.to_owned(),
-            file,
-            setup,
-            configuration,
-            metadata,
-            account: self.account.unwrap_or_default(),
-            truth: self.truth,
-            entries: self.entries,
-            frames,
-            foreign: BTreeMap::new(),
-            bytes: 0,
-        })
-    }
-}
-
-/// Refuses a newer format before anything in it is misread.
-pub(super) fn check_version(metadata: &BTreeMap<String, String>) -> Result<(), RecordingProblem> {
-    let writer = metadata.get("version").cloned().unwrap_or_default();
-    match metadata.get("format").and_then(|format| format.parse::<u64>().ok()) {
-        Some(found) if found > FORMAT_VERSION => Err(RecordingProblem::NewerFormat { found, writer }),
-        Some(1..) => Ok(()),
-        Some(0) | None => Err(RecordingProblem::Missing { what: "format version in its metadata fringeflow" }),
     }
 }

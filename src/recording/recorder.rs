@@ -11,8 +11,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::message::{Counts, DropReason};
+use crate::message::DropReason;
 
+use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
 use super::opening::monotonic_ns;
 use super::queue::{Item, Next, Queue};
@@ -28,15 +29,6 @@ pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Longest time that it waits for its way to the disk.
 const SYNC_EVERY: Duration = Duration::from_secs(2);
-
-/// Messages taken, written and lost, by the topic they are counted under.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RecorderCounts {
-    /// By topic; an image and its header are one message. Messages that contradict themselves have no topic.
-    pub topics: BTreeMap<Topic, Counts>,
-    /// Messages that contradict themselves.
-    pub malformed: u64,
-}
 
 /// What came of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,43 +58,6 @@ struct Account {
     counts: RecorderCounts,
     /// Why nothing more is written.
     ended: Option<&'static str>,
-}
-
-impl RecorderCounts {
-    /// Of all topics together.
-    #[must_use]
-    pub fn total(&self) -> Counts {
-        let mut total = Counts { taken: self.malformed, ..Counts::default() };
-        total.drop_many(DropReason::Malformed, self.malformed);
-        for counts in self.topics.values() {
-            total.taken += counts.taken;
-            total.passed += counts.passed;
-            counts.reasons().for_each(|(reason, count)| total.drop_many(reason, count));
-        }
-        total
-    }
-
-    pub(super) fn of(&mut self, topic: Topic) -> &mut Counts {
-        self.topics.entry(topic).or_default()
-    }
-
-    /// As metadata of a recording that ended for some reason.
-    pub(super) fn metadata(&self, ended: &str) -> BTreeMap<String, String> {
-        let mut entries = BTreeMap::from([("ended".to_owned(), ended.to_owned())]);
-        let total = self.total();
-        entries.insert("taken".to_owned(), total.taken.to_string());
-        entries.insert("written".to_owned(), total.passed.to_string());
-        for (reason, count) in total.reasons() {
-            entries.insert(format!("lost.{}", reason.name()), count.to_string());
-        }
-        for (topic, counts) in &self.topics {
-            entries.insert(format!("written{}", topic.name()), counts.passed.to_string());
-            for (reason, count) in counts.reasons() {
-                entries.insert(format!("lost.{}{}", reason.name(), topic.name()), count.to_string());
-            }
-        }
-        entries
-    }
 }
 
 impl Recorder {

@@ -12,10 +12,10 @@ use serde::Serialize;
 
 use crate::dataset::{CALIBRATION_FILE, META_FILE};
 
+use super::collect::check_version;
 use super::content::{Content, Header};
 use super::error::{RecordingError, RecordingProblem};
 use super::file::UNFINISHED_RECOVERY;
-use super::reader::check_version;
 use super::recordable::Times;
 use super::scan::{Found, FoundMessage, Rigour, scan};
 use super::writer::RecordingWriter;
@@ -48,6 +48,7 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
         recovered: Recovered::default(),
         found: Vec::new(),
         account: BTreeMap::new(),
+        written: 0,
         headers: BTreeMap::new(),
     };
     let scanned = match scan(&file, Rigour::Tolerant, &mut |found| recovery.take(found)) {
@@ -58,14 +59,14 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
             return Err(problem.of(file));
         }
     };
-    let Recovery { writer, mut recovered, found, mut account, headers } = recovery;
+    let Recovery { writer, mut recovered, found, mut account, written, headers } = recovery;
     recovered.left_out += headers.len() as u64;
     recovered.foreign = scanned.foreign;
     recovered.faults = scanned.faults.iter().map(ToString::to_string).collect();
     let needed = [METADATA, CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE];
     recovered.missing = needed.into_iter().filter(|name| !found.iter().any(|f| f == name)).collect();
     account.insert("ended".to_owned(), "recovered".to_owned());
-    account.insert("written".to_owned(), recovered.messages.values().sum::<u64>().to_string());
+    account.insert("written".to_owned(), written.to_string());
     account.insert("recovered.faults".to_owned(), recovered.faults.len().to_string());
     writer.finish(account)?;
     Ok(recovered)
@@ -78,6 +79,8 @@ struct Recovery {
     found: Vec<String>,
     /// What the recorder said in the end, if it came so far.
     account: BTreeMap<String, String>,
+    /// Messages saved that the recorder had counted.
+    written: u64,
     /// Headers whose image or cloud has not come yet.
     headers: BTreeMap<(Topic, u32), (Header, Times, Vec<u8>)>,
 }
@@ -115,10 +118,10 @@ impl Recovery {
         }
         let header = topic.header().and_then(|topic| self.headers.remove(&(topic, sequence)));
         let content = Content::decode(topic, header.as_ref().map(|(h, ..)| h), Bytes::copy_from_slice(data));
-        if content.is_err() {
+        let Ok(content) = content else {
             self.recovered.left_out += 1;
             return Ok(());
-        }
+        };
         if !self.writer.admits(data.len()) {
             return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
         }
@@ -126,6 +129,7 @@ impl Recovery {
             self.writer.write_numbered(of, sequence, times, &bytes)?;
         }
         self.writer.write_numbered(topic, sequence, times, data)?;
+        self.written += u64::from(!matches!(content, Content::ForViewers | Content::Loss(_)));
         *self.recovered.messages.entry(topic.name()).or_default() += 1;
         Ok(())
     }

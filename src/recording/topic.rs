@@ -100,6 +100,11 @@ impl Topic {
         }
     }
 
+    /// Whether it repeats the calibration for viewers.
+    pub(super) fn is_for_viewers(self) -> bool {
+        matches!(self, Self::Transforms | Self::Cam1Calibration | Self::Cam2Calibration)
+    }
+
     /// Whether it holds headers of another topic.
     pub(super) fn is_header(self) -> bool {
         matches!(self, Self::Cam1Header | Self::Cam2Header | Self::CloudHeader)

@@ -146,7 +146,7 @@ fn records_that_claim_too_much_are_refused_without_room_for_them() {
         assert!(matches!(problem(&path), RecordingProblem::Unfinished { .. }), "{claim}");
     }
     // A file long enough for the claim, with a hole in it.
-    let mut bytes = intact.clone();
+    let mut bytes = intact;
     bytes[first + 1..first + 9].copy_from_slice(&(1_u64 << 40).to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(1 << 41).unwrap();

@@ -1,0 +1,52 @@
+//! Chunks: what is recognized of one, and its records once its checksum is right.
+
+use mcap::records::op;
+
+use super::damaged;
+use crate::recording::RecordingProblem;
+use crate::recording::fields::Fields;
+
+/// Fields of a chunk before its records, with no compression named.
+pub(super) const CHUNK_HEAD_BYTES: u64 = 40;
+
+/// Whether these bytes can be the beginning of a chunk: its lengths agree, and it is not compressed.
+pub(super) fn looks_like_chunk(bytes: &[u8]) -> bool {
+    let mut fields = Fields(bytes);
+    let mut lengths = || {
+        fields.u8().filter(|&opcode| opcode == op::CHUNK)?;
+        let length = fields.u64()?;
+        fields.bytes(16)?;
+        let uncompressed = fields.u64()?;
+        fields.u32()?;
+        let name = fields.u32()?;
+        let compressed = fields.u64()?;
+        let whole = compressed.checked_add(CHUNK_HEAD_BYTES)?;
+        Some(name == 0 && uncompressed == compressed && whole == length)
+    };
+    lengths().unwrap_or(false)
+}
+
+/// The records of a chunk, and whether a checksum vouches for them.
+pub(super) fn chunk_records(body: &[u8], start: u64) -> Result<(&[u8], bool), RecordingProblem> {
+    let mut fields = Fields(body);
+    let parts = (|| {
+        fields.bytes(16)?;
+        let uncompressed = fields.length()?;
+        let crc = fields.u32()?;
+        let compression = fields.string()?;
+        let compressed = fields.length()?;
+        Some((uncompressed, crc, compression, fields.bytes(compressed)?))
+    })();
+    let (uncompressed, crc, compression, records) =
+        parts.ok_or_else(|| damaged(start, "a chunk claims more bytes than it has"))?;
+    if !compression.is_empty() {
+        return Err(RecordingProblem::Compressed { offset: start, compression: compression.to_owned() });
+    }
+    if uncompressed != records.len() || !fields.0.is_empty() {
+        return Err(damaged(start, "a chunk contradicts itself about its length"));
+    }
+    if crc != 0 && crc != crc32fast::hash(records) {
+        return Err(damaged(start, "the checksum of a chunk is wrong"));
+    }
+    Ok((records, crc != 0))
+}

@@ -1,0 +1,131 @@
+//! The file under a scan: record by record, and, where a fault has hidden where records begin, the next whole chunk.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+
+use mcap::records::op;
+
+use super::chunk::{CHUNK_HEAD_BYTES, chunk_records, looks_like_chunk};
+use super::{RECORD_HEAD_BYTES, damaged};
+use crate::recording::RecordingProblem;
+
+/// Most bytes of one record.
+const MAX_RECORD_BYTES: u64 = 1 << 30;
+/// Bytes searched at a time for the next whole chunk.
+const SEARCH_BYTES: usize = 1 << 20;
+
+/// The file, read forward, with the checksum of the section it is in.
+pub(super) struct Reader<'f> {
+    file: BufReader<&'f File>,
+    pub(super) bytes: u64,
+    pub(super) at: u64,
+    pub(super) crc: crc32fast::Hasher,
+    /// Whether the content of the last record was all there.
+    pub(super) has_whole_record: bool,
+}
+
+impl<'f> Reader<'f> {
+    /// A reader at the beginning of a file.
+    pub(super) fn new(file: &'f File) -> Result<Self, RecordingProblem> {
+        let bytes = file.metadata().map_err(RecordingProblem::Unreadable)?.len();
+        let file = BufReader::with_capacity(SEARCH_BYTES, file);
+        let mut reader = Self { file, bytes, at: 0, crc: crc32fast::Hasher::new(), has_whole_record: false };
+        reader.seek(0)?;
+        Ok(reader)
+    }
+
+    fn seek(&mut self, to: u64) -> Result<(), RecordingProblem> {
+        self.at = to;
+        self.file.seek(SeekFrom::Start(to)).map(drop).map_err(RecordingProblem::Unreadable)
+    }
+
+    /// Fills a buffer; false if the file ends before.
+    pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<bool, RecordingProblem> {
+        match self.file.read_exact(buffer) {
+            Ok(()) => {
+                self.at += buffer.len() as u64;
+                self.crc.update(buffer);
+                Ok(true)
+            }
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+            Err(e) => Err(RecordingProblem::Unreadable(e)),
+        }
+    }
+
+    /// Opcode and length of the next record.
+    pub(super) fn head(&mut self) -> Result<(u8, u64), RecordingProblem> {
+        let start = self.at;
+        let unfinished = |within| RecordingProblem::Unfinished { offset: self.bytes, within };
+        if start == self.bytes {
+            return Err(unfinished("after a whole record"));
+        }
+        let mut head = [0; RECORD_HEAD_BYTES as usize];
+        if !self.fill(&mut head)? {
+            return Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" });
+        }
+        let [opcode, length @ ..] = head;
+        let length = u64::from_le_bytes(length);
+        if length > self.bytes - self.at {
+            return Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" });
+        }
+        if length > MAX_RECORD_BYTES {
+            return Err(damaged(
+                start,
+                format!("a record claims {length} bytes; no record has over {MAX_RECORD_BYTES}"),
+            ));
+        }
+        Ok((opcode, length))
+    }
+
+    /// Content of a record.
+    pub(super) fn body(&mut self, length: u64, body: &mut Vec<u8>) -> Result<(), RecordingProblem> {
+        body.clear();
+        // Grows with what is read, not with what is claimed.
+        let read = (&mut self.file).take(length).read_to_end(body).map_err(RecordingProblem::Unreadable)?;
+        self.at += read as u64;
+        self.crc.update(body);
+        self.has_whole_record = read as u64 == length;
+        if self.has_whole_record {
+            return Ok(());
+        }
+        Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" })
+    }
+
+    /// Whether the last record was read whole and something that looks like another follows it.
+    pub(super) fn stands_at_record(&mut self) -> Result<bool, RecordingProblem> {
+        let here = self.at;
+        let follows = self.has_whole_record && matches!(self.head(), Ok((op::HEADER..=op::DATA_END, _)));
+        self.seek(here)?;
+        Ok(follows)
+    }
+
+    /// Goes to the next place from `from` on where a chunk stands whose checksum is right.
+    pub(super) fn find_chunk(&mut self, from: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
+        let mut place = from;
+        let mut window = Vec::new();
+        while place + RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES <= self.bytes {
+            self.seek(place)?;
+            window.clear();
+            let mut next = (&mut self.file).take(SEARCH_BYTES as u64);
+            next.read_to_end(&mut window).map_err(RecordingProblem::Unreadable)?;
+            let head = (RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES) as usize;
+            for (i, candidate) in window.windows(head).enumerate() {
+                if looks_like_chunk(candidate) && self.is_whole_chunk(place + i as u64, body)? {
+                    self.seek(place + i as u64)?;
+                    return Ok(true);
+                }
+            }
+            place += (window.len().max(head) - head + 1) as u64;
+        }
+        Ok(false)
+    }
+
+    fn is_whole_chunk(&mut self, place: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
+        self.seek(place)?;
+        let Ok((op::CHUNK, length)) = self.head() else { return Ok(false) };
+        match self.body(length, body) {
+            Err(problem @ RecordingProblem::Unreadable(_)) => Err(problem),
+            read => Ok(read.is_ok() && chunk_records(body, place).is_ok_and(|(_, is_checked)| is_checked)),
+        }
+    }
+}

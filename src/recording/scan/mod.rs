@@ -1,0 +1,253 @@
+//! Reading an MCAP file from its beginning to its end, whatever it holds.
+//!
+//! In: a file. Out: its messages, attachments and metadata, each with its place, and what is wrong with the file. A
+//! strict scan ends at the first fault; a tolerant one goes on at the next chunk whose checksum is right. All checksums
+//! are compared, and what was found with the statistics at the end. Memory: the largest record.
+
+mod chunk;
+mod ending;
+mod file;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+
+use mcap::MAGIC;
+use mcap::records::op;
+
+use super::Topic;
+use super::error::RecordingProblem;
+use super::fields::Fields;
+use super::recordable::Times;
+use chunk::chunk_records;
+use file::Reader;
+
+/// Opcode and length before each record.
+const RECORD_HEAD_BYTES: u64 = 9;
+/// Opcodes from here on are private: others may have added such records.
+const PRIVATE: u8 = 0x80;
+
+/// How a scan takes what is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rigour {
+    /// The first fault ends it.
+    Strict,
+    /// Faults are noted, and everything else is found.
+    Tolerant,
+}
+
+/// What a scan finds.
+#[derive(Debug)]
+pub(super) enum Found<'a> {
+    Message(FoundMessage<'a>),
+    Attachment { name: &'a str, media_type: &'a str, data: &'a [u8], log_ns: u64, offset: u64 },
+    Metadata { name: &'a str, entries: BTreeMap<String, String> },
+}
+
+/// A message of one of our topics.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FoundMessage<'a> {
+    pub(super) topic: Topic,
+    pub(super) sequence: u32,
+    pub(super) times: Times,
+    pub(super) data: &'a [u8],
+    /// Where the data start in the file.
+    pub(super) offset: u64,
+}
+
+/// What a scan yields beside what it finds.
+#[derive(Debug, Default)]
+pub(super) struct Scanned {
+    /// What is wrong with the file; empty after a strict scan.
+    pub(super) faults: Vec<RecordingProblem>,
+    /// Messages of topics that are none of ours, by name.
+    pub(super) foreign: BTreeMap<String, u64>,
+    /// Bytes of the file.
+    pub(super) bytes: u64,
+}
+
+/// What takes the finds; its error ends the scan.
+pub(super) type Visit<'v> = dyn FnMut(Found<'_>) -> Result<(), RecordingProblem> + 'v;
+
+/// Scans a file.
+pub(super) fn scan(file: &File, rigour: Rigour, visit: &mut Visit<'_>) -> Result<Scanned, RecordingProblem> {
+    let mut reader = Reader::new(file)?;
+    let mut scan =
+        Scan { contents: Contents::default(), visit, scanned: Scanned { bytes: reader.bytes, ..Scanned::default() } };
+    let mut magic = [0; MAGIC.len()];
+    if !reader.fill(&mut magic)? || magic != *MAGIC {
+        return Err(RecordingProblem::NotMcap);
+    }
+    let mut body = Vec::new();
+    loop {
+        let start = reader.at;
+        reader.has_whole_record = false;
+        match scan.step(&mut reader, &mut body) {
+            Ok(true) => {}
+            Ok(false) => return Ok(scan.scanned),
+            Err(Trouble::Visitor(problem) | Trouble::Fault(problem @ RecordingProblem::Unreadable(_))) => {
+                return Err(problem);
+            }
+            Err(Trouble::Fault(problem)) if rigour == Rigour::Strict => return Err(problem),
+            Err(Trouble::Fault(problem)) => {
+                scan.scanned.faults.push(problem);
+                if !(reader.stands_at_record()? || reader.find_chunk(start + 1, &mut body)?) {
+                    return Ok(scan.scanned);
+                }
+            }
+        }
+    }
+}
+
+/// Why a step of a scan failed.
+enum Trouble {
+    /// The file is at fault.
+    Fault(RecordingProblem),
+    /// Whoever takes the finds wants no more.
+    Visitor(RecordingProblem),
+}
+
+impl From<RecordingProblem> for Trouble {
+    fn from(problem: RecordingProblem) -> Self {
+        Self::Fault(problem)
+    }
+}
+
+fn damaged(offset: u64, what: impl Into<String>) -> RecordingProblem {
+    RecordingProblem::Damaged { offset, what: what.into() }
+}
+
+/// What the file has been found to hold, to be compared with what it says of itself at the end.
+#[derive(Debug, Default)]
+struct Contents {
+    topics: BTreeMap<u16, Option<Topic>>,
+    names: BTreeMap<u16, String>,
+    messages: BTreeMap<u16, u64>,
+    attachments: u32,
+    metadata: u32,
+    chunks: u32,
+    has_ended: bool,
+    has_statistics: bool,
+}
+
+struct Scan<'v, 'w> {
+    contents: Contents,
+    visit: &'v mut Visit<'w>,
+    scanned: Scanned,
+}
+
+impl Scan<'_, '_> {
+    /// Takes one record; false after the last.
+    fn step(&mut self, reader: &mut Reader<'_>, body: &mut Vec<u8>) -> Result<bool, Trouble> {
+        let start = reader.at;
+        let before = reader.crc.clone();
+        let (opcode, length) = reader.head()?;
+        reader.body(length, body)?;
+        match opcode {
+            op::DATA_END => {
+                let crc = Fields(body).u32().ok_or_else(|| damaged(start, "the end of the data is cut short"))?;
+                self.check_crc(start, crc, before, "the data")?;
+                self.contents.has_ended = true;
+                reader.crc = crc32fast::Hasher::new();
+                return Ok(true);
+            }
+            op::FOOTER => {
+                self.footer(start, body, before)?;
+                return self.end(reader).map(|()| false).map_err(Trouble::Fault);
+            }
+            _ if self.contents.has_ended => self.summary(opcode, start, body)?,
+            op::CHUNK => self.chunk(start, body)?,
+            op::ATTACHMENT => self.attachment(start, body)?,
+            op::METADATA => self.metadata(start, body)?,
+            op::HEADER | op::MESSAGE_INDEX => {}
+            _ => self.record(opcode, start, start + RECORD_HEAD_BYTES, body)?,
+        }
+        Ok(true)
+    }
+
+    fn chunk(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+        let (records, _) = chunk_records(body, start)?;
+        self.contents.chunks += 1;
+        let first = start + RECORD_HEAD_BYTES + (body.len() - records.len()) as u64;
+        let mut fields = Fields(records);
+        while !fields.0.is_empty() {
+            let place = first + (records.len() - fields.0.len()) as u64;
+            let cut = || damaged(place, "a record in a chunk claims more bytes than the chunk has");
+            let opcode = fields.u8().ok_or_else(cut)?;
+            let length = fields.length().ok_or_else(cut)?;
+            let data = fields.bytes(length).ok_or_else(cut)?;
+            self.record(opcode, place, place + RECORD_HEAD_BYTES, data)?;
+        }
+        Ok(())
+    }
+
+    /// A record that may stand in a chunk or outside.
+    fn record(&mut self, opcode: u8, start: u64, data_at: u64, body: &[u8]) -> Result<(), Trouble> {
+        match opcode {
+            op::SCHEMA => Ok(()),
+            op::CHANNEL => Ok(self.channel(body).ok_or_else(|| damaged(start, "a channel is cut short"))?),
+            op::MESSAGE => self.message(start, data_at, body),
+            PRIVATE.. => Ok(()),
+            _ => Err(damaged(start, format!("a record has the unknown code {opcode:#04x}")).into()),
+        }
+    }
+
+    fn channel(&mut self, body: &[u8]) -> Option<()> {
+        let mut fields = Fields(body);
+        let (id, _schema, name) = (fields.u16()?, fields.u16()?, fields.string()?);
+        self.contents.topics.insert(id, Topic::of(name));
+        self.contents.names.insert(id, name.to_owned());
+        Some(())
+    }
+
+    fn message(&mut self, start: u64, data_at: u64, body: &[u8]) -> Result<(), Trouble> {
+        let mut fields = Fields(body);
+        let head = (|| Some((fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?)))();
+        let (id, sequence, log_ns, publish_ns) = head.ok_or_else(|| damaged(start, "a message is cut short"))?;
+        *self.contents.messages.entry(id).or_default() += 1;
+        let topic = match self.contents.topics.get(&id) {
+            Some(topic) => *topic,
+            // Its channel was lost with a damaged chunk.
+            None if !self.scanned.faults.is_empty() => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id),
+            None => return Err(damaged(start, format!("a message is of the unknown channel {id}")).into()),
+        };
+        let Some(topic) = topic else {
+            let name = self.contents.names.get(&id).cloned().unwrap_or_else(|| format!("channel {id}"));
+            *self.scanned.foreign.entry(name).or_default() += 1;
+            return Ok(());
+        };
+        let offset = data_at + (body.len() - fields.0.len()) as u64;
+        let times = Times { log_ns, publish_ns };
+        self.found(Found::Message(FoundMessage { topic, sequence, times, data: fields.0, offset }))
+    }
+
+    fn found(&mut self, found: Found<'_>) -> Result<(), Trouble> {
+        (self.visit)(found).map_err(Trouble::Visitor)
+    }
+
+    fn attachment(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+        let mut fields = Fields(body);
+        let parts = (|| {
+            let (log_ns, _created, name, media_type) =
+                (fields.u64()?, fields.u64()?, fields.string()?, fields.string()?);
+            let length = fields.length()?;
+            let data = fields.bytes(length)?;
+            Some((log_ns, name, media_type, data, fields.u32()?))
+        })();
+        let cut = || damaged(start, "an attachment claims more bytes than it has");
+        let (log_ns, name, media_type, data, crc) = parts.ok_or_else(cut)?;
+        if crc != 0 && crc != crc32fast::hash(body.get(..body.len() - 4).unwrap_or_default()) {
+            return Err(damaged(start, format!("the checksum of attachment {name:?} is wrong")).into());
+        }
+        self.contents.attachments += 1;
+        let offset = start + RECORD_HEAD_BYTES + (body.len() - 4 - data.len()) as u64;
+        self.found(Found::Attachment { name, media_type, data, log_ns, offset })
+    }
+
+    fn metadata(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+        let mut fields = Fields(body);
+        let parts = (|| Some((fields.string()?, fields.text_map()?)))();
+        let (name, entries) = parts.ok_or_else(|| damaged(start, "metadata claim more bytes than they have"))?;
+        self.contents.metadata += 1;
+        self.found(Found::Metadata { name, entries })
+    }
+}
