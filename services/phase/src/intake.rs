@@ -21,8 +21,8 @@ pub(crate) struct Intake {
     windowing: Ledger,
     /// What came of the images of camera 1 and 2.
     frame_arrivals: [Arrivals; 2],
-    /// What came of the events.
-    event_arrivals: Arrivals,
+    /// The last event that was counted as lost before this process listened: session and number.
+    lost_event: Option<[u64; 2]>,
 }
 
 /// An account whose counts the synchronizer keeps since this process began.
@@ -48,7 +48,8 @@ impl Intake {
         for (camera, arrivals) in (1..).zip(&frame_arrivals) {
             synchronizer.expect_frame(camera, arrivals.next);
         }
-        let event_arrivals = *pattern.account.arrivals(0);
+        // Read after the account has caught up: an event announced in between is counted at the end.
+        let lost_event = host.last_of(Stage::Projector);
         let (wake, size_px) = (Wake::new()?, host.setup.image_size_px);
         Ok(Self {
             cameras,
@@ -60,7 +61,7 @@ impl Intake {
             pairing,
             windowing,
             frame_arrivals,
-            event_arrivals,
+            lost_event,
         })
     }
 
@@ -116,7 +117,8 @@ impl Intake {
 
     fn take_event(&mut self) -> Result<bool, ServiceError> {
         let Some(event) = self.events.receive()? else { return Ok(false) };
-        if self.event_arrivals.arrive(event.sequence).is_some() {
+        let is_lost = |[session, sequence]: [u64; 2]| event.session == session && event.sequence <= sequence;
+        if !self.lost_event.is_some_and(is_lost) {
             self.synchronizer.pattern(*event);
         }
         Ok(true)
@@ -154,7 +156,7 @@ impl Intake {
     }
 
     fn write(&mut self) -> Result<(), AccountError> {
-        self.pattern.write(&self.synchronizer, &[self.event_arrivals.next])?;
+        self.pattern.write(&self.synchronizer, &[])?;
         self.pairing.write(&self.synchronizer, &self.frame_arrivals.map(|arrivals| arrivals.next))?;
         self.windowing.write(&self.synchronizer, &[])
     }

@@ -119,12 +119,17 @@ impl Ports {
         let sent = match &message.content {
             Content::Frame(header, image) => {
                 let camera = usize::from(header.camera == 2);
-                let published = number_of_next(&mut self.image_accounts[camera])?;
+                let published = {
+                    self.image_accounts[camera].take(1)?;
+                    self.image_accounts[camera].pass()?
+                };
                 let header = FrameHeader { published, flags: header.flags | flags::REPLAYED, ..*header };
                 self.cameras[camera].send(&header, image)
             }
             Content::Pattern(event) => {
-                let sequence = number_of_next(&mut self.event_account)?;
+                let sequence = self.event_account.counts().passed;
+                self.event_account.take(1)?;
+                self.event_account.pass_as(event.session, sequence)?;
                 self.events.send_message(&PatternEvent { sequence, ..*event })
             }
             _ => Ok(()),
@@ -135,9 +140,4 @@ impl Ports {
         }
         Ok(())
     }
-}
-
-fn number_of_next(account: &mut Account) -> Result<u64, AccountError> {
-    account.take(1)?;
-    account.pass()
 }

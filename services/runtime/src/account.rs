@@ -52,6 +52,8 @@ struct Record {
     counts: Counts,
     /// Per channel that the stage takes from: the number of the next message.
     next: [u64; SOURCES],
+    /// Session and number of the item that was put out last.
+    last: [u64; 2],
 }
 
 /// Counts of one stage, kept in a file.
@@ -137,6 +139,13 @@ impl Account {
         read_record(&File::open(path(folder, stage)).ok()?).map(|record| record.counts)
     }
 
+    /// Session and number of the item that a stage put out last; `None` where it keeps no account or has put out none.
+    #[must_use]
+    pub fn read_last(folder: &Path, stage: Stage) -> Option<[u64; 2]> {
+        let record = read_record(&File::open(path(folder, stage)).ok()?)?;
+        (record.counts.passed > 0).then_some(record.last)
+    }
+
     /// The counts.
     #[must_use]
     pub fn counts(&self) -> &Counts {
@@ -198,6 +207,15 @@ impl Account {
         self.record.counts.passed += 1;
         self.write()?;
         Ok(published)
+    }
+
+    /// [`Self::pass`] of an item whose channel numbers by session: its session and number.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn pass_as(&mut self, session: u64, sequence: u64) -> Result<u64, AccountError> {
+        self.record.last = [session, sequence];
+        self.pass()
     }
 
     /// Counts one item as dropped.

@@ -120,6 +120,12 @@ impl Host {
         Account::read(&self.accounts, stage)
     }
 
+    /// Session and number of the item that a stage put out last.
+    #[must_use]
+    pub fn last_of(&self, stage: Stage) -> Option<[u64; 2]> {
+        Account::read_last(&self.accounts, stage)
+    }
+
     /// Counts as lost what the stages before have put out while this service did not listen.
     ///
     /// # Errors

@@ -115,11 +115,26 @@ pub fn run<'s>(plan: &Plan, source: Option<&'s mut (dyn Source + 's)>) -> Result
     let lock = InstanceLock::take(&instance)?;
     let accounts = accounts_folder(&instance);
     remove_folder(&accounts)?;
-    let outcome = Supervisor::start(plan, &instance, &accounts, source).and_then(Supervisor::run);
+    let outcome = write_external_config(&instance)
+        .and_then(|()| Supervisor::start(plan, &instance, &accounts, source))
+        .and_then(Supervisor::run);
+    // Whoever reads it after the end would find no instance.
+    let _ = fs::remove_file(external_config(&instance));
     remove_folder(&accounts)?;
     // Last: everything of the instance goes with it.
     drop(lock);
     outcome
+}
+
+/// The configuration of iceoryx2 for programs in other languages, beside the folder of the instance.
+fn external_config(instance: &Instance) -> PathBuf {
+    instance.runtime_dir().join(format!("{}.iceoryx2.toml", instance.name()))
+}
+
+fn write_external_config(instance: &Instance) -> Result<(), RunError> {
+    let written = fs::write(external_config(instance), instance.external_config()?);
+    written
+        .map_err(|source| RunError::System { what: "the configuration for other programs cannot be written", source })
 }
 
 /// How long to rest until a source has something to put out.

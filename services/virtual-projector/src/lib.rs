@@ -82,7 +82,7 @@ impl Service {
     }
 
     fn announce(&mut self, host: &mut Host, event: &PatternEvent, taken_ns: u64) -> Result<(), AccountError> {
-        self.account.pass()?;
+        self.account.pass_as(event.session, event.sequence)?;
         // What could not be sent is missing in the channel, and counted there.
         if let Err(error) = self.output.send_message(event) {
             tracing::warn!("{error}");
