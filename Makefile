@@ -1,4 +1,4 @@
-# make demo   simulates a scan, measures it without Gray code, compares it with the truth
+# make demo   a minute of live scanning by a virtual scanner; leaves a recording and clouds
 # make test   every check a change must pass
 # make setup  what both need from the system; they run it themselves
 

@@ -66,8 +66,13 @@ fn ended_badly(outcome: &Outcome) -> String {
 }
 
 impl<'a> Summary<'a> {
-    /// The figures of a run, and of the comparison with a recording where there was one.
-    pub(crate) fn of(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
+    /// The figures of a live run.
+    pub(crate) fn of(outcome: &'a Outcome) -> Self {
+        Self { exposure_to_cloud: outcome.tally.total(), ..Self::of_replay(outcome, None) }
+    }
+
+    /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
+    pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
         let stage = |(stage, counts): &(Stage, Counts)| StageSummary {
             stage: stage.name(),
             taken: counts.taken,
@@ -77,7 +82,7 @@ impl<'a> Summary<'a> {
         };
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
-            exposure_to_cloud: outcome.tally.total(),
+            exposure_to_cloud: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             compared,
@@ -101,8 +106,10 @@ impl fmt::Display for Summary<'_> {
             );
             writeln!(f, "{}", line.trim_end())?;
         }
-        let [p50, p99] = percentiles(self.exposure_to_cloud);
-        writeln!(f, "{:<35}   {p50:>8} {p99:>8}", "exposure to cloud")?;
+        if self.exposure_to_cloud.is_some() {
+            let [p50, p99] = percentiles(self.exposure_to_cloud);
+            writeln!(f, "{:<35}   {p50:>8} {p99:>8}", "exposure to cloud")?;
+        }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;
         }

@@ -9,7 +9,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 const FIRST_WAIT_NS: u64 = 100_000_000;
 const LONGEST_WAIT_NS: u64 = 5_000_000_000;
 /// A service that ran this long is started again without much ado.
-const SETTLED_NS: u64 = 10_000_000_000;
+const SETTLED_NS: u64 = 5_000_000_000;
 /// Exit code of a service whose arguments, configuration or surroundings are wrong: starting it again would not help.
 const WRONG_USAGE: i32 = 2;
 

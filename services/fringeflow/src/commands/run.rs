@@ -43,7 +43,7 @@ impl Args {
         let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
         let plan = plan(&arguments, threads, live_services(&configuration), recording)?;
         let outcome = run(&Plan { duration_ns: self.duration_ns()?, ..plan }, None)?;
-        run_summary::print(&Summary::of(&outcome, None), self.json)?;
+        run_summary::print(&Summary::of(&outcome), self.json)?;
         run_summary::judge(&outcome)
     }
 

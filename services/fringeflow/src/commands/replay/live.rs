@@ -22,7 +22,7 @@ impl Args {
         let mut player = Player::new(recording, self.pace(), comparison);
         let outcome = run(&plan, Some(&mut player))?;
         let compared = self.verify.then(|| player.comparison.compared());
-        run_summary::print(&Summary::of(&outcome, compared), self.json)?;
+        run_summary::print(&Summary::of_replay(&outcome, compared), self.json)?;
         match compared {
             Some(compared) => self.judge(&compared),
             None => run_summary::judge(&outcome),
