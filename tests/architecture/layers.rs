@@ -18,7 +18,20 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("worker", &["geometry", "phase", "correspondence", "cloud"]),
     ("reconstruction", &["geometry", "phase", "correspondence", "cloud", "worker"]),
     ("config", &["geometry", "phase", "calibration::Unit", "dataset", "correspondence", "reconstruction"]),
-    ("recording", &["message", "geometry", "phase", "dataset", "correspondence", "cloud", "reconstruction", "config"]),
+    (
+        "recording",
+        &[
+            "message",
+            "geometry",
+            "phase",
+            "calibration",
+            "dataset",
+            "correspondence",
+            "cloud",
+            "reconstruction",
+            "config",
+        ],
+    ),
     ("preview", &["phase", "correspondence", "cloud", "evaluation", "png_encoding", "atomic_file"]),
 ];
 
