@@ -74,7 +74,8 @@ impl Recording {
                 Err(error) => return Err(error),
             }
         }
-        check.missing_patterns = patterns.into_values().map(|numbers| gaps(numbers).0).sum();
+        check.missing_patterns =
+            patterns.into_values().fold(0, |sum: u64, numbers| sum.saturating_add(gaps(numbers).0));
         for (camera, i) in [(1, 0), (2, 1)] {
             let mut sessions: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
             for header in self.frame_headers(camera) {
@@ -82,7 +83,7 @@ impl Recording {
             }
             for numbers in sessions.into_values() {
                 let (missing, repeated) = gaps(numbers);
-                check.missing_images[i] += missing;
+                check.missing_images[i] = check.missing_images[i].saturating_add(missing);
                 check.repeated_images[i] += repeated;
             }
         }

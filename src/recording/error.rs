@@ -136,6 +136,12 @@ impl RecordingProblem {
         matches!(self, Self::Message { .. })
     }
 
+    /// Whether it was a recording once, and is no whole one now.
+    #[must_use]
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Unfinished { .. } | Self::Damaged { .. } | Self::Missing { .. } | Self::Message { .. })
+    }
+
     /// Whether a new file could not be made or written.
     #[must_use]
     pub fn is_about_writing(&self) -> bool {

@@ -62,7 +62,7 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
     let Recovery { writer, mut recovered, found, mut account, written, headers } = recovery;
     recovered.left_out += headers.len() as u64;
     recovered.foreign = scanned.foreign;
-    recovered.faults = scanned.faults.iter().map(ToString::to_string).collect();
+    recovered.faults = scanned.faults.iter().map(fault).collect();
     let needed = [METADATA, CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE];
     recovered.missing = needed.into_iter().filter(|name| !found.iter().any(|f| f == name)).collect();
     account.insert("ended".to_owned(), "recovered".to_owned());
@@ -70,6 +70,15 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
     account.insert("recovered.faults".to_owned(), recovered.faults.len().to_string());
     writer.finish(account)?;
     Ok(recovered)
+}
+
+/// A fault without the remedy, which this is.
+fn fault(problem: &RecordingProblem) -> String {
+    match problem {
+        RecordingProblem::Unfinished { offset, within } => format!("the file ends at byte {offset} {within}"),
+        RecordingProblem::Damaged { offset, what } => format!("byte {offset}: {what}"),
+        other => other.to_string(),
+    }
 }
 
 struct Recovery {

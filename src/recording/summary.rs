@@ -104,7 +104,7 @@ impl Recording {
             steps: self.setup().steps,
             duration_s: seconds(last_ns - first_ns),
             topics: self.topic_summaries(),
-            points: self.cloud_headers().map(|header| header.points).sum(),
+            points: self.cloud_headers().fold(0, |sum, header| sum.saturating_add(header.points)),
             marks,
             losses,
             lost: self.lost(),

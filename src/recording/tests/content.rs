@@ -142,3 +142,22 @@ fn a_summary_names_topics_rates_marks_and_losses() {
     assert_eq!(summary.stages[0].dropped, [("overrun", 2), ("unpaired", 7)].into());
     assert!((summary.duration_s - 0.08).abs() < 1e-9 && summary.lost == Some(0));
 }
+
+#[test]
+fn numbers_at_their_limits_are_counted_without_overflow() {
+    let folder = Folder::new();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    for session in 0..2 {
+        for sequence in [0, u64::MAX] {
+            let header = FrameHeader { session, exposure_start_ns: sequence, received_ns: sequence, ..frame(1, 0) };
+            let header = FrameHeader { sequence, ..header };
+            recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
+            recorder.push(&Recordable::Pattern(&PatternEvent { session, sequence, ..pattern() }));
+        }
+    }
+    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let check = recording.check(|| ()).unwrap();
+    assert_eq!((check.missing_images[0], check.missing_patterns), (u64::MAX, u64::MAX));
+    assert!(recording.pairs().unwrap().is_empty());
+    assert!(recording.summary().unwrap().duration_s > 1e9);
+}

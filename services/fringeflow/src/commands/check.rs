@@ -20,7 +20,10 @@ pub(crate) struct Args {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let recording = Recording::open(&self.input).map_err(Failure::Damaged)?;
+        let recording = Recording::open(&self.input).map_err(|error| match error.problem.is_damage() {
+            true => Failure::Damaged(error),
+            false => Failure::Recording(error),
+        })?;
         let bar = progress::bar("messages", recording.messages().count() as u64);
         let check = recording.check(|| bar.inc(1)).map_err(Failure::Damaged)?;
         bar.finish_and_clear();

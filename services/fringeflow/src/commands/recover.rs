@@ -43,7 +43,7 @@ impl Args {
             writeln!(out, "{count:>8}  {topic}")?;
         }
         for fault in &recovered.faults {
-            writeln!(out, "left out: {fault}")?;
+            writeln!(out, "fault: {fault}")?;
         }
         for (topic, count) in &recovered.foreign {
             writeln!(out, "left out: {count} messages of the unknown topic {topic}")?;
