@@ -6,6 +6,15 @@ use fringeflow::message::{Counts, ScanState};
 use fringeflow::recording::{Opening, Origin, Recordable, Recorder, RecordingError};
 use fringeflow_runtime::{Host, clock};
 
+/// The file of a recorder that was started again: the one before keeps what it had written, for `fringeflow recover`.
+fn continued(file: PathBuf, restarts: u32) -> PathBuf {
+    if restarts == 0 {
+        return file;
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    file.with_file_name(format!("{stem}-continued-{restarts}.mcap"))
+}
+
 /// A running recording.
 pub(crate) struct Session {
     recorder: Recorder,
@@ -16,7 +25,7 @@ pub(crate) struct Session {
 
 impl Session {
     pub(crate) fn begin(wanted: &ScanState, host: &Host) -> Result<Self, RecordingError> {
-        let file = PathBuf::from(wanted.recording_file.to_text());
+        let file = continued(PathBuf::from(wanted.recording_file.to_text()), host.restarts());
         let settings = &host.configuration.recorder;
         let opening = Opening {
             setup: &host.setup,

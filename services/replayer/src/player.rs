@@ -85,6 +85,10 @@ impl Source for Player<'_> {
             }
         }
     }
+
+    fn close(&mut self) {
+        self.ports = None;
+    }
 }
 
 impl Ports {

@@ -106,6 +106,12 @@ impl Host {
         Ok(Self { configuration, setup, node, sizes, stop, accounts, restarts, reports, beaten_ns: 0, checked_ns: 0 })
     }
 
+    /// How often this service was started before in this instance.
+    #[must_use]
+    pub fn restarts(&self) -> u32 {
+        self.restarts
+    }
+
     /// Opens the account of a stage that this service keeps.
     ///
     /// # Errors

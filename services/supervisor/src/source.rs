@@ -20,6 +20,9 @@ pub trait Source {
     /// # Errors
     /// It cannot go on.
     fn turn(&mut self) -> Result<Progress, SourceError>;
+
+    /// Leaves the instance.
+    fn close(&mut self);
 }
 
 /// How far a source is.

@@ -187,16 +187,13 @@ impl<'a, 's> Supervisor<'a, 's> {
         plan: &'a Plan,
         instance: &'a Instance,
         accounts: &'a PathBuf,
-        mut source: Option<&'s mut (dyn Source + 's)>,
+        source: Option<&'s mut (dyn Source + 's)>,
     ) -> Result<Self, RunError> {
         let stop =
             Stop::on_signals().map_err(|source| RunError::System { what: "signals cannot be handled", source })?;
         let node = Node::open(instance, "supervisor")?;
         let sizes = channel_sizes(&plan.setup);
         let ports = Ports::open(&node, &sizes)?;
-        if let Some(source) = &mut source {
-            source.open(&node, &sizes, accounts).map_err(RunError::Source)?;
-        }
         let launch =
             Launch { program: plan.program.clone(), before: plan.before.clone(), behind: plan.arguments.clone() };
         let mut supervisor = Self {
@@ -214,6 +211,9 @@ impl<'a, 's> Supervisor<'a, 's> {
             scanning_since_ns: None,
             source,
         };
+        if let Some(source) = &mut supervisor.source {
+            source.open(&node, &sizes, accounts).map_err(RunError::Source)?;
+        }
         // From the end of the pipeline to its beginning: whoever sends is heard.
         for &kind in plan.services.iter().rev() {
             let service = Service::start(kind.name(), &supervisor.launch, clock::now_ns());
@@ -367,15 +367,24 @@ impl<'a, 's> Supervisor<'a, 's> {
         Ok(())
     }
 
-    fn outcome(self, ended_badly: Vec<(&'static str, String)>) -> Outcome {
+    fn outcome(&mut self, ended_badly: Vec<(&'static str, String)>) -> Outcome {
         let account = |stage| Some((stage, Account::read(self.accounts, stage)?));
         let recording = self.control.state.recording_file.to_text();
         Outcome {
             balance: Balance(Stage::ALL.into_iter().filter_map(account).collect()),
-            tally: self.tally,
+            tally: std::mem::take(&mut self.tally),
             ended_badly,
             restarts: self.services.iter().map(|(_, service)| service.restarts).sum(),
             recording: (!recording.is_empty()).then(|| PathBuf::from(recording)),
+        }
+    }
+}
+
+impl Drop for Supervisor<'_, '_> {
+    /// The source leaves before the instance is removed.
+    fn drop(&mut self) {
+        if let Some(source) = &mut self.source {
+            source.close();
         }
     }
 }
