@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::dataset::FringeSequence;
 use crate::simulation::{
-    Arrangement, Board, FaultOptions, NoiseLevel, Object, RigOptions, SimulationError, SweepOptions,
+    Arrangement, Board, FaultOptions, Faults, NoiseLevel, Object, RigOptions, SimulationError, SweepOptions,
     VirtualScannerOptions,
 };
 
@@ -23,7 +23,7 @@ pub struct VirtualScannerConfiguration {
     pub cache: Option<PathBuf>,
 }
 
-/// Reads `[virtual_scanner]`; ranges are checked where the scanner is built.
+/// Reads `[virtual_scanner]`; ranges are checked where the scanner is built, those of the faults here.
 pub(super) fn configuration(
     raw: &RawVirtualScanner,
     sequence: &FringeSequence,
@@ -50,7 +50,7 @@ pub(super) fn configuration(
         seed,
     };
     let cache = raw.cache.as_ref().map(|path| folder.join(path));
-    Ok(VirtualScannerConfiguration { scanner, faults: faults(&raw.faults, seed), cache })
+    Ok(VirtualScannerConfiguration { scanner, faults: faults(&raw.faults, seed)?, cache })
 }
 
 fn sweep(raw: &RawSweep, seed: u64) -> SweepOptions {
@@ -65,15 +65,18 @@ fn sweep(raw: &RawSweep, seed: u64) -> SweepOptions {
     }
 }
 
-fn faults(raw: &RawFaults, seed: u64) -> FaultOptions {
-    FaultOptions {
+fn faults(raw: &RawFaults, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+    let options = FaultOptions {
         lost: raw.lost.unwrap_or(0.0),
         duplicated: raw.duplicated.unwrap_or(0.0),
         swapped: raw.swapped.unwrap_or(0.0),
         late: raw.late.unwrap_or(0.0),
         events_lost: raw.events_lost.unwrap_or(0.0),
         seed,
-    }
+    };
+    let named =
+        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
+    Faults::new(options).map(|_| options).map_err(named)
 }
 
 /// The value that a word names.

@@ -59,7 +59,7 @@ use crate::geometry::VolumeError;
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
     /// An option is out of its range.
-    #[error("{what} is {value} {unit}; it must lie between {min} and {max} {unit}")]
+    #[error("{what} is {}; it must lie between {min} and {}", in_unit(*value, unit), in_unit(*max, unit))]
     Range {
         /// What the option is.
         what: &'static str,
@@ -134,6 +134,11 @@ pub enum SimulationError {
     /// The Gray-code reference does not belong to the truth.
     #[error("the reference data of the simulated images: {0}")]
     Reference(#[from] EvaluationError),
+}
+
+/// A value and its unit, where it has one.
+fn in_unit(value: f64, unit: &str) -> String {
+    format!("{value} {unit}").trim_end().to_owned()
 }
 
 fn check_range(what: &'static str, value: f64, min: f64, max: f64, unit: &'static str) -> Result<(), SimulationError> {

@@ -42,11 +42,15 @@ pub(crate) fn print(summary: &Summary<'_>, json: bool) -> Result<(), Failure> {
     Ok(write!(std::io::stdout(), "{summary}")?)
 }
 
+/// Whether the accounts of a run add up.
+pub(crate) fn check_balance(outcome: &Outcome) -> Result<(), Failure> {
+    let faults = outcome.balance.faults();
+    faults.first().map_or(Ok(()), |imbalance| Err(Failure::Imbalance(imbalance.to_string())))
+}
+
 /// Whether a run was well: its balance adds up, and nothing was lost.
 pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
-    if let Some(imbalance) = outcome.balance.faults().first() {
-        return Err(Failure::Imbalance(imbalance.to_string()));
-    }
+    check_balance(outcome)?;
     match losses(outcome) {
         0 if outcome.ended_badly.is_empty() => Ok(()),
         0 => Err(Failure::Losses(ended_badly(outcome))),

@@ -24,7 +24,7 @@ impl Args {
         let compared = self.verify.then(|| player.comparison.compared());
         run_summary::print(&Summary::of_replay(&outcome, compared), self.json)?;
         match compared {
-            Some(compared) => self.judge(&compared),
+            Some(compared) => run_summary::check_balance(&outcome).and_then(|()| self.judge(&compared)),
             None => run_summary::judge(&outcome),
         }
     }

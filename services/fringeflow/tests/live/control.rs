@@ -1,0 +1,115 @@
+//! Status and commands from a second terminal.
+
+use std::ffi::OsStr;
+use std::time::Duration;
+
+use fringeflow::message::{Command, ControlRequest, Stage, Text};
+use fringeflow::recording::{Content, Recording, Topic};
+use fringeflow::transport::request;
+
+use crate::support::{Arguments, Bench, NAME};
+
+const ANSWER: Duration = Duration::from_secs(60);
+
+impl Bench {
+    /// `fringeflow control`; what it prints.
+    fn control(&self, wish: Arguments<'_>) -> String {
+        self.done(&[0], &addressed(wish))
+    }
+
+    /// `fringeflow control` that must be refused.
+    fn control_refused(&self, wish: Arguments<'_>, says: &[&str]) {
+        self.refused(&addressed(wish), says);
+    }
+}
+
+fn addressed<'a>(wish: Arguments<'a>) -> Vec<&'a dyn AsRef<OsStr>> {
+    let to: [&dyn AsRef<OsStr>; 3] = [&"control", &"--instance", &NAME];
+    [&to, wish].concat()
+}
+
+#[test]
+fn nobody_answers_for_an_instance_that_does_not_run() {
+    let bench = Bench::new();
+    bench.refused(&[&"status", &"nobody"], &["no instance nobody is running here"]);
+    bench.control_refused(&[&"stop"], &["no instance t is running here"]);
+    bench.refused(&[&"control", &"--instance", &"a/b", &"stop"], &["a/b", "letters"]);
+    bench.assert_nothing_left();
+}
+
+#[test]
+fn an_instance_does_what_another_terminal_asks() {
+    let bench = Bench::new();
+    let live = bench.start(&[]);
+    live.wait_for_clouds(5);
+    let status = bench.json(&[0], &[&"status", &NAME, &"--json"]);
+    assert_eq!((&status["instance"], &status["scanning"]), (&NAME.into(), &true.into()));
+    assert!(status["recording"].is_null() && status["exposure_to_cloud"]["p50_ms"].as_f64().unwrap() > 0.0, "{status}");
+    let stages: Vec<_> = status["stages"].as_array().unwrap().iter().map(|s| s["stage"].as_str().unwrap()).collect();
+    assert_eq!(stages, Stage::ALL.map(Stage::name));
+
+    assert_eq!(bench.control(&[&"stop"]), "t: stopped\n");
+    // What had been exposed comes to its end.
+    let mut before = 0;
+    live.wait_until("it stands still", || {
+        std::thread::sleep(Duration::from_millis(300));
+        std::mem::replace(&mut before, bench.counts(Stage::Camera1).passed) == bench.counts(Stage::Camera1).passed
+    });
+    assert!(bench.done(&[0], &[&"status", &NAME]).starts_with("t: stopped\n"));
+    assert_eq!(bench.control(&[&"start"]), "t: scanning\n");
+    live.wait_for_clouds(5);
+
+    let (first, second) = (bench.path("first.mcap"), bench.path("second.mcap"));
+    bench.control_refused(&[&"mark", &"chin"], &["no recording runs"]);
+    let answer = bench.control(&[&"record", &first]);
+    assert_eq!(answer, format!("t: scanning, recording to {}\n", first.display()));
+    bench.control_refused(&[&"record", &second], &["runs already", "first.mcap"]);
+    live.wait_for_clouds(10);
+    bench.control(&[&"mark", &"chin"]);
+    bench.control(&[&"end-recording"]);
+    live.wait_until("the recording is whole", || first.exists());
+    bench.control_refused(&[&"record", &first], &["first.mcap", "exists already"]);
+    bench.control_refused(&[&"record", &bench.path("nowhere/a.mcap")], &["nowhere", "does not exist"]);
+    bench.control_refused(&[&"mark", &"x".repeat(257)], &["too long"]);
+    // Its folder is made.
+    bench.control(&[&"record"]);
+    live.wait_for_clouds(5);
+    let ended = live.quit();
+    ended.assert_undisturbed();
+    bench.assert_nothing_left();
+    let named: Vec<_> = std::fs::read_dir(bench.path("recordings")).unwrap().flatten().map(|e| e.path()).collect();
+    assert_eq!(named.len(), 1, "{named:?}");
+    bench.done(&[0, 3], &[&"check", &named[0]]);
+
+    let info = bench.json(&[0], &[&"info", &first, &"--json"]);
+    let marks: Vec<_> = info["marks"].as_array().unwrap().iter().map(|mark| &mark["text"]).collect();
+    assert_eq!(marks, ["chin"]);
+    // It began during the scan: every cloud whose images are all in it comes again.
+    let replayed = bench.replay(&[&"replay", &first, &"--rate", &"max", &"--verify"]);
+    replayed.assert_balanced();
+    let compared = &replayed.summary["compared"];
+    assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{replayed:?}");
+    assert!(compared["same"].as_u64().unwrap() > 0, "{replayed:?}");
+}
+
+#[test]
+fn marks_in_quick_succession_are_all_recorded() {
+    let bench = Bench::new();
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    let texts: Vec<String> = (0..20).map(|number| format!("mark {number}")).collect();
+    let instance = bench.instance();
+    for text in &texts {
+        let mark = ControlRequest { command: Command::Mark as u32, reserved: 0, text: Text::new(text) };
+        assert_eq!(request(&instance, &mark, ANSWER).unwrap().refused, 0);
+    }
+    live.quit().assert_undisturbed();
+    let recording = Recording::open(&recording).unwrap();
+    let mark = |content| match content {
+        Content::Mark(text) => Some(text),
+        _ => None,
+    };
+    let marks: Vec<_> =
+        recording.messages_of(Topic::Log).filter_map(|message| mark(message.unwrap().content)).collect();
+    assert_eq!(marks, texts);
+}

@@ -1,0 +1,90 @@
+//! Services and supervisors that are killed.
+
+use fringeflow::message::DropReason;
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::support::{Bench, NAME, SERVICES, wait};
+
+#[test]
+fn a_killed_service_is_started_again_and_the_others_go_on() {
+    let bench = Bench::new();
+    let live = bench.start(&[&"--record", &bench.path("scan.mcap")]);
+    live.wait_for_clouds(10);
+    for service in SERVICES {
+        let before = SERVICES.map(|service| bench.pid_of(service));
+        let killed = live.signal(service, Signal::KILL);
+        live.wait_until("it is started again", || bench.pid_of(service).is_some_and(|pid| pid != killed));
+        live.wait_for_clouds(10);
+        for (other, pid) in SERVICES.into_iter().zip(before).filter(|(other, _)| *other != service) {
+            assert_eq!(bench.pid_of(other), pid, "{other}, when {service} was killed");
+        }
+    }
+    live.wait_until("it records again", || bench.path("scan-continued-1.mcap.part").exists());
+    let earlier = status(&bench);
+    let later = status(&bench);
+    for (stage, once) in later["stages"].as_array().unwrap().iter().zip(earlier["stages"].as_array().unwrap()) {
+        assert_eq!((&stage["restarts"], &stage["silent"]), (&1.into(), &false.into()), "{stage}");
+        assert!(stage["passed"].as_u64() > once["passed"].as_u64(), "{once} {stage}");
+    }
+    live.wait_for_clouds(10);
+    let ended = live.quit();
+    ended.assert_balanced();
+    assert_eq!((ended.code, &ended.summary["restarts"]), (Some(3), &6.into()), "{ended:?}");
+    for stage in ["pairing", "correspondence", "cloud", "recorder"] {
+        assert!(ended.stage(stage).dropped(DropReason::Restart) > 0, "{stage}: {ended:?}");
+    }
+    // Projector and cameras each began a session.
+    assert!(ended.stage("windowing").dropped(DropReason::NewSession) >= 2, "{ended:?}");
+    bench.assert_nothing_left();
+    bench.done(&[0], &[&"recover", &bench.path("scan.mcap.part"), &"-o", &bench.path("recovered.mcap")]);
+    for name in ["recovered.mcap", "scan-continued-1.mcap"] {
+        let verified = bench.json(&[0, 3], &[&"replay", &bench.path(name), &"--verify", &"--json"]);
+        assert_eq!((&verified["different"], &verified["no_cloud"]), (&0.into(), &0.into()), "{name}");
+        assert!(verified["same"].as_u64().unwrap() >= 10, "{name}");
+    }
+}
+
+fn status(bench: &Bench) -> Value {
+    let status = bench.json(&[0], &[&"status", &NAME, &"--json"]);
+    assert_eq!(status["stages"].as_array().unwrap().len(), 10, "{status}");
+    status
+}
+
+#[test]
+fn a_service_that_is_dead_at_the_end_is_accounted_for() {
+    let bench = Bench::new();
+    let live = bench.start(&[]);
+    // Each death makes the wait before the next start longer: the last one is not over when the run ends.
+    for _ in 0..4 {
+        live.wait_for_clouds(2);
+        let killed = live.signal("cloud", Signal::KILL);
+        live.wait_until("it is gone", || bench.pid_of("cloud") != Some(killed));
+    }
+    let ended = live.quit();
+    ended.assert_balanced();
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    assert!(ended.stage("cloud").dropped(DropReason::Restart) > 0, "{ended:?}");
+    bench.assert_nothing_left();
+}
+
+#[test]
+fn services_end_with_their_supervisor_and_the_name_is_free_again() {
+    let bench = Bench::new();
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    live.wait_for_clouds(10);
+    live.kill();
+    for service in SERVICES {
+        assert!(wait(|| bench.pid_of(service).is_none()), "{service} still runs");
+    }
+    // The recorder had the time to close its file.
+    bench.done(&[0, 3], &[&"check", &recording]);
+    let verified = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
+    assert_eq!(verified["different"], 0);
+    assert!(verified["same"].as_u64().unwrap() > 0, "{verified}");
+    let ended = bench.run(&[&"--seconds", &"1"]);
+    ended.assert_undisturbed();
+    assert!(ended.stage("cloud").passed > 0, "{ended:?}");
+    bench.assert_nothing_left();
+}

@@ -1,0 +1,16 @@
+//! Live instances from the outside: `fringeflow run`, `status`, `control` and `replay` as a user gives them, faults and
+//! killed services, and what is left afterwards. Counts, balances and bytes are asserted, never rates or durations.
+
+// A helper that cannot prepare its test fails it.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod control;
+mod dataset;
+mod faults;
+mod frozen;
+mod full_disk;
+mod killed;
+mod projector;
+mod recorded_run;
+mod refused;
+mod support;

@@ -1,0 +1,57 @@
+//! A run that is recorded, and its replays.
+
+use std::path::Path;
+
+use fringeflow::message::DropReason;
+
+use crate::support::{Bench, Ended};
+
+#[test]
+fn a_recorded_run_adds_up_and_comes_again_to_the_byte() {
+    let bench = Bench::new();
+    let recording = bench.path("scan.mcap");
+    let ended = bench.run(&[&"--seconds", &"3", &"--record", &recording]);
+    ended.assert_undisturbed();
+    bench.assert_nothing_left();
+    assert!(ended.stage("cloud").passed > 0, "{ended:?}");
+    assert_eq!(ended.summary["recording"], recording.to_str().unwrap());
+    // A busy machine may keep the recorder from its turn: then it says so.
+    let lost = ended.stage("recorder").dropped(DropReason::Overrun);
+    let codes: &[i32] = if lost > 0 { &[0, 3] } else { &[0] };
+    assert_recorded(&bench, &recording, &ended, lost);
+    let check = bench.json(codes, &[&"check", &recording, &"--json"]);
+    assert_eq!(check["fault_count"], 0);
+    for threads in ["1", "2"] {
+        let offline = bench.json(codes, &[&"--threads", &threads, &"replay", &recording, &"--verify", &"--json"]);
+        assert_eq!(
+            (&offline["different"], &offline["no_cloud"], &offline["before_recording"]),
+            (&0.into(), &0.into(), &0.into())
+        );
+        let same = offline["same"].as_u64().unwrap();
+        assert!(
+            same > 0 && same <= check["clouds"].as_u64().unwrap() && same + 4 * lost >= ended.stage("cloud").passed
+        );
+        let live = bench.replay(&[&"--threads", &threads, &"replay", &recording, &"--rate", &"max", &"--verify"]);
+        live.assert_balanced();
+        assert!(live.code.is_some_and(|code| codes.contains(&code)), "{live:?}");
+        let compared = &live.summary["compared"];
+        assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{live:?}");
+        assert_eq!(compared["same"], offline["same"], "{live:?}");
+    }
+    bench.assert_nothing_left();
+}
+
+/// Asserts that all that the cameras, the projector and the cloud service sent is in the recording, but for what was lost.
+fn assert_recorded(bench: &Bench, recording: &Path, ended: &Ended, lost: u64) {
+    let info = bench.json(&[0], &[&"info", &recording, &"--json"]);
+    for (stage, topic) in [
+        ("camera1", "/cam1/frame"),
+        ("camera2", "/cam2/frame"),
+        ("projector", "/projector/pattern"),
+        ("cloud", "/cloud"),
+    ] {
+        let found = info["topics"].as_array().unwrap().iter().find(|found| found["topic"] == topic).unwrap();
+        let (messages, passed) = (found["messages"].as_u64().unwrap(), ended.stage(stage).passed);
+        assert!(messages <= passed && messages + lost >= passed, "{topic}: {messages} of {passed}: {info}");
+    }
+}

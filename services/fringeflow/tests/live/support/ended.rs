@@ -1,0 +1,83 @@
+//! What came of a run: exit code, summary, log.
+
+use std::collections::BTreeMap;
+
+use fringeflow::message::DropReason;
+use serde_json::Value;
+
+/// A run that has ended.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) summary: Value,
+    pub(crate) log: String,
+    stages: BTreeMap<String, StageCounts>,
+}
+
+/// What a stage says in the summary.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct StageCounts {
+    pub(crate) taken: u64,
+    pub(crate) passed: u64,
+    dropped: BTreeMap<String, u64>,
+}
+
+impl StageCounts {
+    /// Items dropped for a reason.
+    pub(crate) fn dropped(&self, reason: DropReason) -> u64 {
+        self.dropped.get(reason.name()).copied().unwrap_or(0)
+    }
+}
+
+impl Ended {
+    /// Of an exit code, the JSON that was printed, and the log.
+    pub(crate) fn new(code: Option<i32>, summary: &str, log: String) -> Self {
+        let summary: Value = serde_json::from_str(summary).unwrap_or_else(|e| panic!("no summary ({e}): {log}"));
+        let number = |value: &Value| value.as_u64().unwrap();
+        let stage = |stage: &Value| {
+            let dropped = stage["dropped"].as_object().unwrap().iter();
+            let dropped = dropped.map(|(reason, count)| (reason.clone(), number(count))).collect();
+            let counts = StageCounts { taken: number(&stage["taken"]), passed: number(&stage["passed"]), dropped };
+            (stage["stage"].as_str().unwrap().to_owned(), counts)
+        };
+        let stages = summary["stages"].as_array().unwrap().iter().map(stage).collect();
+        Self { code, summary, log, stages }
+    }
+
+    /// The counts of a stage.
+    pub(crate) fn stage(&self, name: &str) -> &StageCounts {
+        self.stages.get(name).unwrap_or_else(|| panic!("{name} is missing: {self:?}"))
+    }
+
+    /// Asserts that nothing is unaccounted for, in the words of the summary and by its numbers.
+    pub(crate) fn assert_balanced(&self) {
+        assert_eq!(self.summary["imbalances"], serde_json::json!([]), "{self:?}");
+        for (name, stage) in &self.stages {
+            let dropped: u64 = stage.dropped.values().sum();
+            assert_eq!(stage.taken, stage.passed + dropped, "{name}: {self:?}");
+        }
+        let passed = |name: &str| self.stages.get(name).map(|stage| stage.passed);
+        let images = passed("camera1").zip(passed("camera2")).map(|(first, second)| first + second);
+        let arrows = [
+            (passed("projector"), "pattern"),
+            (images, "pairing"),
+            (passed("pairing").map(|images| images / 2), "windowing"),
+            (passed("windowing"), "phase"),
+            (passed("phase"), "correspondence"),
+            (passed("correspondence"), "cloud"),
+        ];
+        for (sent, to) in arrows {
+            assert!(sent.is_none_or(|sent| sent == self.stage(to).taken), "{sent:?} were sent to {to}: {self:?}");
+        }
+    }
+
+    /// Asserts the exit code of a run that nothing disturbed: 3 if the summary tells of losses, which a busy machine may
+    /// cause, else 0.
+    pub(crate) fn assert_undisturbed(&self) {
+        self.assert_balanced();
+        assert_eq!(self.summary["restarts"], 0, "{self:?}");
+        let reasons = DropReason::ALL.into_iter().filter(|reason| reason.is_loss());
+        let lost: u64 = reasons.flat_map(|reason| self.stages.values().map(move |stage| stage.dropped(reason))).sum();
+        assert_eq!(self.code, Some(if lost > 0 { 3 } else { 0 }), "{self:?}");
+    }
+}
