@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
+use fringeflow::message::{Stage, StageReport};
 use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, Subscriber, TransportError, Wake};
-use fringeflow_runtime::clock;
+use fringeflow_runtime::{Account, accounts_folder, clock};
 
 use crate::Tally;
 
-/// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage.
+/// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
+/// gives none appears with the counts of its account, as silent.
 ///
 /// # Errors
 /// The instance cannot be joined.
@@ -24,8 +26,15 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Tally, TransportErro
         }
         let rest_ns = end_ns.saturating_sub(clock::now_ns());
         if rest_ns == 0 {
-            return Ok(tally);
+            break;
         }
         wake.wait(&[&reports], Duration::from_nanos(rest_ns))?;
     }
+    let accounts = accounts_folder(instance);
+    for stage in Stage::ALL.into_iter().filter(|&stage| tally.stage(stage).is_none()).collect::<Vec<_>>() {
+        if let Some(counts) = Account::read(&accounts, stage) {
+            tally.add(&StageReport { stage: stage as u32, counts, ..StageReport::default() });
+        }
+    }
+    Ok(tally)
 }

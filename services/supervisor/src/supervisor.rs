@@ -21,6 +21,8 @@ use crate::{Balance, Progress, ServiceKind, Source, SourceError, Tally};
 
 /// Longest wait for messages.
 const TURN: Duration = Duration::from_millis(50);
+/// Wait for the pipeline to take what a source put out; not all of it is reported.
+const PIPELINE_PAUSE: Duration = Duration::from_millis(1);
 /// Time between two looks at connections and dead processes, nanoseconds.
 const HOUSEKEEPING_NS: u64 = 1_000_000_000;
 /// Time that a service has to finish its work when it is to end, nanoseconds.
@@ -141,7 +143,7 @@ fn write_external_config(instance: &Instance) -> Result<(), RunError> {
 fn wait_until(progress: Progress) -> Duration {
     match progress {
         Progress::Next(time_ns) => Duration::from_nanos(time_ns.saturating_sub(clock::now_ns())).min(TURN),
-        Progress::Waiting => TURN,
+        Progress::Waiting => PIPELINE_PAUSE,
         Progress::Finished => Duration::ZERO,
     }
 }
@@ -248,7 +250,7 @@ impl<'a, 's> Supervisor<'a, 's> {
     fn turn_source(&mut self, is_scanning: bool) -> Result<Progress, RunError> {
         match &mut self.source {
             Some(source) if is_scanning => source.turn().map_err(RunError::Source),
-            _ => Ok(Progress::Waiting),
+            _ => Ok(Progress::Next(u64::MAX)),
         }
     }
 

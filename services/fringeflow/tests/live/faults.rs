@@ -33,6 +33,12 @@ fn every_fault_is_counted_and_no_window_mixes_steps() {
     let verified = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
     assert_eq!((&verified["different"], &verified["no_cloud"]), (&0.into(), &0.into()));
     assert!(verified["same"].as_u64().unwrap() > 0);
+    // Played again, the same images are put together, whatever came double or out of turn.
+    let replayed = bench.replay(&[&"replay", &recording, &"--rate", &"max", &"--verify"]);
+    replayed.assert_balanced();
+    let compared = &replayed.summary["compared"];
+    assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{replayed:?}");
+    assert_eq!(compared["same"], verified["same"], "{replayed:?}");
     assert_windows_are_in_step(&Recording::open(&recording).unwrap());
 }
 
