@@ -139,7 +139,7 @@ impl ChannelId {
             Self::CorrespondenceMap => Quality::of::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2),
             Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
             Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
-            Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 2) },
+            Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 64) },
         }
     }
 }

@@ -8,7 +8,7 @@ mod session;
 
 use fringeflow::message::{Counts, DropReason, ScanState, Stage};
 use fringeflow::recording::Recordable;
-use fringeflow::transport::{SCAN_STATE, Subscriber};
+use fringeflow::transport::{SCAN_STATE, Subscriber, TransportError};
 use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock};
 
 use channels::Channels;
@@ -35,12 +35,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
     loop {
         // Asked before the channels are emptied, so that what came last is recorded.
         let is_last = host.stop.is_requested();
-        while let Some(wanted) = state.receive()? {
-            // Everything that came before a recording was asked for is not part of it.
-            channels.drain(|message, missing| recorder.take(message, missing))?;
-            recorder.follow(&wanted, &host);
-        }
-        channels.drain(|message, missing| recorder.take(message, missing))?;
+        recorder.drain(&mut state, &mut channels, &host)?;
         if is_last {
             break;
         }
@@ -79,6 +74,31 @@ impl Recorder {
         Ok(Self { account, outside, session: None, seen: None, has_failed: false })
     }
 
+    /// Follows the state, and takes what has come.
+    fn drain(
+        &mut self,
+        state: &mut Subscriber<(), ScanState>,
+        channels: &mut Channels,
+        host: &Host,
+    ) -> Result<(), TransportError> {
+        while let Some(wanted) = state.receive()? {
+            // Everything that came before the end of a recording, or before a mark, comes before it there too.
+            if self.session.is_some() {
+                channels.drain(|message, missing| Ok(self.take(message, missing)))?;
+            }
+            self.follow(&wanted, host);
+        }
+        channels.drain(|message, missing| {
+            // The first pattern may have come because of the same state that asks for the recording.
+            while self.session.is_none()
+                && let Some(wanted) = state.receive()?
+            {
+                self.follow(&wanted, host);
+            }
+            Ok(self.take(message, missing))
+        })
+    }
+
     /// Takes a message, before which so many were overwritten in its channel.
     fn take(&mut self, message: &Recordable<'_>, missing: u64) {
         self.outside.taken += missing;
@@ -94,12 +114,14 @@ impl Recorder {
 
     /// Begins and ends recordings and sets marks as the instance asks.
     fn follow(&mut self, wanted: &ScanState, host: &Host) {
+        // What was asked for before this process began is gone on with.
+        let is_continued = self.seen.is_none() && host.restarts() > 0;
         let before = self.seen.replace(*wanted).unwrap_or_default();
         if wanted.recording == 0 || wanted.recordings != before.recordings {
             self.end();
         }
         if wanted.recording != 0 && wanted.recordings != before.recordings {
-            match Session::begin(wanted, host) {
+            match Session::begin(wanted, host, is_continued) {
                 Ok(session) => self.session = Some(session),
                 Err(error) => self.fail(&error),
             }

@@ -1,16 +1,13 @@
 //! One recording: from the wish to the closed file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fringeflow::message::{Counts, ScanState};
 use fringeflow::recording::{Opening, Origin, Recordable, Recorder, RecordingError};
 use fringeflow_runtime::{Host, clock};
 
 /// The file of a recorder that was started again: the one before keeps what it had written, for `fringeflow recover`.
-fn continued(file: PathBuf, restarts: u32) -> PathBuf {
-    if restarts == 0 {
-        return file;
-    }
+fn continued(file: &Path, restarts: u32) -> PathBuf {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     file.with_file_name(format!("{stem}-continued-{restarts}.mcap"))
 }
@@ -24,8 +21,10 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    pub(crate) fn begin(wanted: &ScanState, host: &Host) -> Result<Self, RecordingError> {
-        let file = continued(PathBuf::from(wanted.recording_file.to_text()), host.restarts());
+    /// Begins a recording, or goes on with that of a recorder that died.
+    pub(crate) fn begin(wanted: &ScanState, host: &Host, is_continued: bool) -> Result<Self, RecordingError> {
+        let file = PathBuf::from(wanted.recording_file.to_text());
+        let file = if is_continued { continued(&file, host.restarts()) } else { file };
         let settings = &host.configuration.recorder;
         let opening = Opening {
             setup: &host.setup,

@@ -33,15 +33,17 @@ fn key(window: &Window) -> Key {
 }
 
 impl Comparison {
-    /// Reads the clouds of a recording whose images are all in it.
+    /// Reads the clouds of a recording that can come again: their images are in it, and the announcements of these.
     ///
     /// # Errors
     /// The recording cannot be read.
     pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
         let mut comparison = Self::default();
+        let announced_ns = first_announced_ns(recording)?;
         for message in recording.messages_of(Topic::Cloud) {
             if let Content::Cloud(header, records) = message?.content
                 && is_whole(recording, &header.window)
+                && announced_ns.is_none_or(|time_ns| is_announced(&header.window, time_ns))
             {
                 comparison.recorded.insert(key(&header.window), records.to_vec());
             }
@@ -74,4 +76,21 @@ fn is_whole(recording: &Recording, window: &Window) -> bool {
         recording.has_image(1, window.cam1_session, first) && recording.has_image(2, window.cam2_session, second)
     };
     window.pairs().all(has)
+}
+
+/// Start of the first exposure that the recording holds the pattern event of; `None` where it has no events.
+fn first_announced_ns(recording: &Recording) -> Result<Option<u64>, RecordingError> {
+    let first = recording.messages_of(Topic::Pattern).next().transpose()?;
+    Ok(first.and_then(|message| match message.content {
+        Content::Pattern(event) => Some(event.exposure_start_ns),
+        _ => None,
+    }))
+}
+
+/// Whether a window does not begin before the first exposure announced: a recording that is begun during a scan may hold
+/// an image whose event it came too late for. An event belongs to what is exposed within half a period.
+fn is_announced(window: &Window, first_ns: u64) -> bool {
+    let periods = u64::from(window.steps.saturating_sub(1)).max(1);
+    let half_period_ns = window.last_exposure_ns.saturating_sub(window.first_exposure_ns) / (2 * periods);
+    first_ns < window.first_exposure_ns.saturating_add(half_period_ns)
 }

@@ -37,10 +37,13 @@ pub(crate) struct Service {
 #[derive(Debug)]
 enum State {
     Running(Child),
-    /// Died; is started again at this time.
-    Waiting(u64),
-    /// Stopped, or beyond help.
-    Ended,
+    /// Died; is started again at a time.
+    Waiting {
+        until_ns: u64,
+        how: String,
+    },
+    /// Stopped, or beyond help; how, if not well.
+    Ended(Option<String>),
 }
 
 /// What became of a service since the last look.
@@ -67,27 +70,27 @@ impl Service {
                 Some(status) => Ok(Some(self.died(status, now_ns))),
                 None => Ok(None),
             },
-            State::Waiting(until_ns) if now_ns >= *until_ns => {
+            State::Waiting { until_ns, .. } if now_ns >= *until_ns => {
                 self.restarts += 1;
                 self.state = State::Running(spawn(self.name, launch, self.restarts)?);
                 self.started_ns = now_ns;
                 Ok(Some(Event::Restarted))
             }
-            State::Waiting(_) | State::Ended => Ok(None),
+            State::Waiting { .. } | State::Ended(_) => Ok(None),
         }
     }
 
     fn died(&mut self, status: ExitStatus, now_ns: u64) -> Event {
         let how = describe(status);
         if status.code() == Some(WRONG_USAGE) {
-            self.state = State::Ended;
+            self.state = State::Ended(Some(how.clone()));
             return Event::Hopeless { how };
         }
         if now_ns.saturating_sub(self.started_ns) > SETTLED_NS {
             self.wait_ns = FIRST_WAIT_NS;
         }
         let wait_ns = self.wait_ns;
-        self.state = State::Waiting(now_ns + wait_ns);
+        self.state = State::Waiting { until_ns: now_ns + wait_ns, how: how.clone() };
         self.wait_ns = (2 * wait_ns).min(LONGEST_WAIT_NS);
         Event::Died { how, wait_ns }
     }
@@ -96,16 +99,21 @@ impl Service {
     pub(crate) fn ask_to_stop(&mut self) {
         match &mut self.state {
             State::Running(child) => drop(child.stdin.take()),
-            other => *other = State::Ended,
+            State::Waiting { how, .. } => self.state = State::Ended(Some(std::mem::take(how))),
+            State::Ended(_) => {}
         }
     }
 
     /// Whether it has ended, after [`Self::ask_to_stop`]; how, if not well.
     pub(crate) fn has_ended(&mut self) -> io::Result<Option<Option<String>>> {
-        let State::Running(child) = &mut self.state else { return Ok(Some(None)) };
-        let Some(status) = child.try_wait()? else { return Ok(None) };
-        self.state = State::Ended;
-        Ok(Some((!status.success()).then(|| describe(status))))
+        if let State::Running(child) = &mut self.state {
+            let Some(status) = child.try_wait()? else { return Ok(None) };
+            self.state = State::Ended((!status.success()).then(|| describe(status)));
+        }
+        match &self.state {
+            State::Ended(how) => Ok(Some(how.clone())),
+            State::Running(_) | State::Waiting { .. } => Ok(None),
+        }
     }
 
     /// Ends it at once.
@@ -115,7 +123,7 @@ impl Service {
             let _ = child.kill();
             let _ = child.wait();
         }
-        self.state = State::Ended;
+        self.state = State::Ended(None);
     }
 }
 
@@ -185,6 +193,16 @@ mod tests {
         let launch = launch("exit 2");
         let mut service = Service::start("phase", &launch, 0).unwrap();
         assert_eq!(wait_for(&mut service, &launch, 0), Event::Hopeless { how: "exit code 2".to_owned() });
+        assert_eq!(service.tend(&launch, u64::MAX).unwrap(), None);
+    }
+
+    #[test]
+    fn a_service_that_is_dead_when_it_is_to_stop_did_not_end_well() {
+        let launch = launch("exit 1");
+        let mut service = Service::start("phase", &launch, 0).unwrap();
+        wait_for(&mut service, &launch, 0);
+        service.ask_to_stop();
+        assert_eq!(service.has_ended().unwrap(), Some(Some("exit code 1".to_owned())));
         assert_eq!(service.tend(&launch, u64::MAX).unwrap(), None);
     }
 

@@ -276,9 +276,7 @@ impl<'a, 's> Supervisor<'a, 's> {
         while let Some(report) = self.ports.reports.receive()? {
             self.tally.add(&report);
         }
-        let control = &mut self.control;
-        self.ports.control.answer(|request| control.answer(request))?;
-        Ok(())
+        self.ports.answer(&mut self.control)
     }
 
     fn tend_services(&mut self, now_ns: u64) -> Result<(), RunError> {
@@ -420,12 +418,23 @@ impl Ports {
         })
     }
 
+    /// Answers what is asked, and publishes the state that each answer tells: who follows it misses no mark.
+    fn answer(&mut self, control: &mut Control) -> Result<(), TransportError> {
+        let Self { control: server, state, sent, .. } = self;
+        let mut published = Ok(());
+        server.answer(|request| {
+            let response = control.answer(request);
+            if published.is_ok() {
+                published = publish(state, sent, &control.state);
+            }
+            response
+        })?;
+        published
+    }
+
     /// Publishes the state if it has changed.
     fn publish_state(&mut self, state: &ScanState) -> Result<(), TransportError> {
-        if self.sent.replace(state.revision) != Some(state.revision) {
-            self.state.send_message(state)?;
-        }
-        Ok(())
+        publish(&mut self.state, &mut self.sent, state)
     }
 
     fn wait(&self, rest: Duration) -> Result<(), TransportError> {
@@ -442,4 +451,15 @@ impl Ports {
         self.control.ensure_connected()?;
         Ok(())
     }
+}
+
+fn publish(
+    states: &mut Publisher<(), ScanState>,
+    sent: &mut Option<u64>,
+    state: &ScanState,
+) -> Result<(), TransportError> {
+    if sent.replace(state.revision) != Some(state.revision) {
+        states.send_message(state)?;
+    }
+    Ok(())
 }

@@ -63,7 +63,10 @@ impl Args {
             return Err(Failure::Refuted(format!("{file}: {} clouds are not those recorded", compared.different)));
         }
         if compared.missing > 0 {
-            let why = "windows that this machine was too slow for; --rate max loses none";
+            let why = match self.pace() {
+                Pace::Rate(_) => "windows that this machine was too slow for; --rate max loses none",
+                Pace::Fastest => "messages that they need are missing in the recording, see `fringeflow check`",
+            };
             return Err(Failure::Losses(format!("{file}: {} recorded clouds did not come: {why}", compared.missing)));
         }
         Ok(())
