@@ -8,6 +8,7 @@ use std::time::Duration;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
+use fringeflow::recording::UNFINISHED;
 use fringeflow::transport::{
     ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
     Subscriber, TransportError, Wake, check_shared_memory,
