@@ -130,8 +130,8 @@ impl ChannelId {
     /// How much the channel holds.
     #[must_use]
     pub fn quality(self, sizes: &ChannelSizes) -> Quality {
-        // The phase service holds a window while the next one arrives.
-        let frame = Quality { borrowed: 2 * sizes.window + 4, ..Quality::of::<FrameHeader, u8>(sizes.frame_bytes, 16) };
+        // The phase service holds a window, the present run of images, and those that wait for their partner.
+        let frame = Quality { borrowed: 3 * sizes.window + 4, ..Quality::of::<FrameHeader, u8>(sizes.frame_bytes, 16) };
         match self {
             Self::Cam1Frame | Self::Cam2Frame => frame,
             Self::ProjectorPattern => Quality::of::<(), PatternEvent>(1, 64),

@@ -3,11 +3,14 @@
 use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, Stage};
-use fringeflow::synchronization::{LEAST_WAITING, Settings, StepSource, Synchronizer, WindowImages};
+use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError};
 
 use crate::image::Image;
+
+/// Images of a camera, beyond a window, that may wait for their partner or their step.
+const WAITING_BEYOND_WINDOW: usize = 3;
 
 /// Ports, synchronizer and accounts.
 pub(crate) struct Intake {
@@ -193,7 +196,8 @@ fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
             ProjectorDriver::Virtual | ProjectorDriver::External => StepSource::Events { period_px },
         },
         every: configuration.window_every,
-        // The channel lets this service hold two windows and so many images more.
-        waiting: LEAST_WAITING,
+        // Enough where one message of each channel is taken in turn; the channel lets this service hold these, the images of
+        // the present run, and a window that waits for the next stage.
+        waiting: setup.steps + WAITING_BEYOND_WINDOW,
     }
 }

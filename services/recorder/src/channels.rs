@@ -58,25 +58,27 @@ impl Channels {
     }
 
     /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
-    pub(crate) fn drain(
-        &mut self,
-        mut take: impl FnMut(&Recordable<'_>, u64) -> Result<(), TransportError>,
-    ) -> Result<(), TransportError> {
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) -> Result<(), TransportError> {
         loop {
-            let mut any = self
-                .events
-                .next(|(), event| event.sequence, |(), event, missing| take(&Recordable::Pattern(event), missing))?;
+            let mut any = self.events.next(
+                |(), event| event.sequence,
+                |(), event, missing| {
+                    take(&Recordable::Pattern(event), missing);
+                },
+            )?;
             for camera in &mut self.cameras {
                 any |= camera.next(
                     |header, _| header.published,
-                    |header, image, missing| take(&Recordable::Frame { header, image }, missing),
+                    |header, image, missing| {
+                        take(&Recordable::Frame { header, image }, missing);
+                    },
                 )?;
             }
             if let Some(maps) = &mut self.maps {
                 any |= maps.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing)
+                        take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing);
                     },
                 )?;
             }
@@ -84,13 +86,15 @@ impl Channels {
                 any |= found.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing)
+                        take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing);
                     },
                 )?;
             }
             any |= self.clouds.next(
                 |header, _| header.published,
-                |header, records, missing| take(&Recordable::Cloud { header, records }, missing),
+                |header, records, missing| {
+                    take(&Recordable::Cloud { header, records }, missing);
+                },
             )?;
             any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0))?;
             if !any {
@@ -119,20 +123,20 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
     fn next(
         &mut self,
         number: impl Fn(&H, &P) -> u64,
-        mut take: impl FnMut(&H, &P, u64) -> Result<(), TransportError>,
+        mut take: impl FnMut(&H, &P, u64),
     ) -> Result<bool, TransportError> {
         let Some(message) = self.port.receive()? else { return Ok(false) };
         let number = number(message.header(), message.payload());
         let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
         let missing = arrivals.arrive(number).unwrap_or(0);
-        take(message.header(), message.payload(), missing)?;
+        take(message.header(), message.payload(), missing);
         Ok(true)
     }
 
     /// Takes the next message of a channel with many publishers, whose messages have no common number.
-    fn unnumbered(&mut self, mut take: impl FnMut(&P) -> Result<(), TransportError>) -> Result<bool, TransportError> {
+    fn unnumbered(&mut self, mut take: impl FnMut(&P)) -> Result<bool, TransportError> {
         let Some(message) = self.port.receive()? else { return Ok(false) };
-        take(message.payload())?;
+        take(message.payload());
         Ok(true)
     }
 }

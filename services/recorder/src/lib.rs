@@ -84,19 +84,11 @@ impl Recorder {
         while let Some(wanted) = state.receive()? {
             // Everything that came before the end of a recording, or before a mark, comes before it there too.
             if self.session.is_some() {
-                channels.drain(|message, missing| Ok(self.take(message, missing)))?;
+                channels.drain(|message, missing| self.take(message, missing))?;
             }
             self.follow(&wanted, host);
         }
-        channels.drain(|message, missing| {
-            // The first pattern may have come because of the same state that asks for the recording.
-            while self.session.is_none()
-                && let Some(wanted) = state.receive()?
-            {
-                self.follow(&wanted, host);
-            }
-            Ok(self.take(message, missing))
-        })
+        channels.drain(|message, missing| self.take(message, missing))
     }
 
     /// Takes a message, before which so many were overwritten in its channel.

@@ -41,11 +41,9 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
 }
 
 fn set(table: &mut Table, section: &str, key: &str, value: Value) {
-    let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-    match entry {
-        Value::Table(section) => drop(section.insert(key.to_owned(), value)),
-        // No valid configuration has anything else there; the services say so.
-        _ => {}
+    // No valid configuration has anything but a table there; the services say so.
+    if let Value::Table(section) = table.entry(section).or_insert_with(|| Value::Table(Table::new())) {
+        section.insert(key.to_owned(), value);
     }
 }
 

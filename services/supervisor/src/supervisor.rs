@@ -8,6 +8,7 @@ use std::time::Duration;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
+use fringeflow::recording::UNFINISHED;
 use fringeflow::transport::{
     ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
     Subscriber, TransportError, Wake, check_shared_memory,
@@ -27,6 +28,9 @@ const PIPELINE_PAUSE: Duration = Duration::from_millis(1);
 const HOUSEKEEPING_NS: u64 = 1_000_000_000;
 /// Time that a service has to finish its work when it is to end, nanoseconds.
 const STOP_NS: u64 = 30_000_000_000;
+
+/// Time that the recorder has to begin before the scan does without it, nanoseconds.
+const RECORDER_NS: u64 = 5_000_000_000;
 
 /// What is to run.
 #[derive(Debug)]
@@ -169,6 +173,8 @@ struct Supervisor<'a, 's> {
     display: Display,
     ports: Ports,
     housekeeping_ns: u64,
+    /// When all services had given a sign of life.
+    ready_since_ns: Option<u64>,
     /// When scanning began.
     scanning_since_ns: Option<u64>,
     /// What puts out images and events in this process, if anything does.
@@ -210,6 +216,7 @@ impl<'a, 's> Supervisor<'a, 's> {
             display: Display::new(),
             ports,
             housekeeping_ns: 0,
+            ready_since_ns: None,
             scanning_since_ns: None,
             source,
         };
@@ -291,20 +298,30 @@ impl<'a, 's> Supervisor<'a, 's> {
         Ok(())
     }
 
-    /// Begins to scan, and to record, when every service has given a sign of life.
+    /// Begins to record, then to scan, when every service has given a sign of life: the first image is in the recording.
     fn begin_when_ready(&mut self, now_ns: u64) -> Result<(), RunError> {
-        if self.scanning_since_ns.is_some() {
+        if self.scanning_since_ns.is_some() || !self.waited_for().is_empty() {
             return Ok(());
         }
-        if !self.waited_for().is_empty() {
+        let Some(asked_ns) = self.ready_since_ns else {
+            self.ready_since_ns = Some(now_ns);
+            if let Some(file) = &self.plan.recording {
+                self.control.record(file).map_err(RunError::Recording)?;
+            }
             return Ok(());
+        };
+        // A recorder that cannot begin says why; the scan goes on without it.
+        if self.recording_has_begun() || now_ns.saturating_sub(asked_ns) >= RECORDER_NS {
+            self.control.start();
+            self.scanning_since_ns = Some(now_ns);
         }
-        if let Some(file) = &self.plan.recording {
-            self.control.record(file).map_err(RunError::Recording)?;
-        }
-        self.control.start();
-        self.scanning_since_ns = Some(now_ns);
         Ok(())
+    }
+
+    /// Whether the recorder has made the file of the recording that is asked for, if one is.
+    fn recording_has_begun(&self) -> bool {
+        let file = self.control.state.recording_file.to_text() + UNFINISHED;
+        self.plan.recording.is_none() || PathBuf::from(file).exists()
     }
 
     fn keep_house(&mut self, now_ns: u64) {

@@ -1,0 +1,95 @@
+//! The recordings of the repository: each is the file that its manifest names, whole, and replays to the bytes that were
+//! recorded, in one process and over the channels, whatever the number of threads.
+
+// A helper that cannot prepare its test fails it.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use sha2::{Digest, Sha256};
+
+/// Most bytes of all recordings together.
+const MOST_BYTES: u64 = 25_000_000;
+
+#[derive(serde::Deserialize)]
+struct Manifest {
+    recording: Vec<Entry>,
+}
+
+#[derive(serde::Deserialize)]
+struct Entry {
+    file: String,
+    sha256: String,
+    command: String,
+    clouds: u64,
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings").canonicalize().unwrap()
+}
+
+fn entries() -> Vec<Entry> {
+    let text = fs::read_to_string(folder().join("manifest.toml")).unwrap();
+    toml::from_str::<Manifest>(&text).unwrap().recording
+}
+
+fn fringeflow(arguments: &[&str]) -> Output {
+    let runtime = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fringeflow"));
+    command.args(arguments).env("FRINGEFLOW_RUNTIME_DIR", runtime.path()).output().unwrap()
+}
+
+#[track_caller]
+fn json_of(arguments: &[&str]) -> serde_json::Value {
+    let output = fringeflow(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {:?}\n{errors}", output.status);
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn the_manifest_names_every_recording_and_its_command() {
+    let mut listed: Vec<String> = entries().iter().map(|entry| entry.file.clone()).collect();
+    listed.sort();
+    let files = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap());
+    let mut found: Vec<(String, u64)> = files
+        .map(|file| (file.file_name().into_string().unwrap(), file.metadata().unwrap().len()))
+        .filter(|(name, _)| name.ends_with(".mcap"))
+        .collect();
+    found.sort();
+    assert_eq!(found.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(), listed);
+    assert!(found.iter().map(|(_, bytes)| bytes).sum::<u64>() < MOST_BYTES);
+    for entry in entries() {
+        let bytes = fs::read(folder().join(&entry.file)).unwrap();
+        let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(digest, entry.sha256, "{}", entry.file);
+        assert!(entry.command.contains(&entry.file.replace(".mcap", ".toml")), "{}", entry.command);
+    }
+}
+
+#[test]
+fn clouds_are_made_again_to_the_last_byte_in_one_process() {
+    for entry in entries() {
+        let file = folder().join(&entry.file);
+        for threads in ["1", "2"] {
+            let report = json_of(&["--threads", threads, "replay", file.to_str().unwrap(), "--verify", "--json"]);
+            assert_eq!(report["clouds"], entry.clouds, "{}: {report}", entry.file);
+            assert_eq!(report["same"], entry.clouds, "{}: {report}", entry.file);
+        }
+    }
+}
+
+#[test]
+fn clouds_are_made_again_to_the_last_byte_over_the_channels() {
+    for (entry, threads) in entries().into_iter().zip(["1", "2", "1"]) {
+        let file = folder().join(&entry.file);
+        let arguments = ["--threads", threads, "replay", file.to_str().unwrap(), "--rate", "max", "--verify", "--json"];
+        let report = json_of(&arguments);
+        let compared = &report["compared"];
+        assert_eq!(compared["same"], entry.clouds, "{}: {report}", entry.file);
+        assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{}: {report}", entry.file);
+        assert_eq!(report["imbalances"], serde_json::json!([]), "{}", entry.file);
+    }
+}
