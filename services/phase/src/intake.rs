@@ -5,7 +5,7 @@ use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, Stage};
 use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake};
-use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError};
+use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError, receive};
 
 use crate::image::Image;
 
@@ -80,7 +80,7 @@ impl Intake {
         mut on_window: impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
     ) -> Result<(), ServiceError> {
         loop {
-            let any = self.take_event()? | self.take_frame(0)? | self.take_frame(1)?;
+            let any = self.take_event() | self.take_frame(0) | self.take_frame(1);
             self.put_out(&mut on_window)?;
             if !any {
                 return Ok(());
@@ -118,23 +118,23 @@ impl Intake {
         self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(now_ns).map(|_| ()))
     }
 
-    fn take_event(&mut self) -> Result<bool, ServiceError> {
-        let Some(event) = self.events.receive()? else { return Ok(false) };
+    fn take_event(&mut self) -> bool {
+        let Some(event) = receive(&mut self.events) else { return false };
         let is_lost = |[session, sequence]: [u64; 2]| event.session == session && event.sequence <= sequence;
         if !self.lost_event.is_some_and(is_lost) {
             self.synchronizer.pattern(*event);
         }
-        Ok(true)
+        true
     }
 
-    fn take_frame(&mut self, camera: usize) -> Result<bool, ServiceError> {
-        let Some(frame) = self.cameras[camera].receive()? else { return Ok(false) };
+    fn take_frame(&mut self, camera: usize) -> bool {
+        let Some(frame) = receive(&mut self.cameras[camera]) else { return false };
         // The channel says which camera it is; a header that says otherwise would count under the other one.
         let header = FrameHeader { camera: camera as u32 + 1, ..*frame.header() };
         if self.frame_arrivals[camera].arrive(header.published).is_some() {
             self.admit(header, frame);
         }
-        Ok(true)
+        true
     }
 
     fn admit(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {

@@ -8,7 +8,7 @@ use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
     REPORT_STAGE, Subscriber, TransportError, Wake, WakeSource,
 };
-use fringeflow_runtime::{Arrivals, BEAT, Host};
+use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
 /// The receiving ends.
 pub(crate) struct Channels {
@@ -58,21 +58,21 @@ impl Channels {
     }
 
     /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) -> Result<(), TransportError> {
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) {
         loop {
             let mut any = self.events.next(
                 |(), event| event.sequence,
                 |(), event, missing| {
                     take(&Recordable::Pattern(event), missing);
                 },
-            )?;
+            );
             for camera in &mut self.cameras {
                 any |= camera.next(
                     |header, _| header.published,
                     |header, image, missing| {
                         take(&Recordable::Frame { header, image }, missing);
                     },
-                )?;
+                );
             }
             if let Some(maps) = &mut self.maps {
                 any |= maps.next(
@@ -80,7 +80,7 @@ impl Channels {
                     |header, payload, missing| {
                         take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing);
                     },
-                )?;
+                );
             }
             if let Some(found) = &mut self.correspondences {
                 any |= found.next(
@@ -88,17 +88,17 @@ impl Channels {
                     |header, payload, missing| {
                         take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing);
                     },
-                )?;
+                );
             }
             any |= self.clouds.next(
                 |header, _| header.published,
                 |header, records, missing| {
                     take(&Recordable::Cloud { header, records }, missing);
                 },
-            )?;
-            any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0))?;
+            );
+            any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0));
             if !any {
-                return Ok(());
+                return;
             }
         }
     }
@@ -120,23 +120,19 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
     }
 
     /// Takes the next message, if there is one.
-    fn next(
-        &mut self,
-        number: impl Fn(&H, &P) -> u64,
-        mut take: impl FnMut(&H, &P, u64),
-    ) -> Result<bool, TransportError> {
-        let Some(message) = self.port.receive()? else { return Ok(false) };
+    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
+        let Some(message) = receive(&mut self.port) else { return false };
         let number = number(message.header(), message.payload());
         let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
         let missing = arrivals.arrive(number).unwrap_or(0);
         take(message.header(), message.payload(), missing);
-        Ok(true)
+        true
     }
 
     /// Takes the next message of a channel with many publishers, whose messages have no common number.
-    fn unnumbered(&mut self, mut take: impl FnMut(&P)) -> Result<bool, TransportError> {
-        let Some(message) = self.port.receive()? else { return Ok(false) };
+    fn unnumbered(&mut self, mut take: impl FnMut(&P)) -> bool {
+        let Some(message) = receive(&mut self.port) else { return false };
         take(message.payload());
-        Ok(true)
+        true
     }
 }

@@ -8,8 +8,8 @@ mod session;
 
 use fringeflow::message::{Counts, DropReason, ScanState, Stage};
 use fringeflow::recording::Recordable;
-use fringeflow::transport::{SCAN_STATE, Subscriber, TransportError};
-use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock};
+use fringeflow::transport::{SCAN_STATE, Subscriber};
+use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receive};
 
 use channels::Channels;
 use session::Session;
@@ -35,7 +35,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
     loop {
         // Asked before the channels are emptied, so that what came last is recorded.
         let is_last = host.stop.is_requested();
-        recorder.drain(&mut state, &mut channels, &host)?;
+        recorder.drain(&mut state, &mut channels, &host);
         if is_last {
             break;
         }
@@ -75,20 +75,15 @@ impl Recorder {
     }
 
     /// Follows the state, and takes what has come.
-    fn drain(
-        &mut self,
-        state: &mut Subscriber<(), ScanState>,
-        channels: &mut Channels,
-        host: &Host,
-    ) -> Result<(), TransportError> {
-        while let Some(wanted) = state.receive()? {
+    fn drain(&mut self, state: &mut Subscriber<(), ScanState>, channels: &mut Channels, host: &Host) {
+        while let Some(wanted) = receive(state) {
             // Everything that came before the end of a recording, or before a mark, comes before it there too.
             if self.session.is_some() {
-                channels.drain(|message, missing| self.take(message, missing))?;
+                channels.drain(|message, missing| self.take(message, missing));
             }
             self.follow(&wanted, host);
         }
-        channels.drain(|message, missing| self.take(message, missing))
+        channels.drain(|message, missing| self.take(message, missing));
     }
 
     /// Takes a message, before which so many were overwritten in its channel.

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use fringeflow::message::{CloudHeader, FrameHeader, PatternEvent, Stage, flags};
 use fringeflow::recording::{Content, Message, Recording, RecordingError};
 use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TransportError,
+    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber,
 };
-use fringeflow_runtime::{Account, AccountError, clock};
+use fringeflow_runtime::{Account, AccountError, clock, receive};
 use fringeflow_supervisor::{Progress, Source, SourceError};
 
 use crate::pace::is_worked_off;
@@ -68,7 +68,7 @@ impl Source for Player<'_> {
     fn turn(&mut self) -> Result<Progress, SourceError> {
         loop {
             let Some(ports) = &mut self.ports else { return Ok(Progress::Waiting) };
-            ports.see_clouds(&mut self.comparison)?;
+            ports.see_clouds(&mut self.comparison);
             let is_idle = ports.is_idle();
             let Some(next) = self.messages.peek() else {
                 let is_finished = is_idle || self.pace != Pace::Fastest;
@@ -104,12 +104,11 @@ impl Ports {
         })
     }
 
-    fn see_clouds(&mut self, comparison: &mut Comparison) -> Result<(), TransportError> {
-        while let Some(cloud) = self.clouds.receive()? {
+    fn see_clouds(&mut self, comparison: &mut Comparison) {
+        while let Some(cloud) = receive(&mut self.clouds) {
             comparison.add(cloud.header(), cloud.payload());
             self.clouds_seen = cloud.header().published + 1;
         }
-        Ok(())
     }
 
     /// Whether everything that was put out has gone through, and its clouds were seen.

@@ -7,11 +7,13 @@ mod arguments;
 pub mod clock;
 mod host;
 pub mod log;
+mod receive;
 mod stop;
 mod transform;
 
 pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
 pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes};
+pub use receive::receive;
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};

@@ -7,7 +7,7 @@ use fringeflow::transport::{Channel, Header, Payload, Publisher, Received, Subsc
 
 use crate::clock::now_ns;
 use crate::host::{BEAT, Host, ItemTimes, ServiceError};
-use crate::{Account, AccountError};
+use crate::{Account, AccountError, receive};
 
 /// A worker between two channels.
 pub trait Transform {
@@ -94,7 +94,7 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
     loop {
         // Asked before the channel is emptied, so that what the stage before put out last is not left.
         let is_last = service.host.stop.is_requested();
-        while let Some(message) = input.receive()? {
+        while let Some(message) = receive(&mut input) {
             service.work(message)?;
         }
         if is_last {

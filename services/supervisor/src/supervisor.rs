@@ -13,7 +13,7 @@ use fringeflow::transport::{
     ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
     Subscriber, TransportError, Wake, check_shared_memory,
 };
-use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock};
+use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock, receive};
 
 use crate::child::{Event, Launch, Service};
 use crate::control::Control;
@@ -265,9 +265,9 @@ impl<'a, 's> Supervisor<'a, 's> {
     fn turn(&mut self, rest: Duration) -> Result<(), RunError> {
         let now_ns = clock::now_ns();
         self.tend_services(now_ns)?;
-        self.listen()?;
+        self.listen();
         self.begin_when_ready(now_ns)?;
-        self.ports.publish_state(&self.control.state)?;
+        self.ports.publish_state(&self.control.state);
         if now_ns.saturating_sub(self.housekeeping_ns) >= HOUSEKEEPING_NS {
             self.housekeeping_ns = now_ns;
             self.keep_house(now_ns);
@@ -275,11 +275,11 @@ impl<'a, 's> Supervisor<'a, 's> {
         Ok(self.ports.wait(rest)?)
     }
 
-    fn listen(&mut self) -> Result<(), TransportError> {
-        while let Some(report) = self.ports.reports.receive()? {
+    fn listen(&mut self) {
+        while let Some(report) = receive(&mut self.ports.reports) {
             self.tally.add(&report);
         }
-        self.ports.answer(&mut self.control)
+        self.ports.answer(&mut self.control);
     }
 
     fn tend_services(&mut self, now_ns: u64) -> Result<(), RunError> {
@@ -346,12 +346,12 @@ impl<'a, 's> Supervisor<'a, 's> {
         let mut ended_badly = Vec::new();
         self.control.state.scanning = 0;
         self.control.state.revision += 1;
-        self.ports.publish_state(&self.control.state)?;
+        self.ports.publish_state(&self.control.state);
         for number in 0..self.services.len() {
             let deadline_ns = clock::now_ns() + STOP_NS;
             self.services[number].1.ask_to_stop();
             loop {
-                self.listen()?;
+                self.listen();
                 self.turn_source(true)?;
                 let (kind, service) = &mut self.services[number];
                 let ended = service.has_ended();
@@ -369,7 +369,7 @@ impl<'a, 's> Supervisor<'a, 's> {
                 }
             }
         }
-        self.listen()?;
+        self.listen();
         Ok(ended_badly)
     }
 
@@ -422,22 +422,21 @@ impl Ports {
     }
 
     /// Answers what is asked, and publishes the state that each answer tells: who follows it misses no mark.
-    fn answer(&mut self, control: &mut Control) -> Result<(), TransportError> {
+    fn answer(&mut self, control: &mut Control) {
         let Self { control: server, state, sent, .. } = self;
-        let mut published = Ok(());
-        server.answer(|request| {
+        let answered = server.answer(|request| {
             let response = control.answer(request);
-            if published.is_ok() {
-                published = publish(state, sent, &control.state);
-            }
+            publish(state, sent, &control.state);
             response
-        })?;
-        published
+        });
+        if let Err(error) = answered {
+            tracing::warn!("{error}");
+        }
     }
 
     /// Publishes the state if it has changed.
-    fn publish_state(&mut self, state: &ScanState) -> Result<(), TransportError> {
-        publish(&mut self.state, &mut self.sent, state)
+    fn publish_state(&mut self, state: &ScanState) {
+        publish(&mut self.state, &mut self.sent, state);
     }
 
     fn wait(&self, rest: Duration) -> Result<(), TransportError> {
@@ -456,13 +455,14 @@ impl Ports {
     }
 }
 
-fn publish(
-    states: &mut Publisher<(), ScanState>,
-    sent: &mut Option<u64>,
-    state: &ScanState,
-) -> Result<(), TransportError> {
-    if sent.replace(state.revision) != Some(state.revision) {
-        states.send_message(state)?;
+/// Publishes a state that was not yet; if that fails, the port is opened anew at the next look at the connections, and it is
+/// tried again.
+fn publish(states: &mut Publisher<(), ScanState>, sent: &mut Option<u64>, state: &ScanState) {
+    if *sent == Some(state.revision) {
+        return;
     }
-    Ok(())
+    match states.send_message(state) {
+        Ok(()) => *sent = Some(state.revision),
+        Err(error) => tracing::warn!("{error}"),
+    }
 }

@@ -3,7 +3,7 @@
 use fringeflow::config::ProjectorDriver;
 use fringeflow::message::{DropReason, PatternEvent, ScanState};
 use fringeflow::transport::{PROJECTOR_PATTERN, SCAN_STATE, Subscriber, TransportError, Wake};
-use fringeflow_runtime::{Host, ServiceError, clock};
+use fringeflow_runtime::{Host, ServiceError, clock, receive};
 
 use crate::capture::Capture;
 use crate::trigger::{CableTriggers, ClockTriggers};
@@ -39,7 +39,7 @@ impl Source {
 
     /// Triggers the cameras as far as the time has come.
     pub(crate) fn trigger(&mut self, cameras: &mut [Capture; 2]) -> Result<(), ServiceError> {
-        while let Some(state) = self.states.receive()? {
+        while let Some(state) = receive(&mut self.states) {
             self.scanning = state.scanning != 0;
         }
         let now_ns = clock::now_ns();
@@ -54,7 +54,7 @@ impl Source {
                 }
             }
             Kind::Cable(cable, events) => {
-                while let Some(event) = events.receive()? {
+                while let Some(event) = receive(events) {
                     if self.scanning {
                         expose_on_event(cable, &event, now_ns, cameras)?;
                     }

@@ -8,7 +8,7 @@ use fringeflow::config::RigSource;
 use fringeflow::message::{DropReason, PatternEvent, ScanState, Stage};
 use fringeflow::simulation::Faults;
 use fringeflow::transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, Wake};
-use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock};
+use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, receive};
 
 pub use projector::{Shown, VirtualProjector};
 
@@ -21,7 +21,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut service = Service::open(&host)?;
     let wake = Wake::new()?;
     while !host.stop.is_requested() {
-        service.follow_state()?;
+        service.follow_state();
         service.show(&mut host)?;
         if host.beat_is_due() {
             host.report(Stage::Projector, service.account.counts(), None);
@@ -61,11 +61,10 @@ impl Service {
         })
     }
 
-    fn follow_state(&mut self) -> Result<(), ServiceError> {
-        while let Some(state) = self.states.receive()? {
+    fn follow_state(&mut self) {
+        while let Some(state) = receive(&mut self.states) {
             self.projector.scan(state.scanning != 0, clock::now_ns());
         }
-        Ok(())
     }
 
     fn show(&mut self, host: &mut Host) -> Result<(), ServiceError> {
