@@ -1,5 +1,6 @@
 //! The player: messages of a recording, one after the other, onto the channels of cameras and projector.
 
+use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +37,8 @@ struct Ports {
     /// Of both cameras.
     image_accounts: [Account; 2],
     event_account: Account,
+    /// Events so far, by the session of their driver: each session is numbered without gaps, as a driver does it.
+    announced: BTreeMap<u64, u64>,
     accounts: PathBuf,
     clouds_seen: u64,
 }
@@ -99,6 +102,7 @@ impl Ports {
             clouds: Subscriber::open(node, CLOUD, sizes)?,
             image_accounts: [Account::open(accounts, Stage::Camera1)?, Account::open(accounts, Stage::Camera2)?],
             event_account: Account::open(accounts, Stage::Projector)?,
+            announced: BTreeMap::new(),
             accounts: accounts.to_owned(),
             clouds_seen: 0,
         })
@@ -130,7 +134,9 @@ impl Ports {
                 self.cameras[camera].send(&header, image)
             }
             Content::Pattern(event) => {
-                let sequence = self.event_account.counts().passed;
+                let announced = self.announced.entry(event.session).or_default();
+                let sequence = *announced;
+                *announced += 1;
                 self.event_account.take(1)?;
                 self.event_account.pass_as(event.session, sequence)?;
                 self.events.send_message(&PatternEvent { sequence, ..*event })

@@ -46,6 +46,12 @@ fn a_killed_service_is_started_again_and_the_others_go_on() {
         assert_eq!((&verified["different"], &verified["no_cloud"]), (&0.into(), &0.into()), "{name}");
         assert!(verified["same"].as_u64().unwrap() >= 10, "{name}");
     }
+    // Sessions of projector and cameras that began during the recording begin again.
+    let replayed = bench.replay(&[&"replay", &bench.path("recovered.mcap"), &"--rate", &"max", &"--verify"]);
+    replayed.assert_balanced();
+    let compared = &replayed.summary["compared"];
+    assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{replayed:?}");
+    assert!(compared["same"].as_u64().unwrap() >= 10, "{replayed:?}");
 }
 
 fn status(bench: &Bench) -> Value {
