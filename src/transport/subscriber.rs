@@ -80,6 +80,11 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         }
     }
 
+    /// Says that nothing was sent: the silence up to now is no sign of a lost connection.
+    pub fn forgive_silence(&mut self) {
+        self.silence.heard = true;
+    }
+
     /// Opens the port again if its files were removed, or if it has been silent for long; says whether that was so.
     /// Called about once a second. Messages that are held stay valid.
     ///

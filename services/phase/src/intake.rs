@@ -112,6 +112,18 @@ impl Intake {
         }
     }
 
+    /// Forgives the silence of ports that by the accounts were sent nothing that has not come. Where nobody keeps accounts,
+    /// silence alone must tell of a lost connection.
+    pub(crate) fn forgive_silence(&mut self, host: &Host) {
+        let has_all = |ledger: &Ledger, from| host.counts_of(from).is_some() && !host.is_behind(&ledger.account);
+        if has_all(&self.pairing, Stage::Camera1) {
+            self.cameras.iter_mut().for_each(Subscriber::forgive_silence);
+        }
+        if has_all(&self.pattern, Stage::Projector) {
+            self.events.forgive_silence();
+        }
+    }
+
     /// Opens ports again that lost their other side.
     pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
         self.events.ensure_connected(now_ns)?;

@@ -27,19 +27,47 @@ impl FromStr for Pace {
     }
 }
 
-/// Whether everything that was put out has gone through the whole pipeline, by the accounts in `folder`: `images` and
-/// `events` so far, and clouds as far as `clouds_seen`.
-///
-/// Images may still wait for the ones that decide about them; they are as few as the synchronization holds.
-pub(crate) fn is_worked_off(folder: &Path, images: u64, events: u64, clouds_seen: u64) -> bool {
-    let counts = |stage| Account::read(folder, stage).unwrap_or_default();
-    let (pattern, pairing, windowing) = (counts(Stage::Pattern), counts(Stage::Pairing), counts(Stage::Windowing));
-    let (phase, correspondence, cloud) = (counts(Stage::Phase), counts(Stage::Correspondence), counts(Stage::Cloud));
-    let has_worked_off = |counts: &Counts, put_out: u64| counts.taken >= put_out && counts.in_work() == Some(0);
-    pairing.taken >= images
-        && pattern.taken >= events
-        && has_worked_off(&phase, windowing.passed)
-        && has_worked_off(&correspondence, phase.passed)
-        && has_worked_off(&cloud, correspondence.passed)
-        && clouds_seen >= cloud.passed
+/// The accounts of the stages that make clouds, as they stand.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Pipeline {
+    pattern: Counts,
+    pairing: Counts,
+    windowing: Counts,
+    phase: Counts,
+    correspondence: Counts,
+    cloud: Counts,
+}
+
+impl Pipeline {
+    /// Reads the accounts in a folder.
+    pub(crate) fn read(folder: &Path) -> Self {
+        let counts = |stage| Account::read(folder, stage).unwrap_or_default();
+        Self {
+            pattern: counts(Stage::Pattern),
+            pairing: counts(Stage::Pairing),
+            windowing: counts(Stage::Windowing),
+            phase: counts(Stage::Phase),
+            correspondence: counts(Stage::Correspondence),
+            cloud: counts(Stage::Cloud),
+        }
+    }
+
+    /// Whether so many images and events have gone through, and their clouds were seen.
+    ///
+    /// Images may still wait for the ones that decide about them; they are as few as the synchronization holds.
+    pub(crate) fn has_worked_off(&self, images: u64, events: u64, clouds_seen: u64) -> bool {
+        let has_taken = |counts: &Counts, put_out: u64| counts.taken >= put_out;
+        self.is_at_rest()
+            && has_taken(&self.pairing, images)
+            && has_taken(&self.pattern, events)
+            && has_taken(&self.phase, self.windowing.passed)
+            && has_taken(&self.correspondence, self.phase.passed)
+            && has_taken(&self.cloud, self.correspondence.passed)
+            && clouds_seen >= self.cloud.passed
+    }
+
+    /// Whether no stage works on anything: what has not gone on by then was lost on the way.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        [&self.phase, &self.correspondence, &self.cloud].iter().all(|counts| counts.in_work() == Some(0))
+    }
 }

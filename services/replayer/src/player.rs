@@ -12,7 +12,7 @@ use fringeflow::transport::{
 use fringeflow_runtime::{Account, AccountError, clock, receive};
 use fringeflow_supervisor::{Progress, Source, SourceError};
 
-use crate::pace::is_worked_off;
+use crate::pace::Pipeline;
 use crate::{Comparison, Pace};
 
 /// Messages of a recording that are still to be played.
@@ -41,7 +41,13 @@ struct Ports {
     announced: BTreeMap<u64, u64>,
     accounts: PathBuf,
     clouds_seen: u64,
+    /// The pipeline at the last change, and when it last changed or got something.
+    pipeline: (Pipeline, u64),
 }
+
+/// Time after which a pipeline at rest that has not got everything will not get it any more, nanoseconds: longer than a
+/// service takes to find a lost connection.
+const PATIENCE_NS: u64 = 10_000_000_000;
 
 impl<'a> Player<'a> {
     /// A player of everything that cameras and projector put into a recording.
@@ -105,6 +111,7 @@ impl Ports {
             announced: BTreeMap::new(),
             accounts: accounts.to_owned(),
             clouds_seen: 0,
+            pipeline: (Pipeline::default(), 0),
         })
     }
 
@@ -115,10 +122,18 @@ impl Ports {
         }
     }
 
-    /// Whether everything that was put out has gone through, and its clouds were seen.
-    fn is_idle(&self) -> bool {
+    /// Whether everything that was put out has gone through, and its clouds were seen, or will not be any more.
+    fn is_idle(&mut self) -> bool {
+        let (pipeline, now_ns) = (Pipeline::read(&self.accounts), clock::now_ns());
         let images = self.image_accounts.iter().map(|account| account.counts().passed).sum();
-        is_worked_off(&self.accounts, images, self.event_account.counts().passed, self.clouds_seen)
+        if pipeline.has_worked_off(images, self.event_account.counts().passed, self.clouds_seen) {
+            return true;
+        }
+        if pipeline != self.pipeline.0 {
+            self.pipeline = (pipeline, now_ns);
+            return false;
+        }
+        self.pipeline.0.is_at_rest() && now_ns.saturating_sub(self.pipeline.1) >= PATIENCE_NS
     }
 
     /// Puts out a message under the next number of its channel.
@@ -147,6 +162,7 @@ impl Ports {
         if let Err(error) = sent {
             tracing::warn!("{error}");
         }
+        self.pipeline.1 = clock::now_ns();
         Ok(())
     }
 }

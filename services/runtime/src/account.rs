@@ -170,6 +170,13 @@ impl Account {
         Ok(())
     }
 
+    /// Whether the stages before have put out something that has not come.
+    #[must_use]
+    pub fn is_behind(&self, folder: &Path) -> bool {
+        let sent = |source: &Source| Self::read(folder, source.from).map_or(0, |counts| counts.passed / source.items);
+        sources(self.stage).iter().zip(&self.arrivals).any(|(source, arrivals)| sent(source) > arrivals.next)
+    }
+
     fn catch_up_to(&mut self, source: usize, sent: u64, reason: DropReason) -> Result<(), AccountError> {
         let missed = self.arrivals[source].catch_up(sent);
         self.record.counts.taken += missed;

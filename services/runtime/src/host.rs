@@ -140,6 +140,12 @@ impl Host {
         account.catch_up(&self.accounts, reason)
     }
 
+    /// Whether the stages before have put out something that has not come.
+    #[must_use]
+    pub fn is_behind(&self, account: &Account) -> bool {
+        account.is_behind(&self.accounts)
+    }
+
     /// Whether the next stage has finished all that this one put out; true where there is none.
     #[must_use]
     pub fn is_free(&self, next: Stage, account: &Account) -> bool {

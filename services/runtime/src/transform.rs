@@ -103,12 +103,9 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
         if service.host.beat_is_due() {
             service.host.report(T::STAGE, service.account.counts(), None);
         }
-        let output = &mut service.output;
-        service.host.tend(|now_ns| {
-            input.ensure_connected(now_ns)?;
-            output.ensure_connected()?;
-            Ok(())
-        });
+        if service.tend(&mut input) {
+            service.host.catch_up(&mut service.account, DropReason::Overrun)?;
+        }
         wake.wait(&[&input], BEAT)?;
     }
     service.host.catch_up(&mut service.account, DropReason::Overrun)?;
@@ -117,6 +114,20 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
 }
 
 impl<T: Transform> Service<'_, T> {
+    /// Looks after the connections; whether the input was opened anew: what was sent to the old one is lost.
+    fn tend(&mut self, input: &mut Subscriber<T::InHeader, T::InPayload>) -> bool {
+        if !self.host.is_behind(&self.account) {
+            input.forgive_silence();
+        }
+        let mut is_renewed = false;
+        let output = &mut self.output;
+        self.host.tend(|now_ns| {
+            is_renewed = input.ensure_connected(now_ns)?;
+            output.ensure_connected().map(|_| ())
+        });
+        is_renewed
+    }
+
     fn work(&mut self, message: Received<T::InHeader, T::InPayload>) -> Result<(), ServiceError> {
         let taken_ns = now_ns();
         if !self.account.arrive(0, T::published(message.header()))? {
