@@ -16,7 +16,7 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, cl
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "cloud")?;
-    let table = Arc::new(arguments.segment_table(&host.setup)?);
+    let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
     let worker = CloudWorker::new(&host.setup.rig, table, shifts);
     let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;

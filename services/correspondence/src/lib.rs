@@ -14,7 +14,7 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, ru
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
-    let table = Arc::new(arguments.segment_table(&host.setup)?);
+    let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let worker = CorrespondenceWorker::new(table, host.configuration.measurement.settings.matching);
     let maps = PhasePair::default();
     run_transform(

@@ -4,9 +4,8 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{Fingerprint, SegmentTable};
+use fringeflow::correspondence::{SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
-use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
 
@@ -46,7 +45,12 @@ impl ProposedArgs {
             input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
         })?;
         let bar = progress::bar("segment table", 3);
-        let table = self.segment_table(input, &volume)?;
+        let pattern = &setup.sequence.pattern;
+        let table = SegmentTable::load_or_build(self.segment_table.as_deref(), &setup.rig, &volume, pattern);
+        let table = table.map_err(|e| match e {
+            SegmentFileError::Table(problem) => input.unusable(&problem),
+            e => Failure::SegmentFile(e),
+        })?;
         bar.inc(1);
         bar.set_message("images");
         let [cam1, cam2] = input.images(&numbers)?;
@@ -83,19 +87,6 @@ impl ProposedArgs {
             )));
         }
         Ok((start..end).step_by(count / steps).collect())
-    }
-
-    /// The segment table, from its file if there is one.
-    fn segment_table(&self, input: &Input, volume: &MeasurementVolume) -> Result<SegmentTable, Failure> {
-        let (rig, pattern) = (&input.setup().rig, &input.setup().sequence.pattern);
-        let build = || SegmentTable::build(rig, volume, pattern).map_err(|e| input.unusable(&e));
-        let Some(path) = &self.segment_table else { return build() };
-        if path.exists() {
-            return Ok(SegmentTable::load(path, Fingerprint::of(rig, volume, pattern))?);
-        }
-        let table = build()?;
-        table.save(path)?;
-        Ok(table)
     }
 }
 

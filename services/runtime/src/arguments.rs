@@ -15,7 +15,7 @@ pub struct ServiceArgs {
     /// Folder with meta.json and calibration.yml, in place of the rig that the configuration names.
     #[arg(long, value_name = "FOLDER")]
     pub setup: Option<PathBuf>,
-    /// File of the segment table: read if it exists, else computed and written.
+    /// File of the segment table: read if it exists, else computed and written; in place of that of the configuration.
     #[arg(long, value_name = "FILE")]
     pub segment_table: Option<PathBuf>,
     /// How often the service was started before in this instance.
@@ -113,10 +113,14 @@ impl ServiceArgs {
     ///
     /// # Errors
     /// No volume, a rig without table, or a file that cannot be used.
-    pub fn segment_table(&self, setup: &Setup) -> Result<SegmentTable, ArgumentError> {
+    pub fn segment_table(
+        &self,
+        configuration: &ScannerConfiguration,
+        setup: &Setup,
+    ) -> Result<SegmentTable, ArgumentError> {
         let from = self.setup.as_ref().unwrap_or(&self.config);
         let volume = setup.volume.as_ref().ok_or_else(|| ArgumentError::NoVolume { from: from.clone() })?;
-        let path = self.segment_table.as_deref();
+        let path = self.segment_table.as_deref().or(configuration.segment_table.as_deref());
         Ok(SegmentTable::load_or_build(path, &setup.rig, volume, &setup.sequence.pattern)?)
     }
 }

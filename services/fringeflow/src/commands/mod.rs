@@ -48,7 +48,7 @@ pub(crate) enum Command {
     Rig(rig::Args),
     /// Run an instance live: cameras, projector, phase, correspondence, cloud, recorder, each a process of its own.
     Run(run::Args),
-    /// Run one service of an instance, as `run` and systemd do.
+    /// Run one service of an instance, as `run` does.
     Service(service::Args),
     /// Tell what a running instance does: rates, latencies, drops.
     Status(status::Args),

@@ -67,7 +67,7 @@ pub(super) fn plan(
     let configuration = arguments.configuration()?;
     let setup = arguments.setup(&configuration)?;
     // Computed here once, so that its file is there, and its faults are told, before anything starts.
-    drop(arguments.segment_table(&setup)?);
+    drop(arguments.segment_table(&configuration, &setup)?);
     Ok(Plan {
         configuration,
         setup,

@@ -1,4 +1,4 @@
-//! `fringeflow service`: one process of an instance, as the supervisor or systemd starts it.
+//! `fringeflow service`: one process of an instance, as the supervisor starts it.
 
 use fringeflow_recorder::Outcome;
 use fringeflow_runtime::{ServiceArgs, ServiceError, log};
