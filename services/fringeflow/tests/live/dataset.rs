@@ -16,6 +16,7 @@ fn a_dataset_that_went_over_the_channels_gives_the_same_cloud() {
     let replay = bench.replay(&[&"replay", &imported, &"--rate", &"max", &"--record", &replayed]);
     replay.assert_undisturbed();
     assert_eq!((replay.stage("windowing").taken, replay.stage("cloud").passed), (4, 1), "{replay:?}");
+    bench.refused(&[&"replay", &imported, &"--rate", &"max", &"--verify"], &["imported.mcap", "has no clouds"]);
     bench.assert_nothing_left();
     let [direct, over_channels] = ["direct.ply", "channels.ply"].map(|name| bench.path(name));
     bench.done(&[0], &[&"reconstruct", &dataset, &"-o", &direct]);

@@ -1,8 +1,10 @@
 //! Live instances from the outside: `fringeflow run`, `status`, `control` and `replay` as a user gives them, faults and
 //! killed services, and what is left afterwards. Counts, balances and bytes are asserted, never rates or durations.
 
-// A helper that cannot prepare its test fails it, and a failed test shows the log of its instance.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr)]
+// A helper that cannot prepare its test fails it.
+#![allow(clippy::unwrap_used, clippy::panic)]
+// What a test says when it fails, or why it cannot run here, belongs on standard error.
+#![allow(clippy::print_stderr)]
 
 mod control;
 mod dataset;

@@ -3,18 +3,21 @@
 use std::path::Path;
 
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
-use fringeflow::recording::{CONFIGURATION_FILE, Recording};
+use fringeflow::recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
 use fringeflow_runtime::{ServiceArgs, log};
 use fringeflow_supervisor::{Plan, ServiceKind, WORKERS, run};
 
-use super::Args;
+use super::{Args, no_clouds};
 use crate::failure::Failure;
 use crate::run_summary::{self, Summary};
 
 impl Args {
     /// Plays a recording onto the channels.
     pub(super) fn play(&self, recording: &Recording, threads: Option<usize>) -> Result<(), Failure> {
+        if self.verify && recording.count(Topic::Cloud) == 0 {
+            return Err(no_clouds(&self.input));
+        }
         log::start();
         let folder = tempfile::tempdir()?;
         let plan = self.plan(recording, folder.path(), threads)?;

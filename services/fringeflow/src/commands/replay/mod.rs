@@ -3,7 +3,7 @@
 mod live;
 mod verify;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fringeflow::recording::Recording;
 use fringeflow_replayer::Pace;
@@ -41,4 +41,9 @@ impl Args {
         }
         self.play(&recording, threads)
     }
+}
+
+/// The refusal of a recording whose clouds are to be verified and that has none.
+fn no_clouds(input: &Path) -> Failure {
+    Failure::Usage(format!("{}: has no clouds to compare with", input.display()))
 }

@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifyOutcome};
 
-use super::Args;
+use super::{Args, no_clouds};
 use crate::failure::Failure;
 use crate::{json, progress};
 
@@ -73,7 +73,7 @@ impl Args {
     fn judge_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
         let file = self.input.display();
         if report.clouds == 0 {
-            return Err(Failure::Usage(format!("{file}: has no clouds to compare with")));
+            return Err(no_clouds(&self.input));
         }
         match report.different + report.no_cloud {
             0 if report.images_missing == 0 => Ok(()),
