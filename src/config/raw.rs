@@ -143,7 +143,6 @@ pub(super) struct RawRecorder {
     pub(super) from_start: Option<bool>,
     pub(super) queue_mb: Option<u64>,
     pub(super) min_free_mb: Option<u64>,
-    pub(super) flush_ms: Option<u64>,
     pub(super) phase_maps: Option<bool>,
     pub(super) correspondences: Option<bool>,
 }

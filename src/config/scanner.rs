@@ -87,8 +87,6 @@ pub struct RecorderConfiguration {
     pub queue_bytes: u64,
     /// Bytes of the disk that stay free.
     pub min_free_bytes: u64,
-    /// Longest time that data wait in memory, nanoseconds.
-    pub flush_ns: u64,
     /// Whether phase maps are recorded; they can be computed again.
     pub phase_maps: bool,
     /// Whether correspondences are recorded; they can be computed again.
@@ -282,15 +280,11 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
         let value = checked(key, value, |v| (least..=1 << 24).contains(v), "it is out of any machine's range");
         value.map(|v| v << 20)
     };
-    let flush_ms = raw.flush_ms.unwrap_or(500);
-    let flush_ms =
-        checked("recorder.flush_ms", flush_ms, |v| (10..=60_000).contains(v), "it must lie between 10 and 60000 ms")?;
     Ok(RecorderConfiguration {
         folder: raw.folder.as_ref().map_or_else(|| folder.to_owned(), |path| folder.join(path)),
         from_start: raw.from_start.unwrap_or(false),
         queue_bytes: megabytes("recorder.queue_mb", raw.queue_mb.unwrap_or(256), 1)?,
         min_free_bytes: megabytes("recorder.min_free_mb", raw.min_free_mb.unwrap_or(1024), 0)?,
-        flush_ns: flush_ms * 1_000_000,
         phase_maps: raw.phase_maps.unwrap_or(false),
         correspondences: raw.correspondences.unwrap_or(false),
     })
