@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_of_images_more_costs_two_images_for_each_subscriber() {
+    fn an_image_more_in_a_window_costs_three_images_for_each_subscriber() {
         let sizes = |window| ChannelSizes {
             frame_bytes: 1_000_000,
             window,
@@ -133,8 +133,8 @@ mod tests {
             cloud_bytes: 1,
         };
         let more = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
-        // Two cameras, four subscribers, two images each, with their headers.
-        assert_eq!(more, 2 * 4 * 2 * (1_000_000 + 128 + 72));
+        // Two cameras, four subscribers, three images each, with their headers.
+        assert_eq!(more, 2 * 4 * 3 * (1_000_000 + 128 + 72));
     }
 
     #[test]

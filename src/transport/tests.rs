@@ -94,24 +94,24 @@ fn a_full_buffer_loses_its_oldest_and_the_publisher_goes_on() {
 }
 
 #[test]
-fn two_windows_and_four_can_be_held_and_do_not_change() {
+fn three_windows_and_four_can_be_held_and_do_not_change() {
     let place = Place::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut held = Vec::new();
-    for number in 0..12 {
+    for number in 0..16 {
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
         held.push(subscriber.receive().unwrap().unwrap());
     }
-    for number in 12..200 {
+    for number in 16..200 {
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
     }
     for (number, message) in held.iter().enumerate() {
         assert_eq!(message.header().published, number as u64);
         assert!(message.payload().iter().all(|&byte| usize::from(byte) == number), "message {number} changed");
     }
-    assert!(subscriber.receive().is_err(), "more than two windows and four can be held");
+    assert!(subscriber.receive().is_err(), "more than three windows and four can be held");
     held.pop();
     assert_eq!(subscriber.receive().unwrap().unwrap().header().published, 184);
 }
