@@ -7,7 +7,7 @@
 #[allow(missing_docs, unreachable_pub)]
 mod fringeflow;
 
-pub(super) use fringeflow::{
+pub(super) use self::fringeflow::{
     CloudHeader, CorrespondenceHeader, CorrespondenceMap, Fit, FrameHeader, MapsHeader, PatternEvent, PhaseMaps,
     StageReport, Window,
 };
