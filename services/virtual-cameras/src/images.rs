@@ -33,6 +33,8 @@ pub(crate) fn prepare(host: &Host, options: &VirtualScannerConfiguration) -> Res
 
 /// Keeps the images; without the file the next start renders them again.
 fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
+    // If this fails, writing the file says so.
+    drop(file.parent().map(std::fs::create_dir_all));
     if let Err(error) = images.save(scanner, file) {
         tracing::warn!("{error}; the images are rendered again at the next start");
     }
