@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(demo.frame_period_ns(), 50_000_000);
         assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
         let setup = Setup::parse(demo.setup_text().unwrap(), None).unwrap();
-        assert_eq!((setup.steps, setup.image_size_px), (4, [320, 256]));
+        assert_eq!((setup.steps, setup.image_size_px), (4, [480, 384]));
         // The part of it that measures is a configuration of its own.
         assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
     }
@@ -333,7 +333,7 @@ mod tests {
         assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("known are"));
         assert!(changed("steps = 4", "steps = 2").contains("pattern.steps is 2"));
         assert!(changed("object = \"nose\"", "object = \"hose\"").contains("virtual_scanner.object"));
-        assert!(changed("every = 1", "evry = 1").contains("evry"));
+        assert!(changed("every = 4", "evry = 4").contains("evry"));
         assert!(changed("[cameras]", "[camera]").contains("camera"));
         assert!(parse("").unwrap_err().to_string().contains("key cameras is missing"));
     }
