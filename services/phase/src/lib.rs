@@ -36,8 +36,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             intake.report(&mut host);
             host.report(Stage::Phase, decoding.account.counts(), None);
         }
-        intake.forgive_silence(&host);
-        host.tend(|now_ns| {
+        host.tend(|host, now_ns| {
+            intake.forgive_silence(host);
             decoding.output.ensure_connected()?;
             intake.ensure_connected(now_ns)
         });

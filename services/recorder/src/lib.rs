@@ -44,7 +44,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
             recorder.tell();
             host.report(Stage::Recorder, recorder.account.counts(), None);
         }
-        host.tend(|now_ns| {
+        host.tend(|_, now_ns| {
             state.ensure_connected(now_ns)?;
             channels.ensure_connected(now_ns)
         });

@@ -78,10 +78,10 @@ impl Source for Player<'_> {
         loop {
             let Some(ports) = &mut self.ports else { return Ok(Progress::Waiting) };
             ports.see_clouds(&mut self.comparison);
-            let is_idle = ports.is_idle();
+            // At a steady rate nobody waits for the pipeline.
+            let is_idle = self.pace != Pace::Fastest || ports.is_idle();
             let Some(next) = self.messages.peek() else {
-                let is_finished = is_idle || self.pace != Pace::Fastest;
-                return Ok(if is_finished { Progress::Finished } else { Progress::Waiting });
+                return Ok(if is_idle { Progress::Finished } else { Progress::Waiting });
             };
             let log_ns = next.as_ref().map_or(0, |message| message.log_ns);
             match self.due_ns(log_ns) {

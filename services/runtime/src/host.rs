@@ -194,14 +194,14 @@ impl Host {
     ///
     /// # Errors
     /// A port that cannot be opened again is tried at the next look; this never fails the service.
-    pub fn tend(&mut self, check: impl FnOnce(u64) -> Result<(), TransportError>) {
+    pub fn tend(&mut self, check: impl FnOnce(&Self, u64) -> Result<(), TransportError>) {
         let now_ns = now_ns();
         if now_ns.saturating_sub(self.checked_ns) < CONNECTION_CHECK_NS {
             return;
         }
         self.checked_ns = now_ns;
         let own = self.reports.ensure_connected().map(|_| ());
-        if let Err(error) = own.and_then(|()| check(now_ns)) {
+        if let Err(error) = own.and_then(|()| check(self, now_ns)) {
             tracing::warn!("{error}");
         }
     }

@@ -116,12 +116,12 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
 impl<T: Transform> Service<'_, T> {
     /// Looks after the connections; whether the input was opened anew: what was sent to the old one is lost.
     fn tend(&mut self, input: &mut Subscriber<T::InHeader, T::InPayload>) -> bool {
-        if !self.host.is_behind(&self.account) {
-            input.forgive_silence();
-        }
         let mut is_renewed = false;
-        let output = &mut self.output;
-        self.host.tend(|now_ns| {
+        let (account, output) = (&self.account, &mut self.output);
+        self.host.tend(|host, now_ns| {
+            if !host.is_behind(account) {
+                input.forgive_silence();
+            }
             is_renewed = input.ensure_connected(now_ns)?;
             output.ensure_connected().map(|_| ())
         });

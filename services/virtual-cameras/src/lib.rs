@@ -39,7 +39,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         if host.beat_is_due() {
             cameras.iter().for_each(|camera| camera.report(&mut host));
         }
-        host.tend(|now_ns| {
+        host.tend(|_, now_ns| {
             cameras.iter_mut().try_for_each(Capture::ensure_connected)?;
             source.ensure_connected(now_ns)
         });

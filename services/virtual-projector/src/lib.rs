@@ -26,7 +26,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         if host.beat_is_due() {
             host.report(Stage::Projector, service.account.counts(), None);
         }
-        host.tend(|now_ns| {
+        host.tend(|_, now_ns| {
             service.output.ensure_connected()?;
             service.states.ensure_connected(now_ns)?;
             Ok(())
