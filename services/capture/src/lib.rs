@@ -1,0 +1,1 @@
+//! The capture service: one V4L2 camera in, images in shared memory out.
