@@ -1,1 +1,3 @@
 //! The capture service: one V4L2 camera in, images in shared memory out.
+
+mod ioctl;
