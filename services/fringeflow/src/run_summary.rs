@@ -69,8 +69,7 @@ impl<'a> Summary<'a> {
 
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
     pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
-        let stage =
-            |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.tally.stage(*stage));
+        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.tally.stage(*stage));
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,

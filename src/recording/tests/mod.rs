@@ -15,8 +15,8 @@ use tempfile::TempDir;
 use super::*;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader,
-    PIXEL_FORMAT_GREY, PatternEvent, Skew, Stage, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, PIXEL_FORMAT_GREY,
+    PatternEvent, Skew, Stage, StageReport, Window,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
