@@ -20,6 +20,7 @@
 
 mod control;
 mod frame;
+mod incident;
 mod maps;
 mod pattern;
 mod report;
@@ -27,9 +28,10 @@ mod window;
 
 pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
 pub use frame::{FrameHeader, PIXEL_FORMAT_GREY, PixelFormat, flags};
+pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
-pub use report::{Counts, DropReason, Stage, StageReport};
+pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use window::Window;
 
 /// Most images of one window.

@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::Incident;
+
 /// A stage of the pipeline, and what it counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u32)]
@@ -83,11 +85,13 @@ pub enum DropReason {
 
 /// Number of drop reasons that a report has room for.
 const REASONS: usize = 32;
+/// Number of kinds of incidents that a report has room for.
+const INCIDENTS: usize = 16;
 
 /// Items of a stage since the start of the instance: `taken = passed + Σ dropped + in work`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.Counts.1")]
+#[type_name("fringeflow.Counts.2")]
 pub struct Counts {
     /// Items that the stage before had put out, those lost on the way included.
     pub taken: u64,
@@ -95,12 +99,29 @@ pub struct Counts {
     pub passed: u64,
     /// Items that it dropped, by [`DropReason`].
     pub dropped: [u64; REASONS],
+    /// What happened beside the items, by [`Incident`].
+    pub incidents: [u64; INCIDENTS],
+}
+
+/// By how much the images of camera 2 began later than those of camera 1, over some pairs.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Skew.1")]
+pub struct Skew {
+    /// Number of pairs.
+    pub pairs: u64,
+    /// Sum over them, nanoseconds.
+    pub sum_ns: i64,
+    /// Least.
+    pub least_ns: i64,
+    /// Greatest.
+    pub greatest_ns: i64,
 }
 
 /// One stage's counts, and the times of the item that it finished last.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.StageReport.1")]
+#[type_name("fringeflow.StageReport.2")]
 pub struct StageReport {
     /// [`Stage`].
     pub stage: u32,
@@ -120,6 +141,8 @@ pub struct StageReport {
     pub passed_ns: u64,
     /// Counts since the start of the instance.
     pub counts: Counts,
+    /// Of the pairs since the report before, where the stage pairs images.
+    pub skew: Skew,
 }
 
 impl Counts {
@@ -140,7 +163,13 @@ impl Counts {
             taken: self.taken + other.taken,
             passed: self.passed + other.passed,
             dropped: std::array::from_fn(|reason| self.dropped[reason] + other.dropped[reason]),
+            incidents: std::array::from_fn(|incident| self.incidents[incident] + other.incidents[incident]),
         }
+    }
+
+    /// Counts incidents of a kind.
+    pub fn note(&mut self, incident: Incident, count: u64) {
+        self.incidents[incident as usize] += count;
     }
 
     /// Items dropped for one reason.
@@ -161,9 +190,42 @@ impl Counts {
         self.taken.checked_sub(self.passed)?.checked_sub(self.all_dropped())
     }
 
+    /// The incidents that occurred, with their numbers.
+    pub fn incidents(&self) -> impl Iterator<Item = (Incident, u64)> + '_ {
+        let count = |incident: Incident| self.incidents[incident as usize];
+        Incident::ALL.into_iter().map(move |incident| (incident, count(incident))).filter(|&(_, n)| n > 0)
+    }
+
     /// The reasons that occurred, with their numbers.
     pub fn reasons(&self) -> impl Iterator<Item = (DropReason, u64)> + '_ {
         DropReason::ALL.into_iter().map(|reason| (reason, self.dropped(reason))).filter(|&(_, n)| n > 0)
+    }
+}
+
+impl Skew {
+    /// Takes the skew of a pair.
+    pub fn add(&mut self, skew_ns: i64) {
+        self.join(&Self { pairs: 1, sum_ns: skew_ns, least_ns: skew_ns, greatest_ns: skew_ns });
+    }
+
+    /// Takes other pairs.
+    pub fn join(&mut self, other: &Self) {
+        *self = match (self.pairs, other.pairs) {
+            (_, 0) => *self,
+            (0, _) => *other,
+            _ => Self {
+                pairs: self.pairs.saturating_add(other.pairs),
+                sum_ns: self.sum_ns.saturating_add(other.sum_ns),
+                least_ns: self.least_ns.min(other.least_ns),
+                greatest_ns: self.greatest_ns.max(other.greatest_ns),
+            },
+        };
+    }
+
+    /// Mean over the pairs, nanoseconds; `None` without a pair.
+    #[must_use]
+    pub fn mean_ns(&self) -> Option<f64> {
+        (self.pairs > 0).then(|| self.sum_ns as f64 / self.pairs as f64)
     }
 }
 

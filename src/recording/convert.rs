@@ -2,7 +2,7 @@
 //!
 //! What comes from a file may say anything: a message that no channel could have carried is `None`.
 
-use crate::message::{self, Counts, DropReason, MAX_WINDOW, Stage};
+use crate::message::{self, Counts, DropReason, Incident, MAX_WINDOW, Skew, Stage};
 
 use super::schema::{
     CloudHeader, CorrespondenceHeader, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window,
@@ -254,16 +254,24 @@ impl StageReport {
             taken: counts.taken,
             passed: counts.passed,
             dropped: counts.reasons().map(|(reason, count)| (reason.name().to_owned(), count)).collect(),
+            incidents: counts.incidents().map(|(incident, count)| (incident.name().to_owned(), count)).collect(),
+            skew_pairs: report.skew.pairs,
+            skew_sum_ns: report.skew.sum_ns,
+            skew_least_ns: report.skew.least_ns,
+            skew_greatest_ns: report.skew.greatest_ns,
         })
     }
 
-    /// `None` for an unknown stage or reason.
+    /// `None` for an unknown stage, reason or incident.
     pub(super) fn to_message(&self) -> Option<message::StageReport> {
         let stage = Stage::ALL.into_iter().find(|stage| stage.name() == self.stage)?;
         let mut counts = Counts { taken: self.taken, passed: self.passed, ..Counts::default() };
         for (name, &count) in &self.dropped {
             let reason = DropReason::ALL.into_iter().find(|reason| reason.name() == name)?;
             counts.drop_many(reason, count);
+        }
+        for (name, &count) in &self.incidents {
+            counts.note(Incident::ALL.into_iter().find(|incident| incident.name() == name)?, count);
         }
         Some(message::StageReport {
             stage: stage as u32,
@@ -275,6 +283,12 @@ impl StageReport {
             taken_ns: self.taken_ns,
             passed_ns: self.passed_ns,
             counts,
+            skew: Skew {
+                pairs: self.skew_pairs,
+                sum_ns: self.skew_sum_ns,
+                least_ns: self.skew_least_ns,
+                greatest_ns: self.skew_greatest_ns,
+            },
         })
     }
 }

@@ -26,7 +26,7 @@ mod windows;
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason, FrameHeader, MAX_WINDOW, PatternEvent, Stage, Window};
+use crate::message::{Counts, DropReason, FrameHeader, MAX_WINDOW, PatternEvent, Skew, Stage, Window};
 use crate::phase::MIN_STEPS;
 
 use pairing::{Image, Pairing};
@@ -224,6 +224,11 @@ impl<F: Clone> Synchronizer<F> {
             Stage::Windowing => Some(&self.counts.windowing),
             _ => None,
         }
+    }
+
+    /// Skew of the pairs since this was asked last.
+    pub fn take_skew(&mut self) -> Skew {
+        self.pairing.take_skew()
     }
 
     /// Ends the run: what still waits is dropped as stopped; windows that are ready stay so.

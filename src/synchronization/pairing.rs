@@ -4,7 +4,7 @@
 //! numbers stays the same for a session; where times contradict it, the times are believed, but not by the pair that
 //! shows it. An image waits until the other camera has delivered a later one.
 
-use crate::message::{Counts, DropReason, FrameHeader};
+use crate::message::{Counts, DropReason, FrameHeader, Skew};
 
 use super::lane::{Lane, Place, Placed};
 use super::numbering::{Arrival, Numbering};
@@ -30,6 +30,7 @@ pub(super) struct Pairing<F> {
     cameras: [Lane<Image<F>>; 2],
     published: [Numbering; 2],
     offset: Option<Offset>,
+    skew: Skew,
 }
 
 /// What camera 2 adds to the driver number of camera 1.
@@ -64,7 +65,7 @@ impl<F> Pair<F> {
 impl<F> Pairing<F> {
     pub(super) fn new(half_period_ns: u64) -> Self {
         let published = [Numbering::new(0), Numbering::new(0)];
-        Self { half_period_ns, cameras: [Lane::new(), Lane::new()], published, offset: None }
+        Self { half_period_ns, cameras: [Lane::new(), Lane::new()], published, offset: None, skew: Skew::default() }
     }
 
     pub(super) fn expect(&mut self, camera: usize, published: u64) {
@@ -110,10 +111,16 @@ impl<F> Pairing<F> {
             }
             let pair = Pair([first.take_next()?, second.take_next()?]);
             if self.agrees(a, b) {
+                self.skew.add(b.time_ns as i64 - a.time_ns as i64);
                 return Some(pair);
             }
             counts.drop_many(DropReason::BadTime, 2);
         }
+    }
+
+    /// Skew of the pairs since this was asked last.
+    pub(super) fn take_skew(&mut self) -> Skew {
+        std::mem::take(&mut self.skew)
     }
 
     /// Images of a camera that wait for their partner.

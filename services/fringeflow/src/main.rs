@@ -10,6 +10,7 @@ mod preview_folder;
 mod progress;
 mod proposed;
 mod run_summary;
+mod stage_figures;
 mod statistics;
 mod truth;
 

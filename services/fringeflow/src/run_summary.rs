@@ -10,11 +10,12 @@ use fringeflow_supervisor::{Latency, Outcome};
 
 use crate::failure::Failure;
 use crate::json;
+use crate::stage_figures::{SkewFigures, StageFigures};
 
 /// A run in figures.
 #[derive(serde::Serialize)]
 pub(crate) struct Summary<'a> {
-    stages: Vec<StageSummary>,
+    stages: Vec<StageFigures>,
     /// From the start of the last exposure of a cloud to its publication.
     exposure_to_cloud: Option<Latency>,
     restarts: u32,
@@ -23,15 +24,6 @@ pub(crate) struct Summary<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     compared: Option<Compared>,
     imbalances: Vec<String>,
-}
-
-#[derive(serde::Serialize)]
-struct StageSummary {
-    stage: &'static str,
-    taken: u64,
-    passed: u64,
-    dropped: std::collections::BTreeMap<&'static str, u64>,
-    latency: Option<Latency>,
 }
 
 /// Prints the summary of a run.
@@ -77,13 +69,7 @@ impl<'a> Summary<'a> {
 
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
     pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
-        let stage = |(stage, counts): &(Stage, Counts)| StageSummary {
-            stage: stage.name(),
-            taken: counts.taken,
-            passed: counts.passed,
-            dropped: counts.reasons().map(|(reason, n)| (reason.name(), n)).collect(),
-            latency: outcome.tally.stage(*stage).and_then(fringeflow_supervisor::StageTally::latency),
-        };
+        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.tally.stage(*stage));
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
@@ -113,6 +99,14 @@ impl fmt::Display for Summary<'_> {
         if self.exposure_to_cloud.is_some() {
             let [p50, p99] = percentiles(self.exposure_to_cloud);
             writeln!(f, "{:<35}   {p50:>8} {p99:>8}", "exposure to cloud")?;
+        }
+        for StageFigures { stage, incidents, .. } in self.stages.iter().filter(|stage| !stage.incidents.is_empty()) {
+            let survived: Vec<String> = incidents.iter().map(|(incident, n)| format!("{incident} {n}")).collect();
+            writeln!(f, "{stage} survived: {}", survived.join(", "))?;
+        }
+        for SkewFigures { mean_ms, least_ms, greatest_ms } in self.stages.iter().filter_map(|s| s.skew.as_ref()) {
+            let (mean, least, greatest) = (mean_ms, least_ms, greatest_ms);
+            writeln!(f, "images of camera 2 begin {mean:.3} ms later in the mean ({least:.3} to {greatest:.3} ms)")?;
         }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;

@@ -106,10 +106,11 @@ impl Intake {
     }
 
     /// Reports all three stages.
-    pub(crate) fn report(&self, host: &mut Host) {
-        for ledger in [&self.pattern, &self.pairing, &self.windowing] {
-            host.report(ledger.stage, ledger.account.counts(), None);
-        }
+    pub(crate) fn report(&mut self, host: &mut Host) {
+        let skew = self.synchronizer.take_skew();
+        host.report(Stage::Pattern, self.pattern.account.counts(), None);
+        host.report_pairs(Stage::Pairing, self.pairing.account.counts(), None, skew);
+        host.report(Stage::Windowing, self.windowing.account.counts(), None);
     }
 
     /// Forgives the silence of ports that by the accounts were sent nothing that has not come. Where nobody keeps accounts,

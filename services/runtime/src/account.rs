@@ -10,10 +10,10 @@ use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
-use fringeflow::message::{Counts, DropReason, Stage};
+use fringeflow::message::{Counts, DropReason, Incident, Stage};
 
 /// Version of the file, so that leftovers of another one are not misread.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 /// Channels that a stage can take from.
 pub const SOURCES: usize = 8;
 
@@ -239,6 +239,15 @@ impl Account {
     /// The file cannot be written.
     pub fn drop_many(&mut self, reason: DropReason, count: u64) -> Result<(), AccountError> {
         self.record.counts.drop_many(reason, count);
+        self.write()
+    }
+
+    /// Counts incidents of a kind.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn note(&mut self, incident: Incident, count: u64) -> Result<(), AccountError> {
+        self.record.counts.note(incident, count);
         self.write()
     }
 

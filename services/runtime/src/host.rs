@@ -6,7 +6,7 @@ use std::time::Duration;
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, Stage, StageReport};
+use fringeflow::message::{Counts, DropReason, Skew, Stage, StageReport};
 use fringeflow::transport::{ChannelSizes, Instance, Node, Publisher, REPORT_STAGE, TransportError};
 use fringeflow::wire;
 
@@ -162,6 +162,11 @@ impl Host {
 
     /// Reports the counts of a stage, and the item that it finished.
     pub fn report(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>) {
+        self.report_pairs(stage, counts, item, Skew::default());
+    }
+
+    /// [`Self::report`] of a stage that pairs images, with the skew of the pairs since the report before.
+    pub fn report_pairs(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>, skew: Skew) {
         let times = item.unwrap_or(ItemTimes { exposure_start_ns: 0, taken_ns: 0, passed_ns: 0 });
         let report = StageReport {
             stage: stage as u32,
@@ -173,6 +178,7 @@ impl Host {
             taken_ns: times.taken_ns,
             passed_ns: times.passed_ns,
             counts: *counts,
+            skew,
         };
         // A report that nobody gets is not worth a service; the counts are in the account, and come with the next one.
         if let Err(error) = self.reports.send_message(&report) {

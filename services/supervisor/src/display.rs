@@ -88,20 +88,24 @@ pub fn headline(state: &ScanState, waiting: &[&str]) -> String {
     }
 }
 
-/// One line about a stage: rate, median latency, items put out, drops by reason, restarts.
+/// One line about a stage: rate, median latency, items put out, drops by reason, incidents, skew, restarts.
 #[must_use]
 pub fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
     let latency = tally.latency().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
     let silent = if tally.is_silent(now_ns) { "  silent" } else { "" };
-    let drops: Vec<String> = tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())).collect();
+    let drops = listed("dropped: ", tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())));
+    let incidents =
+        listed("  survived: ", tally.counts.incidents().map(|(incident, n)| format!("{} {n}", incident.name())));
+    let skew = tally.skew.mean_ns().map_or_else(String::new, |ns| format!("  skew {:.3} ms", ns * 1e-6));
     let restarts = if tally.restarts > 0 { format!("  restarts {}", tally.restarts) } else { String::new() };
-    format!(
-        "{:<15}{:7.1}/s{latency:>12}  out {:<9}{}{restarts}{silent}",
-        stage.name(),
-        tally.rate_hz,
-        tally.counts.passed,
-        if drops.is_empty() { String::new() } else { format!("dropped: {}", drops.join(", ")) },
-    )
+    let (name, rate_hz, passed) = (stage.name(), tally.rate_hz, tally.counts.passed);
+    format!("{name:<15}{rate_hz:7.1}/s{latency:>12}  out {passed:<9}{drops}{incidents}{skew}{restarts}{silent}")
+}
+
+/// The words after what they are; nothing where there are none.
+fn listed(what: &str, words: impl Iterator<Item = String>) -> String {
+    let words: Vec<String> = words.collect();
+    if words.is_empty() { String::new() } else { format!("{what}{}", words.join(", ")) }
 }
 
 fn brief(stage: Stage, tally: &StageTally, now_ns: u64) -> String {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fringeflow::message::{Counts, Stage, StageReport};
+use fringeflow::message::{Counts, Skew, Stage, StageReport};
 use hdrhistogram::Histogram;
 
 /// Longest latency that is told apart, nanoseconds; longer ones count as this.
@@ -35,6 +35,8 @@ pub struct StageTally {
     pub rate_hz: f64,
     /// Time of the last report.
     pub time_ns: u64,
+    /// By how much images of camera 2 begin later, where the stage pairs them.
+    pub skew: Skew,
     latency: Latencies,
     rate_from: (u64, u64),
 }
@@ -86,6 +88,7 @@ impl StageTally {
             restarts: 0,
             rate_hz: 0.0,
             time_ns: 0,
+            skew: Skew::default(),
             latency: Latencies::default(),
             rate_from: (report.time_ns, report.counts.passed),
         }
@@ -95,6 +98,7 @@ impl StageTally {
         self.counts = report.counts;
         self.restarts = report.restarts;
         self.time_ns = report.time_ns;
+        self.skew.join(&report.skew);
         if report.of_item != 0 {
             self.latency.record(report.taken_ns, report.passed_ns);
         }

@@ -168,4 +168,17 @@ pub struct StageReport {
     pub passed: u64,
     #[prost(btree_map = "string, uint64", tag = "11")]
     pub dropped: ::prost::alloc::collections::BTreeMap<::prost::alloc::string::String, u64>,
+    #[prost(btree_map = "string, uint64", tag = "12")]
+    pub incidents: ::prost::alloc::collections::BTreeMap<
+        ::prost::alloc::string::String,
+        u64,
+    >,
+    #[prost(uint64, tag = "13")]
+    pub skew_pairs: u64,
+    #[prost(int64, tag = "14")]
+    pub skew_sum_ns: i64,
+    #[prost(int64, tag = "15")]
+    pub skew_least_ns: i64,
+    #[prost(int64, tag = "16")]
+    pub skew_greatest_ns: i64,
 }

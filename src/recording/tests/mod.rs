@@ -15,8 +15,8 @@ use tempfile::TempDir;
 use super::*;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, MapsHeader, PIXEL_FORMAT_GREY,
-    PatternEvent, Stage, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, PIXEL_FORMAT_GREY,
+    PatternEvent, Skew, Stage, StageReport, Window,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -183,6 +183,7 @@ fn report() -> StageReport {
     let mut counts = Counts { taken: 100, passed: 90, ..Counts::default() };
     counts.drop_many(DropReason::Unpaired, 7);
     counts.drop_many(DropReason::Overrun, 2);
+    counts.note(Incident::TimeOut, 3);
     StageReport {
         stage: Stage::Pairing as u32,
         pid: 4711,
@@ -193,5 +194,6 @@ fn report() -> StageReport {
         taken_ns: 6500,
         passed_ns: 6800,
         counts,
+        skew: Skew { pairs: 45, sum_ns: -90, least_ns: -7, greatest_ns: 5 },
     }
 }

@@ -3,13 +3,14 @@
 use std::io::Write as _;
 use std::time::Duration;
 
-use fringeflow::message::{Command, ControlRequest, DropReason, ScanState, Stage};
+use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::clock;
 use fringeflow_supervisor::{Latency, Tally, headline, observe, stage_line};
 
 use crate::failure::Failure;
 use crate::json;
+use crate::stage_figures::StageFigures;
 
 /// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
 const SPAN_NS: u64 = 2_500_000_000;
@@ -38,12 +39,9 @@ struct Report {
 
 #[derive(serde::Serialize)]
 struct StageReport {
-    stage: &'static str,
-    taken: u64,
-    passed: u64,
+    #[serde(flatten)]
+    figures: StageFigures,
     rate_hz: f64,
-    dropped: std::collections::BTreeMap<&'static str, u64>,
-    latency: Option<Latency>,
     restarts: u32,
     silent: bool,
 }
@@ -69,12 +67,8 @@ impl Args {
     fn report(&self, state: &ScanState, tally: &Tally) -> Report {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &fringeflow_supervisor::StageTally)| StageReport {
-            stage: stage.name(),
-            taken: of_stage.counts.taken,
-            passed: of_stage.counts.passed,
+            figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
             rate_hz: of_stage.rate_hz,
-            dropped: of_stage.counts.reasons().map(|(reason, n): (DropReason, u64)| (reason.name(), n)).collect(),
-            latency: of_stage.latency(),
             restarts: of_stage.restarts,
             silent: of_stage.is_silent(now_ns),
         };
