@@ -18,13 +18,18 @@
 
 mod guest;
 mod machine;
+mod scenes;
+// The guest does not need all of it.
+#[allow(dead_code)]
+#[path = "../../services/fringeflow/tests/live/support/mod.rs"]
+mod support;
 
 #[test]
 fn vivid_cameras() {
-    machine::run("guest::vivid", |_| {});
+    machine::run("guest::vivid", scenes::make);
 }
 
 #[test]
 fn loopback_cameras() {
-    machine::run("guest::loopback", |_| {});
+    machine::run("guest::loopback", scenes::make);
 }

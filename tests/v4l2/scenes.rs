@@ -15,7 +15,7 @@ const FOLDER: &str = "scenes";
 /// Steps of a window.
 pub(crate) const STEPS: usize = 4;
 /// Width and height of the images, pixels.
-pub(crate) const SIZE_PX: [usize; 2] = [256, 192];
+pub(crate) const SIZE_PX: [usize; 2] = [320, 180];
 
 /// A dataset and the cloud that `fringeflow reconstruct` makes of it.
 #[derive(Debug)]
@@ -62,6 +62,7 @@ impl Scene {
 pub(crate) fn make(share: &Path) {
     let size = format!("{}x{}", SIZE_PX[0], SIZE_PX[1]);
     let steps = STEPS.to_string();
+    fs::create_dir(share.join(FOLDER)).unwrap();
     for scene in scenes(share) {
         let object = scene.dataset.file_name().unwrap();
         let rig = "--board none --depth 25 --period 32 --sd 0 --no-gray --noise low --supersampling 1";

@@ -1,0 +1,1 @@
+//! Cameras of the driver v4l2loopback.
