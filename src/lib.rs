@@ -36,6 +36,7 @@
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
+//! | [`pixels`] | from the formats of cameras to that of the channels |
 //! | [`wire`] | phase maps and correspondences as payloads of messages |
 //! | [`transport`] | channels between processes |
 //! | [`synchronization`] | which images belong together: pairs, pattern steps, windows |
@@ -56,6 +57,7 @@ pub mod evaluation;
 pub mod geometry;
 pub mod message;
 pub mod phase;
+pub mod pixels;
 mod png_encoding;
 pub mod preview;
 pub mod reconstruction;

@@ -3,6 +3,7 @@
 //! In: a file such as `configs/reconstruct.toml`. Out: a [`Configuration`]. Every key is optional and has its unit in its
 //! name; unknown keys are refused.
 
+mod cameras;
 mod raw;
 mod scanner;
 mod virtual_scanner;
@@ -17,9 +18,10 @@ use crate::reconstruction::Settings;
 
 use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 
-pub use scanner::{
-    CameraSource, ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
+pub use cameras::{
+    CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
+pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
 pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// What a configuration file says, with defaults for what it does not.
@@ -86,6 +88,15 @@ pub enum ConfigurationProblem {
         key: &'static str,
         /// What belongs there.
         expected: &'static str,
+    },
+    /// Something of one camera.
+    #[error("in [cameras.{camera}]: {problem}")]
+    Camera {
+        /// `cam1` or `cam2`.
+        camera: &'static str,
+        /// What is wrong.
+        #[source]
+        problem: Box<Self>,
     },
     /// The volume is none.
     #[error("key measurement_volume: {0}")]

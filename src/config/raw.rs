@@ -84,6 +84,24 @@ pub(super) struct RawPattern {
 pub(super) struct RawCameras {
     pub(super) source: String,
     pub(super) rate_hz: f64,
+    pub(super) cam1: Option<RawV4l2Camera>,
+    pub(super) cam2: Option<RawV4l2Camera>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawV4l2Camera {
+    pub(super) device: String,
+    pub(super) buffers: Option<u32>,
+    pub(super) timeout_ms: Option<u64>,
+    pub(super) trigger: Option<String>,
+    pub(super) stamp: Option<String>,
+    pub(super) exposure_us: Option<f64>,
+    pub(super) readout_us: Option<f64>,
+    pub(super) set_rate: Option<bool>,
+    pub(super) video_timings: Option<String>,
+    #[serde(default)]
+    pub(super) controls: toml::Table,
 }
 
 #[derive(Deserialize, Default)]
@@ -145,6 +163,20 @@ pub(super) struct RawRecorder {
     pub(super) min_free_mb: Option<u64>,
     pub(super) phase_maps: Option<bool>,
     pub(super) correspondences: Option<bool>,
+}
+
+/// The value that a word stands for.
+pub(super) fn one_of<T: Copy>(
+    key: &'static str,
+    word: &str,
+    values: &[(&'static str, T)],
+) -> Result<T, ConfigurationProblem> {
+    let found = values.iter().find(|(name, _)| *name == word).map(|&(_, value)| value);
+    found.ok_or_else(|| ConfigurationProblem::Word {
+        key,
+        value: word.to_owned(),
+        known: values.iter().map(|(name, _)| *name).collect(),
+    })
 }
 
 /// The value, or the error that names its key.

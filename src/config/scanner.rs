@@ -9,7 +9,8 @@ use crate::geometry::{FringePattern, MeasurementVolume};
 use crate::phase::{MAX_STEPS, MIN_STEPS};
 use crate::simulation::{SimulationError, VirtualScanner};
 
-use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked};
+use super::cameras::{self, CameraSource};
+use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_scanner::{self, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
 
@@ -54,15 +55,6 @@ pub enum RigSource {
     },
     /// From the virtual scanner.
     Virtual(Box<VirtualScannerConfiguration>),
-}
-
-/// Who publishes images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CameraSource {
-    /// The virtual scanner.
-    Virtual,
-    /// Another program, or a replay.
-    External,
 }
 
 /// Who says which pattern an image shows.
@@ -114,11 +106,13 @@ impl ScannerConfiguration {
             key: "cameras",
             expected: "a table with source and rate_hz says where images come from",
         })?;
-        let source = one_of(
-            "cameras.source",
-            &cameras.source,
-            &[("virtual", CameraSource::Virtual), ("external", CameraSource::External)],
+        let rate_hz = checked(
+            "cameras.rate_hz",
+            cameras.rate_hz,
+            |v| (0.1..=1000.0).contains(v),
+            "it must lie between 0.1 and 1000 images a second",
         )?;
+        let source = cameras::camera_source(cameras, rate_hz)?;
         let driver = raw.projector.driver.as_deref().unwrap_or("cycle");
         let projector = one_of(
             "projector.driver",
@@ -133,14 +127,9 @@ impl ScannerConfiguration {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement: Configuration::of(&raw)?,
             segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
-            rig: rig_source(&raw, source, folder)?,
+            rig: rig_source(&raw, &source, folder)?,
             cameras: source,
-            rate_hz: checked(
-                "cameras.rate_hz",
-                cameras.rate_hz,
-                |v| (0.1..=1000.0).contains(v),
-                "it must lie between 0.1 and 1000 images a second",
-            )?,
+            rate_hz,
             projector,
             window_every: checked(
                 "window.every",
@@ -226,10 +215,10 @@ pub enum SetupTextError {
 
 fn rig_source(
     raw: &RawConfiguration,
-    cameras: CameraSource,
+    cameras: &CameraSource,
     folder: &Path,
 ) -> Result<Option<RigSource>, ConfigurationProblem> {
-    if cameras == CameraSource::Virtual {
+    if *cameras == CameraSource::Virtual {
         let pattern = pattern(raw.pattern.as_ref())?;
         let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, folder)?;
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
@@ -290,16 +279,6 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
     })
 }
 
-/// The value that a word stands for.
-fn one_of<T: Copy>(key: &'static str, word: &str, values: &[(&'static str, T)]) -> Result<T, ConfigurationProblem> {
-    let found = values.iter().find(|(name, _)| *name == word).map(|&(_, value)| value);
-    found.ok_or_else(|| ConfigurationProblem::Word {
-        key,
-        value: word.to_owned(),
-        known: values.iter().map(|(name, _)| *name).collect(),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -314,7 +293,7 @@ mod tests {
     #[test]
     fn the_demo_is_a_scanner_with_a_setup() {
         let demo = parse(DEMO).unwrap();
-        assert_eq!((demo.cameras, demo.projector), (CameraSource::Virtual, ProjectorDriver::Virtual));
+        assert_eq!((&demo.cameras, demo.projector), (&CameraSource::Virtual, ProjectorDriver::Virtual));
         assert_eq!(demo.frame_period_ns(), 50_000_000);
         assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
         let setup = Setup::parse(demo.setup_text().unwrap(), None).unwrap();

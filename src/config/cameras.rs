@@ -1,0 +1,351 @@
+//! `[cameras]`: who publishes images, and for V4L2 devices which they are and how they are set.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use super::ConfigurationProblem;
+use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
+
+/// Least time after which a silent camera counts as stalled unless the configuration says so, milliseconds.
+const TIMEOUT_MS: u64 = 1000;
+/// The same in periods.
+const TIMEOUT_PERIODS: f64 = 10.0;
+
+/// Who publishes images.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CameraSource {
+    /// The virtual scanner.
+    Virtual,
+    /// Another program, or a replay.
+    External,
+    /// Two V4L2 devices.
+    V4l2(Box<[V4l2Camera; 2]>),
+}
+
+/// A V4L2 device and how it is set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct V4l2Camera {
+    /// The device.
+    pub device: DeviceName,
+    /// Buffers that driver and service share.
+    pub buffers: u32,
+    /// Silence after which a camera that runs free counts as stalled, nanoseconds.
+    pub timeout_ns: u64,
+    /// What begins an exposure.
+    pub trigger: Trigger,
+    /// The moment that the driver's time stamps tell.
+    pub stamp: StampMoment,
+    /// Length of the exposure, nanoseconds; `None`: what the device says.
+    pub exposure_ns: Option<u64>,
+    /// From the end of the exposure to a time stamp at the end of an image, nanoseconds.
+    pub readout_ns: u64,
+    /// Whether the device is told the rate; else it keeps its own.
+    pub set_rate: bool,
+    /// Timings of a digital video signal, for grabbers.
+    pub video_timings: Option<VideoTimings>,
+    /// Controls by their names, as `v4l2-ctl` writes them.
+    pub controls: BTreeMap<String, ControlValue>,
+}
+
+/// Which device is meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceName {
+    /// The one at a path, which may be a link.
+    Path(PathBuf),
+    /// The one that V4L2 says sits there: its `bus_info`.
+    Bus(String),
+    /// The one with this serial number on the USB.
+    Serial(String),
+}
+
+/// A name that names no device.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{name:?} names no device; write a path (\"/dev/video0\", \"/dev/v4l/by-id/…\"), \"bus:\" and what V4L2 calls \
+     bus_info, or \"serial:\" and a serial number of the USB; `fringeflow cameras` lists them"
+)]
+pub struct DeviceNameError {
+    /// The name.
+    pub name: String,
+}
+
+/// What begins an exposure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trigger {
+    /// The camera itself, at its rate.
+    Free,
+    /// A signal from outside: silence is no fault.
+    External,
+}
+
+/// The moment that a time stamp tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StampMoment {
+    /// As the driver says of each image.
+    Driver,
+    /// Start of exposure.
+    Start,
+    /// End of the image: exposure and readout are over.
+    End,
+}
+
+/// Timings of a digital video signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum VideoTimings {
+    /// Those of the signal that the device sees.
+    Detect,
+    /// Those of a signal of this size and rate.
+    Signal {
+        /// Width and height, pixels.
+        size_px: [u32; 2],
+        /// Images a second.
+        rate_hz: f64,
+    },
+}
+
+/// Value of a control.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ControlValue {
+    /// A number; of a menu, that of an item.
+    Number(i64),
+    /// On or off; true presses a button.
+    Switch(bool),
+    /// A text; of a menu, the name of an item.
+    Text(String),
+}
+
+impl FromStr for DeviceName {
+    type Err = DeviceNameError;
+
+    fn from_str(name: &str) -> Result<Self, DeviceNameError> {
+        let after = |prefix: &str| name.strip_prefix(prefix).filter(|rest| !rest.trim().is_empty());
+        if let Some(bus) = after("bus:") {
+            return Ok(Self::Bus(bus.to_owned()));
+        }
+        if let Some(serial) = after("serial:") {
+            return Ok(Self::Serial(serial.to_owned()));
+        }
+        let is_path = name.starts_with('/') && name.len() > 1;
+        if is_path { Ok(Self::Path(name.into())) } else { Err(DeviceNameError { name: name.to_owned() }) }
+    }
+}
+
+impl fmt::Display for DeviceName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Path(path) => write!(f, "{}", path.display()),
+            Self::Bus(bus) => write!(f, "bus:{bus}"),
+            Self::Serial(serial) => write!(f, "serial:{serial}"),
+        }
+    }
+}
+
+impl fmt::Display for VideoTimings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Detect => write!(f, "detect"),
+            Self::Signal { size_px: [width, height], rate_hz } => write!(f, "{width}x{height}@{rate_hz}"),
+        }
+    }
+}
+
+impl fmt::Display for ControlValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Switch(is_on) => write!(f, "{is_on}"),
+            Self::Text(text) => write!(f, "{text:?}"),
+        }
+    }
+}
+
+/// Reads who publishes images, at a rate that was checked.
+pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSource, ConfigurationProblem> {
+    #[derive(Clone, Copy)]
+    enum Source {
+        Virtual,
+        External,
+        V4l2,
+    }
+    let virtual_or_external = |source| match (&raw.cam1, &raw.cam2) {
+        (None, None) => Ok(source),
+        _ => Err(ConfigurationProblem::Value {
+            key: "cameras.source",
+            value: format!("{:?}", raw.source),
+            expected: "[cameras.cam1] and [cameras.cam2] belong to \"v4l2\" alone: leave them out, or take that source",
+        }),
+    };
+    let known = [("virtual", Source::Virtual), ("external", Source::External), ("v4l2", Source::V4l2)];
+    match one_of("cameras.source", &raw.source, &known)? {
+        Source::Virtual => virtual_or_external(CameraSource::Virtual),
+        Source::External => virtual_or_external(CameraSource::External),
+        Source::V4l2 => v4l2(raw, rate_hz).map(|cameras| CameraSource::V4l2(Box::new(cameras))),
+    }
+}
+
+fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], ConfigurationProblem> {
+    let missing = |key| ConfigurationProblem::Missing {
+        key,
+        expected: "a table with device says which V4L2 device it is; `fringeflow cameras` lists them",
+    };
+    let of = |camera, raw| {
+        let inside = |problem| ConfigurationProblem::Camera { camera, problem: Box::new(problem) };
+        v4l2_camera(raw, rate_hz).map_err(inside)
+    };
+    let cam1 = of("cam1", raw.cam1.as_ref().ok_or_else(|| missing("cameras.cam1"))?)?;
+    let cam2 = of("cam2", raw.cam2.as_ref().ok_or_else(|| missing("cameras.cam2"))?)?;
+    if cam1.device == cam2.device {
+        return Err(ConfigurationProblem::Value {
+            key: "cameras.cam2.device",
+            value: format!("\"{}\"", cam2.device),
+            expected: "that is the device of camera 1; name another one",
+        });
+    }
+    Ok([cam1, cam2])
+}
+
+fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, ConfigurationProblem> {
+    let device = raw.device.parse();
+    let device =
+        device.map_err(|e: DeviceNameError| ConfigurationProblem::Named { key: "device", problem: e.to_string() })?;
+    let usual_timeout_ms = TIMEOUT_MS.max((TIMEOUT_PERIODS * 1e3 / rate_hz).ceil() as u64);
+    Ok(V4l2Camera {
+        device,
+        buffers: checked(
+            "buffers",
+            raw.buffers.unwrap_or(8),
+            |v| (2..=32).contains(v),
+            "it must lie between 2 and 32",
+        )?,
+        timeout_ns: checked(
+            "timeout_ms",
+            raw.timeout_ms.unwrap_or(usual_timeout_ms),
+            |v| (10..=3_600_000).contains(v),
+            "it must lie between 10 ms and an hour",
+        )? * 1_000_000,
+        trigger: one_of(
+            "trigger",
+            raw.trigger.as_deref().unwrap_or("free"),
+            &[("free", Trigger::Free), ("external", Trigger::External)],
+        )?,
+        stamp: one_of(
+            "stamp",
+            raw.stamp.as_deref().unwrap_or("driver"),
+            &[("driver", StampMoment::Driver), ("start", StampMoment::Start), ("end", StampMoment::End)],
+        )?,
+        exposure_ns: raw.exposure_us.map(|us| nanoseconds("exposure_us", us)).transpose()?,
+        readout_ns: nanoseconds("readout_us", raw.readout_us.unwrap_or(0.0))?,
+        set_rate: raw.set_rate.unwrap_or(true),
+        video_timings: raw.video_timings.as_deref().map(video_timings).transpose()?,
+        controls: raw.controls.iter().map(control).collect::<Result<_, _>>()?,
+    })
+}
+
+/// A length of time in microseconds.
+fn nanoseconds(key: &'static str, us: f64) -> Result<u64, ConfigurationProblem> {
+    let us = checked(key, us, |v| (0.0..=1e7).contains(v), "it must lie between 0 and 10000000 µs")?;
+    Ok((us * 1e3).round() as u64)
+}
+
+fn video_timings(word: &str) -> Result<VideoTimings, ConfigurationProblem> {
+    let signal = || {
+        let (size, rate) = word.split_once('@')?;
+        let (width, height) = size.split_once('x')?;
+        let size_px: [u32; 2] = [width.trim().parse().ok()?, height.trim().parse().ok()?];
+        let rate_hz: f64 = rate.trim().parse().ok()?;
+        let is_one = size_px.iter().all(|n| (1..=16384).contains(n)) && (0.1..=1000.0).contains(&rate_hz);
+        is_one.then_some(VideoTimings::Signal { size_px, rate_hz })
+    };
+    let timings = if word == "detect" { Some(VideoTimings::Detect) } else { signal() };
+    timings.ok_or_else(|| ConfigurationProblem::Value {
+        key: "video_timings",
+        value: format!("{word:?}"),
+        expected: "it must be \"detect\", or size and rate of a signal such as \"1280x1024@60\"",
+    })
+}
+
+fn control((name, value): (&String, &toml::Value)) -> Result<(String, ControlValue), ConfigurationProblem> {
+    let value = match value {
+        toml::Value::Integer(number) => ControlValue::Number(*number),
+        toml::Value::Boolean(is_on) => ControlValue::Switch(*is_on),
+        toml::Value::String(text) => ControlValue::Text(text.clone()),
+        other => {
+            let problem = format!("{name} is {other}; a control is a whole number, true or false, or a text");
+            return Err(ConfigurationProblem::Named { key: "controls", problem });
+        }
+    };
+    Ok((name.clone(), value))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::ScannerConfiguration;
+    use super::*;
+
+    const TWO: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
+                       [cameras.cam2]\ndevice = \"serial:7\"\n";
+
+    fn cameras(text: &str) -> Result<[V4l2Camera; 2], String> {
+        match ScannerConfiguration::parse(text, Path::new("/")).map_err(|e| e.to_string())?.cameras {
+            CameraSource::V4l2(cameras) => Ok(*cameras),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_device_alone_gets_the_defaults() {
+        let [cam1, cam2] = cameras(TWO).unwrap();
+        assert_eq!(cam1.device, DeviceName::Path("/dev/video0".into()));
+        assert_eq!(cam2.device, DeviceName::Serial("7".into()));
+        let same = V4l2Camera { device: cam2.device.clone(), ..cam1.clone() };
+        assert_eq!(same, cam2);
+        // Ten periods of 200 ms.
+        assert_eq!((cam1.buffers, cam1.timeout_ns, cam1.readout_ns), (8, 2_000_000_000, 0));
+        assert_eq!((cam1.trigger, cam1.stamp), (Trigger::Free, StampMoment::Driver));
+        assert_eq!((cam1.exposure_ns, cam1.video_timings, cam1.set_rate), (None, None, true));
+        assert!(cam1.controls.is_empty());
+    }
+
+    #[test]
+    fn everything_of_a_camera_is_read() {
+        let more = "buffers = 16\ntimeout_ms = 250\ntrigger = \"external\"\nstamp = \"end\"\nexposure_us = 8333.5\n\
+                    readout_us = 20\nset_rate = false\nvideo_timings = \"1280x1024@59.94\"\n[cameras.cam2.controls]\n\
+                    gain = 4\nauto_exposure = \"Manual Mode\"\nhorizontal_flip = true\n";
+        let [_, cam2] = cameras(&format!("{TWO}{more}")).unwrap();
+        assert_eq!((cam2.buffers, cam2.timeout_ns), (16, 250_000_000));
+        assert_eq!((cam2.trigger, cam2.stamp, cam2.set_rate), (Trigger::External, StampMoment::End, false));
+        assert_eq!((cam2.exposure_ns, cam2.readout_ns), (Some(8_333_500), 20_000));
+        assert_eq!(cam2.video_timings, Some(VideoTimings::Signal { size_px: [1280, 1024], rate_hz: 59.94 }));
+        let controls: Vec<String> = cam2.controls.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        assert_eq!(controls, ["auto_exposure=\"Manual Mode\"", "gain=4", "horizontal_flip=true"]);
+    }
+
+    #[test]
+    fn what_cannot_be_is_named_with_its_camera() {
+        let with = |line: &str| cameras(&format!("{TWO}{line}\n")).unwrap_err();
+        assert_eq!(with("buffers = 1"), "in [cameras.cam2]: key buffers is 1; it must lie between 2 and 32");
+        assert!(with("timeout_ms = 1").contains("key timeout_ms is 1;"));
+        assert!(with("exposure_us = -1.0").contains("key exposure_us is -1;"));
+        assert!(with("readout_us = nan").contains("key readout_us is NaN;"));
+        assert!(with("trigger = \"none\"").contains("[\"free\", \"external\"]"));
+        assert!(with("stamp = \"middle\"").contains("[\"driver\", \"start\", \"end\"]"));
+        assert!(with("video_timings = \"1280@60\"").contains("\"1280x1024@60\""));
+        assert!(with("buffer = 3").contains("buffer"));
+        assert!(with("[cameras.cam2.controls]\ngain = 1.5").contains("gain is 1.5; a control is a whole number"));
+    }
+
+    #[test]
+    fn devices_must_be_two_and_named() {
+        let changed = |from: &str, to: &str| cameras(&TWO.replace(from, to)).unwrap_err();
+        assert!(changed("serial:7", "serial:").contains("in [cameras.cam2]: key device: \"serial:\" names no device"));
+        assert!(changed("serial:7", "video1").contains("\"video1\" names no device"));
+        assert!(changed("serial:7", "/dev/video0").contains("that is the device of camera 1"));
+        assert!(changed("[cameras.cam2]\ndevice = \"serial:7\"\n", "").contains("key cameras.cam2 is missing"));
+        assert!(changed("\"v4l2\"", "\"external\"").contains("belong to \"v4l2\" alone"));
+        assert!(changed("\"v4l2\"", "\"v4l\"").contains("[\"virtual\", \"external\", \"v4l2\"]"));
+    }
+}

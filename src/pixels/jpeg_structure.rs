@@ -1,0 +1,120 @@
+//! Which parts a JPEG image has, found before a decoder sees it.
+//!
+//! In: bytes that may be anything. Out: how many of them are the image, and that it is one whole baseline image of the expected size, in one
+//! scan, as cameras send it. So a decoder that fills up what is missing never gets to, and a small file cannot ask for
+//! much memory. What follows the end of the image is padding of the driver.
+
+use super::UnpackError;
+
+const START: u8 = 0xd8;
+const END: u8 = 0xd9;
+const START_OF_SCAN: u8 = 0xda;
+/// Baseline and extended sequential, Huffman coded.
+const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
+/// All kinds of images: progressive, lossless, arithmetic.
+const FRAMES: std::ops::RangeInclusive<u8> = 0xc0..=0xcf;
+/// Of these, what starts no image: Huffman tables, an extension, conditions of arithmetic coding.
+const NO_FRAMES: [u8; 3] = [0xc4, 0xc8, 0xcc];
+/// Marks within a scan.
+const RESTARTS: std::ops::RangeInclusive<u8> = 0xd0..=0xd7;
+
+/// Checks an image that is to have this size; yields its bytes from start to end.
+///
+/// # Errors
+/// [`UnpackError::JpegSize`], or [`UnpackError::Jpeg`] where it is cut, or no image of one scan.
+pub(super) fn check(bytes: &[u8], expected_px: [usize; 2]) -> Result<usize, UnpackError> {
+    let mut parts = Parts { rest: bytes };
+    if parts.marker()? != START {
+        return Err(broken("it does not begin with FF D8"));
+    }
+    let mut components = None;
+    loop {
+        match parts.marker()? {
+            START_OF_SCAN => break,
+            marker if SEQUENTIAL.contains(&marker) => {
+                if components.replace(frame(parts.segment()?, expected_px)?).is_some() {
+                    return Err(broken("it has two frames"));
+                }
+            }
+            marker if FRAMES.contains(&marker) && !NO_FRAMES.contains(&marker) => {
+                return Err(UnpackError::Jpeg(format!("it is coded as SOF{}; cameras send SOF0", marker & 0x0f)));
+            }
+            marker if marker == START || marker == END || RESTARTS.contains(&marker) => {
+                return Err(broken("it has a mark among its tables that belongs elsewhere"));
+            }
+            _ => drop(parts.segment()?),
+        }
+    }
+    if components.is_none() || parts.segment()?.first().copied() != components {
+        return Err(broken("its first scan lacks the colours or the luma"));
+    }
+    parts.scan()?;
+    Ok(bytes.len() - parts.rest.len())
+}
+
+/// Number of colour components of a frame of the expected size.
+fn frame(segment: &[u8], expected_px: [usize; 2]) -> Result<u8, UnpackError> {
+    let &[bits, height1, height0, width1, width0, components, ..] = segment else {
+        return Err(broken("its frame is cut"));
+    };
+    let found_px = [[width1, width0], [height1, height0]].map(|side| usize::from(u16::from_be_bytes(side)));
+    if found_px != expected_px {
+        return Err(UnpackError::JpegSize { found_px, expected_px });
+    }
+    if bits != 8 || !(components == 1 || components == 3) {
+        return Err(UnpackError::Jpeg(format!(
+            "it has {components} components of {bits} bits; cameras send 1 or 3 of 8"
+        )));
+    }
+    Ok(components)
+}
+
+/// What is left of an image.
+struct Parts<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Parts<'a> {
+    /// The next mark; FF may come before it any number of times.
+    fn marker(&mut self) -> Result<u8, UnpackError> {
+        let after = self.rest.strip_prefix(&[0xff]).ok_or_else(|| broken("a mark is missing"))?;
+        let fill = after.iter().take_while(|&&byte| byte == 0xff).count();
+        let (&marker, rest) = after.get(fill..).and_then(<[u8]>::split_first).ok_or_else(cut)?;
+        self.rest = rest;
+        Ok(marker)
+    }
+
+    /// The segment of the mark just read, without its length.
+    fn segment(&mut self) -> Result<&'a [u8], UnpackError> {
+        let (&length, _) = self.rest.split_first_chunk::<2>().ok_or_else(cut)?;
+        let (segment, rest) = self.rest.split_at_checked(u16::from_be_bytes(length).into()).ok_or_else(cut)?;
+        self.rest = rest;
+        segment.get(2..).ok_or_else(|| broken("a segment has no length"))
+    }
+
+    /// Passes over the scan, and the mark of the end that must follow it.
+    fn scan(&mut self) -> Result<(), UnpackError> {
+        loop {
+            let place = self.rest.iter().position(|&byte| byte == 0xff).ok_or_else(cut)?;
+            let rest = self.rest.get(place..).unwrap_or_default();
+            let &marker = rest.get(1).ok_or_else(cut)?;
+            // FF FF: the second one may begin a mark.
+            let passed = if marker == 0xff { 1 } else { 2 };
+            self.rest = rest.get(passed..).unwrap_or_default();
+            match marker {
+                END => return Ok(()),
+                0 | 0xff => {}
+                marker if RESTARTS.contains(&marker) => {}
+                _ => return Err(broken("it has more than one scan, or a mark that belongs elsewhere")),
+            }
+        }
+    }
+}
+
+fn broken(what: &str) -> UnpackError {
+    UnpackError::Jpeg(what.to_owned())
+}
+
+fn cut() -> UnpackError {
+    broken("it is cut off")
+}

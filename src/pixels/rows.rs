@@ -1,0 +1,113 @@
+//! Rows of each layout, as the kernel's documentation of V4L2 pixel formats draws them.
+//!
+//! In: a row of the source, at least as long as the format's least stride. Out: a row of the result. Loops over groups of
+//! a fixed number of bytes without a branch, so that the compiler makes vector code of them. Sizes were checked before.
+
+/// From a row of the source to a row of the result.
+pub(super) type Row = fn(&[u8], &mut [u8]);
+
+/// Copies rows of `row_bytes`; all at once where the source has no gaps.
+pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8]) {
+    if stride_bytes == row_bytes {
+        out.copy_from_slice(&source[..out.len()]);
+    } else {
+        each(source, stride_bytes, row_bytes, out, |row, out| out.copy_from_slice(&row[..out.len()]));
+    }
+}
+
+/// Unpacks row by row; `row_bytes` are those of a row of the result.
+pub(super) fn each(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8], unpack: Row) {
+    // An image without pixels has no rows either.
+    let rows = source.chunks(stride_bytes.max(1));
+    for (row, out) in rows.zip(out.chunks_exact_mut(row_bytes.max(1))) {
+        unpack(row, out);
+    }
+}
+
+/// `Y16_BE`.
+pub(super) fn swapped(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&[high, low]| [u16::from_be_bytes([high, low])]);
+}
+
+/// `Y012`.
+pub(super) fn high_twelve(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&bytes: &[u8; 2]| [u16::from_le_bytes(bytes) >> 4]);
+}
+
+/// `Y10B`.
+pub(super) fn bit_packed_ten(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 5]| {
+        let [a, b, c, d, e] = bytes.map(u16::from);
+        [a << 2 | b >> 6, (b & 0x3f) << 4 | c >> 4, (c & 0x0f) << 6 | d >> 2, (d & 0x03) << 8 | e]
+    });
+}
+
+/// `Y10P`.
+pub(super) fn mipi_ten(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 5]| {
+        let [a, b, c, d, low] = bytes.map(u16::from);
+        [a << 2 | low & 3, b << 2 | low >> 2 & 3, c << 2 | low >> 4 & 3, d << 2 | low >> 6]
+    });
+}
+
+/// `Y12P`.
+pub(super) fn mipi_twelve(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 3]| {
+        let [a, b, low] = bytes.map(u16::from);
+        [a << 4 | low & 0x0f, b << 4 | low >> 4]
+    });
+}
+
+/// `Y14P`.
+pub(super) fn mipi_fourteen(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 7]| {
+        let [a, b, c, d, low0, low1, low2] = bytes.map(u16::from);
+        [
+            a << 6 | low0 & 0x3f,
+            b << 6 | (low1 & 0x0f) << 2 | low0 >> 6,
+            c << 6 | (low2 & 0x03) << 4 | low1 >> 4,
+            d << 6 | low2 >> 2,
+        ]
+    });
+}
+
+/// `YUYV` and `YVYU`.
+pub(super) fn first_of_two(row: &[u8], out: &mut [u8]) {
+    every_second(row, out, |pair| pair as u8);
+}
+
+/// `UYVY` and `VYUY`.
+pub(super) fn second_of_two(row: &[u8], out: &mut [u8]) {
+    every_second(row, out, |pair| (pair >> 8) as u8);
+}
+
+/// Pairs as numbers of 16 bits, little endian: shifts and casts of these become vector code.
+fn every_second(row: &[u8], out: &mut [u8], luma: impl Fn(u16) -> u8) {
+    for (grey, &pair) in out.iter_mut().zip(row.as_chunks::<2>().0) {
+        *grey = luma(u16::from_le_bytes(pair));
+    }
+}
+
+/// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each; of the last group what the row has place for.
+fn groups<const BYTES: usize, const PIXELS: usize>(
+    row: &[u8],
+    out: &mut [u8],
+    unpack: impl Fn(&[u8; BYTES]) -> [u16; PIXELS],
+) {
+    let (groups, _) = row.as_chunks::<BYTES>();
+    let whole = out.len() / (2 * PIXELS);
+    let mut places = out.chunks_exact_mut(2 * PIXELS);
+    for (place, group) in (&mut places).zip(groups) {
+        put(place, unpack(group));
+    }
+    if let Some(group) = groups.get(whole) {
+        put(places.into_remainder(), unpack(group));
+    }
+}
+
+/// Writes as many of the grey levels as there is place for.
+fn put<const PIXELS: usize>(place: &mut [u8], greys: [u16; PIXELS]) {
+    for (bytes, grey) in place.as_chunks_mut::<2>().0.iter_mut().zip(greys) {
+        *bytes = grey.to_le_bytes();
+    }
+}

@@ -1,0 +1,254 @@
+//! Formats in which V4L2 cameras send grey levels, and how many bytes they take.
+
+use crate::message::PixelFormat;
+
+/// A pixel format of V4L2 that holds grey levels, or luma beside colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SourceFormat {
+    /// 8 bits.
+    #[default]
+    Grey,
+    /// 10 bits in the low bits of 16, little endian.
+    Y10,
+    /// 12 bits in the low bits of 16, little endian.
+    Y12,
+    /// 14 bits in the low bits of 16, little endian.
+    Y14,
+    /// 16 bits, little endian.
+    Y16,
+    /// 16 bits, big endian.
+    Y16BigEndian,
+    /// 12 bits in the high bits of 16, little endian.
+    Y012,
+    /// 10 bits, one after the other from the high bits on: four pixels in five bytes.
+    Y10BitPacked,
+    /// 10 bits as MIPI packs them: the high bits of four pixels, then their low bits in a fifth byte.
+    Y10Mipi,
+    /// 12 bits as MIPI packs them: the high bits of two pixels, then their low bits in a third byte.
+    Y12Mipi,
+    /// 14 bits as MIPI packs them: the high bits of four pixels, then their low bits in three bytes.
+    Y14Mipi,
+    /// Luma and colours in turn: Y U Y V.
+    Yuyv,
+    /// Luma and colours in turn: Y V Y U.
+    Yvyu,
+    /// Luma and colours in turn: U Y V Y.
+    Uyvy,
+    /// Luma and colours in turn: V Y U Y.
+    Vyuy,
+    /// Plane of luma, then one of colours at half the width and height.
+    Nv12,
+    /// As [`Self::Nv12`], colours in the other order.
+    Nv21,
+    /// Plane of luma, then one of colours at half the width.
+    Nv16,
+    /// As [`Self::Nv16`], colours in the other order.
+    Nv61,
+    /// Plane of luma, then two of colours at half the width and height.
+    Yuv420,
+    /// As [`Self::Yuv420`], colours in the other order.
+    Yvu420,
+    /// As [`Self::Nv12`], planes in buffers of their own.
+    Nv12Planes,
+    /// As [`Self::Nv21`], planes in buffers of their own.
+    Nv21Planes,
+    /// As [`Self::Yuv420`], planes in buffers of their own.
+    Yuv420Planes,
+    /// As [`Self::Yvu420`], planes in buffers of their own.
+    Yvu420Planes,
+    /// A JPEG image, perhaps without its Huffman tables.
+    Mjpeg,
+    /// A JPEG image.
+    Jpeg,
+}
+
+/// A name that no format has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{name:?} is no pixel format that can be read; known are {}", known())]
+pub struct UnknownFormat {
+    /// The name.
+    pub name: String,
+}
+
+impl SourceFormat {
+    /// All formats.
+    pub const ALL: [Self; 27] = [
+        Self::Grey,
+        Self::Y10,
+        Self::Y12,
+        Self::Y14,
+        Self::Y16,
+        Self::Y16BigEndian,
+        Self::Y012,
+        Self::Y10BitPacked,
+        Self::Y10Mipi,
+        Self::Y12Mipi,
+        Self::Y14Mipi,
+        Self::Yuyv,
+        Self::Yvyu,
+        Self::Uyvy,
+        Self::Vyuy,
+        Self::Nv12,
+        Self::Nv21,
+        Self::Nv16,
+        Self::Nv61,
+        Self::Yuv420,
+        Self::Yvu420,
+        Self::Nv12Planes,
+        Self::Nv21Planes,
+        Self::Yuv420Planes,
+        Self::Yvu420Planes,
+        Self::Mjpeg,
+        Self::Jpeg,
+    ];
+
+    /// The four letters of V4L2's code; [`Self::Y16BigEndian`] has those of [`Self::Y16`], and its highest bit is set.
+    fn letters(self) -> &'static [u8; 4] {
+        match self {
+            Self::Grey => b"GREY",
+            Self::Y10 => b"Y10 ",
+            Self::Y12 => b"Y12 ",
+            Self::Y14 => b"Y14 ",
+            Self::Y16 | Self::Y16BigEndian => b"Y16 ",
+            Self::Y012 => b"Y012",
+            Self::Y10BitPacked => b"Y10B",
+            Self::Y10Mipi => b"Y10P",
+            Self::Y12Mipi => b"Y12P",
+            Self::Y14Mipi => b"Y14P",
+            Self::Yuyv => b"YUYV",
+            Self::Yvyu => b"YVYU",
+            Self::Uyvy => b"UYVY",
+            Self::Vyuy => b"VYUY",
+            Self::Nv12 => b"NV12",
+            Self::Nv21 => b"NV21",
+            Self::Nv16 => b"NV16",
+            Self::Nv61 => b"NV61",
+            Self::Yuv420 => b"YU12",
+            Self::Yvu420 => b"YV12",
+            Self::Nv12Planes => b"NM12",
+            Self::Nv21Planes => b"NM21",
+            Self::Yuv420Planes => b"YM12",
+            Self::Yvu420Planes => b"YM21",
+            Self::Mjpeg => b"MJPG",
+            Self::Jpeg => b"JPEG",
+        }
+    }
+
+    /// V4L2's code.
+    #[must_use]
+    pub fn code(self) -> u32 {
+        let big_endian = if self == Self::Y16BigEndian { 1 << 31 } else { 0 };
+        u32::from_le_bytes(*self.letters()) | big_endian
+    }
+
+    /// The format of a V4L2 code; `None` for one that is none of these.
+    #[must_use]
+    pub fn of(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.code() == code)
+    }
+
+    /// Its name: the letters of V4L2's code, as `v4l2-ctl --list-formats` shows them.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        if self == Self::Y16BigEndian {
+            return "Y16_BE";
+        }
+        std::str::from_utf8(self.letters()).unwrap_or_default().trim_end()
+    }
+
+    /// The name that V4L2's header gives it after `V4L2_PIX_FMT_`, where that differs.
+    fn header_name(self) -> Option<&'static str> {
+        match self {
+            Self::Y10BitPacked => Some("Y10BPACK"),
+            Self::Yuv420 => Some("YUV420"),
+            Self::Yvu420 => Some("YVU420"),
+            Self::Nv12Planes => Some("NV12M"),
+            Self::Nv21Planes => Some("NV21M"),
+            Self::Yuv420Planes => Some("YUV420M"),
+            Self::Yvu420Planes => Some("YVU420M"),
+            Self::Mjpeg => Some("MJPEG"),
+            _ => None,
+        }
+    }
+
+    /// Format of the images that become of it.
+    #[must_use]
+    pub fn pixel_format(self) -> PixelFormat {
+        match self {
+            Self::Y10 | Self::Y10BitPacked | Self::Y10Mipi => PixelFormat::Y10,
+            Self::Y12 | Self::Y012 | Self::Y12Mipi => PixelFormat::Y12,
+            Self::Y14 | Self::Y14Mipi => PixelFormat::Y14,
+            Self::Y16 | Self::Y16BigEndian => PixelFormat::Y16,
+            _ => PixelFormat::Grey,
+        }
+    }
+
+    /// Whether its images are compressed, so that they have no rows of a known length.
+    #[must_use]
+    pub fn is_compressed(self) -> bool {
+        matches!(self, Self::Mjpeg | Self::Jpeg)
+    }
+
+    /// The smallest group of pixels that fills whole bytes: pixels, bytes.
+    fn group(self) -> [usize; 2] {
+        match self {
+            Self::Y10 | Self::Y12 | Self::Y14 | Self::Y16 | Self::Y16BigEndian | Self::Y012 => [1, 2],
+            Self::Y10BitPacked | Self::Y10Mipi => [4, 5],
+            Self::Y12Mipi => [2, 3],
+            Self::Y14Mipi => [4, 7],
+            Self::Yuyv | Self::Yvyu | Self::Uyvy | Self::Vyuy => [2, 4],
+            _ => [1, 1],
+        }
+    }
+
+    /// Bytes of a row without a gap after it; 0 for compressed formats.
+    #[must_use]
+    pub fn least_stride_bytes(self, width_px: usize) -> usize {
+        let [pixels, bytes] = self.group();
+        if self.is_compressed() { 0 } else { width_px.div_ceil(pixels).saturating_mul(bytes) }
+    }
+
+    /// Bytes that an image has at least: up to the end of its last row of luma, without the gap after it. A compressed
+    /// image has at least a beginning and an end.
+    #[must_use]
+    pub fn least_bytes(self, [width_px, height_px]: [usize; 2], stride_bytes: usize) -> usize {
+        if self.is_compressed() {
+            return 4;
+        }
+        let before_last = height_px.saturating_sub(1).saturating_mul(stride_bytes);
+        before_last.saturating_add(self.least_stride_bytes(width_px))
+    }
+}
+
+impl From<PixelFormat> for SourceFormat {
+    fn from(format: PixelFormat) -> Self {
+        match format {
+            PixelFormat::Grey => Self::Grey,
+            PixelFormat::Y10 => Self::Y10,
+            PixelFormat::Y12 => Self::Y12,
+            PixelFormat::Y14 => Self::Y14,
+            PixelFormat::Y16 => Self::Y16,
+        }
+    }
+}
+
+impl std::fmt::Display for SourceFormat {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for SourceFormat {
+    type Err = UnknownFormat;
+
+    /// Reads a name as `v4l2-ctl` or V4L2's header has it.
+    fn from_str(name: &str) -> Result<Self, UnknownFormat> {
+        let known = Self::ALL.into_iter().find(|format| format.name() == name || format.header_name() == Some(name));
+        known.ok_or_else(|| UnknownFormat { name: name.to_owned() })
+    }
+}
+
+/// The names of all formats.
+fn known() -> String {
+    SourceFormat::ALL.map(SourceFormat::name).join(", ")
+}

@@ -1,0 +1,82 @@
+//! JPEG images, made by libjpeg at quality 95 of the luma below, and what can happen to them.
+
+use proptest::prelude::*;
+
+use super::super::{SourceFormat, UnpackError, unpack};
+
+const SIZE_PX: [usize; 2] = [80, 56];
+const GREY: &[u8] = include_bytes!("grey.jpg");
+/// Colours at half the width and height.
+const COLOUR: &[u8] = include_bytes!("colour_420.jpg");
+/// Colours at half the width; no Huffman tables, as many cameras send it.
+const WITHOUT_TABLES: &[u8] = include_bytes!("colour_422_without_tables.jpg");
+const PROGRESSIVE: &[u8] = include_bytes!("progressive.jpg");
+
+fn luma() -> impl Iterator<Item = u8> {
+    (0..SIZE_PX[1]).flat_map(|v| (0..SIZE_PX[0]).map(move |u| (40 + 2 * u + v) as u8))
+}
+
+/// Decodes over what was there before, which must not show.
+fn decoded(source: &[u8], size_px: [usize; 2]) -> Result<Vec<u8>, UnpackError> {
+    let [one, other] = [0, 255].map(|before| {
+        let mut out = vec![before; size_px[0] * size_px[1]];
+        unpack(SourceFormat::Mjpeg, source, 0, size_px, &mut out).map(|()| out)
+    });
+    assert_eq!(one, other, "bytes are left unwritten");
+    one
+}
+
+#[test]
+fn the_luma_comes_back() {
+    for image in [GREY, COLOUR, WITHOUT_TABLES] {
+        let off = decoded(image, SIZE_PX).unwrap().into_iter().zip(luma()).map(|(a, b)| a.abs_diff(b)).max();
+        assert!(off.is_some_and(|off| off <= 2), "{off:?}");
+        // Drivers pad.
+        let padded = [image, &[0; 50]].concat();
+        assert_eq!(decoded(&padded, SIZE_PX), decoded(image, SIZE_PX));
+    }
+}
+
+#[test]
+fn an_image_of_another_size_is_refused() {
+    for expected_px in [[80, 55], [81, 56], [56, 80], [160, 112]] {
+        assert_eq!(decoded(GREY, expected_px), Err(UnpackError::JpegSize { found_px: SIZE_PX, expected_px }));
+    }
+}
+
+#[test]
+fn a_cut_image_is_refused() {
+    for image in [GREY, COLOUR, WITHOUT_TABLES] {
+        for length in 0..image.len() {
+            assert!(decoded(&image[..length], SIZE_PX).is_err(), "{length} of {} bytes", image.len());
+        }
+        // Most of the scan is missing, but not the end.
+        let scan = image.len() - image.windows(2).rev().position(|mark| mark == [0xff, 0xda]).unwrap();
+        let some = [&image[..scan + 20], &[0xff, 0xd9]].concat();
+        assert!(decoded(&some, SIZE_PX).is_err());
+    }
+}
+
+#[test]
+fn what_cameras_do_not_send_is_refused() {
+    let message = |image: &[u8]| decoded(image, SIZE_PX).unwrap_err().to_string();
+    assert!(message(PROGRESSIVE).contains("it is coded as SOF2"), "{}", message(PROGRESSIVE));
+    assert!(message(b"GIF89a").contains("a mark is missing"), "{}", message(b"GIF89a"));
+    let twice = [&GREY[..GREY.len() - 2], &GREY[2..]].concat();
+    assert!(message(&twice).contains("more than one scan"), "{}", message(&twice));
+}
+
+proptest! {
+    #[test]
+    fn no_change_of_a_byte_brings_it_down(
+        which in 0..3_usize,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
+        let mut image = [GREY, COLOUR, WITHOUT_TABLES][which].to_vec();
+        for (place, byte) in changes {
+            let place = place.index(image.len());
+            image[place] = byte;
+        }
+        let _ = decoded(&image, SIZE_PX);
+    }
+}

@@ -1,0 +1,132 @@
+//! One image: sizes checked, then row by row from the camera's layout to that of the channel.
+
+use super::SourceFormat;
+use super::jpeg;
+use super::rows::{self, Row};
+
+/// Why the bytes of a camera are no image.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnpackError {
+    /// The image does not reach its end.
+    #[error(
+        "{format} image of {width_px} × {height_px} pixels has {found} bytes; with rows of {stride_bytes} bytes it has at \
+         least {least}"
+    )]
+    Short {
+        /// Its format.
+        format: SourceFormat,
+        /// Width, pixels.
+        width_px: usize,
+        /// Height, pixels.
+        height_px: usize,
+        /// Bytes from one row to the next.
+        stride_bytes: usize,
+        /// Bytes that came.
+        found: usize,
+        /// Bytes needed.
+        least: usize,
+    },
+    /// Rows overlap.
+    #[error("{format} image of {width_px} pixels a row has rows of {stride_bytes} bytes; it needs at least {least}")]
+    Stride {
+        /// Its format.
+        format: SourceFormat,
+        /// Width, pixels.
+        width_px: usize,
+        /// Bytes from one row to the next.
+        stride_bytes: usize,
+        /// Bytes needed.
+        least: usize,
+    },
+    /// The place for the result has another size than the result.
+    #[error("{format} image of {width_px} × {height_px} pixels does not fill {found} bytes; give {expected}")]
+    Place {
+        /// Its format.
+        format: SourceFormat,
+        /// Width, pixels.
+        width_px: usize,
+        /// Height, pixels.
+        height_px: usize,
+        /// Bytes given.
+        found: usize,
+        /// Bytes of the result.
+        expected: usize,
+    },
+    /// The JPEG image has another size.
+    #[error("JPEG image is {} × {} pixels; expected {} × {}", found_px[0], found_px[1], expected_px[0], expected_px[1])]
+    JpegSize {
+        /// Width and height found.
+        found_px: [usize; 2],
+        /// Width and height expected.
+        expected_px: [usize; 2],
+    },
+    /// The JPEG image is broken, or of a kind that cameras do not send.
+    #[error("JPEG image cannot be decoded: {0}")]
+    Jpeg(String),
+}
+
+/// Writes the grey levels of an image to `out`, in rows without gaps, in the format's
+/// [`pixel_format`](SourceFormat::pixel_format).
+///
+/// `source` is what the driver delivered: of formats whose planes lie in buffers of their own, the first one. The stride
+/// of compressed formats means nothing.
+///
+/// # Errors
+/// [`UnpackError`]; what `out` holds then is no image.
+pub fn unpack(
+    format: SourceFormat,
+    source: &[u8],
+    stride_bytes: usize,
+    size_px: [usize; 2],
+    out: &mut [u8],
+) -> Result<(), UnpackError> {
+    check_place(format, size_px, out.len())?;
+    if format.is_compressed() {
+        return jpeg::decode(source, size_px, out);
+    }
+    check_source(format, source.len(), stride_bytes, size_px)?;
+    let row_bytes = size_px[0] * format.pixel_format().bytes();
+    match row_of(format) {
+        Some(row) => rows::each(source, stride_bytes, row_bytes, out, row),
+        None => rows::copy(source, stride_bytes, row_bytes, out),
+    }
+    Ok(())
+}
+
+/// What turns its rows into those of the channel; `None` where they are the same.
+fn row_of(format: SourceFormat) -> Option<Row> {
+    Some(match format {
+        SourceFormat::Y16BigEndian => rows::swapped,
+        SourceFormat::Y012 => rows::high_twelve,
+        SourceFormat::Y10BitPacked => rows::bit_packed_ten,
+        SourceFormat::Y10Mipi => rows::mipi_ten,
+        SourceFormat::Y12Mipi => rows::mipi_twelve,
+        SourceFormat::Y14Mipi => rows::mipi_fourteen,
+        SourceFormat::Yuyv | SourceFormat::Yvyu => rows::first_of_two,
+        SourceFormat::Uyvy | SourceFormat::Vyuy => rows::second_of_two,
+        _ => return None,
+    })
+}
+
+fn check_place(format: SourceFormat, [width_px, height_px]: [usize; 2], found: usize) -> Result<(), UnpackError> {
+    let expected = width_px.saturating_mul(height_px).saturating_mul(format.pixel_format().bytes());
+    if found == expected { Ok(()) } else { Err(UnpackError::Place { format, width_px, height_px, found, expected }) }
+}
+
+fn check_source(
+    format: SourceFormat,
+    found: usize,
+    stride_bytes: usize,
+    size_px: [usize; 2],
+) -> Result<(), UnpackError> {
+    let [width_px, height_px] = size_px;
+    let least = format.least_stride_bytes(width_px);
+    if stride_bytes < least {
+        return Err(UnpackError::Stride { format, width_px, stride_bytes, least });
+    }
+    let least = format.least_bytes(size_px, stride_bytes);
+    if found < least {
+        return Err(UnpackError::Short { format, width_px, height_px, stride_bytes, found, least });
+    }
+    Ok(())
+}
