@@ -26,7 +26,10 @@ mod support;
 
 #[test]
 fn vivid_cameras() {
-    machine::run("guest::vivid", scenes::make);
+    machine::run("guest::vivid", |share| {
+        scenes::make(share);
+        scenes::make_large(share);
+    });
 }
 
 #[test]

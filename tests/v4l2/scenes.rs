@@ -1,7 +1,8 @@
 //! Images of the virtual scanner for the virtual machine: the host makes datasets and reconstructs their clouds, the guest
 //! feeds the images to its cameras and compares what comes of them.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -11,11 +12,11 @@ use crate::machine::{SHARE, program};
 
 /// What is measured, one window each; the rig is the same.
 const OBJECTS: [&str; 3] = ["plane", "tooth", "prism"];
+/// A scene of the size of real cameras.
+const LARGE: &str = "large";
 const FOLDER: &str = "scenes";
 /// Steps of a window.
 pub(crate) const STEPS: usize = 4;
-/// Width and height of the images, pixels.
-pub(crate) const SIZE_PX: [usize; 2] = [320, 180];
 
 /// A dataset and the cloud that `fringeflow reconstruct` makes of it.
 #[derive(Debug)]
@@ -24,14 +25,13 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Grey levels of the image that a camera (1 or 2) takes of a step.
-    pub(crate) fn image(&self, camera: u32, step: usize) -> Vec<u8> {
+    /// Grey levels of the image that a camera (1 or 2) takes of a step, and its width and height.
+    pub(crate) fn image(&self, camera: u32, step: usize) -> (Vec<u8>, [u32; 2]) {
         let file = self.dataset.join(format!("cam{camera}/phase_{step:02}.png"));
-        let mut decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(file).unwrap())).read_info().unwrap();
-        let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
-        decoder.next_frame(&mut pixels).unwrap();
-        assert_eq!(pixels.len(), SIZE_PX[0] * SIZE_PX[1]);
-        pixels
+        let mut image = png::Decoder::new(BufReader::new(File::open(file).unwrap())).read_info().unwrap();
+        let mut pixels = vec![0; image.output_buffer_size().unwrap()];
+        let info = image.next_frame(&mut pixels).unwrap();
+        (pixels, [info.width, info.height])
     }
 
     /// The cloud, as a PLY file.
@@ -58,29 +58,38 @@ impl Scene {
     }
 }
 
-/// Makes them in a share, on the host.
+/// Makes all scenes in a share, on the host, with the clouds that their images give there.
 pub(crate) fn make(share: &Path) {
-    let size = format!("{}x{}", SIZE_PX[0], SIZE_PX[1]);
-    let steps = STEPS.to_string();
-    fs::create_dir(share.join(FOLDER)).unwrap();
-    for scene in scenes(share) {
-        let object = scene.dataset.file_name().unwrap();
-        let rig = "--board none --depth 25 --period 32 --sd 0 --no-gray --noise low --supersampling 1";
-        let mut simulate = Command::new(program());
-        simulate.args(["simulate", "--size", &size, "--steps", &steps]).args(rig.split(' '));
-        done(simulate.arg("--object").arg(object).arg("-o").arg(&scene.dataset));
+    let folder = share.join(FOLDER);
+    fs::create_dir(&folder).unwrap();
+    for object in OBJECTS {
+        let scene = Scene { dataset: folder.join(object) };
+        simulate(&scene, &["--object", object, "--size", "320x180", "--period", "32"]);
         let mut reconstruct = Command::new(program());
         done(reconstruct.arg("reconstruct").arg(&scene.dataset).arg("-o").arg(scene.dataset.with_extension("ply")));
     }
 }
 
-/// Those that the host has made, in the guest.
-pub(crate) fn all() -> Vec<Scene> {
-    scenes(Path::new(SHARE))
+/// Makes a scene of which only the rig is needed, with the size of real cameras.
+pub(crate) fn make_large(share: &Path) {
+    simulate(&Scene { dataset: share.join(FOLDER).join(LARGE) }, &["--object", "plane", "--size", "1280x1024"]);
 }
 
-fn scenes(share: &Path) -> Vec<Scene> {
-    OBJECTS.map(|object| Scene { dataset: share.join(FOLDER).join(object) }).into()
+/// The scenes of [`make`], in the guest.
+pub(crate) fn all() -> Vec<Scene> {
+    OBJECTS.map(|object| Scene { dataset: Path::new(SHARE).join(FOLDER).join(object) }).into()
+}
+
+/// The scene of [`make_large`], in the guest.
+pub(crate) fn large() -> Scene {
+    Scene { dataset: Path::new(SHARE).join(FOLDER).join(LARGE) }
+}
+
+fn simulate(scene: &Scene, options: &[&str]) {
+    let same = "--board none --depth 25 --sd 0 --no-gray --noise low --supersampling 1";
+    let mut simulate = Command::new(program());
+    simulate.args(["simulate", "--steps", &STEPS.to_string()]).args(same.split(' ')).args(options);
+    done(simulate.arg("-o").arg(&scene.dataset));
 }
 
 fn done(command: &mut Command) {

@@ -9,11 +9,10 @@ mod wraps;
 
 use super::driver::Driver;
 use super::scanner::configuration;
+use crate::scenes::{self, Scene};
 
 /// The device of camera 1, as long as nothing takes its number.
 const DEVICE: &str = "/dev/video0";
-/// What V4L2 calls the place where vivid's first device sits.
-const BUS: &str = "bus:platform:vivid-000";
 
 /// Two devices with a digital input each.
 fn load() -> Driver {
@@ -22,13 +21,18 @@ fn load() -> Driver {
 
 /// A scanner with both devices at 50 Hz, a rate that is a whole number of the guest's clock ticks; `controls` of camera 1.
 fn scanner(controls: &str) -> String {
+    scanner_of(&scenes::all()[0], "1280x720@50", controls)
+}
+
+/// A scanner with the rig of a scene, and this signal at both devices.
+fn scanner_of(scene: &Scene, signal: &str, controls: &str) -> String {
+    let (_, rate_hz) = signal.split_once('@').unwrap();
     let camera = |number: usize, controls: &str| {
         format!(
-            "[cameras.cam{}]\ndevice = \"bus:platform:vivid-00{number}\"\nvideo_timings = \"1280x720@50\"\n\
-             [cameras.cam{}.controls]\ntimestamp_source = \"Start of Exposure\"\n{controls}\n",
-            number + 1,
-            number + 1
+            "[cameras.cam{number}]\ndevice = \"bus:platform:vivid-00{}\"\nvideo_timings = \"{signal}\"\n\
+             [cameras.cam{number}.controls]\ntimestamp_source = \"Start of Exposure\"\n{controls}\n",
+            number - 1
         )
     };
-    configuration(&format!("rate_hz = 50.0\n{}{}", camera(0, controls), camera(1, "")), "")
+    configuration(scene, &format!("rate_hz = {rate_hz}.0\n{}{}", camera(1, controls), camera(2, "")), "")
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use fringeflow::message::{DropReason, Incident};
 
 use super::super::capture::{Capture, gaps, sessions};
-use super::super::driver::{Driver, bind, unbind, v4l2_ctl};
+use super::super::driver::{Driver, v4l2_ctl};
 use crate::support::Bench;
 
 /// How long the camera is watched to be absent.
@@ -14,17 +14,17 @@ const ABSENCE: Duration = Duration::from_secs(3);
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_camera_is_found_under_another_number() {
-    let _vivid = super::load();
+    let vivid = super::load();
     let bench = Bench::of(&super::scanner(""));
     let mut capture = Capture::start(&bench);
     capture.images(10);
-    unbind("vivid");
+    vivid.unplug();
     capture.until("its absence is noticed", |capture| capture.incidents(Incident::Unplugged) == 1);
     assert!(!capture.holds_a_device());
     assert_idle(&capture);
     // It takes the lowest number that is free.
-    let other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
-    bind("vivid");
+    let _other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
+    vivid.plug_in();
     assert!(!v4l2_ctl(super::DEVICE, &["--info"]).contains("vivid"));
     capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
     capture.images(10);
@@ -34,7 +34,6 @@ fn a_camera_is_found_under_another_number() {
     let lost: u64 = sessions.into_iter().map(gaps).sum();
     assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
     assert_eq!(counts.incidents[Incident::Unplugged as usize], 1);
-    drop(other);
 }
 
 #[test]
@@ -42,13 +41,12 @@ fn a_camera_is_found_under_another_number() {
 fn a_camera_that_is_not_there_is_waited_for() {
     let vivid = super::load();
     let bench = Bench::of(&super::scanner(""));
-    unbind("vivid");
+    vivid.unplug();
     let mut capture = Capture::start(&bench);
     assert_idle(&capture);
-    bind("vivid");
+    vivid.plug_in();
     capture.images(10);
     capture.stop();
-    drop(vivid);
 }
 
 /// Looking for a camera now and then is no work; trying all the time would be.

@@ -5,6 +5,7 @@ use fringeflow::message::{DropReason, Incident};
 use super::super::capture::{Capture, gaps};
 use super::super::driver::Driver;
 use super::super::scanner::configuration;
+use crate::scenes;
 use crate::support::Bench;
 
 const CAMERAS: usize = 20;
@@ -47,6 +48,7 @@ fn scanner(camera: usize) -> String {
     let device = |camera: usize| format!("device = \"bus:platform:vivid-{:03}\"", camera % CAMERAS);
     let controls = "timestamp_source = \"Start of Exposure\"\nwrap_sequence_number = true\nwrap_timestamp = \"64 Bit\"";
     configuration(
+        &scenes::all()[0],
         &format!(
             "rate_hz = 10.0\n[cameras.cam1]\n{}\n[cameras.cam1.controls]\n{controls}\n[cameras.cam2]\n{}\n",
             device(camera),
