@@ -4,6 +4,7 @@
 //! unplugged is closed, looked for, and begun anew under whatever number it returns; one that refuses calls or falls silent
 //! is stopped and begun anew, first its stream, then the whole device.
 
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -12,11 +13,13 @@ use fringeflow::message::{DropReason, Incident};
 use fringeflow_runtime::clock;
 use rustix::io::Errno;
 
-use crate::find::find;
+use fringeflow::pixels::SourceFormat;
+
+use crate::find::{self, FindError};
 use crate::ioctl::{CallError, Device};
 use crate::notes::Notes;
 use crate::numbering::{Numbered, Numbering};
-use crate::prepare::{PrepareError, Prepared, Wanted, prepare};
+use crate::prepare::{PrepareError, Prepared, prepare};
 use crate::queue::{FilledBuffer, Queue, Waited};
 use crate::stamp::{StampClock, StampFault, Stamped, Timing};
 
@@ -27,10 +30,47 @@ const MOST_REFUSALS: u32 = 3;
 /// Silences in a row before the device is opened anew.
 const MOST_SILENCES: u32 = 3;
 /// Time between two looks for a device that is not there, nanoseconds.
-const LOOK_NS: u64 = 250_000_000;
+const LOOK_NS: u64 = 500_000_000;
 /// Shortest and longest wait before a device that refused is tried again, nanoseconds.
 const FIRST_WAIT_NS: u64 = 50_000_000;
 const LONGEST_WAIT_NS: u64 = 5_000_000_000;
+
+/// The images that are wanted of a camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wanted {
+    /// What the camera sends.
+    pub(crate) format: SourceFormat,
+    /// Width and height, pixels.
+    pub(crate) size_px: [usize; 2],
+    /// Images a second.
+    pub(crate) rate_hz: f64,
+}
+
+/// Why a camera does not stream.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum StartError {
+    /// Its device is not to be had.
+    #[error(transparent)]
+    Find(#[from] FindError),
+    /// It does not take its settings.
+    #[error("{}: {source}", path.display())]
+    Prepare {
+        /// The device.
+        path: PathBuf,
+        /// What it does not take.
+        #[source]
+        source: PrepareError,
+    },
+    /// The driver refuses to stream.
+    #[error("{}: {source}", path.display())]
+    Stream {
+        /// The device.
+        path: PathBuf,
+        /// The call.
+        #[source]
+        source: CallError,
+    },
+}
 
 /// A camera.
 pub(crate) struct Camera {
@@ -39,14 +79,19 @@ pub(crate) struct Camera {
     state: State,
     /// Whether the settings were accepted once.
     is_proven: bool,
-    /// Why it is looked for, where it was unplugged.
+    /// Whether it was there and is looked for.
     is_unplugged: bool,
+    /// Whether it was said that it is not there.
+    is_missed: bool,
     pub(crate) notes: Notes,
 }
 
 enum State {
     /// Nothing is open.
-    Closed { next_ns: u64, failures: u32 },
+    Closed {
+        next_ns: u64,
+        failures: u32,
+    },
     Streaming(Box<Streaming>),
 }
 
@@ -83,27 +128,35 @@ pub(crate) struct Image {
 impl Camera {
     pub(crate) fn new(settings: V4l2Camera, wanted: Wanted) -> Self {
         let state = State::Closed { next_ns: 0, failures: 0 };
-        Self { settings, wanted, state, is_proven: false, is_unplugged: false, notes: Notes::default() }
+        Self {
+            settings,
+            wanted,
+            state,
+            is_proven: false,
+            is_unplugged: false,
+            is_missed: false,
+            notes: Notes::default(),
+        }
     }
 
     /// Opens the device and starts its stream, where it is not and its turn has come.
     ///
     /// # Errors
     /// The device is there and refuses settings that it never accepted: the configuration must change.
-    pub(crate) fn ensure_streaming(&mut self) -> Result<(), PrepareError> {
+    pub(crate) fn ensure_streaming(&mut self) -> Result<(), StartError> {
         let State::Closed { next_ns, failures } = self.state else { return Ok(()) };
         if clock::now_ns() < next_ns {
             return Ok(());
         }
         match self.open() {
-            Ok(Some(streaming)) => {
+            Ok(streaming) => {
                 self.is_proven = true;
                 self.begin(streaming);
             }
-            Ok(None) => self.state = State::Closed { next_ns: clock::now_ns() + LOOK_NS, failures },
+            Err(StartError::Find(error @ FindError::Absent { .. })) => self.miss(&error, failures),
             Err(error) if error.is_lasting() && !self.is_proven => return Err(error),
             Err(error) => {
-                self.notes.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
+                self.notes.add(Incident::CallRefused, error.to_string());
                 self.close_for_a_while(failures);
             }
         }
@@ -169,15 +222,27 @@ impl Camera {
         }
     }
 
-    fn open(&self) -> Result<Option<Streaming>, PrepareError> {
-        let Some(path) = find(&self.settings.device)? else { return Ok(None) };
-        let device = Rc::new(Device::open(&path).map_err(|source| PrepareError::open(&path, source))?);
-        let prepared = prepare(&device, &self.settings, &self.wanted)?;
-        tracing::info!("{}: {prepared}", path.display());
-        Ok(Some(Streaming::start(device, prepared, &self.settings, &self.wanted)?))
+    fn open(&self) -> Result<Streaming, StartError> {
+        let (path, device) = find::open(&self.settings.device)?;
+        let device = Rc::new(device);
+        let Wanted { format, size_px, rate_hz } = self.wanted;
+        let prepared = prepare(&device, &self.settings, format, size_px, rate_hz)
+            .map_err(|source| StartError::Prepare { path: path.clone(), source })?;
+        tracing::info!("{}: {}", path.display(), prepared.notes.join(", "));
+        Streaming::start(device, prepared, &self.settings, &self.wanted)
+            .map_err(|source| StartError::Stream { path, source })
+    }
+
+    /// Looks again later for a device that is not there.
+    fn miss(&mut self, error: &FindError, failures: u32) {
+        if !self.is_unplugged && !std::mem::replace(&mut self.is_missed, true) {
+            tracing::warn!("waiting for a camera: {error}");
+        }
+        self.state = State::Closed { next_ns: clock::now_ns() + LOOK_NS, failures };
     }
 
     fn begin(&mut self, streaming: Streaming) {
+        self.is_missed = false;
         if std::mem::take(&mut self.is_unplugged) {
             self.notes.add(Incident::Returned, format!("{} is there again", self.settings.device));
         }
@@ -247,6 +312,17 @@ impl Camera {
     }
 }
 
+impl StartError {
+    /// Whether the configuration must change; else the device may take it later.
+    pub(crate) fn is_lasting(&self) -> bool {
+        match self {
+            Self::Find(error) => error.is_lasting(),
+            Self::Prepare { source, .. } => source.is_lasting(),
+            Self::Stream { .. } => false,
+        }
+    }
+}
+
 impl Streaming {
     fn start(
         device: Rc<Device>,
@@ -256,7 +332,7 @@ impl Streaming {
     ) -> Result<Self, CallError> {
         let queue = Queue::start(Rc::clone(&device), prepared.kind, settings.buffers)?;
         let timing = Timing {
-            period_ns: wanted.period_ns(),
+            period_ns: (1e9 / wanted.rate_hz) as u64,
             exposure_ns: prepared.exposure_ns.unwrap_or(0),
             readout_ns: settings.readout_ns,
             moment: settings.stamp,
@@ -307,7 +383,8 @@ impl Streaming {
                 Ok(stamped)
             }
             Some(StampFault::Jump) => {
-                notes.add(Incident::StampJump, "time stamps leap or are of no known clock; times count from an arrival");
+                notes
+                    .add(Incident::StampJump, "time stamps leap or are of no known clock; times count from an arrival");
                 // Times before and after say nothing of each other.
                 self.session = now_ns;
                 Ok(stamped)

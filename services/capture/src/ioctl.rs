@@ -117,12 +117,12 @@ const fn code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vid
 /// A call that the driver refused.
 #[derive(Debug, thiserror::Error)]
 #[error("{call}: {source}")]
-pub(crate) struct CallError {
+pub struct CallError {
     /// Name of the call.
-    pub(crate) call: &'static str,
+    pub call: &'static str,
     /// What the driver said.
     #[source]
-    pub(crate) source: io::Error,
+    pub source: io::Error,
 }
 
 impl CallError {

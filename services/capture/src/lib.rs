@@ -4,14 +4,21 @@
 //! other. An image is copied once, out of the driver's buffer into the memory that the phase service reads.
 
 mod camera;
+mod capability;
 mod capture;
+mod controls;
 mod find;
+mod format;
 mod ioctl;
 mod notes;
 mod numbering;
+mod offer;
 mod prepare;
 mod queue;
+mod rate;
+mod setting;
 mod stamp;
+mod timings;
 
 use fringeflow::dataset::CameraId;
 use fringeflow_runtime::{Host, ServiceArgs, ServiceError};
