@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::calibration::{CalibrationError, Unit, parse_calibration, read_text};
 use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
 use crate::geometry::{FringePattern, MeasurementVolume};
+use crate::grey::PixelFormat;
 use crate::phase::{MAX_STEPS, MIN_STEPS};
+use crate::pixels::SourceFormat;
 use crate::simulation::{SimulationError, VirtualScanner};
 
 use super::cameras::{self, CameraSource};
@@ -27,6 +29,8 @@ pub struct ScannerConfiguration {
     pub segment_table: Option<PathBuf>,
     /// Who publishes images.
     pub cameras: CameraSource,
+    /// What the cameras send.
+    pub source_format: SourceFormat,
     /// Images a second and camera.
     pub rate_hz: f64,
     /// Who says which pattern an image shows.
@@ -113,6 +117,7 @@ impl ScannerConfiguration {
             "it must lie between 0.1 and 1000 images a second",
         )?;
         let source = cameras::camera_source(cameras, rate_hz)?;
+        let source_format = source_format(&source, cameras.format.as_deref())?;
         let driver = raw.projector.driver.as_deref().unwrap_or("cycle");
         let projector = one_of(
             "projector.driver",
@@ -127,8 +132,9 @@ impl ScannerConfiguration {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement: Configuration::of(&raw)?,
             segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
-            rig: rig_source(&raw, &source, folder)?,
+            rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
             cameras: source,
+            source_format,
             rate_hz,
             projector,
             window_every: checked(
@@ -151,6 +157,12 @@ impl ScannerConfiguration {
     #[must_use]
     pub fn frame_period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64
+    }
+
+    /// Format of the images in the channels.
+    #[must_use]
+    pub fn pixel_format(&self) -> PixelFormat {
+        self.source_format.pixel_format()
     }
 
     /// The texts of the setup that [`Self::rig`] describes.
@@ -182,6 +194,7 @@ impl ScannerConfiguration {
             name: self.name.clone(),
             unit,
             image_size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
+            pixel_format: self.pixel_format(),
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,
@@ -213,14 +226,31 @@ pub enum SetupTextError {
     Description(#[from] serde_json::Error),
 }
 
+/// The format of a name.
+fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
+    let Some(name) = name else { return Ok(SourceFormat::Grey) };
+    match source {
+        // They put their images into the channels themselves, in one of the formats that these have.
+        CameraSource::Virtual | CameraSource::External => {
+            let formats = PixelFormat::ALL.map(|format| (format.name(), SourceFormat::from(format)));
+            one_of("cameras.format", name, &formats)
+        }
+        CameraSource::V4l2(_) => {
+            let format = name.parse::<SourceFormat>();
+            format.map_err(|e| ConfigurationProblem::Named { key: "cameras.format", problem: e.to_string() })
+        }
+    }
+}
+
 fn rig_source(
     raw: &RawConfiguration,
     cameras: &CameraSource,
+    format: PixelFormat,
     folder: &Path,
 ) -> Result<Option<RigSource>, ConfigurationProblem> {
     if *cameras == CameraSource::Virtual {
         let pattern = pattern(raw.pattern.as_ref())?;
-        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, folder)?;
+        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, format, folder)?;
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
     }
     let Some(rig) = &raw.rig else { return Ok(None) };

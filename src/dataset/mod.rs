@@ -7,7 +7,8 @@
 //!                             vphase_00.png …, vgray_00.png … where there is a second fringe direction
 //! FOLDER/truth.npz            what is true, where it is known
 //! ```
-//! Everything is checked on opening; images are read when asked for.
+//! Images have 8 bits, or 16; field `bits` of `meta.json` says how many of the 16 hold the values (10, 12, 14 or 16, the
+//! low ones). Everything is checked on opening; images are read when asked for.
 
 mod error;
 mod image;
@@ -95,7 +96,7 @@ impl Dataset {
     /// Reads phase images by number, in the order given.
     ///
     /// # Errors
-    /// An unreadable image, one of another size, or one that is no 8-bit grey image and cannot be made one without loss.
+    /// An unreadable image, one of another size, or one that is no grey image of the stated depth.
     pub fn phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
         self.numbered_images(camera, "phase", numbers)
     }
@@ -171,7 +172,7 @@ impl Dataset {
     }
 
     fn image(&self, path: &Path) -> Result<GreyImage, DatasetError> {
-        read_png(path, Some(self.setup.image_size_px)).map_err(|p| DatasetError::new(path, p))
+        read_png(path, Some(self.setup.image_size_px), self.setup.pixel_format).map_err(|p| DatasetError::new(path, p))
     }
 
     /// Every sequence must have exactly the images that `meta.json` states.

@@ -1,8 +1,9 @@
 //! The whole chain on a simulated scene.
 
 use fringeflow::correspondence::{MatchError, OutcomeCounts, SegmentTable};
-use fringeflow::dataset::CameraId;
+use fringeflow::dataset::{CameraId, GreyImage};
 use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
 use fringeflow::simulation::{
@@ -26,6 +27,7 @@ fn simulation_with(object: Object, arrangement: Arrangement) -> Simulation {
         two_directions: false,
         gray: false,
         noise: NoiseLevel::Normal,
+        format: PixelFormat::Grey,
         gamma: 1.0,
         supersampling: 1,
         seed: 3,
@@ -56,13 +58,13 @@ fn reconstruct_with(
     let [cam1, cam2] = cameras.map(|camera| {
         let view = &simulation.views()[camera as usize];
         let image = |(k, (_, pattern)): (usize, &(f64, Projected))| {
-            sensor.image(view, pattern, ImageSeed { seed: 3, camera: camera as u8, image: k as u32 }).pixels
+            sensor.image(view, pattern, ImageSeed { seed: 3, camera: camera as u8, image: k as u32 })
         };
         fringes.iter().enumerate().map(image).collect::<Vec<_>>()
     });
     let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
     let mut reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, Settings::default()).unwrap();
-    reconstructor.reconstruct(&slices(&cam1), &slices(&cam2))
+    reconstructor.reconstruct(&levels(&cam1), &levels(&cam2))
 }
 
 /// com and fpc against the simulation's exact truth.
@@ -76,8 +78,8 @@ fn scores(simulation: &Simulation, made: &Reconstruction) -> Scores {
     against_rendered(&made.cloud, SIZE_PX, simulation.truth(), &frames).unwrap().scores
 }
 
-fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
-    images.iter().map(Vec::as_slice).collect()
+fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
+    images.iter().map(GreyImage::levels).collect()
 }
 
 #[test]

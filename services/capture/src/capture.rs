@@ -33,7 +33,7 @@ impl Capture {
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
         };
         let wanted = Wanted {
-            format: SourceFormat::Grey,
+            format: host.configuration.source_format,
             size_px: host.setup.image_size_px,
             rate_hz: host.configuration.rate_hz,
         };
