@@ -199,8 +199,8 @@ pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result
             one_of("cameras.format", name, &formats)
         }
         CameraSource::V4l2(_) => {
-            let formats = SourceFormat::ALL.map(|format| (format.name(), format));
-            one_of("cameras.format", name, &formats)
+            let format = name.parse::<SourceFormat>();
+            format.map_err(|e| ConfigurationProblem::Named { key: "cameras.format", problem: e.to_string() })
         }
     }
 }

@@ -105,18 +105,47 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
         self.sent(result)
     }
 
+    /// Sends what `make` writes into `len` zeroed elements, with the header that it returns; nothing where it fails.
+    ///
+    /// # Errors
+    /// As [`Self::send`]; inside, what `make` says.
+    pub fn send_made<R>(
+        &mut self,
+        len: usize,
+        make: impl FnOnce(&mut [E]) -> Result<H, R>,
+    ) -> Result<Result<(), R>, TransportError>
+    where
+        E: Zeroable,
+    {
+        let made = self.loan(len).map(|loan| {
+            let mut sample = loan.write_from_fn(|_| E::zeroed());
+            let header = make(sample.payload_mut())?;
+            *sample.user_header_mut() = header;
+            Ok(sample)
+        });
+        let result = match made {
+            Ok(Err(refused)) => return Ok(Err(refused)),
+            Ok(Ok(sample)) => sample.send().map(|_| ()).map_err(|e| self.error("send", e)),
+            Err(error) => Err(error),
+        };
+        self.sent(result).map(Ok)
+    }
+
+    fn loan(&self, len: usize) -> Result<Uninitialized<H, E>, TransportError> {
+        let limit = self.quality.elements;
+        if len > limit {
+            return Err(TransportError::TooLong { channel: self.channel.name(), len, limit });
+        }
+        self.opened()?.publisher.loan_slice_uninit(len).map_err(|e| self.error("loan a message", e))
+    }
+
     fn try_send(
         &self,
         header: &H,
         len: usize,
         write: impl FnOnce(Uninitialized<H, E>) -> Written<H, E>,
     ) -> Result<(), TransportError> {
-        let limit = self.quality.elements;
-        if len > limit {
-            return Err(TransportError::TooLong { channel: self.channel.name(), len, limit });
-        }
-        let loan = self.opened()?.publisher.loan_slice_uninit(len);
-        let mut sample = write(loan.map_err(|e| self.error("loan a message", e))?);
+        let mut sample = write(self.loan(len)?);
         *sample.user_header_mut() = *header;
         sample.send().map_err(|e| self.error("send", e))?;
         Ok(())

@@ -78,7 +78,7 @@ pub fn cameras() -> Vec<Listing> {
 ///
 /// # Errors
 /// There is none, or several.
-pub fn camera(name: &DeviceName) -> Result<Listing, FindError> {
+pub fn describe(name: &DeviceName) -> Result<Listing, FindError> {
     let path = find::find(name)?;
     Ok(listing(&find::node_at(&path), &find::nodes()))
 }
@@ -97,14 +97,14 @@ fn listing(node: &Node, all: &[Node]) -> Listing {
         problems: Vec::new(),
     };
     match &node.capability {
-        Ok(capability) => listing.describe(capability),
+        Ok(capability) => listing.read(capability),
         Err(error) => listing.problems.push(error.to_string()),
     }
     listing
 }
 
 impl Listing {
-    fn describe(&mut self, capability: &Capability) {
+    fn read(&mut self, capability: &Capability) {
         self.card.clone_from(&capability.card);
         self.driver.clone_from(&capability.driver);
         self.bus_info.clone_from(&capability.bus_info);

@@ -48,6 +48,18 @@ impl Numbering {
             }
         }
     }
+
+    /// Takes the number of a damaged image, as far as it can be believed: how many before it are missing.
+    pub(crate) fn take_damaged(&mut self, sequence: u32) -> u64 {
+        let mut next = *self;
+        match next.take(sequence) {
+            Numbered::Next { missing, .. } if self.last.is_some() => {
+                *self = next;
+                missing
+            }
+            _ => 0,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -80,6 +92,16 @@ mod tests {
     #[test]
     fn a_repeated_number_is_told_and_forgotten() {
         assert_eq!(taken(&[3, 3, 4]), [next(3, 0), Numbered::Repeated, next(4, 0)]);
+    }
+
+    #[test]
+    fn a_damaged_image_counts_if_its_number_can_be_believed() {
+        let mut numbering = Numbering::default();
+        assert_eq!(numbering.take_damaged(9), 0);
+        assert_eq!(numbering.take(3), next(3, 0));
+        assert_eq!(numbering.take_damaged(0), 0);
+        assert_eq!(numbering.take_damaged(6), 2);
+        assert_eq!(numbering.take(7), next(7, 0));
     }
 
     #[test]

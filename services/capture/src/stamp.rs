@@ -4,6 +4,8 @@
 //! that it does not name. Differences between stamps are trusted, their place in time only as far as it can be: an image
 //! cannot begin after it came. Stamps that contradict this are moved, and stamps that run back begin a new base.
 
+use fringeflow::config::StampMoment;
+
 /// Flag of V4L2: which clock the stamp is of, and its values.
 const CLOCK_MASK: u32 = 0x0000_e000;
 const CLOCK_MONOTONIC: u32 = 0x0000_2000;
@@ -11,17 +13,6 @@ const CLOCK_MONOTONIC: u32 = 0x0000_2000;
 const START_OF_EXPOSURE: u32 = 0x0001_0000;
 /// An image is not older than this when the first one of a stream is taken, nanoseconds.
 const OLDEST_FIRST_NS: i128 = 10_000_000_000;
-
-/// Which moment a stamp is of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Moment {
-    /// What the driver says.
-    AsDriverSays,
-    /// Start of the exposure.
-    Start,
-    /// End of the transfer.
-    End,
-}
 
 /// What is known of the camera.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +24,7 @@ pub(crate) struct Timing {
     /// From the end of the exposure to the end of the transfer, nanoseconds.
     pub(crate) readout_ns: u64,
     /// Which moment stamps are of.
-    pub(crate) moment: Moment,
+    pub(crate) moment: StampMoment,
 }
 
 /// Turns the stamps of one stream into times.
@@ -99,9 +90,9 @@ impl StampClock {
     fn back_ns(&self, flags: u32) -> i128 {
         let Timing { exposure_ns, readout_ns, moment, .. } = self.timing;
         let is_start = match moment {
-            Moment::AsDriverSays => flags & START_OF_EXPOSURE != 0,
-            Moment::Start => true,
-            Moment::End => false,
+            StampMoment::Driver => flags & START_OF_EXPOSURE != 0,
+            StampMoment::Start => true,
+            StampMoment::End => false,
         };
         if is_start { 0 } else { i128::from(exposure_ns) + i128::from(readout_ns) }
     }
@@ -148,7 +139,7 @@ mod tests {
     const MONOTONIC_END: u32 = CLOCK_MONOTONIC;
     const MONOTONIC_START: u32 = CLOCK_MONOTONIC | START_OF_EXPOSURE;
 
-    fn clock(moment: Moment) -> StampClock {
+    fn clock(moment: StampMoment) -> StampClock {
         StampClock::new(Timing { period_ns: PERIOD_NS, exposure_ns: 5 * MS, readout_ns: 2 * MS, moment })
     }
 
@@ -164,15 +155,15 @@ mod tests {
     fn the_driver_says_what_it_stamped() {
         let (at_ns, now_ns) = (50_000 * MS, 50_012 * MS);
         let taken = |moment, flags| clock(moment).take(stamp(at_ns), flags, now_ns);
-        assert_eq!(taken(Moment::AsDriverSays, MONOTONIC_START), good(at_ns, false));
-        assert_eq!(taken(Moment::AsDriverSays, MONOTONIC_END), good(at_ns - 7 * MS, true));
-        assert_eq!(taken(Moment::Start, MONOTONIC_END), good(at_ns, false));
-        assert_eq!(taken(Moment::End, MONOTONIC_START), good(at_ns - 7 * MS, true));
+        assert_eq!(taken(StampMoment::Driver, MONOTONIC_START), good(at_ns, false));
+        assert_eq!(taken(StampMoment::Driver, MONOTONIC_END), good(at_ns - 7 * MS, true));
+        assert_eq!(taken(StampMoment::Start, MONOTONIC_END), good(at_ns, false));
+        assert_eq!(taken(StampMoment::End, MONOTONIC_START), good(at_ns - 7 * MS, true));
     }
 
     #[test]
     fn late_arrivals_change_nothing() {
-        let mut clock = clock(Moment::Start);
+        let mut clock = clock(StampMoment::Start);
         for k in 0..10 {
             let at_ns = 50_000 * MS + k * PERIOD_NS;
             // The reader was stopped for ten minutes: the driver's buffers come all at once.
@@ -183,7 +174,7 @@ mod tests {
 
     #[test]
     fn stamps_in_the_future_are_moved_and_keep_their_distances() {
-        let mut clock = clock(Moment::Start);
+        let mut clock = clock(StampMoment::Start);
         let arrival_ns = |k: u64| 50_000 * MS + k * PERIOD_NS;
         // Stamped 15 ms after the arrival; the second and the last image come earlier than the others.
         let early_ns = [0, MS, 0, 0, 2 * MS];
@@ -203,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_wrap_begins_a_new_base_at_the_arrival() {
-        let mut clock = clock(Moment::Start);
+        let mut clock = clock(StampMoment::Start);
         let arrival_ns = |k: u64| 50_000 * MS + k * PERIOD_NS;
         // Just before the end of 64 bits of nanoseconds, then beyond, where a driver's division makes it negative.
         let ends: [[i64; 2]; 4] = [
@@ -223,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_clock_of_another_kind_is_placed_by_the_first_arrival() {
-        let mut clock = clock(Moment::Start);
+        let mut clock = clock(StampMoment::Start);
         let wall_ns = 1_800_000_000_000 * MS;
         let at = |k: u64| stamp(wall_ns + k * PERIOD_NS);
         assert_eq!(clock.take(at(0), 0, 5_000 * MS).fault, Some(StampFault::Jump));
@@ -233,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_repeated_stamp_is_told() {
-        let mut clock = clock(Moment::Start);
+        let mut clock = clock(StampMoment::Start);
         clock.take(stamp(100 * MS), MONOTONIC_START, 101 * MS);
         assert_eq!(clock.take(stamp(100 * MS), MONOTONIC_START, 121 * MS).fault, Some(StampFault::Repeated));
     }
@@ -241,7 +232,7 @@ mod tests {
     #[test]
     fn any_stamp_gives_a_time_not_after_the_arrival() {
         for stamp in [[i64::MAX, i64::MAX], [i64::MIN, i64::MIN], [0, -1], [-1, 999_999], [i64::MAX, 0]] {
-            let mut clock = clock(Moment::AsDriverSays);
+            let mut clock = clock(StampMoment::Driver);
             for now_ns in [0, 1, 5 * MS, u64::MAX] {
                 assert!(clock.take(stamp, u32::MAX, now_ns).exposure_start_ns <= now_ns);
             }

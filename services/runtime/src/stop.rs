@@ -4,14 +4,14 @@ use std::io::{Read, stdin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 
 /// Tells whether the service is to end; cheap to ask.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Listens to SIGINT and SIGTERM.
+    /// Listens to SIGINT and SIGTERM. SIGUSR1 and SIGUSR2, which would end the process, interrupt its waits and no more.
     ///
     /// # Errors
     /// The system refuses a handler.
@@ -19,6 +19,9 @@ impl Stop {
         let stop = Self::default();
         for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop.0))?;
+        }
+        for signal in [SIGUSR1, SIGUSR2] {
+            signal_hook::flag::register(signal, Arc::default())?;
         }
         Ok(stop)
     }

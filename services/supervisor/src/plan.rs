@@ -10,6 +10,10 @@ pub enum ServiceKind {
     VirtualProjector,
     /// The virtual cameras.
     VirtualCameras,
+    /// Camera 1, a V4L2 device.
+    Camera1,
+    /// Camera 2, a V4L2 device.
+    Camera2,
     /// Images to phase maps.
     Phase,
     /// Phase maps to correspondences.
@@ -27,6 +31,8 @@ impl ServiceKind {
         match self {
             Self::VirtualProjector => "virtual-projector",
             Self::VirtualCameras => "virtual-cameras",
+            Self::Camera1 => "camera1",
+            Self::Camera2 => "camera2",
             Self::Phase => "phase",
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
@@ -40,6 +46,8 @@ impl ServiceKind {
         match self {
             Self::VirtualProjector => &[Stage::Projector],
             Self::VirtualCameras => &[Stage::Camera1, Stage::Camera2],
+            Self::Camera1 => &[Stage::Camera1],
+            Self::Camera2 => &[Stage::Camera2],
             Self::Phase => &[Stage::Pattern, Stage::Pairing, Stage::Windowing, Stage::Phase],
             Self::Correspondence => &[Stage::Correspondence],
             Self::Cloud => &[Stage::Cloud],
@@ -52,8 +60,12 @@ impl ServiceKind {
 #[must_use]
 pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
     let projector = (configuration.projector == ProjectorDriver::Virtual).then_some(ServiceKind::VirtualProjector);
-    let cameras = (configuration.cameras == CameraSource::Virtual).then_some(ServiceKind::VirtualCameras);
-    projector.into_iter().chain(cameras).chain(WORKERS).chain([ServiceKind::Recorder]).collect()
+    let cameras: &[ServiceKind] = match configuration.cameras {
+        CameraSource::Virtual => &[ServiceKind::VirtualCameras],
+        CameraSource::V4l2(_) => &[ServiceKind::Camera1, ServiceKind::Camera2],
+        CameraSource::External => &[],
+    };
+    projector.into_iter().chain(cameras.iter().copied()).chain(WORKERS).chain([ServiceKind::Recorder]).collect()
 }
 
 /// The services that make clouds of images, in the order of the pipeline.

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use fringeflow::config::DeviceName;
-use fringeflow_capture::{ListedControl, Listing, OfferedFormat, camera, cameras, rates_text};
+use fringeflow_capture::{ListedControl, Listing, OfferedFormat, cameras, describe, rates_text};
 
 use crate::failure::Failure;
 use crate::json;
@@ -26,7 +26,7 @@ struct Listings {
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let listings = match &self.device {
-            Some(device) => vec![camera(device).map_err(Failure::unusable)?],
+            Some(device) => vec![describe(device).map_err(Failure::unusable)?],
             None => cameras(),
         };
         if self.json {

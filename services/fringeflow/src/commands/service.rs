@@ -1,5 +1,6 @@
 //! `fringeflow service`: one process of an instance, as the supervisor starts it.
 
+use fringeflow::dataset::CameraId;
 use fringeflow_recorder::Outcome;
 use fringeflow_runtime::{ServiceArgs, ServiceError, log};
 
@@ -18,6 +19,10 @@ enum Service {
     VirtualProjector(ServiceArgs),
     /// Images of both cameras of a virtual scanner.
     VirtualCameras(ServiceArgs),
+    /// Images of camera 1, a V4L2 device.
+    Camera1(ServiceArgs),
+    /// Images of camera 2, a V4L2 device.
+    Camera2(ServiceArgs),
     /// Images to phase maps.
     Phase(ServiceArgs),
     /// Phase maps to correspondences.
@@ -41,6 +46,8 @@ impl Service {
         let done = match self {
             Self::VirtualProjector(arguments) => fringeflow_virtual_projector::run(arguments),
             Self::VirtualCameras(arguments) => fringeflow_virtual_cameras::run(arguments),
+            Self::Camera1(arguments) => fringeflow_capture::run(arguments, CameraId::Cam1),
+            Self::Camera2(arguments) => fringeflow_capture::run(arguments, CameraId::Cam2),
             Self::Phase(arguments) => fringeflow_phase::run(arguments),
             Self::Correspondence(arguments) => fringeflow_correspondence::run(arguments),
             Self::Cloud(arguments) => fringeflow_cloud::run(arguments),
