@@ -1,12 +1,13 @@
-//! Both cameras of a configuration looked at before anything starts: are they there, and do they take what is wanted?
+//! A camera made ready to stream, from its name in the configuration on; and both looked at before anything starts: are
+//! they there, and do they take what is wanted?
 
 use std::path::PathBuf;
 
 use fringeflow::config::V4l2Camera;
-use fringeflow::pixels::SourceFormat;
 
 use crate::find::{self, FindError};
-use crate::prepare::{PrepareError, prepare};
+use crate::ioctl::{CallError, Device};
+use crate::prepare::{PrepareError, Prepared, Wanted, prepare};
 
 /// A camera that is there and takes its settings; it was let go again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +33,15 @@ pub enum CameraError {
         #[source]
         source: PrepareError,
     },
+    /// Its driver refuses to stream.
+    #[error("{}: {source}", path.display())]
+    Stream {
+        /// Its node.
+        path: PathBuf,
+        /// The call.
+        #[source]
+        source: CallError,
+    },
     /// It is the other camera.
     #[error("{} is camera 1 already; name another device", path.display())]
     Same {
@@ -47,20 +57,15 @@ impl CameraError {
         match self {
             Self::Find(error) => error.is_lasting(),
             Self::Prepare { source, .. } => source.is_lasting(),
+            Self::Stream { .. } => false,
             Self::Same { .. } => true,
         }
     }
 }
 
 /// Finds both cameras, sets them as configured, reads that back, and lets them go.
-#[must_use]
-pub fn check_cameras(
-    cameras: &[V4l2Camera; 2],
-    format: SourceFormat,
-    size_px: [usize; 2],
-    rate_hz: f64,
-) -> [Result<ReadyCamera, CameraError>; 2] {
-    let check = |camera| check(camera, format, size_px, rate_hz);
+pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: &Wanted) -> [Result<ReadyCamera, CameraError>; 2] {
+    let check = |camera| open(camera, wanted).map(|(path, _, prepared)| ReadyCamera { path, notes: prepared.notes });
     let [cam1, cam2] = cameras.each_ref().map(check);
     let cam2 = match (&cam1, cam2) {
         (Ok(cam1), Ok(cam2)) if cam1.path == cam2.path => Err(CameraError::Same { path: cam2.path }),
@@ -69,15 +74,14 @@ pub fn check_cameras(
     [cam1, cam2]
 }
 
-fn check(
-    camera: &V4l2Camera,
-    format: SourceFormat,
-    size_px: [usize; 2],
-    rate_hz: f64,
-) -> Result<ReadyCamera, CameraError> {
+/// Finds a camera, opens it, and sets it as configured.
+///
+/// # Errors
+/// It is not there, or does not take its settings.
+pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
     let (path, device) = find::open(&camera.device)?;
-    match prepare(&device, camera, format, size_px, rate_hz) {
-        Ok(prepared) => Ok(ReadyCamera { path, notes: prepared.notes }),
+    match prepare(&device, camera, wanted) {
+        Ok(prepared) => Ok((path, device, prepared)),
         Err(source) => Err(CameraError::Prepare { path, source }),
     }
 }
