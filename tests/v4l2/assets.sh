@@ -4,12 +4,13 @@
 # Usage: assets.sh FOLDER; prints the folder that holds `kernel` and `initramfs`, one for each version of the kernel and of
 # this recipe. What is there already is not made again.
 set -euo pipefail
+folder=$(realpath --canonicalize-missing "${1:?usage: assets.sh FOLDER}")
 cd "$(dirname "$0")"
 
+export PATH=$PATH:/usr/sbin:/sbin # where depmod is; not everyone has it there
 readonly BOOT_MODULES=(virtio_pci 9pnet_virtio 9p) # loaded by init
 readonly TEST_MODULES=(vivid videodev)             # the tests load what they need, after what it depends on
 readonly UNUSED=(drivers/net drivers/gpu drivers/infiniband drivers/scsi drivers/iio sound)
-readonly folder=${1:?usage: assets.sh FOLDER}
 recipe=$(cat assets.sh init | sha256sum | cut -c 1-8)
 
 fail() {
@@ -22,8 +23,9 @@ quietly() {
     "$@" >"$work/output.txt" 2>&1 || { cat "$work/output.txt" >&2; fail "failed: $*"; }
 }
 
+# Nothing where apt has no lists.
 kernel_version() {
-    apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/^ *Depends: linux-image-//p' | head -n 1
+    { apt-cache depends linux-image-amd64 2>/dev/null || true; } | sed -n 's/^ *Depends: linux-image-//p' | head -n 1
 }
 
 # Lists of our own: the machine's are empty in a fresh container, or too old to download by, and only root may renew them.
@@ -113,8 +115,9 @@ print_if_there() {
     [ ! -d "$folder/$version-$recipe" ] || { echo "$folder/$version-$recipe"; exit 0; }
 }
 
-command -v apt-get >/dev/null && [ "$(dpkg --print-architecture)" = amd64 ] ||
+if ! command -v apt-get >/dev/null || [ "$(dpkg --print-architecture)" != amd64 ]; then
     fail "the virtual machine needs a Debian kernel: run this test on Debian for amd64, 12 or later"
+fi
 mkdir -p "$folder"
 # Tests may ask for it side by side; the first makes it, the others wait.
 exec 9>"$folder/lock"

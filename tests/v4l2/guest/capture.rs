@@ -3,7 +3,7 @@
 use std::process::{Child, Stdio};
 
 use fringeflow::message::{Counts, FrameHeader, Incident, ScanState, Stage};
-use fringeflow::transport::{CAM1_FRAME, Node, Publisher, SCAN_STATE, Subscriber};
+use fringeflow::transport::{CAM1_FRAME, Node, Publisher, Received, SCAN_STATE, Subscriber};
 use fringeflow_runtime::{ServiceArgs, channel_sizes};
 use rustix::process::Signal;
 
@@ -55,32 +55,36 @@ impl<'a> Capture<'a> {
     pub(crate) fn image(&mut self) -> (FrameHeader, Vec<u8>) {
         let mut image = None;
         let came = wait(|| {
-            assert!(self.child.try_wait().unwrap().is_none(), "the service has ended");
-            image = self.images.receive().unwrap();
+            image = self.receive();
             image.is_some()
         });
         assert!(came, "no image comes: {:?}", self.counts());
         let image = image.unwrap();
-        self.headers.push(*image.header());
         (*image.header(), image.payload().to_vec())
     }
 
     /// Waits for so many images.
     pub(crate) fn images(&mut self, more: usize) {
-        for _ in 0..more {
-            self.image();
-        }
+        let enough = self.headers.len() + more;
+        self.until("enough images are here", |capture| capture.headers.len() >= enough);
     }
 
     /// Takes images until something is so.
     pub(crate) fn until(&mut self, what: &str, mut is: impl FnMut(&Self) -> bool) {
         let reached = wait(|| {
-            while let Some(image) = self.images.receive().unwrap() {
-                self.headers.push(*image.header());
-            }
+            while self.receive().is_some() {}
             is(self)
         });
         assert!(reached, "it never is that {what}: {:?}", self.counts());
+    }
+
+    fn receive(&mut self) -> Option<Received<FrameHeader, [u8]>> {
+        assert!(self.child.try_wait().unwrap().is_none(), "the service has ended: {:?}", self.counts());
+        // Otherwise a service that came later would not hear of the state.
+        self.states.ensure_connected().unwrap();
+        let image = self.images.receive().unwrap()?;
+        self.headers.push(*image.header());
+        Some(image)
     }
 
     /// Says that the scan is over, waits until the device is closed, takes the last images and ends the service as the system
