@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Medians of unpacking and of copying, microseconds.
 fn measure(format: SourceFormat) -> Result<[f64; 2], Box<dyn Error>> {
     let stride_bytes = format.least_stride_bytes(SIZE_PX[0]);
-    let source: Vec<u8> = (0..SIZE_PX[1] * stride_bytes).map(|i| (i * 7919 >> 3) as u8).collect();
+    let source: Vec<u8> = (0..SIZE_PX[1] * stride_bytes).map(|i| ((i * 7919) >> 3) as u8).collect();
     let mut out = vec![0; SIZE_PX[0] * SIZE_PX[1] * format.pixel_format().bytes()];
     let tight = out.clone();
     let mut times_us = [Vec::new(), Vec::new()];

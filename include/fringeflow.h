@@ -27,8 +27,12 @@
 
 /* fringeflow_pattern_event.kind of phase-shifted sinusoidal fringes. */
 #define FRINGEFLOW_PATTERN_FRINGES 1u
-/* V4L2's code of 8-bit grey, "GREY". */
+/* fringeflow_frame_header.pixel_format, V4L2's codes: 8 bits, and 10 to 16 bits in the low bits of 16, little endian. */
 #define FRINGEFLOW_PIXEL_FORMAT_GREY 0x59455247u
+#define FRINGEFLOW_PIXEL_FORMAT_Y10 0x20303159u
+#define FRINGEFLOW_PIXEL_FORMAT_Y12 0x20323159u
+#define FRINGEFLOW_PIXEL_FORMAT_Y14 0x20343159u
+#define FRINGEFLOW_PIXEL_FORMAT_Y16 0x20363159u
 /* Bits of fringeflow_frame_header.flags. */
 #define FRINGEFLOW_FRAME_DAMAGED 1u
 #define FRINGEFLOW_FRAME_START_RECKONED 2u
@@ -63,7 +67,7 @@ typedef struct {
     uint32_t width_px;
     uint32_t height_px;
     uint32_t stride_bytes; /* from one row to the next */
-    uint32_t pixel_format; /* V4L2 code */
+    uint32_t pixel_format; /* FRINGEFLOW_PIXEL_FORMAT_… */
     uint32_t flags;        /* FRINGEFLOW_FRAME_… */
     uint32_t camera;       /* 1 or 2 */
 } fringeflow_frame_header;

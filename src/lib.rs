@@ -27,6 +27,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`atomic_file`] | writing files all or not at all |
+//! | [`grey`] | grey levels, and how images of 8 to 16 bits store them |
 //! | [`geometry`] | cameras, distortion, rig, measurement volume, epipolar frame |
 //! | [`calibration`] | reading and checking calibration files |
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
@@ -55,6 +56,7 @@ pub mod correspondence;
 pub mod dataset;
 pub mod evaluation;
 pub mod geometry;
+pub mod grey;
 pub mod message;
 pub mod phase;
 pub mod pixels;

@@ -1,18 +1,19 @@
-//! Encoding 8-bit pixels as PNG, for every writer of images.
+//! Encoding pixels as PNG, for every writer of images.
 
 use std::io::{self, Write};
 
-/// Writes `width · height` pixels, row by row, one byte a channel of `color`.
+/// Writes `width · height` pixels, row by row, each channel of `color` with so many bits; 16 are big endian.
 pub(crate) fn encode(
     out: impl Write,
     [width, height]: [usize; 2],
     color: png::ColorType,
+    depth: png::BitDepth,
     bytes: &[u8],
 ) -> io::Result<()> {
     let side = |pixels: usize| u32::try_from(pixels).map_err(io::Error::other);
     let mut encoder = png::Encoder::new(out, side(width)?, side(height)?);
     encoder.set_color(color);
-    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_depth(depth);
     let mut writer = encoder.write_header().map_err(io_error)?;
     writer.write_image_data(bytes).map_err(io_error)?;
     writer.finish().map_err(io_error)

@@ -8,6 +8,7 @@ use fringeflow::calibration::Unit;
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::dataset::CameraId;
 use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
@@ -28,6 +29,7 @@ fn scanner(sweep: SweepOptions) -> VirtualScanner {
         rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
         steps: STEPS,
         noise: NoiseLevel::Normal,
+        format: PixelFormat::Grey,
         gamma: 1.0,
         supersampling: 1,
         sweep,

@@ -8,6 +8,7 @@ use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
 use fringeflow::evaluation::TOLERANCE_PX;
 use fringeflow::geometry::{Point3, Rig};
+use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
     Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor,
     Simulation, SimulationOptions, Solid, View, VirtualRig, truth,
@@ -31,6 +32,7 @@ fn options(object: Object) -> SimulationOptions {
         two_directions: false,
         gray: true,
         noise: NoiseLevel::None,
+        format: PixelFormat::Grey,
         gamma: 1.0,
         supersampling: 2,
         seed: 5,

@@ -5,6 +5,9 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use crate::grey::PixelFormat;
+use crate::pixels::SourceFormat;
+
 use super::ConfigurationProblem;
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
 
@@ -106,7 +109,8 @@ pub enum VideoTimings {
 }
 
 /// Value of a control.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(untagged)]
 pub enum ControlValue {
     /// A number; of a menu, that of an item.
     Number(i64),
@@ -182,6 +186,22 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
         Source::Virtual => virtual_or_external(CameraSource::Virtual),
         Source::External => virtual_or_external(CameraSource::External),
         Source::V4l2 => v4l2(raw, rate_hz).map(|cameras| CameraSource::V4l2(Box::new(cameras))),
+    }
+}
+
+/// The format of a name.
+pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
+    let Some(name) = name else { return Ok(SourceFormat::Grey) };
+    match source {
+        // They put their images into the channels themselves, in one of the formats that these have.
+        CameraSource::Virtual | CameraSource::External => {
+            let formats = PixelFormat::ALL.map(|format| (format.name(), SourceFormat::from(format)));
+            one_of("cameras.format", name, &formats)
+        }
+        CameraSource::V4l2(_) => {
+            let format = name.parse::<SourceFormat>();
+            format.map_err(|e| ConfigurationProblem::Named { key: "cameras.format", problem: e.to_string() })
+        }
     }
 }
 
@@ -336,6 +356,18 @@ mod tests {
         assert!(with("video_timings = \"1280@60\"").contains("\"1280x1024@60\""));
         assert!(with("buffer = 3").contains("buffer"));
         assert!(with("[cameras.cam2.controls]\ngain = 1.5").contains("gain is 1.5; a control is a whole number"));
+    }
+
+    #[test]
+    fn only_devices_send_formats_that_the_channels_lack() {
+        let format = |source: &str| {
+            let text = TWO.replace("rate_hz", "format = \"MJPG\"\nrate_hz");
+            let text = if source == "v4l2" { text } else { text.replace("v4l2", source) };
+            let text = if source == "v4l2" { text.as_str() } else { text.split("[cameras.cam1]").next().unwrap() };
+            ScannerConfiguration::parse(text, Path::new("/")).map(|read| read.source_format)
+        };
+        assert_eq!(format("v4l2").unwrap(), SourceFormat::Mjpeg);
+        assert!(format("external").unwrap_err().to_string().contains("cameras.format is \"MJPG\"; known are"));
     }
 
     #[test]

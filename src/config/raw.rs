@@ -84,6 +84,7 @@ pub(super) struct RawPattern {
 pub(super) struct RawCameras {
     pub(super) source: String,
     pub(super) rate_hz: f64,
+    pub(super) format: Option<String>,
     pub(super) cam1: Option<RawV4l2Camera>,
     pub(super) cam2: Option<RawV4l2Camera>,
 }

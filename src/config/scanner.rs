@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::calibration::{CalibrationError, Unit, parse_calibration, read_text};
 use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
 use crate::geometry::{FringePattern, MeasurementVolume};
+use crate::grey::PixelFormat;
 use crate::phase::{MAX_STEPS, MIN_STEPS};
+use crate::pixels::SourceFormat;
 use crate::simulation::{SimulationError, VirtualScanner};
 
 use super::cameras::{self, CameraSource};
@@ -27,6 +29,8 @@ pub struct ScannerConfiguration {
     pub segment_table: Option<PathBuf>,
     /// Who publishes images.
     pub cameras: CameraSource,
+    /// What the cameras send.
+    pub source_format: SourceFormat,
     /// Images a second and camera.
     pub rate_hz: f64,
     /// Who says which pattern an image shows.
@@ -113,6 +117,7 @@ impl ScannerConfiguration {
             "it must lie between 0.1 and 1000 images a second",
         )?;
         let source = cameras::camera_source(cameras, rate_hz)?;
+        let source_format = cameras::source_format(&source, cameras.format.as_deref())?;
         let driver = raw.projector.driver.as_deref().unwrap_or("cycle");
         let projector = one_of(
             "projector.driver",
@@ -127,8 +132,9 @@ impl ScannerConfiguration {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement: Configuration::of(&raw)?,
             segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
-            rig: rig_source(&raw, &source, folder)?,
+            rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
             cameras: source,
+            source_format,
             rate_hz,
             projector,
             window_every: checked(
@@ -151,6 +157,12 @@ impl ScannerConfiguration {
     #[must_use]
     pub fn frame_period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64
+    }
+
+    /// Format of the images in the channels.
+    #[must_use]
+    pub fn pixel_format(&self) -> PixelFormat {
+        self.source_format.pixel_format()
     }
 
     /// The texts of the setup that [`Self::rig`] describes.
@@ -182,6 +194,7 @@ impl ScannerConfiguration {
             name: self.name.clone(),
             unit,
             image_size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
+            pixel_format: self.pixel_format(),
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,
@@ -216,11 +229,12 @@ pub enum SetupTextError {
 fn rig_source(
     raw: &RawConfiguration,
     cameras: &CameraSource,
+    format: PixelFormat,
     folder: &Path,
 ) -> Result<Option<RigSource>, ConfigurationProblem> {
     if *cameras == CameraSource::Virtual {
         let pattern = pattern(raw.pattern.as_ref())?;
-        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, folder)?;
+        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, format, folder)?;
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
     }
     let Some(rig) = &raw.rig else { return Ok(None) };
@@ -315,6 +329,21 @@ mod tests {
         assert!(changed("every = 4", "evry = 4").contains("evry"));
         assert!(changed("[cameras]", "[camera]").contains("camera"));
         assert!(parse("").unwrap_err().to_string().contains("key cameras is missing"));
+    }
+
+    #[test]
+    fn the_format_of_the_cameras_is_that_of_the_setup() {
+        assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
+        let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
+        assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
+        let setup = Setup::parse(deep.setup_text().unwrap(), None).unwrap();
+        assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
+        // What the channels do not carry, nobody can put there.
+        let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
+        assert!(
+            refused.to_string().contains("key cameras.format is \"YUYV\"; known are [\"GREY\", \"Y10\""),
+            "{refused}"
+        );
     }
 
     #[test]

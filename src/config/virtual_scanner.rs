@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::dataset::FringeSequence;
+use crate::grey::PixelFormat;
 use crate::simulation::{
     Arrangement, Board, FaultOptions, Faults, NoiseLevel, Object, RigOptions, SimulationError, SweepOptions,
     VirtualScannerOptions,
@@ -27,6 +28,7 @@ pub struct VirtualScannerConfiguration {
 pub(super) fn configuration(
     raw: &RawVirtualScanner,
     sequence: &FringeSequence,
+    format: PixelFormat,
     folder: &Path,
 ) -> Result<VirtualScannerConfiguration, ConfigurationProblem> {
     let object = word("virtual_scanner.object", raw.object.as_deref(), Object::Elephant)?;
@@ -43,6 +45,7 @@ pub(super) fn configuration(
             seed,
         },
         steps: sequence.shifts_rad.len(),
+        format,
         noise: word("virtual_scanner.noise", raw.noise.as_deref(), NoiseLevel::Normal)?,
         gamma: raw.gamma.unwrap_or(1.0),
         supersampling: raw.supersampling.unwrap_or(1),

@@ -92,7 +92,7 @@ pub enum Problem {
         expected_height: usize,
     },
     /// The image has colours.
-    #[error("has colours (pixel {u}, {v} is {rgb:?}); expected a grey image, save it as 8-bit grey")]
+    #[error("has colours (pixel {u}, {v} is {rgb:?}); expected a grey image, save it as grey")]
     Colour {
         /// Column of the first coloured pixel.
         u: usize,
@@ -101,9 +101,14 @@ pub enum Problem {
         /// Its red, green and blue.
         rgb: [u16; 3],
     },
-    /// The image has more depth than 8 bits hold.
-    #[error("has 16-bit values that 8 bits cannot hold (pixel {u}, {v} is {value}); save it as 8-bit grey")]
+    /// The image has values beyond the depth of the dataset.
+    #[error(
+        "has 16-bit values beyond {bits} bits (pixel {u}, {v} is {value}); save all images with one depth, or correct \
+         field bits of meta.json"
+    )]
     Depth {
+        /// The depth of the dataset.
+        bits: u8,
         /// Column of the first such pixel.
         u: usize,
         /// Row of the first such pixel.
@@ -111,8 +116,14 @@ pub enum Problem {
         /// Its value.
         value: u16,
     },
+    /// The image has less depth than the dataset.
+    #[error("is an 8-bit image among those of {bits} bits; save it as 16-bit grey, or correct field bits of meta.json")]
+    Shallow {
+        /// The depth of the dataset.
+        bits: u8,
+    },
     /// The image is partly transparent.
-    #[error("is transparent in places; save it as 8-bit grey without transparency")]
+    #[error("is transparent in places; save it as grey without transparency")]
     Transparent,
     /// The truth is no readable NPZ or lacks an array.
     #[error("is not a valid truth file: {0}")]

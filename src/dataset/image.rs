@@ -1,4 +1,4 @@
-//! 8-bit grey images and the PNG files that hold them.
+//! Grey images and the PNG files that hold them.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -6,26 +6,42 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file::{WriteError, write_atomically};
+use crate::grey::{GreyLevels, PixelFormat};
 use crate::png_encoding;
 
 use super::{DatasetError, Problem};
 
-/// An 8-bit grey image, row by row.
+/// A grey image, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GreyImage {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// `width · height` grey levels.
+    /// How a pixel is stored.
+    pub format: PixelFormat,
+    /// Bytes of `width · height` pixels.
     pub pixels: Vec<u8>,
 }
 
-/// Reads a PNG as 8-bit grey; colour and 16-bit images are converted where that loses nothing.
+impl GreyImage {
+    /// Its grey levels.
+    #[must_use]
+    pub fn levels(&self) -> GreyLevels<'_> {
+        GreyLevels { format: self.format, bytes: &self.pixels }
+    }
+}
+
+/// Reads a PNG as grey; colour is converted where that loses nothing. Without a format it is that of the file, 8 or 16
+/// bits; with one its values are those of the format, whatever the file could hold.
 ///
 /// # Errors
-/// An unreadable or damaged file, another size than `expected_px`, or content that 8-bit grey cannot hold.
-pub fn read_png(path: &Path, expected_px: Option<[usize; 2]>) -> Result<GreyImage, Problem> {
+/// An unreadable or damaged file, another size than `expected_px`, or content that the format cannot hold.
+pub fn read_png(
+    path: &Path,
+    expected_px: Option<[usize; 2]>,
+    format: Option<PixelFormat>,
+) -> Result<GreyImage, Problem> {
     let file = File::open(path).map_err(Problem::Unreadable)?;
     let mut decoder = png::Decoder::new(BufReader::new(file));
     decoder.set_transformations(png::Transformations::EXPAND);
@@ -42,22 +58,47 @@ pub fn read_png(path: &Path, expected_px: Option<[usize; 2]>) -> Result<GreyImag
     let info = reader.next_frame(&mut bytes).map_err(damaged)?;
     reader.finish().map_err(damaged)?;
     bytes.truncate(info.buffer_size());
-    let samples = match info.bit_depth {
-        png::BitDepth::Sixteen => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
-        _ => bytes.iter().map(|&b| u16::from(b)).collect::<Vec<u16>>(),
+    let is_deep = info.bit_depth == png::BitDepth::Sixteen;
+    let samples = match is_deep {
+        true => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
+        false => bytes.iter().map(|&b| u16::from(b)).collect::<Vec<u16>>(),
     };
-    let opaque = if info.bit_depth == png::BitDepth::Sixteen { u16::MAX } else { 255 };
-    let grey = grey_channel(samples, info.color_type.samples(), width, opaque)?;
-    Ok(GreyImage { width, height, pixels: eight_bits(&grey, info.bit_depth, width)? })
+    let grey = grey_channel(samples, info.color_type.samples(), width, if is_deep { u16::MAX } else { 255 })?;
+    let format = format.unwrap_or(depth_of(info.bit_depth));
+    if !is_deep && format != PixelFormat::Grey {
+        return Err(Problem::Shallow { bits: format.bits() });
+    }
+    Ok(GreyImage { width, height, format, pixels: stored(&grey, format, width)? })
 }
 
-/// Writes an 8-bit grey PNG.
+/// The depth that a PNG has room for.
+///
+/// # Errors
+/// The file cannot be read, or is no PNG.
+pub(super) fn depth_of_file(path: &Path) -> Result<PixelFormat, Problem> {
+    let file = File::open(path).map_err(Problem::Unreadable)?;
+    let reader = png::Decoder::new(BufReader::new(file)).read_info();
+    let reader = reader.map_err(|e| Problem::Png(e.to_string()))?;
+    Ok(depth_of(reader.info().bit_depth))
+}
+
+fn depth_of(depth: png::BitDepth) -> PixelFormat {
+    if depth == png::BitDepth::Sixteen { PixelFormat::Y16 } else { PixelFormat::Grey }
+}
+
+/// Writes a grey PNG of 8 bits, or of 16 that hold the values of a deeper image as they are.
 ///
 /// # Errors
 /// The file cannot be written; whatever stood there stays.
 pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
-    let size = [image.width, image.height];
-    write_atomically(path, |out| png_encoding::encode(out, size, png::ColorType::Grayscale, &image.pixels))
+    let (size, grey) = ([image.width, image.height], png::ColorType::Grayscale);
+    write_atomically(path, |out| match image.format {
+        PixelFormat::Grey => png_encoding::encode(out, size, grey, png::BitDepth::Eight, &image.pixels),
+        _ => {
+            let big_endian: Vec<u8> = image.pixels.as_chunks().0.iter().flat_map(|&[low, high]| [high, low]).collect();
+            png_encoding::encode(out, size, grey, png::BitDepth::Sixteen, &big_endian)
+        }
+    })
 }
 
 /// The one channel of an image of 1 to 4, if its colours are equal and it is opaque.
@@ -79,16 +120,15 @@ fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -
     Ok(grey)
 }
 
-/// 8-bit values of samples: as they are up to 255, or widened 16-bit ones (257·v) divided back.
-fn eight_bits(samples: &[u16], depth: png::BitDepth, width: usize) -> Result<Vec<u8>, Problem> {
-    if depth != png::BitDepth::Sixteen || samples.iter().all(|&s| s <= 255) {
-        return Ok(samples.iter().map(|&s| s as u8).collect());
+/// Values as a format stores them.
+fn stored(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
+    if let Some((i, &value)) = values.iter().enumerate().find(|&(_, &value)| value > format.max_value()) {
+        return Err(Problem::Depth { bits: format.bits(), u: i % width, v: i / width, value });
     }
-    let convert = |(i, &value): (usize, &u16)| {
-        let lossless = value % 257 == 0;
-        if lossless { Ok((value / 257) as u8) } else { Err(Problem::Depth { u: i % width, v: i / width, value }) }
-    };
-    samples.iter().enumerate().map(convert).collect()
+    Ok(match format {
+        PixelFormat::Grey => values.iter().map(|&value| value as u8).collect(),
+        _ => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+    })
 }
 
 /// Files `KIND_NN.png` of a folder by their number.
@@ -115,5 +155,48 @@ pub(super) fn check_numbers(folder: &Path, kind: &str, count: usize) -> Result<(
     match found.range(count..).next() {
         Some((_, path)) => Err(DatasetError::new(path, Problem::ExtraImage { kind: kind.to_owned(), promised: count })),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(image: &GreyImage) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        write_png(&path, image).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn every_depth_comes_back_as_it_was() {
+        for format in PixelFormat::ALL {
+            let values = [0, 1, format.max_value() / 3, format.max_value() - 1, format.max_value(), 77];
+            let image = GreyImage { width: 3, height: 2, format, pixels: stored(&values, format, 3).unwrap() };
+            let (_folder, path) = written(&image);
+            assert_eq!(read_png(&path, Some([3, 2]), Some(format)).unwrap(), image);
+            // The file itself knows 8 bits and 16.
+            let unknown = if format == PixelFormat::Grey { format } else { PixelFormat::Y16 };
+            assert_eq!(read_png(&path, None, None).unwrap(), GreyImage { format: unknown, ..image });
+        }
+    }
+
+    #[test]
+    fn a_depth_that_the_file_does_not_have_is_refused() {
+        let values = [5, 4095, 4096, 9];
+        let deep = GreyImage {
+            width: 2,
+            height: 2,
+            format: PixelFormat::Y14,
+            pixels: stored(&values, PixelFormat::Y14, 2).unwrap(),
+        };
+        let (_folder, path) = written(&deep);
+        let refused = read_png(&path, None, Some(PixelFormat::Y12)).unwrap_err();
+        assert!(matches!(refused, Problem::Depth { bits: 12, u: 0, v: 1, value: 4096 }), "{refused}");
+        let (_folder, path) =
+            written(&GreyImage { width: 2, height: 1, format: PixelFormat::Grey, pixels: vec![1, 2] });
+        let refused = read_png(&path, None, Some(PixelFormat::Y10)).unwrap_err();
+        assert!(matches!(refused, Problem::Shallow { bits: 10 }), "{refused}");
     }
 }

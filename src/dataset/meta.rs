@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::Unit;
 use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
+use crate::grey::PixelFormat;
 use crate::phase::{GrayCode, MIN_STEPS};
 
 use super::{DatasetError, FringeSequence, Problem};
@@ -17,6 +18,7 @@ struct RawMeta {
     name: Option<String>,
     unit: Option<String>,
     image_size: [usize; 2],
+    bits: Option<u8>,
     steps: usize,
     #[serde(flatten)]
     sequence: RawSequence,
@@ -95,6 +97,7 @@ pub(super) struct Meta {
     pub(super) name: Option<String>,
     pub(super) unit: Option<Unit>,
     pub(super) image_size_px: [usize; 2],
+    pub(super) pixel_format: Option<PixelFormat>,
     pub(super) steps: usize,
     pub(super) sequence: FringeSequence,
     pub(super) second_direction: Option<FringeSequence>,
@@ -120,6 +123,7 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
         name: raw.name,
         unit,
         image_size_px: raw.image_size,
+        pixel_format: raw.bits.map(pixel_format).transpose()?,
         steps: raw.steps,
         sequence,
         second_direction: raw.second_direction.map(self::sequence).transpose()?,
@@ -183,6 +187,12 @@ fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
         offset_rad: raw.phase_offset_rad.rem_euclid(TAU),
     };
     Ok(FringeSequence { pattern, shifts_rad: raw.phase_shift_rad, gray: raw.gray.as_ref().map(gray).transpose()? })
+}
+
+/// The format of images with so many bits.
+fn pixel_format(bits: u8) -> Result<PixelFormat, Problem> {
+    let known = || PixelFormat::ALL.map(PixelFormat::bits);
+    PixelFormat::of_bits(bits).ok_or_else(|| field("bits", format!("is {bits}; images have one of {:?} bits", known())))
 }
 
 fn gray(raw: &RawGray) -> Result<GrayCode, Problem> {

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::calibration::{self, CalibrationError, CalibrationProblem, Unit};
 use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
+use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
 use super::{CALIBRATION_FILE, DatasetError, META_FILE, Problem, meta};
@@ -40,6 +41,8 @@ pub struct Setup {
     pub unit: Unit,
     /// Width and height of all images.
     pub image_size_px: [usize; 2],
+    /// Depth of all images, if one is stated.
+    pub pixel_format: Option<PixelFormat>,
     /// Length of the shift cycle; there may be more images than that (moving scenes).
     pub steps: usize,
     /// Fringes that run along the projector's columns.
@@ -86,6 +89,7 @@ impl Setup {
             name: meta.name.unwrap_or_default(),
             unit,
             image_size_px: size,
+            pixel_format: meta.pixel_format,
             steps: meta.steps,
             sequence: meta.sequence,
             second_direction: meta.second_direction,

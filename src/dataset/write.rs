@@ -10,6 +10,7 @@ use tempfile::TempDir;
 use crate::atomic_file::WriteError;
 use crate::calibration::{Unit, write_calibration};
 use crate::geometry::{MeasurementVolume, Pose, Rig};
+use crate::grey::PixelFormat;
 
 use super::meta::{RawSequence, VolumeDescription};
 use super::{
@@ -26,6 +27,8 @@ pub struct DatasetDescription {
     pub unit: Unit,
     /// Width and height of all images, pixels.
     pub image_size_px: [usize; 2],
+    /// Depth of all images.
+    pub pixel_format: PixelFormat,
     /// Length of the shift cycle.
     pub steps: usize,
     /// Fringes along the projector's columns.
@@ -50,6 +53,7 @@ impl DatasetDescription {
             name: &self.name,
             unit: self.unit.symbol(),
             image_size: self.image_size_px,
+            bits: Some(self.pixel_format.bits()).filter(|&bits| bits > 8),
             steps: self.steps,
             n_phase_images: self.sequence.shifts_rad.len(),
             sequence: RawSequence::from(&self.sequence),
@@ -98,6 +102,9 @@ struct WrittenMeta<'a> {
     name: &'a str,
     unit: &'static str,
     image_size: [usize; 2],
+    /// 8 bits need no mention.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bits: Option<u8>,
     steps: usize,
     n_phase_images: usize,
     #[serde(flatten)]

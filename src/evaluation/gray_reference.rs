@@ -11,6 +11,7 @@ use crate::correspondence::reference_methods::{
 };
 use crate::dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
 use crate::geometry::MeasurementVolume;
+use crate::grey::GreyLevels;
 use crate::phase::{
     self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
     decode_gray_code,
@@ -118,7 +119,7 @@ fn wrapped_phase(
         true => dataset.second_phase_images(camera, &numbers)?,
     };
     let [width, height] = dataset.setup.image_size_px;
-    let map = phase::decode(&pixels(&images), width, height, &shifts, &VALIDITY);
+    let map = phase::decode(&levels(&images), width, height, &shifts, &VALIDITY);
     map.ok_or_else(|| missing(dataset, "complete set of phase images"))
 }
 
@@ -132,15 +133,15 @@ fn absolute_phase(
 ) -> Result<AbsolutePhase, GrayReferenceError> {
     let white_and_black = dataset.white_and_black(camera)?;
     let threshold = match &white_and_black {
-        Some((white, black)) => Threshold::WhiteAndBlack(&white.pixels, &black.pixels),
+        Some((white, black)) => Threshold::WhiteAndBlack(white.levels(), black.levels()),
         None => Threshold::MeanOfPhaseImages,
     };
     let images = dataset.gray_images(camera, second_direction)?;
-    Ok(decode_gray_code(wrapped, &sequence.pattern, code, &pixels(&images), threshold, NOISE_GREY)?)
+    Ok(decode_gray_code(wrapped, &sequence.pattern, code, &levels(&images), threshold, NOISE_GREY)?)
 }
 
-fn pixels(images: &[GreyImage]) -> Vec<&[u8]> {
-    images.iter().map(|image| image.pixels.as_slice()).collect()
+fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
+    images.iter().map(GreyImage::levels).collect()
 }
 
 fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, GrayReferenceError> {

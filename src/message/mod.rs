@@ -26,8 +26,9 @@ mod pattern;
 mod report;
 mod window;
 
+pub use crate::grey::PixelFormat;
 pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
-pub use frame::{FrameHeader, PIXEL_FORMAT_GREY, PixelFormat, flags};
+pub use frame::{FrameHeader, flags};
 pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};

@@ -2,13 +2,16 @@
 
 use rayon::prelude::*;
 
+use crate::grey::{GreyLevels, PixelFormat};
+
 use super::arctangent::turn_fraction;
 use super::map::{FitStatistics, PhaseMap};
+use super::sample::Sample;
 use super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
 
 /// Pixels decoded together: the sums of a tile stay in the first-level cache, and few input streams are open at once.
 const TILE: usize = 512;
-/// Standard deviation of rounding to whole grey levels, 1/√12.
+/// Standard deviation of rounding to whole grey levels, 1/√12; deeper images round to fractions of them.
 const ROUNDING_NOISE_GREY: f32 = 0.288_675;
 /// Bins of the histograms of residual and residual share.
 const BINS: usize = 1024;
@@ -22,7 +25,8 @@ const RESIDUAL_RANGE_GREY: f32 = 64.0;
 pub struct Validity {
     /// Least modulation, grey levels.
     pub min_modulation_grey: f32,
-    /// Grey level from which on a sample is saturated and left out of the fit.
+    /// Grey level from which on a sample is saturated and left out of the fit. Of deeper images 255 is 255 · 2^(bits − 8)
+    /// and more, such as 4080 to 4095 of 12 bits: what 8 bits of the same light would show as 255.
     pub saturation_grey: u8,
     /// Largest fit residual (standard deviation of the grey levels about the sinusoid) ÷ modulation.
     ///
@@ -39,21 +43,23 @@ impl Default for Validity {
 
 /// Decodes the N images of one camera, each `width · height` grey levels row by row.
 ///
-/// `None` if there are not as many images as shifts or an image has another size.
+/// `None` if there are not as many images as shifts, or an image has another size or depth.
 ///
 /// Formula: with the least-squares sums A, C = B·cos φ and S = B·sin φ of [`PhaseShifts`], φ = atan2(S, C) and
 /// B = hypot(S, C); for equal spacing this is `atan2(−Σ I_k sin s_k, Σ I_k cos s_k)`. Saturated samples are left
 /// out where three or more others remain.
 #[must_use]
 pub fn decode(
-    images: &[&[u8]],
+    images: &[GreyLevels<'_>],
     width: usize,
     height: usize,
     shifts: &PhaseShifts,
     validity: &Validity,
 ) -> Option<PhaseMap> {
     let pixels = width * height;
-    if images.len() != shifts.steps() || images.iter().any(|i| i.len() != pixels) {
+    let format = images.first()?.format;
+    let fits = |image: &GreyLevels<'_>| image.format == format && image.bytes.len() == pixels * format.bytes();
+    if images.len() != shifts.steps() || !images.iter().all(fits) {
         return None;
     }
     let mut map = PhaseMap {
@@ -65,13 +71,27 @@ pub fn decode(
         valid: vec![false; pixels],
         fit: FitStatistics::default(),
     };
-    let histograms = decode_tiles(images, shifts, validity, &mut map);
-    map.fit = histograms.statistics(shifts.steps());
+    let bytes = images.iter().map(|image| image.bytes);
+    let histograms = match format {
+        PixelFormat::Grey => decode_tiles(&bytes.collect::<Vec<&[u8]>>(), format, shifts, validity, &mut map),
+        _ => {
+            let samples: Vec<&[[u8; 2]]> = bytes.map(|bytes| bytes.as_chunks().0).collect();
+            decode_tiles(&samples, format, shifts, validity, &mut map)
+        }
+    };
+    map.fit = histograms.statistics(shifts.steps(), ROUNDING_NOISE_GREY * format.grey_per_value());
     Some(map)
 }
 
 /// Decodes all tiles in parallel and merges their histograms; whole numbers add up the same in any order.
-fn decode_tiles(images: &[&[u8]], shifts: &PhaseShifts, validity: &Validity, map: &mut PhaseMap) -> Histograms {
+fn decode_tiles<S: Sample>(
+    images: &[&[S]],
+    format: PixelFormat,
+    shifts: &PhaseShifts,
+    validity: &Validity,
+    map: &mut PhaseMap,
+) -> Histograms {
+    let (grey_per_value, saturation) = (format.grey_per_value(), S::from_grey(validity.saturation_grey, format));
     let tiles = map
         .phase
         .par_chunks_mut(TILE)
@@ -82,14 +102,14 @@ fn decode_tiles(images: &[&[u8]], shifts: &PhaseShifts, validity: &Validity, map
     tiles
         .fold(Histograms::default, |mut histograms, (i, (((phase, modulation), mean), valid))| {
             let range = i * TILE..i * TILE + phase.len();
-            let mut samples: [&[u8]; MAX_STEPS] = [&[]; MAX_STEPS];
+            let mut samples: [&[S]; MAX_STEPS] = [&[]; MAX_STEPS];
             for (sample, image) in samples.iter_mut().zip(images) {
                 *sample = &image[range.clone()];
             }
             let samples = &samples[..images.len()];
             let mut sums = Sums::new();
-            sums.accumulate(samples, shifts);
-            sums.leave_out_saturated(samples, shifts, validity.saturation_grey);
+            sums.accumulate(samples, grey_per_value, shifts);
+            sums.leave_out_saturated(samples, grey_per_value, saturation, shifts);
             sums.finish(shifts.steps(), validity, phase, modulation, mean, valid);
             histograms.add(&sums, modulation, valid);
             histograms
@@ -111,13 +131,13 @@ impl Sums {
         Self { offset: [0.0; TILE], cosine: [0.0; TILE], sine: [0.0; TILE], residual: [0.0; TILE] }
     }
 
-    fn accumulate(&mut self, samples: &[&[u8]], shifts: &PhaseShifts) {
+    fn accumulate<S: Sample>(&mut self, samples: &[&[S]], grey_per_value: f32, shifts: &PhaseShifts) {
         let [w_offset, w_cosine, w_sine] = shifts.weights();
         for (k, sample) in samples.iter().enumerate() {
             let (wo, wc, ws) = (w_offset[k], w_cosine[k], w_sine[k]);
             let sums = self.offset.iter_mut().zip(&mut self.cosine).zip(&mut self.sine);
-            for (((offset, cosine), sine), &grey) in sums.zip(*sample) {
-                let grey = f32::from(grey);
+            for (((offset, cosine), sine), value) in sums.zip(*sample) {
+                let grey = value.grey(grey_per_value);
                 *offset += wo * grey;
                 *cosine += wc * grey;
                 *sine += ws * grey;
@@ -131,8 +151,8 @@ impl Sums {
             let (sin, cos) = shifts.shifts_rad()[k].sin_cos();
             let (sin, cos) = (sin as f32, cos as f32);
             let sums = self.offset.iter().zip(&self.cosine).zip(&self.sine).zip(&mut self.residual);
-            for ((((offset, cosine), sine), residual), &grey) in sums.zip(*sample) {
-                let off = f32::from(grey) - offset - cosine * cos + sine * sin;
+            for ((((offset, cosine), sine), residual), value) in sums.zip(*sample) {
+                let off = value.grey(grey_per_value) - offset - cosine * cos + sine * sin;
                 *residual += off * off;
             }
         }
@@ -142,17 +162,23 @@ impl Sums {
     }
 
     /// Solves pixels with saturated samples again without these.
-    fn leave_out_saturated(&mut self, samples: &[&[u8]], shifts: &PhaseShifts, saturation_grey: u8) {
-        if samples.iter().all(|sample| sample.iter().all(|&grey| grey < saturation_grey)) {
+    fn leave_out_saturated<S: Sample>(
+        &mut self,
+        samples: &[&[S]],
+        grey_per_value: f32,
+        saturation: S,
+        shifts: &PhaseShifts,
+    ) {
+        if samples.iter().all(|sample| sample.iter().all(|value| value.is_below(saturation))) {
             return;
         }
         for i in 0..samples[0].len() {
-            if samples.iter().all(|s| s[i] < saturation_grey) {
+            if samples.iter().all(|s| s[i].is_below(saturation)) {
                 continue;
             }
-            let kept = (0..samples.len()).filter(|&k| samples[k][i] < saturation_grey);
+            let kept = (0..samples.len()).filter(|&k| samples[k][i].is_below(saturation));
             let (greys, angles): (Vec<f64>, Vec<f64>) =
-                kept.map(|k| (f64::from(samples[k][i]), shifts.shifts_rad()[k])).unzip();
+                kept.map(|k| (f64::from(samples[k][i].grey(grey_per_value)), shifts.shifts_rad()[k])).unzip();
             match solve(&greys, &angles) {
                 Some(solution) => [self.offset[i], self.cosine[i], self.sine[i], self.residual[i]] = solution,
                 None => self.residual[i] = f32::INFINITY,
@@ -225,10 +251,11 @@ impl Histograms {
         self
     }
 
-    fn statistics(&self, steps: usize) -> FitStatistics {
+    /// Statistics of images whose rounding alone makes the noise `rounding_grey`.
+    fn statistics(&self, steps: usize, rounding_grey: f32) -> FitStatistics {
         let valid_pixels = self.share.iter().sum();
         if steps == MIN_STEPS || valid_pixels == 0 {
-            return FitStatistics { valid_pixels, residual_share: None, noise_grey: ROUNDING_NOISE_GREY };
+            return FitStatistics { valid_pixels, residual_share: None, noise_grey: rounding_grey };
         }
         // Median of a χ distribution over its standard deviation, Wilson and Hilferty's approximation.
         let freedom = (steps - MIN_STEPS) as f32;
@@ -237,7 +264,7 @@ impl Histograms {
         FitStatistics {
             valid_pixels,
             residual_share: Some(median(&self.share) * SHARE_RANGE),
-            noise_grey: noise_grey.max(ROUNDING_NOISE_GREY),
+            noise_grey: noise_grey.max(rounding_grey),
         }
     }
 }
@@ -269,9 +296,23 @@ mod tests {
     }
 
     fn decode_rows(rows: &[Vec<u8>], shifts_rad: &[f64]) -> PhaseMap {
-        let images: Vec<&[u8]> = rows.iter().map(Vec::as_slice).collect();
+        let images: Vec<GreyLevels<'_>> = rows.iter().map(|row| GreyLevels::eight_bit(row)).collect();
         let shifts = PhaseShifts::new(shifts_rad).unwrap();
         decode(&images, rows[0].len(), 1, &shifts, &Validity::default()).unwrap()
+    }
+
+    /// The same, with values of more bits, each made by `value` from its grey level, which need not be whole.
+    fn decode_deep(
+        format: PixelFormat,
+        rows: &[Vec<f64>],
+        shifts_rad: &[f64],
+        value: impl Fn(f64) -> u16,
+        validity: &Validity,
+    ) -> PhaseMap {
+        let bytes = |row: &Vec<f64>| row.iter().flat_map(|&grey| value(grey).to_le_bytes()).collect::<Vec<u8>>();
+        let rows: Vec<Vec<u8>> = rows.iter().map(bytes).collect();
+        let images: Vec<GreyLevels<'_>> = rows.iter().map(|bytes| GreyLevels { format, bytes }).collect();
+        decode(&images, images[0].pixels(), 1, &PhaseShifts::new(shifts_rad).unwrap(), validity).unwrap()
     }
 
     fn largest_error_rad(map: &PhaseMap) -> f64 {
@@ -330,5 +371,73 @@ mod tests {
         let fit = decode_rows(&rows, &shifts).fit;
         assert!((fit.noise_grey - 3.0_f32.sqrt()).abs() < 0.1, "{}", fit.noise_grey);
         assert!((fit.residual_share.unwrap() - 0.029).abs() < 0.003);
+    }
+
+    #[test]
+    fn eight_bits_in_the_high_bits_of_more_are_the_same_image() {
+        for (steps, gain) in [(4, 1.0), (8, 1.8), (16, 1.4)] {
+            let shifts: Vec<f64> = (0..steps).map(|k| TAU * f64::from(k) / f64::from(steps)).collect();
+            // Gains above 1.5 saturate.
+            let rows = ramp(&shifts, gain, 1500);
+            let greys: Vec<Vec<f64>> = rows.iter().map(|row| row.iter().map(|&g| f64::from(g)).collect()).collect();
+            for saturation_grey in [255, 200] {
+                let validity = Validity { saturation_grey, ..Validity::default() };
+                let images: Vec<GreyLevels<'_>> = rows.iter().map(|row| GreyLevels::eight_bit(row)).collect();
+                let map = decode(&images, 1500, 1, &PhaseShifts::new(&shifts).unwrap(), &validity).unwrap();
+                for format in [PixelFormat::Y10, PixelFormat::Y12, PixelFormat::Y14, PixelFormat::Y16] {
+                    let shifted = |grey| (grey as u16) << (format.bits() - 8);
+                    let deep = decode_deep(format, &greys, &shifts, shifted, &validity);
+                    // The noise of rounding, its floor, is that of the depth.
+                    let noise_grey = map.fit.noise_grey;
+                    assert!(deep.fit.noise_grey <= noise_grey);
+                    let fit = FitStatistics { noise_grey, ..deep.fit };
+                    assert_eq!(PhaseMap { fit, ..deep }, map, "{steps} steps, gain {gain}, {format:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn deeper_images_have_finer_phases() {
+        let shifts: Vec<f64> = (0..4).map(|k| TAU * f64::from(k) / 4.0).collect();
+        let grey = |i: usize, s: f64| 100.0 + 6.0 * (phase_of(i, 3000) + s).cos();
+        let greys: Vec<Vec<f64>> = shifts.iter().map(|&s| (0..3000).map(|i| grey(i, s)).collect()).collect();
+        let mut limit_rad = 0.12;
+        for format in [PixelFormat::Y10, PixelFormat::Y12, PixelFormat::Y14] {
+            let round = |grey: f64| (grey / f64::from(format.grey_per_value())).round() as u16;
+            let map = decode_deep(format, &greys, &shifts, round, &Validity::default());
+            // Half a value of each sample, of 6 grey levels; the phase itself has steps of 1e-4.
+            limit_rad /= 4.0;
+            assert!(largest_error_rad(&map) < limit_rad + 2e-4, "{format:?}: {}", largest_error_rad(&map));
+            assert!(map.modulation.iter().all(|b| (b - 6.0).abs() < 0.2) && map.mean.iter().all(|&m| m == 100));
+            assert!((map.fit.noise_grey - 0.288_675 * format.grey_per_value()).abs() < 0.05);
+        }
+    }
+
+    #[test]
+    fn full_scale_of_every_depth_is_saturated() {
+        let shifts: Vec<f64> = (0..8).map(|k| TAU * f64::from(k) / 8.0).collect();
+        let greys: Vec<Vec<f64>> = shifts
+            .iter()
+            .map(|&s| (0..1000).map(|i| 1.8 * (100.0 + 60.0 * (phase_of(i, 1000) + s).cos())).collect())
+            .collect();
+        for format in [PixelFormat::Y10, PixelFormat::Y12, PixelFormat::Y14, PixelFormat::Y16] {
+            let clipped =
+                |grey: f64| (grey / f64::from(format.grey_per_value())).min(f64::from(format.max_value())) as u16;
+            let map = decode_deep(format, &greys, &shifts, clipped, &Validity::default());
+            assert!(largest_error_rad(&map) < 0.02, "{format:?}: {}", largest_error_rad(&map));
+            assert!(map.valid.iter().all(|&v| v));
+        }
+    }
+
+    #[test]
+    fn images_of_different_depth_are_no_sequence() {
+        let shifts = PhaseShifts::new(&[0.0, 2.0, 4.0]).unwrap();
+        let bytes = [9; 8];
+        let deep = GreyLevels { format: PixelFormat::Y12, bytes: &bytes };
+        let decoded = |images: &[GreyLevels<'_>]| decode(images, 4, 1, &shifts, &Validity::default()).is_some();
+        assert!(decoded(&[deep; 3]) && decoded(&[GreyLevels::eight_bit(&bytes[..4]); 3]));
+        assert!(!decoded(&[deep, deep, GreyLevels { format: PixelFormat::Y10, ..deep }]));
+        assert!(!decoded(&[GreyLevels::eight_bit(&bytes); 3]));
     }
 }

@@ -7,6 +7,7 @@ mod arctangent;
 mod decode;
 mod gray_code;
 mod map;
+mod sample;
 mod shifts;
 
 pub use decode::{Validity, decode};

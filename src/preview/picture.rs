@@ -67,7 +67,9 @@ impl Picture {
     /// The file cannot be written; whatever stood there stays. A picture without pixels cannot be a PNG.
     pub fn write_png(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.pixels.as_flattened();
-        write_atomically(path, |out| png_encoding::encode(out, self.size_px(), png::ColorType::Rgb, bytes))
+        write_atomically(path, |out| {
+            png_encoding::encode(out, self.size_px(), png::ColorType::Rgb, png::BitDepth::Eight, bytes)
+        })
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::cloud::Cloud;
 use crate::correspondence::{MatchError, MatchSettings, Matches, Outcome, SegmentTable};
 use crate::geometry::{EpipolarError, Rig};
+use crate::grey::GreyLevels;
 use crate::phase::{PhaseMap, PhaseShifts, Validity};
 use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
 
@@ -76,7 +77,11 @@ impl Reconstructor {
     ///
     /// # Errors
     /// Images that do not fit, or that have nothing in common.
-    pub fn reconstruct(&mut self, cam1: &[&[u8]], cam2: &[&[u8]]) -> Result<Reconstruction, ReconstructionError> {
+    pub fn reconstruct(
+        &mut self,
+        cam1: &[GreyLevels<'_>],
+        cam2: &[GreyLevels<'_>],
+    ) -> Result<Reconstruction, ReconstructionError> {
         let (mut maps, mut found, mut cloud) = (PhasePair::default(), Correspondences::default(), Cloud::default());
         self.phase.step(cam1, cam2, &mut maps)?;
         self.correspondence.step(&maps, &mut found)?;

@@ -7,6 +7,7 @@ use prost::bytes::Bytes;
 use crate::cloud::RECORD_BYTES;
 use crate::message::{CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport};
 
+use super::recordable::{least_stride_bytes, raw_encoding};
 use super::{Topic, schema};
 
 /// A message of a recording.
@@ -116,13 +117,16 @@ fn decode<M: prost::Message + Default>(data: Bytes) -> Result<M, String> {
 fn image(header: &FrameHeader, data: Bytes) -> Result<Content, String> {
     let image = decode::<RawImage>(data)?;
     let [width, height, stride] = [header.width_px, header.height_px, header.stride_bytes];
-    if [image.width, image.height, image.step] != [width, height, stride] || image.encoding != "mono8" {
+    let encoding = raw_encoding(header);
+    let encoding =
+        encoding.ok_or_else(|| format!("field pixel_format is {:#x}, which is unknown", header.pixel_format))?;
+    if [image.width, image.height, image.step] != [width, height, stride] || image.encoding != encoding {
         return Err(format!(
-            "the image is {} × {} pixels, {} bytes a row, {:?}; its header says {width} × {height}, {stride}, mono8",
+            "the image is {} × {} pixels, {} bytes a row, {:?}; its header says {width} × {height}, {stride}, {encoding}",
             image.width, image.height, image.step, image.encoding
         ));
     }
-    if stride < width || image.data.len() as u64 != u64::from(stride) * u64::from(height) {
+    if stride < least_stride_bytes(header) || image.data.len() as u64 != u64::from(stride) * u64::from(height) {
         return Err(format!("field data has {} bytes; expected {height} rows of {stride}", image.data.len()));
     }
     Ok(Content::Frame(*header, image.data))

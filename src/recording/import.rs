@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
-use crate::message::{FrameHeader, PATTERN_FRINGES, PIXEL_FORMAT_GREY, PatternEvent};
+use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
@@ -182,8 +182,8 @@ fn header(camera: u32, number: u64, image: &GreyImage, [time_ns, period_ns]: [u6
         exposure_ns: 0,
         width_px: image.width as u32,
         height_px: image.height as u32,
-        stride_bytes: image.width as u32,
-        pixel_format: PIXEL_FORMAT_GREY,
+        stride_bytes: (image.width * image.format.bytes()) as u32,
+        pixel_format: image.format.code(),
         flags: 0,
         camera,
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::cloud::{Cloud, read_records};
 use crate::config::Configuration;
 use crate::dataset::{GreyImage, Setup, Truth};
-use crate::message::{CloudHeader, FrameHeader, Window};
+use crate::message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
 use super::Topic;
 use super::collect::Collected;
@@ -162,6 +162,13 @@ impl Recording {
         })
     }
 
+    /// Format of the images: that of the first one.
+    #[must_use]
+    pub fn pixel_format(&self) -> PixelFormat {
+        let first = [1, 2].into_iter().find_map(|camera| self.frame_headers(camera).next());
+        first.and_then(|header| PixelFormat::of(header.pixel_format)).unwrap_or_default()
+    }
+
     /// Headers of the clouds in the order of their times.
     pub fn cloud_headers(&self) -> impl Iterator<Item = &CloudHeader> + '_ {
         self.entries.iter().filter_map(|entry| match &entry.header {
@@ -192,9 +199,11 @@ impl Recording {
             let what = format!("is {width} × {height} pixels; meta.json says {} × {}", expected[0], expected[1]);
             return Err(entry.problem(what).of(&self.path));
         }
+        // Decoding has found the format to be known.
+        let format = PixelFormat::of(header.pixel_format).unwrap_or_default();
         let rows = data.chunks_exact((header.stride_bytes as usize).max(1));
-        let pixels = rows.flat_map(|row| row.iter().take(width)).copied().collect();
-        Ok(GreyImage { width, height, pixels })
+        let pixels = rows.flat_map(|row| row.iter().take(width * format.bytes())).copied().collect();
+        Ok(GreyImage { width, height, format, pixels })
     }
 
     /// Images of camera 1 and 2 of a window, in the order of the shifts.

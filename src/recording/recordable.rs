@@ -5,7 +5,7 @@ use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, 
 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MapsHeader, PIXEL_FORMAT_GREY, PatternEvent, Stage,
+    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MapsHeader, PatternEvent, PixelFormat, Stage,
     StageReport, Window,
 };
 
@@ -90,8 +90,8 @@ impl Recordable<'_> {
     pub(super) fn topic(&self) -> Option<Topic> {
         match self {
             Self::Frame { header, image } => {
-                let fits = header.pixel_format == PIXEL_FORMAT_GREY
-                    && header.stride_bytes >= header.width_px
+                let fits = raw_encoding(header).is_some()
+                    && header.stride_bytes >= least_stride_bytes(header)
                     && image.len() as u64 == u64::from(header.stride_bytes) * u64::from(header.height_px);
                 match header.camera {
                     1 if fits => Some(Topic::Cam1Frame),
@@ -198,13 +198,27 @@ fn append_bytes(bytes: &mut Vec<u8>, key: u8, content: &[u8]) {
     bytes.extend_from_slice(content);
 }
 
+/// What Foxglove calls the format of an image; `None` for one that is not recorded.
+pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
+    Some(match PixelFormat::of(header.pixel_format)?.bytes() {
+        1 => "mono8",
+        _ => "mono16",
+    })
+}
+
+/// Bytes of a row without a gap after it.
+pub(super) fn least_stride_bytes(header: &FrameHeader) -> u32 {
+    let bytes = PixelFormat::of(header.pixel_format).map_or(1, PixelFormat::bytes);
+    header.width_px.saturating_mul(bytes as u32)
+}
+
 fn raw_image(header: &FrameHeader) -> RawImage {
     RawImage {
         timestamp: timestamp(header.exposure_start_ns),
         frame_id: format!("cam{}", header.camera),
         width: header.width_px,
         height: header.height_px,
-        encoding: "mono8".to_owned(),
+        encoding: raw_encoding(header).unwrap_or_default().to_owned(),
         step: header.stride_bytes,
         ..RawImage::default()
     }

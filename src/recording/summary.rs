@@ -23,6 +23,8 @@ pub struct Summary {
     pub origin: Origin,
     /// Width and height of the images, pixels.
     pub image_size_px: [usize; 2],
+    /// Format of the images, by V4L2's name.
+    pub pixel_format: &'static str,
     /// Steps of the shift cycle.
     pub steps: usize,
     /// From the first message to the last, seconds.
@@ -101,6 +103,7 @@ impl Recording {
             version: self.writer_version().to_owned(),
             origin: self.origin(),
             image_size_px: self.setup().image_size_px,
+            pixel_format: self.pixel_format().name(),
             steps: self.setup().steps,
             duration_s: seconds(last_ns - first_ns),
             topics: self.topic_summaries(),

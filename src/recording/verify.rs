@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::cloud::{Cloud, RECORD_BYTES, write_records};
 use crate::correspondence::SegmentTable;
+use crate::dataset::GreyImage;
 use crate::message::CloudHeader;
 use crate::phase::PhaseShifts;
 use crate::reconstruction::Reconstructor;
@@ -100,7 +101,7 @@ impl Recording {
             }
             Err(error) => return Err(error),
         };
-        let [cam1, cam2] = [&cam1, &cam2].map(|images| images.iter().map(|i| i.pixels.as_slice()).collect::<Vec<_>>());
+        let [cam1, cam2] = [&cam1, &cam2].map(|images| images.iter().map(GreyImage::levels).collect::<Vec<_>>());
         Ok(match reconstructor.reconstruct(&cam1, &cam2) {
             Ok(made) => compare(records, &made.cloud),
             Err(error) => VerifyOutcome::NoCloud(error.to_string()),

@@ -10,6 +10,7 @@
 use std::ops::ControlFlow;
 
 use crate::dataset::CameraId;
+use crate::grey::{GreyLevels, PixelFormat};
 
 use super::SimulationError;
 use super::view::View;
@@ -22,9 +23,10 @@ const TRACKED_POSES: usize = 16;
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageLoop {
     size_px: [usize; 2],
+    format: PixelFormat,
     poses: usize,
     steps: usize,
-    /// Grey levels, pose by pose, C1 before C2.
+    /// Bytes of the images, pose by pose, C1 before C2.
     pub(super) pixels: Vec<u8>,
 }
 
@@ -32,8 +34,9 @@ impl ImageLoop {
     /// A loop of black images.
     pub(super) fn dark(scanner: &VirtualScanner) -> Self {
         let (size_px, poses) = (scanner.options().rig.size_px, scanner.sweep().poses());
-        let pixels = vec![0; poses * 2 * size_px[0] * size_px[1]];
-        Self { size_px, poses, steps: scanner.options().steps, pixels }
+        let format = scanner.options().format;
+        let pixels = vec![0; poses * 2 * size_px[0] * size_px[1] * format.bytes()];
+        Self { size_px, format, poses, steps: scanner.options().steps, pixels }
     }
 
     /// Makes the images; `on_pose` is told after every pose and can break it off, which leaves `None`.
@@ -77,10 +80,11 @@ impl ImageLoop {
     /// The image of an exposure while the projector shows a step: that of the pose nearest to the exposure's turn among
     /// those with the step. `None` for a step that the loop has not.
     #[must_use]
-    pub fn image(&self, camera: CameraId, exposure_number: u64, step: u32) -> Option<&[u8]> {
+    pub fn image(&self, camera: CameraId, exposure_number: u64, step: u32) -> Option<GreyLevels<'_>> {
         let pose = self.pose(exposure_number, step)?;
         let bytes = self.image_bytes();
-        self.pixels.get((2 * pose + camera as usize) * bytes..)?.get(..bytes)
+        let image = self.pixels.get((2 * pose + camera as usize) * bytes..)?.get(..bytes)?;
+        Some(GreyLevels { format: self.format, bytes: image })
     }
 
     /// The pose that is shown in an exposure.
@@ -96,7 +100,7 @@ impl ImageLoop {
     }
 
     fn image_bytes(&self) -> usize {
-        self.size_px[0] * self.size_px[1]
+        self.size_px[0] * self.size_px[1] * self.format.bytes()
     }
 }
 
@@ -128,7 +132,7 @@ mod tests {
             assert!(apart.min(24 - apart) <= 2, "exposure {exposure}, step {step}: pose {pose}");
         }
         assert_eq!(images.pose(3, 4), None);
-        assert!(images.image(CameraId::Cam2, u64::MAX, 3).is_some_and(|image| image.len() == 80 * 64));
+        assert!(images.image(CameraId::Cam2, u64::MAX, 3).is_some_and(|image| image.pixels() == 80 * 64));
     }
 
     #[test]
@@ -147,7 +151,7 @@ mod tests {
             for camera in CameraId::BOTH {
                 let view = View::trace(&scanner.rig().exact, &scene, camera, 1).unwrap();
                 let expected = quiet.image(&view, &scanner.projected(pose % 4), scanner.image_seed(camera, pose));
-                let image = images.image(camera, pose as u64, (pose % 4) as u32).unwrap();
+                let image = images.image(camera, pose as u64, (pose % 4) as u32).unwrap().bytes;
                 let pairs = image.iter().zip(&expected.pixels);
                 let mean = pairs.map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>() / image.len() as f64;
                 assert!((0.3..3.0).contains(&mean), "pose {pose}, {camera:?}: {mean} grey levels apart");

@@ -1,6 +1,6 @@
 //! The camera's sensor: light to grey levels, with noise.
 //!
-//! In: a [`View`] and a projected pattern. Out: an 8-bit image. Noise is drawn per image and row from a seed, so that
+//! In: a [`View`] and a projected pattern. Out: an image of 8 to 16 bits. Noise is drawn per image and row from a seed, so that
 //! the bytes do not depend on threads.
 
 use std::f64::consts::TAU;
@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::dataset::GreyImage;
+use crate::grey::PixelFormat;
 
 use super::SimulationError;
 use super::projected::Projected;
@@ -29,7 +30,7 @@ pub struct Noise {
 /// The levels of noise that have a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseLevel {
-    /// Rounding to 8 bits alone.
+    /// Rounding to whole values alone.
     None,
     /// A good industrial camera, well lit.
     Low,
@@ -54,6 +55,8 @@ pub struct Sensor {
     pub black_level: f64,
     /// Noise; `None` for rounding alone.
     pub noise: Option<Noise>,
+    /// How values are stored, and so how finely they are rounded.
+    pub format: PixelFormat,
 }
 
 /// Which random numbers an image gets.
@@ -104,25 +107,32 @@ impl std::str::FromStr for NoiseLevel {
 }
 
 impl Sensor {
-    /// Exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing saturates.
+    /// An 8-bit sensor, exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing saturates.
     #[must_use]
     pub fn exposed(noise: Option<Noise>, gamma: f64) -> Self {
-        Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise }
+        Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise, format: PixelFormat::Grey }
     }
 
     /// The image of a pattern.
     #[must_use]
     pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
-        let mut pixels = vec![0; view.width * view.height];
-        pixels.par_chunks_mut(view.width.max(1)).enumerate().for_each(|(v, row)| {
+        let bytes = self.format.bytes();
+        let mut pixels = vec![0; view.width * view.height * bytes];
+        pixels.par_chunks_mut((view.width * bytes).max(1)).enumerate().for_each(|(v, row)| {
             let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, v));
-            for (u, pixel) in row.iter_mut().enumerate() {
+            for (u, pixel) in row.chunks_exact_mut(bytes).enumerate() {
                 let grey = self.grey(view, pattern, v * view.width + u);
                 let noisy = noise.as_mut().map_or(grey, |noise| noise.apply(grey));
-                *pixel = noisy.round().clamp(0.0, 255.0) as u8;
+                pixel.copy_from_slice(&self.value(noisy).to_le_bytes()[..bytes]);
             }
         });
-        GreyImage { width: view.width, height: view.height, pixels }
+        GreyImage { width: view.width, height: view.height, format: self.format, pixels }
+    }
+
+    /// The whole value nearest to a grey level.
+    fn value(&self, grey: f64) -> u16 {
+        let value = grey / f64::from(self.format.grey_per_value());
+        value.round().clamp(0.0, self.format.max_value().into()) as u16
     }
 
     /// Grey level of a pixel before noise and rounding; `index` counts row by row, below `width · height`.

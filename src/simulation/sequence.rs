@@ -8,6 +8,7 @@ use serde_json::json;
 use crate::calibration::Unit;
 use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, ImageKind, RenderedTruth};
 use crate::evaluation::{egc, limit_to_gray_code};
+use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
 use super::projected::{Direction, Projected};
@@ -32,6 +33,8 @@ pub struct SimulationOptions {
     pub gray: bool,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
+    /// Depth of the images.
+    pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
     /// Samples along each side of a pixel, 1 to 4.
@@ -163,7 +166,8 @@ impl Simulation {
     pub fn write(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<(), SimulationError> {
         let writer = DatasetWriter::create(folder, &self.description())?;
         writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
-        let sensor = Sensor::exposed(self.options.noise.noise(), self.options.gamma);
+        let options = &self.options;
+        let sensor = Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) };
         for (image, (kind, pattern)) in self.images().into_iter().enumerate() {
             for (camera, view) in CameraId::BOTH.into_iter().zip(&self.views) {
                 let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: image as u32 };
@@ -190,6 +194,7 @@ impl Simulation {
             name: options.object.name().to_owned(),
             unit: UNIT,
             image_size_px: options.rig.size_px,
+            pixel_format: options.format,
             steps: options.steps,
             sequence: self.sequence(Direction::Columns),
             second_direction: options.two_directions.then(|| self.sequence(Direction::Rows)),
@@ -200,7 +205,8 @@ impl Simulation {
     }
 
     fn remarks(&self) -> serde_json::Map<String, serde_json::Value> {
-        let mut remarks = remarks(&self.rig, self.options.noise, self.options.gamma, self.options.seed);
+        let options = &self.options;
+        let mut remarks = remarks(&self.rig, options.noise, options.format, options.gamma, options.seed);
         remarks.insert("truth".to_owned(), json!("truth.npz in the frame of C1 (exact calibration)"));
         remarks
     }
@@ -215,18 +221,19 @@ pub(super) fn even_shifts_rad(steps: usize) -> Vec<f64> {
 pub(super) fn remarks(
     rig: &VirtualRig,
     level: NoiseLevel,
+    format: PixelFormat,
     gamma: f64,
     seed: u64,
 ) -> serde_json::Map<String, serde_json::Value> {
     let noise = level.noise().map_or_else(
-        || json!({ "level": level.name(), "adc_bits": 8 }),
+        || json!({ "level": level.name(), "adc_bits": format.bits() }),
         |noise| {
             json!({
                 "level": level.name(),
                 "full_well_e_at_255": noise.full_well_e,
                 "read_noise_e": noise.read_noise_e,
                 "prnu": noise.prnu,
-                "adc_bits": 8,
+                "adc_bits": format.bits(),
             })
         },
     );

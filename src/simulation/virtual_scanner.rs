@@ -6,6 +6,7 @@
 use crate::calibration::calibration_text;
 use crate::dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
 use crate::geometry::{Point3, Pose};
+use crate::grey::PixelFormat;
 
 use super::object::Object;
 use super::projected::{Direction, Projected};
@@ -28,6 +29,8 @@ pub struct VirtualScannerOptions {
     pub steps: usize,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
+    /// Depth of the images.
+    pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
     /// Samples along each side of a pixel, 1 to 4.
@@ -100,6 +103,7 @@ impl VirtualScanner {
             name: options.object.name().to_owned(),
             unit: UNIT,
             image_size_px: options.rig.size_px,
+            pixel_format: options.format,
             steps: options.steps,
             sequence: FringeSequence {
                 pattern: self.rig.columns,
@@ -109,7 +113,7 @@ impl VirtualScanner {
             second_direction: None,
             volume: self.rig.volume.clone(),
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
-            remarks: remarks(&self.rig, options.noise, options.gamma, options.seed),
+            remarks: remarks(&self.rig, options.noise, options.format, options.gamma, options.seed),
         };
         Ok(SetupText { description: description.text()?, calibration: calibration_text(&self.rig.calibrated, UNIT) })
     }
@@ -128,7 +132,8 @@ impl VirtualScanner {
 
     /// The cameras.
     pub(super) fn sensor(&self) -> Sensor {
-        Sensor::exposed(self.options.noise.noise(), self.options.gamma)
+        let options = &self.options;
+        Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) }
     }
 
     /// What the projector shows in a step.
@@ -191,6 +196,7 @@ pub(super) mod tests {
             },
             steps: 4,
             noise: NoiseLevel::Normal,
+            format: PixelFormat::Grey,
             gamma: 1.0,
             supersampling: 1,
             sweep: SweepOptions { poses: 24, ..SweepOptions::default() },

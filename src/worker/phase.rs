@@ -1,6 +1,7 @@
 //! From the images of both cameras to their phase maps.
 
 use crate::geometry::Rig;
+use crate::grey::GreyLevels;
 use crate::phase::{PhaseMap, PhaseShifts, Validity, decode};
 
 /// Decoded phase of both cameras.
@@ -24,7 +25,8 @@ pub struct PhaseWorker {
 /// The images of a camera do not fit the rig or the shifts.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "camera {camera}: got {images} images, of {pixels:?} pixels each; expected {steps} images of {expected} pixels"
+    "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {steps} images of {expected} \
+     pixels, all in one format"
 )]
 pub struct ImagesError {
     /// 1 or 2.
@@ -33,6 +35,8 @@ pub struct ImagesError {
     pub images: usize,
     /// Pixels of each.
     pub pixels: Vec<usize>,
+    /// Format of each.
+    pub formats: Vec<&'static str>,
     /// Number of shifts.
     pub steps: usize,
     /// Pixels that the rig's camera has.
@@ -50,19 +54,25 @@ impl PhaseWorker {
     /// Decodes one sequence: the images of C1 and of C2, grey levels row by row, in the order of the shifts.
     ///
     /// # Errors
-    /// Images of another number or size.
-    pub fn step(&mut self, cam1: &[&[u8]], cam2: &[&[u8]], out: &mut PhasePair) -> Result<(), ImagesError> {
+    /// Images of another number or size, or of different depths.
+    pub fn step(
+        &mut self,
+        cam1: &[GreyLevels<'_>],
+        cam2: &[GreyLevels<'_>],
+        out: &mut PhasePair,
+    ) -> Result<(), ImagesError> {
         out.cam1 = self.decode(1, cam1, self.cam1_px)?;
         out.cam2 = self.decode(2, cam2, self.cam2_px)?;
         Ok(())
     }
 
-    fn decode(&self, camera: u8, images: &[&[u8]], size_px: [usize; 2]) -> Result<PhaseMap, ImagesError> {
+    fn decode(&self, camera: u8, images: &[GreyLevels<'_>], size_px: [usize; 2]) -> Result<PhaseMap, ImagesError> {
         let [width, height] = size_px;
         decode(images, width, height, &self.shifts, &self.validity).ok_or_else(|| ImagesError {
             camera,
             images: images.len(),
-            pixels: images.iter().map(|i| i.len()).collect(),
+            pixels: images.iter().map(|image| image.pixels()).collect(),
+            formats: images.iter().map(|image| image.format.name()).collect(),
             steps: self.shifts.steps(),
             expected: width * height,
         })

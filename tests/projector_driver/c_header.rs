@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use fringeflow::message::{
-    self, ControlRequest, ControlResponse, FrameHeader, PATTERN_FRINGES, PIXEL_FORMAT_GREY, PatternEvent, ScanState,
-    Text, flags,
+    self, ControlRequest, ControlResponse, FrameHeader, PATTERN_FRINGES, PatternEvent, PixelFormat, ScanState, Text,
+    flags,
 };
 use fringeflow::transport::ChannelId;
 
@@ -74,14 +74,15 @@ fn numbers() -> Vec<Line> {
     let commands = commands.map(|(name, command)| (format!("FRINGEFLOW_COMMAND_{name}"), u64::from(command as u32)));
     let others = [
         ("FRINGEFLOW_PATTERN_FRINGES", PATTERN_FRINGES),
-        ("FRINGEFLOW_PIXEL_FORMAT_GREY", PIXEL_FORMAT_GREY),
         ("FRINGEFLOW_FRAME_DAMAGED", flags::DAMAGED),
         ("FRINGEFLOW_FRAME_START_RECKONED", flags::START_RECKONED),
         ("FRINGEFLOW_FRAME_REPLAYED", flags::REPLAYED),
         ("FRINGEFLOW_TEXT_BYTES", size_of::<Text>() as u32),
     ];
     let others = others.map(|(name, value)| (name.to_owned(), u64::from(value)));
-    commands.into_iter().chain(others).collect()
+    let formats =
+        PixelFormat::ALL.map(|format| (format!("FRINGEFLOW_PIXEL_FORMAT_{}", format.name()), u64::from(format.code())));
+    commands.into_iter().chain(others).chain(formats).collect()
 }
 
 /// The name under which iceoryx2 knows a struct of src/message.

@@ -212,7 +212,8 @@ impl Control {
     }
 
     /// A value with the name of the item, where it is one of a menu.
-    pub(crate) fn shown(&self, value: &ControlValue) -> String {
+    #[must_use]
+    pub fn shown(&self, value: &ControlValue) -> String {
         let item = self.items.iter().find(|item| *value == ControlValue::Number(item.number));
         item.map_or_else(|| value.to_string(), |item| format!("{value} ({})", item.name))
     }

@@ -110,7 +110,8 @@ pub(crate) fn summary(formats: &[OfferedFormat]) -> String {
 }
 
 /// Rates in one line, for people.
-pub(crate) fn rates_text(rates_hz: &[[f64; 2]]) -> String {
+#[must_use]
+pub fn rates_text(rates_hz: &[[f64; 2]]) -> String {
     let rate = |&[slowest, fastest]: &[f64; 2]| match slowest == fastest {
         true => shown(fastest),
         false => format!("{} to {}", shown(slowest), shown(fastest)),

@@ -23,17 +23,24 @@ use crate::timings::{self, Signal, TimingsError};
 /// Unit of the control of the exposure, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;
 
+/// The images that are wanted of a camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// What it sends.
+    pub format: SourceFormat,
+    /// Width and height, pixels.
+    pub size_px: [usize; 2],
+    /// Images a second.
+    pub rate_hz: f64,
+}
+
 /// A device that is ready to stream.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     /// The buffers that it needs.
     pub(crate) kind: BufferKind,
-    /// What it sends.
-    pub(crate) format: SourceFormat,
     /// Bytes from one row to the next.
     pub(crate) stride_bytes: usize,
-    /// Images a second, if it says so.
-    pub(crate) rate_hz: Option<f64>,
     /// Length of an exposure, nanoseconds, where configuration or device say so.
     pub(crate) exposure_ns: Option<u64>,
     /// What was read back, and what could not be, for people.
@@ -99,13 +106,8 @@ impl PrepareError {
 ///
 /// # Errors
 /// It is no camera, does not take a setting as written, or is gone or busy.
-pub(crate) fn prepare(
-    device: &Device,
-    camera: &V4l2Camera,
-    format: SourceFormat,
-    size_px: [usize; 2],
-    rate_hz: f64,
-) -> Result<Prepared, PrepareError> {
+pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> Result<Prepared, PrepareError> {
+    let Wanted { format, size_px, rate_hz } = *wanted;
     let capability = Capability::read(device)?;
     let kind = stream_of(&capability)?;
     let signal = camera.video_timings.map(|wanted| timings::set(device, wanted)).transpose()?;
@@ -135,14 +137,7 @@ pub(crate) fn prepare(
             .map_or_else(|| "length of exposure unknown".to_owned(), |ns| format!("exposure {} ms", ns as f64 * 1e-6)),
     );
     notes.extend(read);
-    Ok(Prepared {
-        kind: layout.kind,
-        format,
-        stride_bytes: layout.stride_bytes as usize,
-        rate_hz: found_hz,
-        exposure_ns,
-        notes,
-    })
+    Ok(Prepared { kind: layout.kind, stride_bytes: layout.stride_bytes as usize, exposure_ns, notes })
 }
 
 fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {

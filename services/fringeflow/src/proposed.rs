@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use fringeflow::config::Configuration;
 use fringeflow::correspondence::{SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
+use fringeflow::grey::GreyLevels;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
 
@@ -58,7 +59,7 @@ impl ProposedArgs {
         bar.set_message("correspondences");
         let reconstructor = Reconstructor::new(&setup.rig, table, shifts, configuration.settings);
         let mut reconstructor = reconstructor.map_err(|e| input.unusable(&e))?;
-        let reconstruction = reconstructor.reconstruct(&views(&cam1), &views(&cam2));
+        let reconstruction = reconstructor.reconstruct(&levels(&cam1), &levels(&cam2));
         bar.finish_and_clear();
         reconstruction.map_err(|e| input.unusable(&e))
     }
@@ -90,8 +91,8 @@ impl ProposedArgs {
     }
 }
 
-fn views(images: &[GreyImage]) -> Vec<&[u8]> {
-    images.iter().map(|i| i.pixels.as_slice()).collect()
+fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
+    images.iter().map(GreyImage::levels).collect()
 }
 
 /// `A..B` as a range.

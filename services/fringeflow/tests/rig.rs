@@ -48,7 +48,7 @@ fn prints_json_with_every_part_and_writes_the_maps() {
     assert!(!report["evaluation"]["comb"]["teeth"].as_array().unwrap().is_empty());
     assert!(!report["advice"].as_array().unwrap().is_empty());
     for name in ["periods.png", "survivors.png"] {
-        let map = fringeflow::dataset::read_png(&folder.path().join(name), Some([20, 16])).unwrap();
+        let map = fringeflow::dataset::read_png(&folder.path().join(name), Some([20, 16]), None).unwrap();
         assert!(map.pixels.iter().any(|&grey| grey > 0), "{name}");
     }
 }

@@ -2,47 +2,52 @@
 
 use std::rc::Rc;
 
-use fringeflow::message::{DropReason, FrameHeader, PIXEL_FORMAT_GREY, flags};
+use fringeflow::grey::GreyLevels;
+use fringeflow::message::{DropReason, FrameHeader, PixelFormat, flags};
 use fringeflow::transport::Received;
 
 /// Grey levels of an image, row by row without gaps; clones share them.
 #[derive(Clone, Debug)]
 pub(crate) enum Image {
     /// In shared memory.
-    Shared(Rc<Received<FrameHeader, [u8]>>),
+    Shared(PixelFormat, Rc<Received<FrameHeader, [u8]>>),
     /// Copied, since its rows have gaps.
-    Packed(Rc<[u8]>),
+    Packed(PixelFormat, Rc<[u8]>),
 }
 
 impl Image {
-    /// Takes an image of the size that the rig has.
+    /// Takes an image of the size that the rig has, in the format that the configuration names.
     ///
     /// # Errors
     /// It is damaged, or of another size or format.
-    pub(crate) fn of(received: Received<FrameHeader, [u8]>, size_px: [usize; 2]) -> Result<Self, DropReason> {
+    pub(crate) fn of(
+        received: Received<FrameHeader, [u8]>,
+        size_px: [usize; 2],
+        format: PixelFormat,
+    ) -> Result<Self, DropReason> {
         let header = received.header();
-        let [width, height] = size_px;
+        let (row_bytes, height) = (size_px[0] * format.bytes(), size_px[1]);
         let stride = header.stride_bytes as usize;
         let fits = [header.width_px as usize, header.height_px as usize] == size_px
-            && header.pixel_format == PIXEL_FORMAT_GREY
+            && header.pixel_format == format.code()
             && header.flags & flags::DAMAGED == 0
-            && stride >= width
+            && stride >= row_bytes
             && stride.checked_mul(height) == Some(received.payload().len());
         if !fits {
             return Err(DropReason::BadImage);
         }
-        if stride == width {
-            return Ok(Self::Shared(Rc::new(received)));
+        if stride == row_bytes {
+            return Ok(Self::Shared(format, Rc::new(received)));
         }
-        let rows = received.payload().chunks_exact(stride).flat_map(|row| &row[..width]);
-        Ok(Self::Packed(rows.copied().collect()))
+        let rows = received.payload().chunks_exact(stride).flat_map(|row| &row[..row_bytes]);
+        Ok(Self::Packed(format, rows.copied().collect()))
     }
 
     /// The grey levels.
-    pub(crate) fn pixels(&self) -> &[u8] {
+    pub(crate) fn levels(&self) -> GreyLevels<'_> {
         match self {
-            Self::Shared(received) => received.payload(),
-            Self::Packed(pixels) => pixels,
+            Self::Shared(format, received) => GreyLevels { format: *format, bytes: received.payload() },
+            Self::Packed(format, bytes) => GreyLevels { format: *format, bytes },
         }
     }
 }

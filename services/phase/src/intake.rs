@@ -2,7 +2,7 @@
 
 use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, Stage};
+use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
 use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError, receive};
@@ -19,6 +19,7 @@ pub(crate) struct Intake {
     wake: Wake,
     synchronizer: Synchronizer<Image>,
     size_px: [usize; 2],
+    format: PixelFormat,
     pattern: Ledger,
     pairing: Ledger,
     windowing: Ledger,
@@ -60,6 +61,7 @@ impl Intake {
             wake,
             synchronizer,
             size_px,
+            format: host.configuration.pixel_format(),
             pattern,
             pairing,
             windowing,
@@ -151,7 +153,7 @@ impl Intake {
     }
 
     fn admit(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {
-        match Image::of(frame, self.size_px) {
+        match Image::of(frame, self.size_px, self.format) {
             Ok(image) => self.synchronizer.frame(header, image),
             Err(reason) => self.synchronizer.refuse_frame(&header, reason),
         }

@@ -96,7 +96,7 @@ impl Decoding {
             return Ok(self.account.drop_one(DropReason::NextStageBusy)?);
         }
         let [cam1, cam2] =
-            [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::pixels).collect::<Vec<_>>());
+            [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
         if let Err(error) = self.worker.step(&cam1, &cam2, &mut self.maps) {
             tracing::warn!("{error}");
             return Ok(self.account.drop_one(DropReason::BadImage)?);

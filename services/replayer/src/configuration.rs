@@ -34,6 +34,7 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
     let when_busy = if pace == Pace::Fastest { "wait" } else { "skip" };
     set(&mut table, "instance", "name", name.into());
     set(&mut table, "cameras", "source", "external".into());
+    set(&mut table, "cameras", "format", recording.pixel_format().name().into());
     set(&mut table, "cameras", "rate_hz", rate_hz(recording).into());
     set(&mut table, "projector", "driver", driver.into());
     set(&mut table, "window", "when_busy", when_busy.into());

@@ -6,7 +6,7 @@ use std::time::Duration;
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, Skew, Stage, StageReport};
+use fringeflow::message::{Counts, DropReason, PixelFormat, Skew, Stage, StageReport};
 use fringeflow::transport::{ChannelSizes, Instance, Node, Publisher, REPORT_STAGE, TransportError};
 use fringeflow::wire;
 
@@ -99,7 +99,7 @@ impl Host {
         let setup = arguments.setup(&configuration)?;
         let instance = Instance::new(&configuration.name)?;
         let node = Node::open(&instance, name)?;
-        let sizes = channel_sizes(&setup);
+        let sizes = channel_sizes(&setup, configuration.pixel_format());
         let reports = Publisher::open(&node, REPORT_STAGE, &sizes)?;
         let accounts = accounts_folder(&instance);
         let restarts = arguments.restarts;
@@ -213,12 +213,12 @@ impl Host {
     }
 }
 
-/// Sizes of the messages that a setup leads to.
+/// Sizes of the messages that a setup and the format of its images lead to.
 #[must_use]
-pub fn channel_sizes(setup: &Setup) -> ChannelSizes {
+pub fn channel_sizes(setup: &Setup, format: PixelFormat) -> ChannelSizes {
     let pixels = setup.image_pixels();
     ChannelSizes {
-        frame_bytes: pixels,
+        frame_bytes: pixels * format.bytes(),
         window: setup.steps,
         map_blocks: wire::maps::blocks(pixels),
         correspondence_blocks: wire::correspondences::blocks(pixels),

@@ -117,7 +117,7 @@ pub struct Outcome {
 /// [`RunError`]; nothing is left running.
 pub fn run<'s>(plan: &Plan, source: Option<&'s mut (dyn Source + 's)>) -> Result<Outcome, RunError> {
     let instance = Instance::new(&plan.configuration.name)?;
-    check_shared_memory(&channel_sizes(&plan.setup))?;
+    check_shared_memory(&channel_sizes(&plan.setup, plan.configuration.pixel_format()))?;
     let lock = InstanceLock::take(&instance)?;
     let accounts = accounts_folder(&instance);
     remove_folder(&accounts)?;
@@ -200,7 +200,7 @@ impl<'a, 's> Supervisor<'a, 's> {
         let stop =
             Stop::on_signals().map_err(|source| RunError::System { what: "signals cannot be handled", source })?;
         let node = Node::open(instance, "supervisor")?;
-        let sizes = channel_sizes(&plan.setup);
+        let sizes = channel_sizes(&plan.setup, plan.configuration.pixel_format());
         let ports = Ports::open(&node, &sizes)?;
         let launch =
             Launch { program: plan.program.clone(), before: plan.before.clone(), behind: plan.arguments.clone() };

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use fringeflow::dataset::CameraId;
-use fringeflow::message::{FrameHeader, PIXEL_FORMAT_GREY};
+use fringeflow::message::{FrameHeader, PixelFormat};
 use fringeflow::simulation::{Faults, ImageFault};
 
 use crate::trigger::Trigger;
@@ -54,6 +54,7 @@ pub(crate) struct VirtualCamera {
     id: CameraId,
     session: u64,
     size_px: [u32; 2],
+    format: PixelFormat,
     timing: Timing,
     faults: Faults,
     /// In the order of their arrival.
@@ -81,8 +82,26 @@ impl Timing {
 impl VirtualCamera {
     /// A camera; `session` tells this start from others.
     #[must_use]
-    pub(crate) fn new(id: CameraId, session: u64, size_px: [u32; 2], timing: Timing, faults: Faults) -> Self {
-        Self { id, session, size_px, timing, faults, waiting: VecDeque::new(), held: None, release: false, free_ns: 0 }
+    pub(crate) fn new(
+        id: CameraId,
+        session: u64,
+        size_px: [u32; 2],
+        format: PixelFormat,
+        timing: Timing,
+        faults: Faults,
+    ) -> Self {
+        Self {
+            id,
+            session,
+            size_px,
+            format,
+            timing,
+            faults,
+            waiting: VecDeque::new(),
+            held: None,
+            release: false,
+            free_ns: 0,
+        }
     }
 
     /// Exposes. A trigger during the exposure before is lost, as in a real camera.
@@ -157,8 +176,8 @@ impl VirtualCamera {
             exposure_ns: self.timing.exposure_ns,
             width_px,
             height_px,
-            stride_bytes: width_px,
-            pixel_format: PIXEL_FORMAT_GREY,
+            stride_bytes: width_px * self.format.bytes() as u32,
+            pixel_format: self.format.code(),
             flags: 0,
             camera: self.id as u32 + 1,
         }
@@ -174,7 +193,7 @@ mod tests {
 
     fn camera(options: FaultOptions) -> VirtualCamera {
         let timing = Timing::usual(CameraId::Cam2, PERIOD_NS);
-        VirtualCamera::new(CameraId::Cam2, 5, [64, 48], timing, Faults::new(options).unwrap())
+        VirtualCamera::new(CameraId::Cam2, 5, [64, 48], PixelFormat::Y10, timing, Faults::new(options).unwrap())
     }
 
     fn trigger(number: u64) -> Trigger {
@@ -207,7 +226,7 @@ mod tests {
         let header = camera.header(&shot, due_ns + 9, 12);
         assert_eq!((header.session, header.sequence, header.published, header.camera), (5, 3, 12, 2));
         assert_eq!((header.exposure_start_ns, header.received_ns), (3 * PERIOD_NS + 40_000, due_ns + 9));
-        assert_eq!((header.width_px, header.height_px, header.stride_bytes), (64, 48, 64));
+        assert_eq!((header.width_px, header.height_px, header.stride_bytes), (64, 48, 128));
         assert_eq!((shot.step, camera.arrived(u64::MAX)), (Some(3), None));
     }
 

@@ -16,7 +16,7 @@ pub(crate) struct Capture {
     camera: VirtualCamera,
     account: Account,
     output: Publisher<FrameHeader, [u8]>,
-    pixels: usize,
+    image_bytes: usize,
 }
 
 impl Capture {
@@ -26,14 +26,14 @@ impl Capture {
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
         };
         let timing = Timing::usual(id, host.configuration.frame_period_ns());
-        let size_px = host.setup.image_size_px.map(|side| side as u32);
+        let (size_px, format) = (host.setup.image_size_px.map(|side| side as u32), host.configuration.pixel_format());
         Ok(Self {
             id,
             stage,
-            camera: VirtualCamera::new(id, session, size_px, timing, faults),
+            camera: VirtualCamera::new(id, session, size_px, format, timing, faults),
             account: host.account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
-            pixels: host.setup.image_pixels(),
+            image_bytes: host.setup.image_pixels() * format.bytes(),
         })
     }
 
@@ -69,8 +69,8 @@ impl Capture {
     /// Sends the image of a shot; darkness where the projector shows what is not simulated.
     fn send(&mut self, header: &FrameHeader, shot: &Shot, images: &ImageLoop) -> Result<(), TransportError> {
         match shot.step.and_then(|step| images.image(self.id, shot.number, step)) {
-            Some(image) => self.output.send(header, image),
-            None => self.output.send_filled(header, self.pixels, |_| ()),
+            Some(image) => self.output.send(header, image.bytes),
+            None => self.output.send_filled(header, self.image_bytes, |_| ()),
         }
     }
 

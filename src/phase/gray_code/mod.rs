@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use self::cells::{Bits, Cells};
 use super::PhaseMap;
 use crate::geometry::FringePattern;
+use crate::grey::GreyLevels;
 
 /// A bit is unsure closer to its threshold than this many standard deviations of the noise.
 const MARGIN_IN_SD: f32 = 2.0;
@@ -45,7 +46,7 @@ pub struct AbsolutePhase {
 #[derive(Clone, Copy, Debug)]
 pub enum Threshold<'a> {
     /// The mean of a fully lit and an unlit image.
-    WhiteAndBlack(&'a [u8], &'a [u8]),
+    WhiteAndBlack(GreyLevels<'a>, GreyLevels<'a>),
     /// The mean of the phase images, as the phase map has it.
     MeanOfPhaseImages,
 }
@@ -88,7 +89,7 @@ pub fn decode_gray_code(
     phase: &PhaseMap,
     pattern: &FringePattern,
     code: &GrayCode,
-    images: &[&[u8]],
+    images: &[GreyLevels<'_>],
     threshold: Threshold<'_>,
     noise_grey: f32,
 ) -> Result<AbsolutePhase, GrayCodeError> {
@@ -97,7 +98,7 @@ pub fn decode_gray_code(
     let margin = MARGIN_IN_SD * noise_grey;
     let decode = |i: usize| {
         let level = threshold.level(phase, i);
-        let bits = Bits::read(images.iter().map(|image| f32::from(image[i]) - level), margin);
+        let bits = Bits::read(images.iter().map(|image| image.grey(i) - level), margin);
         let turns = phase.valid[i].then(|| cells.absolute_turns(&bits, f64::from(phase.phase[i]) / 65536.0)).flatten();
         (turns.map_or(0.0, |t| t as f32), turns.is_some())
     };
@@ -105,21 +106,26 @@ pub fn decode_gray_code(
     Ok(AbsolutePhase { width: phase.width, height: phase.height, turns, valid })
 }
 
-fn check(phase: &PhaseMap, code: &GrayCode, images: &[&[u8]], threshold: Threshold<'_>) -> Result<(), GrayCodeError> {
+fn check(
+    phase: &PhaseMap,
+    code: &GrayCode,
+    images: &[GreyLevels<'_>],
+    threshold: Threshold<'_>,
+) -> Result<(), GrayCodeError> {
     if images.len() != code.images {
         return Err(GrayCodeError::Count { found: images.len(), expected: code.images });
     }
     let (width, height) = (phase.width, phase.height);
     for (index, image) in images.iter().copied().chain(threshold.images()).enumerate() {
-        if image.len() != width * height {
-            return Err(GrayCodeError::Size { index, found: image.len(), width, height });
+        if image.pixels() != width * height {
+            return Err(GrayCodeError::Size { index, found: image.pixels(), width, height });
         }
     }
     Ok(())
 }
 
 impl<'a> Threshold<'a> {
-    fn images(self) -> impl Iterator<Item = &'a [u8]> {
+    fn images(self) -> impl Iterator<Item = GreyLevels<'a>> {
         let pair = match self {
             Self::WhiteAndBlack(white, black) => [Some(white), Some(black)],
             Self::MeanOfPhaseImages => [None; 2],
@@ -130,7 +136,7 @@ impl<'a> Threshold<'a> {
     /// Grey level between dark and lit at a pixel.
     fn level(self, phase: &PhaseMap, pixel: usize) -> f32 {
         match self {
-            Self::WhiteAndBlack(white, black) => (f32::from(white[pixel]) + f32::from(black[pixel])) / 2.0,
+            Self::WhiteAndBlack(white, black) => (white.grey(pixel) + black.grey(pixel)) / 2.0,
             Self::MeanOfPhaseImages => f32::from(phase.mean[pixel]),
         }
     }
@@ -143,8 +149,8 @@ mod tests {
 
     const BITS: usize = 6;
 
-    fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
-        images.iter().map(Vec::as_slice).collect()
+    fn slices(images: &[Vec<u8>]) -> Vec<GreyLevels<'_>> {
+        images.iter().map(|image| GreyLevels::eight_bit(image)).collect()
     }
 
     /// Grey levels of the code images at projector columns, dark 40 and lit 160, blurred over `blur_px` columns.
@@ -265,7 +271,7 @@ mod tests {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let map = PhaseMap { mean: vec![0], ..phase_map(&pattern, &[193.0], 0.0) };
         let (images, code) = (encode(&[193.0], 9.0, 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
-        let threshold = Threshold::WhiteAndBlack(&[160], &[40]);
+        let threshold = Threshold::WhiteAndBlack(GreyLevels::eight_bit(&[160]), GreyLevels::eight_bit(&[40]));
         let found = decode_gray_code(&map, &pattern, &code, &slices(&images), threshold, 1.0).unwrap();
         assert!((f64::from(found.turns[0]) - pattern.phase_turns(193.0)).abs() < 1e-3);
     }

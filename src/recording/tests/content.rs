@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::cloud::write_records;
-use crate::dataset::{CameraId, Dataset};
+use crate::dataset::{CameraId, Dataset, GreyImage};
 use crate::reconstruction::Reconstructor;
 
 /// Records the dataset with the clouds of its windows `steps`, as `alter` leaves them.
@@ -10,7 +10,7 @@ fn with_cloud(folder: &Folder, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>
     let imported = Recording::open(&imported(folder)).unwrap();
     let mut reconstructor: Reconstructor = imported.reconstructor().unwrap();
     let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
-    let [cam1, cam2] = images.each_ref().map(|images| images.iter().map(|i| i.pixels.as_slice()).collect::<Vec<_>>());
+    let [cam1, cam2] = images.each_ref().map(|images| images.iter().map(GreyImage::levels).collect::<Vec<_>>());
     let made = reconstructor.reconstruct(&cam1, &cam2).unwrap();
     assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
     let mut records = Vec::new();

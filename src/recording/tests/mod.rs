@@ -15,8 +15,8 @@ use tempfile::TempDir;
 use super::*;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, PIXEL_FORMAT_GREY,
-    PatternEvent, Skew, Stage, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, PatternEvent,
+    PixelFormat, Skew, Stage, StageReport, Window,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -64,6 +64,7 @@ fn dataset() -> &'static Dataset {
             two_directions: false,
             gray: false,
             noise: NoiseLevel::None,
+            format: PixelFormat::Grey,
             gamma: 1.0,
             supersampling: 1,
             seed: 1,
@@ -117,7 +118,7 @@ fn frame(camera: u32, sequence: u64) -> FrameHeader {
         width_px: width,
         height_px: height,
         stride_bytes: width + 8,
-        pixel_format: PIXEL_FORMAT_GREY,
+        pixel_format: PixelFormat::Grey.code(),
         flags: 2,
         camera,
     }

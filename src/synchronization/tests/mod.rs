@@ -1,5 +1,6 @@
 //! Random streams against their truth, and single cases by hand.
 
+mod cameras;
 mod cases;
 mod stream;
 

@@ -1,5 +1,6 @@
 //! One module a subcommand: its arguments and what it does with the library.
 
+mod cameras;
 mod check;
 mod control;
 mod evaluate;
@@ -11,6 +12,7 @@ mod recover;
 mod replay;
 mod rig;
 mod run;
+mod scanner_check;
 mod service;
 mod simulate;
 mod status;
@@ -20,6 +22,8 @@ use crate::failure::Failure;
 /// The subcommands.
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
+    /// List the V4L2 cameras: formats, sizes, rates, controls, and the line of the configuration that names each.
+    Cameras(cameras::Args),
     /// Command a running instance: start, stop, record, mark, quit.
     Control(control::Args),
     /// Check a recording: read every record, compare checksums, counts and windows.
@@ -62,6 +66,7 @@ impl Command {
     /// `threads`: what the services of an instance are to use.
     pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
         match self {
+            Self::Cameras(args) => args.run(),
             Self::Control(args) => args.run(),
             Self::Check(args) => args.run(),
             Self::Evaluate(args) => args.run(),

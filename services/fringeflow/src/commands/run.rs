@@ -8,10 +8,12 @@ use fringeflow_supervisor::{Plan, ServiceKind, live_services, run};
 use crate::failure::Failure;
 use crate::run_summary::{self, Summary};
 
+use super::scanner_check;
+
 /// Arguments of `fringeflow run`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Configuration of the scanner, see configs/demo.toml.
+    /// Configuration of the scanner, see configs/scanner.toml and configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
     /// File of the segment table: read if it exists, else computed and written.
@@ -23,7 +25,12 @@ pub(crate) struct Args {
     /// Record to this file from the start; it must not exist.
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
-    /// Print the summary as one JSON object.
+    /// Only look whether everything is there and as the configuration says: cameras, calibration, memory, folders.
+    ///
+    /// Exit code 2: something is wrong. The cameras are set as configured and let go again.
+    #[arg(long, conflicts_with_all = ["seconds", "record"])]
+    check: bool,
+    /// Print the summary, or what was checked, as one JSON object.
     #[arg(long)]
     json: bool,
 }
@@ -38,10 +45,14 @@ impl Args {
             restarts: 0,
             supervised: false,
         };
+        if self.check {
+            return scanner_check::check(&arguments, self.json);
+        }
         let configuration = arguments.configuration()?;
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
         let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
         let plan = plan(&arguments, threads, live_services(&configuration), recording)?;
+        scanner_check::refuse_settings(&plan.configuration, &plan.setup)?;
         let outcome = run(&Plan { duration_ns: self.duration_ns()?, ..plan }, None)?;
         run_summary::print(&Summary::of(&outcome), self.json)?;
         run_summary::judge(&outcome)

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use fringeflow::dataset::check_new;
+use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
     Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
     SimulationSummary,
@@ -34,6 +35,9 @@ pub(crate) struct Args {
     /// Noise of the cameras: none, low, normal or high.
     #[arg(long, value_name = "LEVEL", default_value = "normal", value_parser = NoiseLevel::from_str)]
     noise: NoiseLevel,
+    /// Depth of the images: GREY for 8 bits, or Y10, Y12, Y14 or Y16.
+    #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = format)]
+    format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     #[arg(long, value_name = "G", default_value_t = 1.0)]
     gamma: f64,
@@ -102,6 +106,7 @@ impl Args {
             two_directions: self.two_directions,
             gray: !self.no_gray,
             noise: self.noise,
+            format: self.format,
             gamma: self.gamma,
             supersampling: self.supersampling,
             seed: self.seed,
@@ -133,6 +138,12 @@ impl Args {
         }
         Ok(())
     }
+}
+
+/// A format by its name.
+fn format(name: &str) -> Result<PixelFormat, String> {
+    let known = PixelFormat::ALL.into_iter().find(|format| format.name() == name);
+    known.ok_or_else(|| format!("{name:?} is no format; use GREY, Y10, Y12, Y14 or Y16"))
 }
 
 /// `WxH` as width and height.

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::geometry::Rig;
+use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels; as small as the virtual scanner takes them.
@@ -24,6 +25,7 @@ fn simulation() -> &'static Simulation {
             two_directions: false,
             gray: true,
             noise: NoiseLevel::None,
+            format: PixelFormat::Grey,
             gamma: 1.0,
             supersampling: 1,
             seed: 1,

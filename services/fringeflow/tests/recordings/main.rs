@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -39,6 +40,7 @@ fn dataset() -> &'static Path {
             two_directions: false,
             gray: true,
             noise: NoiseLevel::Low,
+            format: PixelFormat::Grey,
             gamma: 1.0,
             supersampling: 1,
             seed: 1,

@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use fringeflow::evaluation::{CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table};
+use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
     Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, SimulationSummary,
 };
@@ -108,6 +109,7 @@ fn options(object: Object, steps: usize) -> SimulationOptions {
         two_directions: false,
         gray: true,
         noise: NoiseLevel::Normal,
+        format: PixelFormat::Grey,
         gamma: 1.0,
         supersampling: 2,
         seed: 1,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fringeflow::dataset::{GreyImage, write_png};
+use fringeflow::message::PixelFormat;
 use fringeflow::rig_report::{Evaluation, PixelMap};
 
 use crate::failure::Failure;
@@ -20,5 +21,6 @@ pub(super) fn write(folder: &Path, evaluation: &Evaluation) -> Result<(), Failur
 fn image(map: &PixelMap) -> GreyImage {
     let max = map.values.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let grey = |value: &Option<f64>| value.map_or(0, |v| 55 + (200.0 * v / max).round() as u8);
-    GreyImage { width: map.width, height: map.height, pixels: map.values.iter().map(grey).collect() }
+    let pixels = map.values.iter().map(grey).collect();
+    GreyImage { width: map.width, height: map.height, format: PixelFormat::Grey, pixels }
 }

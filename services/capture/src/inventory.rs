@@ -1,0 +1,193 @@
+//! What cameras there are, and what each can do: for people, and for whoever writes a configuration.
+
+use std::path::PathBuf;
+
+use fringeflow::config::{ControlValue, DeviceName};
+
+use crate::capability::Capability;
+use crate::controls::{self, Control};
+use crate::find::{self, FindError, Node};
+use crate::ioctl::Device;
+use crate::offer::{self, OfferedFormat};
+use crate::timings;
+
+/// A device, with all that could be read of it.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Listing {
+    /// Its node.
+    pub path: PathBuf,
+    /// What the configuration names it by, best: it stays the same when it is plugged in again, if it can.
+    pub device: String,
+    /// Name of the device.
+    pub card: String,
+    /// Name of its driver.
+    pub driver: String,
+    /// Where it sits.
+    pub bus_info: String,
+    /// Serial number on the USB.
+    pub serial: Option<String>,
+    /// What it can send.
+    pub formats: Vec<OfferedFormat>,
+    /// The signal that a grabber gets.
+    pub video_signal: Option<VideoSignal>,
+    /// What can be set.
+    pub controls: Vec<ListedControl>,
+    /// What could not be read, and why it is no camera if it is none.
+    pub problems: Vec<String>,
+}
+
+/// The signal of a grabber; what cannot be read is why.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct VideoSignal {
+    /// What it is set to.
+    pub set: String,
+    /// What it sees.
+    pub seen: String,
+}
+
+/// A control and its value.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ListedControl {
+    /// The control.
+    #[serde(flatten)]
+    pub control: Control,
+    /// Its value, if it has one that can be read.
+    pub value: Option<ControlValue>,
+}
+
+impl ListedControl {
+    /// Names of the flags that are set.
+    #[must_use]
+    pub fn flags(&self) -> Vec<&'static str> {
+        controls::flags(self.control.flags)
+    }
+}
+
+/// All cameras, and nodes that cannot be asked what they are.
+#[must_use]
+pub fn cameras() -> Vec<Listing> {
+    let nodes = find::nodes();
+    let is_listed = |node: &&Node| {
+        let of = |capability: &Capability| capability.stream().is_ok() || capability.is_unfed();
+        node.capability.as_ref().map_or(true, of)
+    };
+    nodes.iter().filter(is_listed).map(|node| listing(node, &nodes)).collect()
+}
+
+/// The device of a name, camera or not.
+///
+/// # Errors
+/// There is none, or several.
+pub fn describe(name: &DeviceName) -> Result<Listing, FindError> {
+    let path = find::find(name)?;
+    Ok(listing(&find::node_at(&path), &find::nodes()))
+}
+
+fn listing(node: &Node, all: &[Node]) -> Listing {
+    let mut listing = Listing {
+        path: node.path.clone(),
+        device: best_name(node, all).to_string(),
+        card: String::new(),
+        driver: String::new(),
+        bus_info: String::new(),
+        serial: node.serial.clone(),
+        formats: Vec::new(),
+        video_signal: None,
+        controls: Vec::new(),
+        problems: Vec::new(),
+    };
+    match &node.capability {
+        Ok(capability) => listing.read(capability),
+        Err(error) => listing.problems.push(error.to_string()),
+    }
+    listing
+}
+
+impl Listing {
+    fn read(&mut self, capability: &Capability) {
+        self.card.clone_from(&capability.card);
+        self.driver.clone_from(&capability.driver);
+        self.bus_info.clone_from(&capability.bus_info);
+        let device = match find::open_node(&self.path) {
+            Ok(device) => device,
+            Err(error) => return self.problems.push(error.to_string()),
+        };
+        match capability.stream() {
+            Ok(kind) => self.formats = offer::formats(&device, kind),
+            Err(what) => self.problems.push(format!("it is {what}")),
+        }
+        self.video_signal = timings::input_has_timings(&device).then(|| video_signal(&device));
+        self.list_controls(&device);
+    }
+
+    fn list_controls(&mut self, device: &Device) {
+        let controls = controls::all(device).unwrap_or_else(|error| {
+            self.problems.push(format!("controls: {error}"));
+            Vec::new()
+        });
+        for control in controls {
+            let value = control.read(device).unwrap_or_else(|error| {
+                self.problems.push(format!("control {}: {error}", control.name));
+                None
+            });
+            self.controls.push(ListedControl { control, value });
+        }
+    }
+}
+
+fn video_signal(device: &Device) -> VideoSignal {
+    let told = |signal: Result<timings::Signal, _>| match signal {
+        Ok(signal) => signal.to_string(),
+        Err(error) => format!("none ({error})"),
+    };
+    VideoSignal { set: told(timings::present(device)), seen: told(timings::seen(device)) }
+}
+
+/// The name by which a node is found again, wherever it is plugged in; else wherever the kernel puts it; else by its path.
+fn best_name(node: &Node, all: &[Node]) -> DeviceName {
+    let is_camera = |node: &&Node| node.capability.as_ref().is_ok_and(|capability| capability.stream().is_ok());
+    let is_only = |is_same: &dyn Fn(&Node) -> bool| {
+        let mut others = all.iter().filter(is_camera).filter(|other| other.path != node.path);
+        is_camera(&node) && !others.any(is_same)
+    };
+    if let Some(serial) = &node.serial
+        && is_only(&|other| other.serial.as_ref() == Some(serial))
+    {
+        return DeviceName::Serial(serial.clone());
+    }
+    if let Ok(capability) = &node.capability
+        && !capability.bus_info.is_empty()
+        && is_only(&|other| other.capability.as_ref().is_ok_and(|other| other.bus_info == capability.bus_info))
+    {
+        return DeviceName::Bus(capability.bus_info.clone());
+    }
+    DeviceName::Path(node.path.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node(number: u32, bus: &str, serial: Option<&str>, flags: u32) -> Node {
+        let (driver, card, bus_info) = ("uvcvideo".to_owned(), "Cam".to_owned(), bus.to_owned());
+        let capability = Ok(Capability { driver, card, bus_info, node: flags });
+        Node { path: format!("/dev/video{number}").into(), serial: serial.map(str::to_owned), capability }
+    }
+
+    #[test]
+    fn the_name_that_stays_longest_is_proposed() {
+        let (capture, metadata) = (0x0400_0001, 0x0480_0000);
+        let nodes = [
+            node(0, "usb-1", Some("A"), capture),
+            node(1, "usb-1", Some("A"), metadata),
+            // Makers that give all devices the same number.
+            node(2, "usb-2", Some("0001"), capture),
+            node(4, "usb-4", Some("0001"), capture),
+            // Two sensors at one place.
+            node(6, "usb-6", None, capture),
+            node(8, "usb-6", None, capture),
+        ];
+        let names: Vec<String> = nodes.iter().map(|node| best_name(node, &nodes).to_string()).collect();
+        assert_eq!(names, ["serial:A", "/dev/video1", "bus:usb-2", "bus:usb-4", "/dev/video6", "/dev/video8"]);
+    }
+}

@@ -1,0 +1,94 @@
+//! `fringeflow cameras`: which V4L2 cameras there are, and what each can do.
+
+use std::io::{self, Write};
+
+use fringeflow::config::DeviceName;
+use fringeflow_capture::{ListedControl, Listing, OfferedFormat, cameras, describe, rates_text};
+
+use crate::failure::Failure;
+use crate::json;
+
+/// Arguments of `fringeflow cameras`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// One device: a path, "bus:" and a `bus_info`, or "serial:" and a serial number; else all cameras.
+    device: Option<DeviceName>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Listings {
+    cameras: Vec<Listing>,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let listings = match &self.device {
+            Some(device) => vec![describe(device).map_err(Failure::unusable)?],
+            None => cameras(),
+        };
+        if self.json {
+            return json::print(&Listings { cameras: listings });
+        }
+        let mut out = io::stdout().lock();
+        if listings.is_empty() {
+            writeln!(
+                out,
+                "There is no V4L2 camera here. Check its cable, that its driver is loaded (`lsmod`, for USB cameras \
+                 uvcvideo), and in a container that its /dev/video is passed on."
+            )?;
+        }
+        for listing in &listings {
+            print(&mut out, listing)?;
+        }
+        Ok(())
+    }
+}
+
+fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
+    writeln!(out, "{}: {} ({})", listing.path.display(), listing.card, listing.driver)?;
+    writeln!(out, "  device = {:?}", listing.device)?;
+    writeln!(
+        out,
+        "  bus:{}{}",
+        listing.bus_info,
+        listing.serial.as_ref().map_or(String::new(), |s| format!("  serial:{s}"))
+    )?;
+    for problem in &listing.problems {
+        writeln!(out, "  problem: {problem}")?;
+    }
+    if let Some(signal) = &listing.video_signal {
+        writeln!(out, "  video signal: set to {}, sees {}", signal.set, signal.seen)?;
+    }
+    if !listing.formats.is_empty() {
+        writeln!(out, "  formats, * can be cameras.format; images a second in brackets")?;
+    }
+    listing.formats.iter().try_for_each(|format| print_format(out, format))?;
+    if !listing.controls.is_empty() {
+        writeln!(out, "  controls")?;
+    }
+    listing.controls.iter().try_for_each(|control| print_control(out, control))?;
+    writeln!(out)
+}
+
+fn print_format(out: &mut impl Write, format: &OfferedFormat) -> io::Result<()> {
+    let mark = if format.is_taken { '*' } else { ' ' };
+    let emulated = if format.is_emulated { ", emulated" } else { "" };
+    writeln!(out, "  {mark} {:<4}  {}{emulated}", format.name, format.description)?;
+    for size in &format.sizes {
+        let rates = rates_text(&size.rates_hz);
+        let rates = if rates.is_empty() { rates } else { format!(" ({rates})") };
+        writeln!(out, "        {size}{rates}")?;
+    }
+    Ok(())
+}
+
+fn print_control(out: &mut impl Write, listed: &ListedControl) -> io::Result<()> {
+    let ListedControl { control, value } = listed;
+    let value = value.as_ref().map_or_else(String::new, |value| format!(" = {}", control.shown(value)));
+    let flags = listed.flags();
+    let flags = if flags.is_empty() { String::new() } else { format!(" [{}]", flags.join(", ")) };
+    writeln!(out, "    {}{value}: {control}{flags}", control.name)
+}

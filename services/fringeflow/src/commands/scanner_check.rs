@@ -1,0 +1,157 @@
+//! `fringeflow run --check`: all that a run needs, looked at without starting anything.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use fringeflow::config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
+use fringeflow::dataset::Setup;
+use fringeflow::transport::{Instance, InstanceLock, check_shared_memory, required_bytes};
+use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras};
+use fringeflow_runtime::{ServiceArgs, channel_sizes};
+use rustix::fs::{Access, access, statvfs};
+
+use crate::failure::Failure;
+use crate::json;
+
+/// Bytes of a mebibyte.
+const MIB: u64 = 1 << 20;
+
+/// Something that a run needs.
+#[derive(serde::Serialize)]
+struct Point {
+    what: &'static str,
+    ready: bool,
+    /// What was found, or what is wrong.
+    found: String,
+}
+
+#[derive(serde::Serialize)]
+struct Report {
+    ready: bool,
+    points: Vec<Point>,
+}
+
+impl Point {
+    fn of<E: std::fmt::Display>(what: &'static str, found: Result<String, E>) -> Self {
+        let ready = found.is_ok();
+        Self { what, ready, found: found.unwrap_or_else(|error| error.to_string()) }
+    }
+}
+
+/// Looks at everything, and tells each point.
+///
+/// # Errors
+/// Something is not as a run needs it.
+pub(super) fn check(arguments: &ServiceArgs, json: bool) -> Result<(), Failure> {
+    let points = points(arguments);
+    let wrong = points.iter().filter(|point| !point.ready).count();
+    let report = Report { ready: wrong == 0, points };
+    if json {
+        json::print(&report)?;
+    } else {
+        let mut out = std::io::stdout().lock();
+        for Point { what, ready, found } in &report.points {
+            writeln!(out, "{} {what}: {found}", if *ready { "ok   " } else { "WRONG" })?;
+        }
+    }
+    match wrong {
+        0 => Ok(()),
+        wrong => Err(Failure::Usage(format!("{wrong} of {} points are wrong, see above", report.points.len()))),
+    }
+}
+
+fn points(arguments: &ServiceArgs) -> Vec<Point> {
+    let file = arguments.config.display();
+    let configuration = match arguments.configuration() {
+        Ok(configuration) => configuration,
+        Err(error) => return vec![Point::of("configuration", Err(error))],
+    };
+    let mut points = vec![Point::of::<Failure>("configuration", Ok(file.to_string()))];
+    let setup = arguments.setup(&configuration);
+    points.push(Point::of("calibration and volume", setup.as_ref().map(rig_text)));
+    if let Ok(setup) = &setup {
+        let table = arguments.segment_table(&configuration, setup);
+        points.push(Point::of("segment table", table.map(|_| "can be used".to_owned())));
+        points.extend(cameras(&configuration, setup));
+        points.push(Point::of("shared memory", shared_memory(&configuration, setup)));
+    }
+    points.push(Point::of("runtime folder", runtime_folder(&configuration)));
+    points.push(Point::of("recorder", recorder(&configuration.recorder)));
+    points
+}
+
+fn rig_text(setup: &Setup) -> String {
+    let [width, height] = setup.image_size_px;
+    let volume = setup.volume.as_ref().map_or_else(String::new, |volume| {
+        let [x, y, z] = [0, 1, 2].map(|axis| (volume.max()[axis] - volume.min()[axis]) * 1e3);
+        format!(", volume {x:.0} x {y:.0} x {z:.0} mm")
+    });
+    format!("images of {width}x{height}, {} steps{volume}", setup.steps)
+}
+
+/// Both cameras, where they are V4L2 devices.
+fn cameras(configuration: &ScannerConfiguration, setup: &Setup) -> Vec<Point> {
+    let point = |(what, found): (_, Result<ReadyCamera, CameraError>)| {
+        let told = |camera: ReadyCamera| format!("{}: {}", camera.path.display(), camera.notes.join(", "));
+        Point::of(what, found.map(told))
+    };
+    let checked = checked_cameras(configuration, setup);
+    checked.into_iter().flat_map(|found| ["camera 1", "camera 2"].into_iter().zip(found)).map(point).collect()
+}
+
+fn checked_cameras(
+    configuration: &ScannerConfiguration,
+    setup: &Setup,
+) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
+    let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
+    let (format, size_px, rate_hz) = (configuration.source_format, setup.image_size_px, configuration.rate_hz);
+    Some(check_cameras(cameras, &Wanted { format, size_px, rate_hz }))
+}
+
+/// Refuses to run with a camera whose settings must change first; one that is absent or busy is waited for.
+///
+/// # Errors
+/// What a camera does not take.
+pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setup) -> Result<(), Failure> {
+    let checked = checked_cameras(configuration, setup).into_iter().flatten();
+    for (number, found) in (1..).zip(checked) {
+        if let Err(error) = found
+            && error.is_lasting()
+        {
+            return Err(Failure::Usage(format!("camera {number}: {error}")));
+        }
+    }
+    Ok(())
+}
+
+fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<String, Failure> {
+    let sizes = channel_sizes(setup, configuration.pixel_format());
+    check_shared_memory(&sizes)?;
+    Ok(format!("{} MiB are needed and there", required_bytes(&sizes).div_ceil(MIB)))
+}
+
+/// Takes the place of the supervisor, and leaves it again.
+fn runtime_folder(configuration: &ScannerConfiguration) -> Result<String, Failure> {
+    let instance = Instance::new(&configuration.name)?;
+    drop(InstanceLock::take(&instance)?);
+    Ok(format!("{} can be used, no instance {} is running", instance.runtime_dir().display(), instance.name()))
+}
+
+/// Whether recordings can be made: in their folder, or in the one in which it is to be made.
+fn recorder(recorder: &RecorderConfiguration) -> Result<String, String> {
+    let folder = std::path::absolute(&recorder.folder).map_err(|e| format!("{}: {e}", recorder.folder.display()))?;
+    let exists = |folder: &&Path| folder.is_dir();
+    let there = folder.ancestors().find(exists).unwrap_or(Path::new("/"));
+    let fail = |e: rustix::io::Errno| format!("{}: {e}; name another folder as recorder.folder", there.display());
+    access(there, Access::WRITE_OK | Access::EXEC_OK).map_err(fail)?;
+    let disk = statvfs(there).map_err(fail)?;
+    let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+    let [free_mib, kept_mib] = [free / MIB, recorder.min_free_bytes / MIB];
+    if free <= recorder.min_free_bytes {
+        return Err(format!(
+            "{}: {free_mib} MiB are free, recorder.min_free_mb keeps {kept_mib} of them; make room or lower it",
+            there.display()
+        ));
+    }
+    Ok(format!("{}: {} MiB are free for recordings", folder.display(), free_mib.saturating_sub(kept_mib)))
+}

@@ -1,0 +1,81 @@
+//! Two cameras that begin at different times, run free, or hang on one trigger: what is paired, and the skew that is told.
+
+use super::*;
+
+const STEPS: usize = 4;
+
+/// Images of camera 1 and 2 in the order of their times, each with the number of its own camera.
+fn run(starts_ns: [u64; 2], periods_ns: [u64; 2], images: u64) -> (Synchronizer<u64>, Vec<WindowImages<u64>>) {
+    let settings =
+        Settings { steps: STEPS, frame_period_ns: PERIOD_NS, source: StepSource::Cycle, every: 1, waiting: STEPS + 3 };
+    let mut sync = Synchronizer::new(settings).unwrap();
+    let header = |camera: u32, sequence: u64| {
+        let index = camera as usize - 1;
+        let exposure_start_ns = starts_ns[index] + sequence * periods_ns[index];
+        let received_ns = exposure_start_ns + PERIOD_NS;
+        let session = 7 + u64::from(camera);
+        FrameHeader {
+            session,
+            sequence,
+            published: sequence,
+            exposure_start_ns,
+            received_ns,
+            camera,
+            ..FrameHeader::default()
+        }
+    };
+    let mut headers: Vec<FrameHeader> = (0..images).flat_map(|k| [header(1, k), header(2, k)]).collect();
+    headers.sort_by_key(|header| header.exposure_start_ns);
+    let mut windows = Vec::new();
+    for header in headers {
+        sync.frame(header, header.sequence);
+        windows.extend(std::iter::from_fn(|| sync.next_window()));
+    }
+    sync.end();
+    (sync, windows)
+}
+
+fn dropped(sync: &Synchronizer<u64>, reason: DropReason) -> u64 {
+    let counts = sync.counts(Stage::Pairing).unwrap();
+    assert_eq!(counts.in_work(), Some(0));
+    counts.dropped(reason)
+}
+
+#[test]
+fn the_images_before_the_other_camera_began_have_no_partner() {
+    let second_ns = 1_000_000_000;
+    let (mut sync, windows) = run([second_ns, second_ns + 7 * PERIOD_NS + 40_000], [PERIOD_NS; 2], 30);
+    assert_eq!(dropped(&sync, DropReason::Unpaired), 7);
+    // The last seven images of camera 2 wait for partners that never come.
+    assert_eq!(dropped(&sync, DropReason::Stopped), 7);
+    assert_eq!(windows.len(), 23 - (STEPS - 1));
+    // Each image of camera 1 with that of camera 2 that is seven numbers behind, in the order of the steps.
+    assert!(windows.iter().all(|window| window.cam1.iter().zip(&window.cam2).all(|(a, b)| a - b == 7)));
+    let skew = sync.take_skew();
+    assert_eq!((skew.pairs, skew.mean_ns(), skew.least_ns, skew.greatest_ns), (23, Some(40_000.0), 40_000, 40_000));
+    assert_eq!(sync.take_skew().pairs, 0);
+}
+
+#[test]
+fn cameras_that_run_free_are_paired_until_they_have_drifted_apart() {
+    // Camera 2 is slower by 3.1 in 1000, so that it slips by an image every 323.
+    let (mut sync, windows) = run([1_000_000_000; 2], [PERIOD_NS, PERIOD_NS + 31_000], 2000);
+    let half_ns = PERIOD_NS as i64 / 2;
+    let skew = sync.take_skew();
+    assert!(skew.least_ns > -half_ns && skew.greatest_ns < half_ns, "{skew:?}");
+    // At each slip one image of camera 1 is left over, and the pair behind it shows numbers that have moved.
+    let slips = 6;
+    assert_eq!(dropped(&sync, DropReason::Unpaired), slips);
+    assert_eq!(dropped(&sync, DropReason::BadTime), 2 * slips);
+    // Both lie in the gap that begins a new run of pairs, which costs the windows that would cross it.
+    assert_eq!(skew.pairs, 2000 - slips - slips);
+    assert_eq!(windows.len() as u64, skew.pairs - (slips + 1) * (STEPS as u64 - 1));
+}
+
+#[test]
+fn cameras_on_one_trigger_are_never_parted() {
+    let (mut sync, windows) = run([1_000_000_000, 1_000_012_000], [PERIOD_NS; 2], 500);
+    let skew = sync.take_skew();
+    assert_eq!((skew.pairs, skew.least_ns, skew.greatest_ns), (500, 12_000, 12_000));
+    assert_eq!(windows.len(), 500 - (STEPS - 1));
+}
