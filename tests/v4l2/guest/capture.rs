@@ -26,7 +26,7 @@ impl<'a> Capture<'a> {
         let arguments =
             ServiceArgs { config: config.clone(), setup: None, segment_table: None, restarts: 0, supervised: false };
         let configuration = arguments.configuration().unwrap();
-        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap());
+        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap(), configuration.pixel_format());
         let node = Node::open(&bench.instance(), "test").unwrap();
         let images = Subscriber::open(&node, CAM1_FRAME, &sizes).unwrap();
         let mut states = Publisher::open(&node, SCAN_STATE, &sizes).unwrap();
@@ -72,10 +72,15 @@ impl<'a> Capture<'a> {
     /// Takes images until something is so.
     pub(crate) fn until(&mut self, what: &str, mut is: impl FnMut(&Self) -> bool) {
         let reached = wait(|| {
-            while self.receive().is_some() {}
+            self.take();
             is(self)
         });
         assert!(reached, "it never is that {what}: {:?}", self.counts());
+    }
+
+    /// Takes the images that have come.
+    pub(crate) fn take(&mut self) {
+        while self.receive().is_some() {}
     }
 
     fn receive(&mut self) -> Option<Received<FrameHeader, [u8]>> {
