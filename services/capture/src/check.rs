@@ -52,12 +52,13 @@ impl CameraError {
     }
 }
 
-/// Finds both cameras, sets them as configured, reads that back, and lets them go.
+/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where the size of their images is not
+/// known, they are only found.
 #[must_use]
 pub fn check_cameras(
     cameras: &[V4l2Camera; 2],
     format: SourceFormat,
-    size_px: [usize; 2],
+    size_px: Option<[usize; 2]>,
     rate_hz: f64,
 ) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera| check(camera, format, size_px, rate_hz);
@@ -72,10 +73,14 @@ pub fn check_cameras(
 fn check(
     camera: &V4l2Camera,
     format: SourceFormat,
-    size_px: [usize; 2],
+    size_px: Option<[usize; 2]>,
     rate_hz: f64,
 ) -> Result<ReadyCamera, CameraError> {
     let (path, device) = find::open(&camera.device)?;
+    let Some(size_px) = size_px else {
+        let notes = vec!["there; not set, since the size of its images is not known".to_owned()];
+        return Ok(ReadyCamera { path, notes });
+    };
     match prepare(&device, camera, format, size_px, rate_hz) {
         Ok(prepared) => Ok(ReadyCamera { path, notes: prepared.notes }),
         Err(source) => Err(CameraError::Prepare { path, source }),

@@ -77,10 +77,13 @@ pub fn cameras() -> Vec<Listing> {
 /// The device of a name, camera or not.
 ///
 /// # Errors
-/// There is none, or several.
+/// There is none, there are several, or it is no V4L2 device.
 pub fn describe(name: &DeviceName) -> Result<Listing, FindError> {
-    let path = find::find(name)?;
-    Ok(listing(&find::node_at(&path), &find::nodes()))
+    let node = find::node_at(&find::find(name)?);
+    match node.capability {
+        Err(error) => Err(error.into()),
+        Ok(_) => Ok(listing(&node, &find::nodes())),
+    }
 }
 
 fn listing(node: &Node, all: &[Node]) -> Listing {

@@ -28,12 +28,8 @@ const EXPOSURE_UNIT_NS: u64 = 100_000;
 pub(crate) struct Prepared {
     /// The buffers that it needs.
     pub(crate) kind: BufferKind,
-    /// What it sends.
-    pub(crate) format: SourceFormat,
     /// Bytes from one row to the next.
     pub(crate) stride_bytes: usize,
-    /// Images a second, if it says so.
-    pub(crate) rate_hz: Option<f64>,
     /// Length of an exposure, nanoseconds, where configuration or device say so.
     pub(crate) exposure_ns: Option<u64>,
     /// What was read back, and what could not be, for people.
@@ -135,14 +131,7 @@ pub(crate) fn prepare(
             .map_or_else(|| "length of exposure unknown".to_owned(), |ns| format!("exposure {} ms", ns as f64 * 1e-6)),
     );
     notes.extend(read);
-    Ok(Prepared {
-        kind: layout.kind,
-        format,
-        stride_bytes: layout.stride_bytes as usize,
-        rate_hz: found_hz,
-        exposure_ns,
-        notes,
-    })
+    Ok(Prepared { kind: layout.kind, stride_bytes: layout.stride_bytes as usize, exposure_ns, notes })
 }
 
 fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {

@@ -48,14 +48,15 @@ impl Args {
 }
 
 fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
-    writeln!(out, "{}: {} ({})", listing.path.display(), listing.card, listing.driver)?;
+    let named = !listing.card.is_empty() || !listing.driver.is_empty();
+    let name = if named { format!(" {} ({})", listing.card, listing.driver) } else { String::new() };
+    writeln!(out, "{}:{name}", listing.path.display())?;
     writeln!(out, "  device = {:?}", listing.device)?;
-    writeln!(
-        out,
-        "  bus:{}{}",
-        listing.bus_info,
-        listing.serial.as_ref().map_or(String::new(), |s| format!("  serial:{s}"))
-    )?;
+    let bus = (!listing.bus_info.is_empty()).then(|| format!("  bus:{}", listing.bus_info));
+    let serial = listing.serial.as_ref().map(|serial| format!("  serial:{serial}"));
+    if bus.is_some() || serial.is_some() {
+        writeln!(out, "{}{}", bus.unwrap_or_default(), serial.unwrap_or_default())?;
+    }
     for problem in &listing.problems {
         writeln!(out, "  problem: {problem}")?;
     }
