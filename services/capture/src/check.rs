@@ -61,26 +61,31 @@ pub fn check_cameras(
     size_px: Option<[usize; 2]>,
     rate_hz: f64,
 ) -> [Result<ReadyCamera, CameraError>; 2] {
-    let check = |camera| check(camera, format, size_px, rate_hz);
-    let [cam1, cam2] = cameras.each_ref().map(check);
-    let cam2 = match (&cam1, cam2) {
-        (Ok(cam1), Ok(cam2)) if cam1.path == cam2.path => Err(CameraError::Same { path: cam2.path }),
-        (_, cam2) => cam2,
+    let check = |camera: &V4l2Camera, path: PathBuf| match size_px {
+        Some(size_px) => check(camera, path, format, size_px, rate_hz),
+        None => Ok(ReadyCamera { path, notes: vec!["not set: the size of its images is not known".to_owned()] }),
     };
-    [cam1, cam2]
+    let [cam1, cam2] = cameras;
+    match [find::find(&cam1.device), find::find(&cam2.device)] {
+        [Ok(path1), Ok(path2)] if path1 == path2 => {
+            let same = CameraError::Same { path: path2 };
+            [check(cam1, path1), Err(same)]
+        }
+        [path1, path2] => [
+            path1.map_err(CameraError::Find).and_then(|path| check(cam1, path)),
+            path2.map_err(CameraError::Find).and_then(|path| check(cam2, path)),
+        ],
+    }
 }
 
 fn check(
     camera: &V4l2Camera,
+    path: PathBuf,
     format: SourceFormat,
-    size_px: Option<[usize; 2]>,
+    size_px: [usize; 2],
     rate_hz: f64,
 ) -> Result<ReadyCamera, CameraError> {
-    let (path, device) = find::open(&camera.device)?;
-    let Some(size_px) = size_px else {
-        let notes = vec!["there; not set, since the size of its images is not known".to_owned()];
-        return Ok(ReadyCamera { path, notes });
-    };
+    let device = find::open_node(&path).map_err(FindError::Unopened)?;
     match prepare(&device, camera, format, size_px, rate_hz) {
         Ok(prepared) => Ok(ReadyCamera { path, notes: prepared.notes }),
         Err(source) => Err(CameraError::Prepare { path, source }),

@@ -212,7 +212,7 @@ fn choose(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError> {
         match node.capability {
             // What it is cannot be told: it may be the one.
             Err(error) => return Err(error.into()),
-            Ok(capability) if capability.stream().is_ok() => cameras.push(node.path),
+            Ok(capability) if capability.is_camera() => cameras.push(node.path),
             Ok(_) => {}
         }
     }
@@ -229,7 +229,9 @@ fn seen(node: &Node) -> Option<String> {
         Err(error) => return Some(error.to_string()),
         Ok(capability) => capability,
     };
-    capability.stream().ok()?;
+    if !capability.is_camera() {
+        return None;
+    }
     let serial = node.serial.as_ref().map_or_else(String::new, |serial| format!(", serial:{serial}"));
     Some(format!("{} ({}, bus:{}{serial})", node.path.display(), capability.card, capability.bus_info))
 }
