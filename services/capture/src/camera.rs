@@ -142,10 +142,12 @@ impl Camera {
     /// The next image that has come.
     pub(crate) fn take(&mut self) -> Option<Image> {
         let State::Streaming(streaming) = &mut self.state else { return None };
+        let taken = streaming.queue.take();
+        // After the call: a driver may hold it up, and no image begins after it came.
         let now_ns = clock::now_ns();
         let interrupted = streaming.device.take_interruptions();
         self.notes.add_many(Incident::Interrupted, interrupted, "signals interrupt the calls to the driver");
-        match streaming.queue.take() {
+        match taken {
             Ok(Some(buffer)) => Some(streaming.judge(buffer, now_ns, &mut self.notes)),
             Ok(None) => {
                 self.listen(now_ns);

@@ -26,7 +26,7 @@ impl<'a> Capture<'a> {
         let arguments =
             ServiceArgs { config: config.clone(), setup: None, segment_table: None, restarts: 0, supervised: false };
         let configuration = arguments.configuration().unwrap();
-        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap());
+        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap(), configuration.pixel_format());
         let node = Node::open(&bench.instance(), "test").unwrap();
         let images = Subscriber::open(&node, CAM1_FRAME, &sizes).unwrap();
         let mut states = Publisher::open(&node, SCAN_STATE, &sizes).unwrap();
