@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what building and testing need and the system lacks, from apt: a C compiler with its headers, libclang, git and
-# Python. The Rust toolchain is the user's choice; where it is missing or too old, this says how to get it.
+# Installs what building and testing need and the system lacks, from apt: a C compiler with its headers, libclang, git,
+# Python, and what the virtual machine of the V4L2 tests is made of. The Rust toolchain is the user's choice; where it is missing or too old, this says how to get it.
 # Exit codes: 0 all there, 1 an installation failed, 2 something is missing that this script may not or cannot install.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -11,6 +11,13 @@ readonly NEEDED=(
     "command -v git:git"
     "has_libclang:libclang-dev" # iceoryx2 reads the system's C headers
     "python3 -c 'import ensurepip, venv':python3-venv" # tests read recordings as a user's script would
+    # The virtual machine of tests/v4l2: it runs in qemu; kernel modules are looked up, built and packed; its devices are set.
+    "command -v qemu-system-x86_64:qemu-system-x86"
+    "test -x /sbin/depmod:kmod"
+    "command -v cpio:cpio"
+    "command -v xz:xz-utils"
+    "compgen -G '/usr/lib/*/libelf.so.1':libelf1"
+    "command -v v4l2-ctl:v4l-utils"
 )
 
 has_libclang() {

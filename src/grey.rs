@@ -135,8 +135,8 @@ mod tests {
         assert_eq!(grey(PixelFormat::Grey, &[200]), 200.0);
         assert_eq!(grey(PixelFormat::Y10, &[0x23, 0x03]), 200.75);
         assert_eq!(grey(PixelFormat::Y12, &[0xff, 0x0f]), 255.9375);
-        assert_eq!(grey(PixelFormat::Y14, &[0x01, 0x32]), 200.015_625);
-        assert_eq!(grey(PixelFormat::Y16, &[0x01, 0xc8]), 200.003_906_25);
+        assert_eq!(grey(PixelFormat::Y14, &[0x01, 0x32]), 200.0 + 1.0 / 64.0);
+        assert_eq!(grey(PixelFormat::Y16, &[0x01, 0xc8]), 200.0 + 1.0 / 256.0);
         assert_eq!(PixelFormat::ALL.map(PixelFormat::max_value), [255, 1023, 4095, 16383, 65535]);
         for format in PixelFormat::ALL {
             assert_eq!(PixelFormat::of(format.code()), Some(format));

@@ -332,6 +332,21 @@ mod tests {
     }
 
     #[test]
+    fn the_format_of_the_cameras_is_that_of_the_setup() {
+        assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
+        let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
+        assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
+        let setup = Setup::parse(deep.setup_text().unwrap(), None).unwrap();
+        assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
+        // What the channels do not carry, nobody can put there.
+        let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
+        assert!(
+            refused.to_string().contains("key cameras.format is \"YUYV\"; known are [\"GREY\", \"Y10\""),
+            "{refused}"
+        );
+    }
+
+    #[test]
     fn a_real_rig_needs_calibration_and_volume() {
         let cameras = "[cameras]\nsource = \"external\"\nrate_hz = 30.0\n";
         let none = parse(cameras).unwrap();

@@ -101,10 +101,13 @@ pub enum Problem {
         /// Its red, green and blue.
         rgb: [u16; 3],
     },
-    /// The image has values beyond the depth that `meta.json` states.
-    #[error("has values beyond {bits} bits (pixel {u}, {v} is {value}); correct field bits of meta.json")]
+    /// The image has values beyond the depth of the dataset.
+    #[error(
+        "has 16-bit values beyond {bits} bits (pixel {u}, {v} is {value}); save all images with one depth, or correct \
+         field bits of meta.json"
+    )]
     Depth {
-        /// The depth stated.
+        /// The depth of the dataset.
         bits: u8,
         /// Column of the first such pixel.
         u: usize,
@@ -113,10 +116,10 @@ pub enum Problem {
         /// Its value.
         value: u16,
     },
-    /// The image has less depth than `meta.json` states.
-    #[error("is an 8-bit image, and meta.json says bits {bits}; save it as 16-bit grey, or correct field bits")]
+    /// The image has less depth than the dataset.
+    #[error("is an 8-bit image among those of {bits} bits; save it as 16-bit grey, or correct field bits of meta.json")]
     Shallow {
-        /// The depth stated.
+        /// The depth of the dataset.
         bits: u8,
     },
     /// The image is partly transparent.

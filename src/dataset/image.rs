@@ -64,11 +64,26 @@ pub fn read_png(
         false => bytes.iter().map(|&b| u16::from(b)).collect::<Vec<u16>>(),
     };
     let grey = grey_channel(samples, info.color_type.samples(), width, if is_deep { u16::MAX } else { 255 })?;
-    let format = format.unwrap_or(if is_deep { PixelFormat::Y16 } else { PixelFormat::Grey });
+    let format = format.unwrap_or(depth_of(info.bit_depth));
     if !is_deep && format != PixelFormat::Grey {
         return Err(Problem::Shallow { bits: format.bits() });
     }
     Ok(GreyImage { width, height, format, pixels: stored(&grey, format, width)? })
+}
+
+/// The depth that a PNG has room for.
+///
+/// # Errors
+/// The file cannot be read, or is no PNG.
+pub(super) fn depth_of_file(path: &Path) -> Result<PixelFormat, Problem> {
+    let file = File::open(path).map_err(Problem::Unreadable)?;
+    let reader = png::Decoder::new(BufReader::new(file)).read_info();
+    let reader = reader.map_err(|e| Problem::Png(e.to_string()))?;
+    Ok(depth_of(reader.info().bit_depth))
+}
+
+fn depth_of(depth: png::BitDepth) -> PixelFormat {
+    if depth == png::BitDepth::Sixteen { PixelFormat::Y16 } else { PixelFormat::Grey }
 }
 
 /// Writes a grey PNG of 8 bits, or of 16 that hold the values of a deeper image as they are.

@@ -20,6 +20,7 @@ mod write;
 use std::path::{Path, PathBuf};
 
 use crate::calibration::{self, Unit};
+use crate::grey::PixelFormat;
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
@@ -58,6 +59,8 @@ pub struct Dataset {
     pub folder: PathBuf,
     /// The rig, what it projects and where it measures.
     pub setup: Setup,
+    /// Depth of all images: what the description states, else that of the file of the first one.
+    pub pixel_format: PixelFormat,
 }
 
 /// Name of the calibration file in a dataset folder.
@@ -88,8 +91,12 @@ impl Dataset {
         if setup.name.is_empty() {
             setup.name = folder_name(folder);
         }
-        let dataset = Self { folder: folder.to_owned(), setup };
+        let mut dataset = Self { folder: folder.to_owned(), setup, pixel_format: PixelFormat::Grey };
         dataset.check_images()?;
+        let first = folder.join(CameraId::Cam1.folder()).join(ImageKind::Phase(0).file_name());
+        // What is wrong with that file is told when it is read.
+        let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
+        dataset.pixel_format = stated.unwrap_or_default();
         Ok(dataset)
     }
 
@@ -172,7 +179,7 @@ impl Dataset {
     }
 
     fn image(&self, path: &Path) -> Result<GreyImage, DatasetError> {
-        read_png(path, Some(self.setup.image_size_px), self.setup.pixel_format).map_err(|p| DatasetError::new(path, p))
+        read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)).map_err(|p| DatasetError::new(path, p))
     }
 
     /// Every sequence must have exactly the images that `meta.json` states.

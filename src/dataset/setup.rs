@@ -41,7 +41,7 @@ pub struct Setup {
     pub unit: Unit,
     /// Width and height of all images.
     pub image_size_px: [usize; 2],
-    /// Depth of all images; `None` where their files tell.
+    /// Depth of all images, if one is stated.
     pub pixel_format: Option<PixelFormat>,
     /// Length of the shift cycle; there may be more images than that (moving scenes).
     pub steps: usize,

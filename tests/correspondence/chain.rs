@@ -19,7 +19,11 @@ fn simulation(object: Object) -> Simulation {
 }
 
 fn simulation_with(object: Object, arrangement: Arrangement) -> Simulation {
-    Simulation::new(SimulationOptions {
+    Simulation::new(options(object, arrangement)).unwrap()
+}
+
+fn options(object: Object, arrangement: Arrangement) -> SimulationOptions {
+    SimulationOptions {
         object,
         board: Board::Visible,
         rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
@@ -31,8 +35,7 @@ fn simulation_with(object: Object, arrangement: Arrangement) -> Simulation {
         gamma: 1.0,
         supersampling: 1,
         seed: 3,
-    })
-    .unwrap()
+    }
 }
 
 fn reconstruct(simulation: &Simulation) -> Reconstruction {
@@ -45,8 +48,17 @@ fn reconstruct_with(
     cameras: [CameraId; 2],
     rig: &VirtualRig,
 ) -> Result<Reconstruction, ReconstructionError> {
+    reconstruct_by(&Sensor::exposed(NoiseLevel::Normal.noise(), 1.0), simulation, cameras, rig)
+}
+
+/// The same, of the images of another sensor.
+fn reconstruct_by(
+    sensor: &Sensor,
+    simulation: &Simulation,
+    cameras: [CameraId; 2],
+    rig: &VirtualRig,
+) -> Result<Reconstruction, ReconstructionError> {
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
-    let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
     let fringes: Vec<(f64, Projected)> = simulation
         .images()
         .into_iter()
@@ -146,4 +158,30 @@ fn the_calibration_of_another_rig_is_told() {
         let told = matches!(made, Err(ReconstructionError::Match(_)));
         assert!(told, "{object:?}: {:?}", made.map(|m| (m.cloud.points.len(), m.matches.delta)));
     }
+}
+
+#[test]
+fn deeper_images_spread_the_phase_difference_less() {
+    // The calibration is exact: what is left of δ comes from the images.
+    let rig = RigOptions { sd_rad: 0.0, ..options(Object::Plane, Arrangement::TABLE_TOP).rig };
+    let simulation =
+        Simulation::new(SimulationOptions { rig, board: Board::None, ..options(Object::Plane, rig.arrangement) })
+            .unwrap();
+    let errors = |noise: NoiseLevel, format| {
+        let sensor = Sensor { format, ..Sensor::exposed(noise.noise(), 1.0) };
+        let made = reconstruct_by(&sensor, &simulation, CameraId::BOTH, simulation.rig()).unwrap();
+        let scores = scores(&simulation, &made);
+        assert!(scores.com_percent > 98.5 && scores.fpc_percent == 0.0, "{format:?}: {scores:?}");
+        [made.matches.delta.noise_sd_rad, scores.median_m.unwrap()]
+    };
+    // Where rounding is all the noise, two bits make it four times less.
+    let [eight, ten, twelve] =
+        [PixelFormat::Grey, PixelFormat::Y10, PixelFormat::Y12].map(|format| errors(NoiseLevel::None, format));
+    for (i, what) in ["spread of δ, rad", "distance to the surface, m"].into_iter().enumerate() {
+        let [eight, ten, twelve] = [eight[i], ten[i], twelve[i]];
+        assert!(ten < 0.35 * eight && twelve < 0.45 * ten, "{what}: {eight:e}, {ten:e}, {twelve:e}");
+    }
+    // Beside the shot noise of a good camera it is still to be seen.
+    let [eight, twelve] = [PixelFormat::Grey, PixelFormat::Y12].map(|format| errors(NoiseLevel::Low, format)[0]);
+    assert!(twelve < 0.97 * eight, "{eight} {twelve}");
 }

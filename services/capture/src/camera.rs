@@ -4,7 +4,6 @@
 //! unplugged is closed, looked for, and begun anew under whatever number it returns; one that refuses calls or falls silent
 //! is stopped and begun anew, first its stream, then the whole device.
 
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -13,14 +12,13 @@ use fringeflow::message::{DropReason, Incident};
 use fringeflow_runtime::clock;
 use rustix::io::Errno;
 
-use fringeflow::pixels::SourceFormat;
-
-use crate::find::{self, FindError};
+use crate::find::FindError;
 use crate::ioctl::{CallError, Device};
 use crate::notes::Notes;
 use crate::numbering::{Numbered, Numbering};
-use crate::prepare::{PrepareError, Prepared, prepare};
+use crate::prepare::{Prepared, Wanted};
 use crate::queue::{FilledBuffer, Queue, Waited};
+use crate::ready::{self, CameraError};
 use crate::stamp::{StampClock, StampFault, Stamped, Timing};
 
 /// Flag of V4L2: the image is damaged.
@@ -34,43 +32,6 @@ const LOOK_NS: u64 = 500_000_000;
 /// Shortest and longest wait before a device that refused is tried again, nanoseconds.
 const FIRST_WAIT_NS: u64 = 50_000_000;
 const LONGEST_WAIT_NS: u64 = 5_000_000_000;
-
-/// The images that are wanted of a camera.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Wanted {
-    /// What the camera sends.
-    pub(crate) format: SourceFormat,
-    /// Width and height, pixels.
-    pub(crate) size_px: [usize; 2],
-    /// Images a second.
-    pub(crate) rate_hz: f64,
-}
-
-/// Why a camera does not stream.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum StartError {
-    /// Its device is not to be had.
-    #[error(transparent)]
-    Find(#[from] FindError),
-    /// It does not take its settings.
-    #[error("{}: {source}", path.display())]
-    Prepare {
-        /// The device.
-        path: PathBuf,
-        /// What it does not take.
-        #[source]
-        source: PrepareError,
-    },
-    /// The driver refuses to stream.
-    #[error("{}: {source}", path.display())]
-    Stream {
-        /// The device.
-        path: PathBuf,
-        /// The call.
-        #[source]
-        source: CallError,
-    },
-}
 
 /// A camera.
 pub(crate) struct Camera {
@@ -143,7 +104,7 @@ impl Camera {
     ///
     /// # Errors
     /// The device is there and refuses settings that it never accepted: the configuration must change.
-    pub(crate) fn ensure_streaming(&mut self) -> Result<(), StartError> {
+    pub(crate) fn ensure_streaming(&mut self) -> Result<(), CameraError> {
         let State::Closed { next_ns, failures } = self.state else { return Ok(()) };
         if clock::now_ns() < next_ns {
             return Ok(());
@@ -153,7 +114,7 @@ impl Camera {
                 self.is_proven = true;
                 self.begin(streaming);
             }
-            Err(StartError::Find(error @ FindError::Absent { .. })) => self.miss(&error, failures),
+            Err(CameraError::Find(error @ FindError::Absent { .. })) => self.miss(&error, failures),
             Err(error) if error.is_lasting() && !self.is_proven => return Err(error),
             Err(error) => {
                 self.notes.add(Incident::CallRefused, error.to_string());
@@ -222,15 +183,11 @@ impl Camera {
         }
     }
 
-    fn open(&self) -> Result<Streaming, StartError> {
-        let (path, device) = find::open(&self.settings.device)?;
-        let device = Rc::new(device);
-        let Wanted { format, size_px, rate_hz } = self.wanted;
-        let prepared = prepare(&device, &self.settings, format, size_px, rate_hz)
-            .map_err(|source| StartError::Prepare { path: path.clone(), source })?;
+    fn open(&self) -> Result<Streaming, CameraError> {
+        let (path, device, prepared) = ready::open(&self.settings, &self.wanted)?;
         tracing::info!("{}: {}", path.display(), prepared.notes.join(", "));
-        Streaming::start(device, prepared, &self.settings, &self.wanted)
-            .map_err(|source| StartError::Stream { path, source })
+        Streaming::start(Rc::new(device), prepared, &self.settings, &self.wanted)
+            .map_err(|source| CameraError::Stream { path, source })
     }
 
     /// Looks again later for a device that is not there.
@@ -308,17 +265,6 @@ impl Camera {
                 self.notes.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
                 self.close_for_a_while(0);
             }
-        }
-    }
-}
-
-impl StartError {
-    /// Whether the configuration must change; else the device may take it later.
-    pub(crate) fn is_lasting(&self) -> bool {
-        match self {
-            Self::Find(error) => error.is_lasting(),
-            Self::Prepare { source, .. } => source.is_lasting(),
-            Self::Stream { .. } => false,
         }
     }
 }

@@ -7,7 +7,8 @@ use fringeflow::pixels::{SourceFormat, UnpackError, unpack};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
 
-use crate::camera::{Camera, Image, Wanted};
+use crate::camera::{Camera, Image};
+use crate::prepare::Wanted;
 use crate::stamp::Stamped;
 
 /// The service around a camera.

@@ -128,16 +128,6 @@ pub(crate) fn is_lasting(source: &io::Error) -> bool {
     Errno::from_io_error(source).is_some_and(|errno| lasting.contains(&errno))
 }
 
-/// The device of a name, and where it is at this moment.
-///
-/// # Errors
-/// It is not there, there are several, or it cannot be opened.
-pub(crate) fn open(name: &DeviceName) -> Result<(PathBuf, Device), FindError> {
-    let path = find(name)?;
-    let device = open_node(&path)?;
-    Ok((path, device))
-}
-
 /// Where the device of a name is at this moment.
 ///
 /// # Errors

@@ -6,7 +6,6 @@
 mod camera;
 mod capability;
 mod capture;
-mod check;
 mod controls;
 mod find;
 mod format;
@@ -18,19 +17,20 @@ mod offer;
 mod prepare;
 mod queue;
 mod rate;
+mod ready;
 mod setting;
 mod stamp;
 mod timings;
 
-pub use check::{CameraError, ReadyCamera, check_cameras};
 pub use controls::{Control, ControlKind, MenuItem};
 pub use find::{FindError, OpenError};
 pub use format::FormatError;
 pub use inventory::{ListedControl, Listing, VideoSignal, cameras, describe};
 pub use ioctl::CallError;
 pub use offer::{OfferedFormat, OfferedSize, rates_text};
-pub use prepare::PrepareError;
+pub use prepare::{PrepareError, Wanted};
 pub use rate::RateError;
+pub use ready::{CameraError, ReadyCamera, check_cameras};
 pub use setting::{ControlError, ControlProblem};
 pub use timings::TimingsError;
 

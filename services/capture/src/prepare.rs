@@ -24,6 +24,17 @@ use crate::timings::{self, Signal, TimingsError};
 /// Unit of the control of the exposure, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;
 
+/// The images that are wanted of a camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// What it sends.
+    pub format: SourceFormat,
+    /// Width and height, pixels.
+    pub size_px: [usize; 2],
+    /// Images a second.
+    pub rate_hz: f64,
+}
+
 /// A device that is ready to stream.
 #[derive(Debug)]
 pub(crate) struct Prepared {
@@ -96,13 +107,8 @@ impl PrepareError {
 ///
 /// # Errors
 /// It is no camera, does not take a setting as written, or is gone or busy.
-pub(crate) fn prepare(
-    device: &Device,
-    camera: &V4l2Camera,
-    format: SourceFormat,
-    size_px: [usize; 2],
-    rate_hz: f64,
-) -> Result<Prepared, PrepareError> {
+pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> Result<Prepared, PrepareError> {
+    let Wanted { format, size_px, rate_hz } = *wanted;
     let capability = Capability::read(device)?;
     let kind = stream_of(&capability)?;
     let signal = camera.video_timings.map(|wanted| timings::set(device, wanted)).transpose()?;
@@ -142,12 +148,10 @@ fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {
     })
 }
 
-/// A loopback device that calls itself a camera, but has no format as long as nobody writes into it.
+/// A loopback device that calls itself a camera, but takes no format before somebody writes into it.
 fn unfed(capability: &Capability, error: FormatError) -> PrepareError {
     match error {
-        FormatError::Call(error)
-            if capability.is_loopback() && matches!(error.errno(), Some(Errno::INVAL | Errno::BUSY)) =>
-        {
+        FormatError::Call(error) if capability.is_loopback() && error.errno() == Some(Errno::BUSY) => {
             PrepareError::Unfed
         }
         error => error.into(),

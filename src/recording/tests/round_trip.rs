@@ -91,6 +91,28 @@ fn rows_are_read_without_the_bytes_between_them() {
 }
 
 #[test]
+fn deep_images_keep_their_bytes_and_their_format() {
+    let folder = Folder::new();
+    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let header = FrameHeader { pixel_format: PixelFormat::Y12.code(), stride_bytes: 136, ..frame(1, 11) };
+    let bytes = frame_bytes(&header);
+    recorder.push(&Recordable::Frame { header: &header, image: &bytes });
+    // Rows that would overlap.
+    let narrow = FrameHeader { stride_bytes: 127, ..header };
+    recorder.push(&Recordable::Frame { header: &narrow, image: &frame_bytes(&narrow) });
+    let recorded = recorder.finish().unwrap();
+    assert_eq!(recorded.counts.malformed, 1);
+    let recording = Recording::open(&recorded.file).unwrap();
+    assert_eq!(recording.pixel_format(), PixelFormat::Y12);
+    assert_eq!(recording.summary().unwrap().pixel_format, "Y12");
+    assert_eq!(recording.check(|| ()).unwrap().fault_count, 0);
+    let image = recording.image(1, header.session, 11).unwrap();
+    assert_eq!(([image.width, image.height], image.format), (SIZE_PX, PixelFormat::Y12));
+    assert_eq!(image.pixels[..128], bytes[..128]);
+    assert_eq!(image.pixels[128..256], bytes[136..264]);
+}
+
+#[test]
 fn an_imported_dataset_has_its_images_steps_setup_and_truth() {
     let folder = Folder::new();
     let recording = Recording::open(&imported(&folder)).unwrap();

@@ -30,8 +30,8 @@ fn print(out: &mut impl std::io::Write, s: &Summary) -> std::io::Result<()> {
     let megabytes = s.bytes as f64 * 1e-6;
     writeln!(
         out,
-        "{}: {:.2} s, {megabytes:.1} MB, {width} × {height} pixels {}, {} steps",
-        s.name, s.duration_s, s.pixel_format, s.steps
+        "{}: {:.2} s, {megabytes:.1} MB, {width} × {height} pixels, {} steps, {}",
+        s.name, s.duration_s, s.steps, s.pixel_format
     )?;
     let known = |text: &str| if text.is_empty() { "–".to_owned() } else { text.to_owned() };
     writeln!(

@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
 use fringeflow::dataset::Setup;
 use fringeflow::transport::{Instance, InstanceLock, check_shared_memory, required_bytes};
-use fringeflow_capture::{CameraError, ReadyCamera, check_cameras};
+use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras};
 use fringeflow_runtime::{ServiceArgs, channel_sizes};
 use rustix::fs::{Access, access, statvfs};
 
@@ -68,7 +68,7 @@ fn points(arguments: &ServiceArgs) -> Vec<Point> {
     };
     let mut points = vec![Point::of::<Failure>("configuration", Ok(file.to_string()))];
     let setup = arguments.setup(&configuration);
-    points.push(Point::of("calibration and volume", setup.as_ref().map(|setup| rig_text(setup))));
+    points.push(Point::of("calibration and volume", setup.as_ref().map(rig_text)));
     if let Ok(setup) = &setup {
         let table = arguments.segment_table(&configuration, setup);
         points.push(Point::of("segment table", table.map(|_| "can be used".to_owned())));
@@ -106,8 +106,9 @@ fn checked_cameras(
     setup: Option<&Setup>,
 ) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
     let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
-    let size_px = setup.map(|setup| setup.image_size_px);
-    Some(check_cameras(cameras, configuration.source_format, size_px, configuration.rate_hz))
+    let (format, rate_hz) = (configuration.source_format, configuration.rate_hz);
+    let wanted = setup.map(|setup| Wanted { format, size_px: setup.image_size_px, rate_hz });
+    Some(check_cameras(cameras, wanted.as_ref()))
 }
 
 /// Refuses to run with a camera whose settings must change first; one that is absent or busy is waited for.

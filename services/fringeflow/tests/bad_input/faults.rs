@@ -51,6 +51,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault("volume behind the camera", volume_behind_camera, META, "field volume: the volume lies behind camera 1"),
     fault("volume turned inside out", |f| meta_field(f, "/volume/min", json!([50, 40, 12.5])), META, "field volume"),
     fault("impossible period", |f| meta_field(f, "/period_px", json!(0)), META, "field period_px"),
+    fault("impossible depth", |f| state_bits(f, 9), META, "field bits: is 9"),
     image_fault("truncated image", truncate_image, "is not an intact PNG"),
     image_fault(
         "image of another size",
@@ -62,6 +63,13 @@ pub(crate) const FAULTS: &[Fault] = &[
         |f| phase_image(f, ColorType::Grayscale, BitDepth::Sixteen, SAME_SIZE, &[1, 2]),
         "16-bit",
     ),
+    Fault {
+        name: "8-bit images that are to be deeper",
+        found_in: FoundIn::Images,
+        damage: |f| state_bits(f, 12),
+        file: "phase_0",
+        says: "is an 8-bit image among those of 12 bits",
+    },
     image_fault(
         "colour image",
         |f| phase_image(f, ColorType::Rgb, BitDepth::Eight, SAME_SIZE, &[9, 8, 7]),
@@ -103,6 +111,14 @@ fn phase_image(folder: &Path, color: ColorType, depth: BitDepth, size: [u32; 2],
 
 fn negative_focal_length(folder: &Path) {
     calibration_field(folder, "K2", "-184, 0, 31.5, 0, 184, 31.5, 0, 0, 1");
+}
+
+/// 8 bits are not stated by themselves.
+fn state_bits(folder: &Path, bits: u8) {
+    let path = folder.join(META);
+    let mut meta: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    meta["bits"] = json!(bits);
+    std::fs::write(&path, meta.to_string()).unwrap();
 }
 
 fn volume_behind_camera(folder: &Path) {

@@ -8,6 +8,7 @@
 
 mod control;
 mod dataset;
+mod deep_images;
 mod faults;
 mod frozen;
 mod full_disk;

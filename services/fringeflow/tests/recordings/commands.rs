@@ -51,7 +51,7 @@ fn a_recording_says_what_is_in_it_and_that_it_is_whole() {
     let frames = info["topics"].as_array().unwrap().iter().find(|topic| topic["topic"] == "/cam1/frame").unwrap();
     assert_eq!(frames["messages"], 4);
     assert!((frames["rate_hz"].as_f64().unwrap() - 50.0).abs() < 1e-9);
-    assert!(String::from_utf8_lossy(&done(&[&"info", &recording]).stdout).contains("96 × 80 pixels, 4 steps"));
+    assert!(String::from_utf8_lossy(&done(&[&"info", &recording]).stdout).contains("96 × 80 pixels, 4 steps, GREY"));
     let check = json(&done(&[&"check", &recording, &"--json"]));
     assert_eq!(check["missing_images"], serde_json::json!([0, 0]));
 }

@@ -73,14 +73,18 @@ impl Bench {
 
     /// With parts of the configuration replaced.
     pub(crate) fn with(changes: &[(&str, &str)]) -> Self {
-        // Sockets have short names.
-        let folder = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
         let change = |text: String, (from, to): &(&str, &str)| {
             assert!(text.contains(from), "{from}");
             text.replace(from, to)
         };
-        std::fs::write(folder.path().join("scanner.toml"), changes.iter().fold(CONFIGURATION.to_owned(), change))
-            .unwrap();
+        Self::of(&changes.iter().fold(CONFIGURATION.to_owned(), change))
+    }
+
+    /// With this configuration, of an instance called [`NAME`].
+    pub(crate) fn of(configuration: &str) -> Self {
+        // Sockets have short names.
+        let folder = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
+        std::fs::write(folder.path().join("scanner.toml"), configuration).unwrap();
         Self { folder }
     }
 

@@ -1,12 +1,13 @@
-//! Both cameras of a configuration looked at before anything starts: are they there, and do they take what is wanted?
+//! A camera made ready to stream, from its name in the configuration on; and both looked at before anything starts: are
+//! they there, and do they take what is wanted?
 
 use std::path::PathBuf;
 
 use fringeflow::config::V4l2Camera;
-use fringeflow::pixels::SourceFormat;
 
 use crate::find::{self, FindError};
-use crate::prepare::{PrepareError, prepare};
+use crate::ioctl::{CallError, Device};
+use crate::prepare::{PrepareError, Prepared, Wanted, prepare};
 
 /// A camera that is there and takes its settings; it was let go again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +33,15 @@ pub enum CameraError {
         #[source]
         source: PrepareError,
     },
+    /// Its driver refuses to stream.
+    #[error("{}: {source}", path.display())]
+    Stream {
+        /// Its node.
+        path: PathBuf,
+        /// The call.
+        #[source]
+        source: CallError,
+    },
     /// It is the other camera.
     #[error("{} is camera 1 already; name another device", path.display())]
     Same {
@@ -47,22 +57,20 @@ impl CameraError {
         match self {
             Self::Find(error) => error.is_lasting(),
             Self::Prepare { source, .. } => source.is_lasting(),
+            Self::Stream { .. } => false,
             Self::Same { .. } => true,
         }
     }
 }
 
-/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where the size of their images is not
-/// known, they are only found.
+/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where nothing is known of the images that
+/// are wanted, they are only found.
 #[must_use]
-pub fn check_cameras(
-    cameras: &[V4l2Camera; 2],
-    format: SourceFormat,
-    size_px: Option<[usize; 2]>,
-    rate_hz: f64,
-) -> [Result<ReadyCamera, CameraError>; 2] {
-    let check = |camera: &V4l2Camera, path: PathBuf| match size_px {
-        Some(size_px) => check(camera, path, format, size_px, rate_hz),
+pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
+    let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
+        Some(wanted) => {
+            open_at(path, camera, wanted).map(|(path, _, prepared)| ReadyCamera { path, notes: prepared.notes })
+        }
         None => Ok(ReadyCamera { path, notes: vec!["not set: the size of its images is not known".to_owned()] }),
     };
     let [cam1, cam2] = cameras;
@@ -78,16 +86,18 @@ pub fn check_cameras(
     }
 }
 
-fn check(
-    camera: &V4l2Camera,
-    path: PathBuf,
-    format: SourceFormat,
-    size_px: [usize; 2],
-    rate_hz: f64,
-) -> Result<ReadyCamera, CameraError> {
+/// Finds a camera, opens it, and sets it as configured.
+///
+/// # Errors
+/// It is not there, or does not take its settings.
+pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
+    open_at(find::find(&camera.device)?, camera, wanted)
+}
+
+fn open_at(path: PathBuf, camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
     let device = find::open_node(&path).map_err(FindError::Unopened)?;
-    match prepare(&device, camera, format, size_px, rate_hz) {
-        Ok(prepared) => Ok(ReadyCamera { path, notes: prepared.notes }),
+    match prepare(&device, camera, wanted) {
+        Ok(prepared) => Ok((path, device, prepared)),
         Err(source) => Err(CameraError::Prepare { path, source }),
     }
 }

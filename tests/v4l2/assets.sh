@@ -1,0 +1,145 @@
+#!/usr/bin/env bash
+# Makes what the virtual machine boots: the kernel of this Debian, and an initramfs with busybox, `init`, and the modules vivid
+# and v4l2loopback with all they need. Nothing is installed: packages are downloaded and unpacked, and no root is needed.
+# Usage: assets.sh FOLDER; prints the folder that holds `kernel` and `initramfs`, one for each version of the kernel and of
+# this recipe. What is there already is not made again.
+set -euo pipefail
+folder=$(realpath --canonicalize-missing "${1:?usage: assets.sh FOLDER}")
+cd "$(dirname "$0")"
+
+export PATH=$PATH:/usr/sbin:/sbin # where depmod is; not everyone has it there
+readonly BOOT_MODULES=(virtio_pci 9pnet_virtio 9p) # loaded by init
+readonly TEST_MODULES=(vivid videodev)             # the tests load what they need, after what it depends on
+readonly UNUSED=(drivers/net drivers/gpu drivers/infiniband drivers/scsi drivers/iio sound)
+recipe=$(cat assets.sh init | sha256sum | cut -c 1-8)
+
+fail() {
+    echo "assets.sh: $*" >&2
+    exit 1
+}
+
+# A command whose output matters only if it fails.
+quietly() {
+    "$@" >"$work/output.txt" 2>&1 || { cat "$work/output.txt" >&2; fail "failed: $*"; }
+}
+
+# Nothing where apt has no lists.
+kernel_version() {
+    { apt-cache depends linux-image-amd64 2>/dev/null || true; } | sed -n 's/^ *Depends: linux-image-//p' | head -n 1
+}
+
+# Lists of our own: the machine's are empty in a fresh container, or too old to download by, and only root may renew them.
+use_own_lists() {
+    mkdir -p "$work/lists/partial"
+    printf 'Dir::State::lists "%s";\nDir::Cache::pkgcache "";\nDir::Cache::srcpkgcache "";\n' "$work/lists" >"$work/apt.conf"
+    export APT_CONFIG=$work/apt.conf
+    # One of several sources may fail and not be needed; what is missing shows below.
+    apt-get update -qq >"$work/output.txt" 2>&1 || cat "$work/output.txt" >&2
+    version=$(kernel_version)
+    [ -n "$version" ] || fail "apt knows no linux-image-amd64: the package sources need Debian's main archive"
+}
+
+download() {
+    local headers
+    headers=$(apt-cache depends "linux-headers-$version" | sed -En 's/^ *Depends: (linux-(headers|kbuild)-.*)/\1/p')
+    rm -f "$work"/packages/*
+    # shellcheck disable=SC2086 # several names
+    (cd "$work/packages" && apt-get download -qq -o APT::Sandbox::User= \
+        "linux-image-$version" "linux-headers-$version" $headers v4l2loopback-dkms busybox-static) >"$work/output.txt" 2>&1
+}
+
+unpack() {
+    local package=$1
+    shift
+    dpkg-deb --fsys-tarfile "$work/packages/$package"_*.deb | tar --extract --directory "$work/root" "$@"
+}
+
+unpack_all() {
+    local package
+    unpack "linux-image-$version" "${UNUSED[@]/#/--exclude=*/kernel/}"
+    for package in "$work"/packages/linux-{headers,kbuild}-*.deb "$work"/packages/{v4l2loopback-dkms,busybox-static}_*.deb; do
+        package=${package##*/}
+        unpack "${package%%_*}"
+    done
+    # Where /lib is part of /usr.
+    [ -e "$work/root/lib" ] || ln -s usr/lib "$work/root/lib"
+}
+
+build_v4l2loopback() {
+    local source=("$work"/root/usr/src/v4l2loopback-*)
+    local headers=$work/root/usr/src/linux-headers-$version
+    sed -i "s#/usr/src/#$work/root/usr/src/#" "$headers/Makefile"
+    quietly make -C "$headers" M="${source[0]}" CC=gcc CONFIG_DEBUG_INFO_BTF_MODULES= modules
+    strip --strip-debug "${source[0]}/v4l2loopback.ko"
+    cp "${source[0]}/v4l2loopback.ko" "$work/initramfs/modules/"
+}
+
+# Copies modules with all that they need; prints their files in the order in which they load.
+copy_modules() {
+    local verb path file
+    printf '%s\n' "$@" | xargs -n 1 modprobe --dirname "$work/root" --set-version "$version" --show-depends |
+        while read -r verb path _; do
+            [ "$verb" = insmod ] || continue
+            file=$(basename "${path%.xz}")
+            [ ! -e "$work/initramfs/modules/$file" ] || continue
+            case $path in
+            *.xz) xz --decompress --stdout "$path" >"$work/initramfs/modules/$file" ;;
+            *) cp "$path" "$work/initramfs/modules/$file" ;;
+            esac
+            echo "$file"
+        done
+}
+
+make_initramfs() {
+    mkdir -p "$work"/initramfs/{bin,dev,proc,sys,host,share,modules}
+    find "$work/root" -path '*/bin/busybox' -exec cp {} "$work/initramfs/bin/" \;
+    depmod --basedir "$work/root" "$version"
+    {
+        copy_modules "${BOOT_MODULES[@]}"
+        copy_modules "${TEST_MODULES[@]}" | grep --invert-match '^vivid\.ko$'
+    } >"$work/initramfs/boot_modules"
+    build_v4l2loopback
+    install init "$work/initramfs/init"
+}
+
+# What is made appears under its name when it is whole: a build that is killed leaves nothing that looks finished.
+publish() {
+    local made
+    made=$(mktemp --directory "$folder/.made.XXXXXX")
+    cp "$work/root/boot/vmlinuz-$version" "$made/kernel"
+    (cd "$work/initramfs" && find . | cpio --quiet --create --format newc) >"$made/initramfs"
+    mv --no-target-directory "$made" "$folder/$version-$recipe"
+}
+
+print_if_there() {
+    [ ! -d "$folder/$version-$recipe" ] || { echo "$folder/$version-$recipe"; exit 0; }
+}
+
+if ! command -v apt-get >/dev/null || [ "$(dpkg --print-architecture)" != amd64 ]; then
+    fail "the virtual machine needs a Debian kernel: run this test on Debian for amd64, 12 or later"
+fi
+mkdir -p "$folder"
+# Tests may ask for it side by side; the first makes it, the others wait.
+exec 9>"$folder/lock"
+flock 9
+
+version=$(kernel_version)
+if [ -z "$version" ]; then
+    # Without lists, what was made before is good enough.
+    newest=$(find "$folder" -maxdepth 1 -name "[0-9]*-$recipe" | sort --version-sort | tail -n 1)
+    [ -z "$newest" ] || { echo "$newest"; exit 0; }
+fi
+print_if_there
+# Not below the folder: its path may hold spaces, which the kernel's Makefile does not take.
+work=$(mktemp --directory)
+trap 'rm -rf "$work"' EXIT
+mkdir "$work"/{packages,root}
+if [ -z "$version" ] || ! download; then
+    use_own_lists
+    print_if_there
+    download || { cat "$work/output.txt" >&2; fail "cannot download the kernel $version; is there a network?"; }
+fi
+unpack_all
+make_initramfs
+publish
+print_if_there

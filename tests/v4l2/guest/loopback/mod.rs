@@ -1,0 +1,36 @@
+//! Cameras of the driver v4l2loopback: what is written to them comes out of them, image by image.
+
+mod feeder;
+mod pipeline;
+mod silence;
+
+use super::driver::Driver;
+use super::scanner::configuration;
+use crate::scenes;
+
+/// The devices of both cameras.
+const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
+/// Buffers of a device, the same for driver and reader: with fewer the driver overwrites what is being read.
+const BUFFERS: usize = 16;
+/// Images a second: slow enough that a pause of this machine seldom breaks a window.
+const RATE_HZ: f64 = 2.0;
+
+fn load() -> Driver {
+    let buffers = format!("max_buffers={BUFFERS}");
+    Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", "exclusive_caps=1,1", &buffers])
+}
+
+/// A scanner that takes every image once; `camera` is more about camera 1.
+fn scanner(camera: &str) -> String {
+    let [cam1, cam2] = DEVICES;
+    let each = format!("set_rate = false\nbuffers = {BUFFERS}");
+    let cameras = format!(
+        "rate_hz = {RATE_HZ:.1}\n[cameras.cam1]\ndevice = \"{cam1}\"\n{each}\n{camera}\n[cameras.cam2]\n\
+         device = \"{cam2}\"\n{each}\n"
+    );
+    let rest = format!(
+        "[window]\nevery = {}\nwhen_busy = \"wait\"\n[recorder]\nfolder = \"recordings\"\nmin_free_mb = 0\n",
+        scenes::STEPS
+    );
+    configuration(&scenes::all()[0], &cameras, &rest)
+}

@@ -1,0 +1,119 @@
+//! The whole pipeline on V4L2 cameras: the same images as in files give the same clouds, to the byte.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use fringeflow::message::{Counts, DropReason, Stage};
+use fringeflow::recording::{Content, Recording};
+
+use super::feeder::Feeder;
+use crate::scenes::{self, STEPS};
+use crate::support::{Bench, Live};
+
+/// Rounds after which a machine that never gets through one undisturbed is given up.
+const ROUNDS: usize = 8;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn clouds_are_those_of_the_images_in_files() {
+    let _loopback = super::load();
+    let mut feeder = Feeder::new();
+    let bench = Bench::of(&super::scanner(""));
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    scan(&bench, &live, &mut feeder);
+    let ended = live.quit();
+    ended.assert_balanced();
+    for camera in ["camera1", "camera2"] {
+        assert_eq!(ended.stage(camera).passed as usize, feeder.shown(), "{ended:?}");
+        assert_eq!(ended.stage(camera).taken as usize, feeder.shown(), "{ended:?}");
+    }
+    assert_eq!(ended.stage("recorder").dropped(DropReason::Overrun), 0, "{ended:?}");
+    bench.assert_nothing_left();
+    let recorded = Recording::open(&recording).unwrap();
+    assert_images(&recorded, &feeder);
+    let clouds = assert_clouds(&bench, &recorded);
+    assert_eq!(clouds as u64, ended.stage("cloud").passed);
+    let verified = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
+    assert_eq!((&verified["same"], &verified["different"]), (&clouds.into(), &0.into()), "{verified}");
+}
+
+/// Shows round after round until each window of one became a cloud: a pause of this machine breaks the window that it hits.
+fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
+    take(bench, live, feeder.shown());
+    // Up to the end of a round, so that the next begins with a window.
+    while !feeder.shown().is_multiple_of(feeder.round()) {
+        show(bench, live, feeder);
+    }
+    for _ in 0..ROUNDS {
+        let before = clouds(bench, live);
+        for _ in 0..feeder.round() {
+            show(bench, live, feeder);
+        }
+        if (clouds(bench, live) - before) as usize == feeder.round() / STEPS {
+            return;
+        }
+    }
+    panic!("in {ROUNDS} rounds none gave all its clouds");
+}
+
+fn show(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
+    feeder.show_next();
+    take(bench, live, feeder.shown());
+}
+
+/// Waits until both cameras have taken so many images.
+fn take(bench: &Bench, live: &Live<'_>, images: usize) {
+    let taken = |stage| bench.counts(stage).taken as usize;
+    live.wait_until("the images were taken", || [Stage::Camera1, Stage::Camera2].map(taken) == [images; 2]);
+}
+
+/// Clouds so far, when all that is in work has become one.
+fn clouds(bench: &Bench, live: &Live<'_>) -> u64 {
+    let stages = [Stage::Windowing, Stage::Phase, Stage::Correspondence, Stage::Cloud];
+    let is_done = |counts: &[Counts]| {
+        counts.windows(2).all(|pair| pair[0].passed == pair[1].taken)
+            && counts.iter().all(|counts| counts.in_work() == Some(0))
+    };
+    live.wait_until("nothing is in work", || {
+        // The last images are paired as soon as they are read.
+        let paired = bench.counts(Stage::Pairing);
+        let sent = [Stage::Camera1, Stage::Camera2].map(|stage| bench.counts(stage).passed).iter().sum::<u64>();
+        paired.taken == sent && is_done(&stages.map(|stage| bench.counts(stage)))
+    });
+    bench.counts(Stage::Cloud).passed
+}
+
+/// Every image came as it was shown.
+fn assert_images(recorded: &Recording, feeder: &Feeder) {
+    let mut images = 0;
+    for message in recorded.messages() {
+        if let Content::Frame(header, pixels) = message.unwrap().content {
+            assert!(*pixels == *feeder.image(header.camera, header.sequence), "image {}", header.sequence);
+            images += 1;
+        }
+    }
+    assert_eq!(images, 2 * feeder.shown());
+}
+
+/// Every cloud is that of its scene, and no scene is missing; how many there are.
+fn assert_clouds(bench: &Bench, recorded: &Recording) -> usize {
+    let folder = bench.path("clouds");
+    bench.done(&[0, 3], &[&"export", &bench.path("scan.mcap"), &"-o", &folder]);
+    let scenes = scenes::all();
+    let mut seen = BTreeSet::new();
+    for (number, header) in recorded.cloud_headers().enumerate() {
+        let first = header.window.cam1_sequence[0] as usize;
+        assert!(header.window.pairs().eq((first..first + STEPS).map(|number| [number as u64; 2])), "{header:?}");
+        let scene = first / STEPS % scenes.len();
+        let cloud = std::fs::read(exported(&folder, number)).unwrap();
+        assert!(cloud == scenes[scene].cloud(), "cloud {number}, of {:?}", scenes[scene]);
+        seen.insert(scene);
+    }
+    assert_eq!(seen.len(), scenes.len());
+    recorded.cloud_headers().count()
+}
+
+fn exported(folder: &Path, number: usize) -> std::path::PathBuf {
+    folder.join(format!("cloud_{number:06}.ply"))
+}

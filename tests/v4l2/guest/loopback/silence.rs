@@ -1,0 +1,31 @@
+//! A camera that falls silent: whoever writes its images dies, and another one takes its place.
+
+use fringeflow::message::Incident;
+
+use super::super::capture::Capture;
+use super::feeder::Feeder;
+use crate::support::Bench;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_silent_camera_times_out_and_is_taken_up_again() {
+    let _loopback = super::load();
+    let mut feeder = Feeder::new();
+    let bench = Bench::of(&super::scanner("timeout_ms = 700"));
+    let mut capture = Capture::start(&bench);
+    capture.images(1);
+    for _ in 0..3 {
+        feeder.show_next();
+        capture.images(1);
+    }
+    drop(feeder);
+    capture.until("its silence is noticed", |capture| capture.incidents(Incident::TimeOut) >= 2);
+    let mut feeder = Feeder::new();
+    // The driver drops what comes while nobody reads.
+    capture.until("it sends again", |capture| {
+        feeder.show_next();
+        capture.headers.last().unwrap().session != capture.headers[0].session
+    });
+    let (_, counts) = capture.stop();
+    assert!(counts.incidents[Incident::StreamRestart as usize] >= 1, "{counts:?}");
+}

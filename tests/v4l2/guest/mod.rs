@@ -1,0 +1,7 @@
+//! What runs in the virtual machine, as root, with the drivers at hand; see [`crate::machine`].
+
+mod capture;
+mod driver;
+mod loopback;
+mod scanner;
+mod vivid;

@@ -1,0 +1,98 @@
+//! Errors that vivid injects at the press of a button, twenty times each: every one is counted, the images come again, and
+//! nothing is lost that is not counted.
+
+use fringeflow::message::{Counts, DropReason, FrameHeader, Incident};
+
+use super::super::capture::{Capture, gaps, sessions};
+use super::super::driver::press;
+use crate::support::Bench;
+
+/// How often each error is injected.
+const TIMES: u64 = 20;
+/// Refused calls in a row after which a stream is begun anew.
+const REFUSALS: u64 = 3;
+const DAMAGED: &str = "inject_v4l2_buf_flag_error";
+const QBUF: &str = "inject_vidioc_qbuf_error";
+const REQBUFS: &str = "inject_vidioc_reqbufs_error";
+const STREAMON: &str = "inject_vidioc_streamon_error";
+const FATAL: &str = "inject_fatal_streaming_error";
+const DISCONNECT: &str = "disconnect";
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn damaged_images_are_dropped() {
+    let (headers, counts) = inject(&[DAMAGED], |counts| counts.dropped(DropReason::BadImage));
+    assert_eq!(counts.dropped(DropReason::BadImage), TIMES);
+    assert_eq!(sessions(&headers).len(), 1);
+    assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost) + TIMES, "{counts:?}");
+    assert_eq!(counts.incidents().count(), 0, "{counts:?}");
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn buffers_that_are_refused_are_offered_again() {
+    let (headers, counts) = inject(&[QBUF], |counts| incidents(counts, Incident::CallRefused));
+    assert_eq!(incidents(&counts, Incident::CallRefused), TIMES);
+    assert_eq!(sessions(&headers).len(), 1);
+    assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost), "{counts:?}");
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_fatal_error_of_the_stream_begins_it_anew() {
+    assert_begun_anew(&[FATAL], REFUSALS);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_stream_that_gets_no_buffers_is_begun_anew() {
+    assert_begun_anew(&[REQBUFS, FATAL], REFUSALS + 1);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_stream_that_does_not_start_is_begun_anew() {
+    assert_begun_anew(&[STREAMON, FATAL], REFUSALS + 1);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn an_unplugged_camera_is_taken_up_again() {
+    let (headers, counts) = inject(&[DISCONNECT], |counts| incidents(counts, Incident::Returned));
+    assert_eq!([Incident::Unplugged, Incident::Returned].map(|i| incidents(&counts, i)), [TIMES; 2], "{counts:?}");
+    assert_sessions(&headers, &counts);
+}
+
+/// Errors that end in a new stream, after so many refused calls each.
+fn assert_begun_anew(buttons: &[&str], refused: u64) {
+    let (headers, counts) = inject(buttons, |counts| incidents(counts, Incident::StreamRestart));
+    assert_eq!(incidents(&counts, Incident::StreamRestart), TIMES, "{counts:?}");
+    assert_eq!(incidents(&counts, Incident::CallRefused), TIMES * refused, "{counts:?}");
+    assert_sessions(&headers, &counts);
+}
+
+/// Each stream is a session of its own, in which every gap is counted.
+fn assert_sessions(headers: &[FrameHeader], counts: &Counts) {
+    let sessions = sessions(headers);
+    assert_eq!(sessions.len() as u64, TIMES + 1);
+    let lost: u64 = sessions.into_iter().map(gaps).sum();
+    assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
+}
+
+/// Presses buttons again and again; each time images must come after `reached` has counted it.
+fn inject(buttons: &[&str], reached: fn(&Counts) -> u64) -> (Vec<FrameHeader>, Counts) {
+    let _vivid = super::load();
+    let bench = Bench::of(&super::scanner(""));
+    let mut capture = Capture::start(&bench);
+    capture.images(1);
+    for time in 1..=TIMES {
+        press(super::DEVICE, buttons);
+        capture.until("the error was counted", |capture| reached(&capture.counts()) == time);
+        capture.images(1);
+    }
+    capture.stop()
+}
+
+fn incidents(counts: &Counts, incident: Incident) -> u64 {
+    counts.incidents[incident as usize]
+}

@@ -1,0 +1,60 @@
+//! A camera that is gone for a while, and comes back under another number.
+
+use std::time::{Duration, Instant};
+
+use fringeflow::message::{DropReason, Incident};
+
+use super::super::capture::{Capture, gaps, sessions};
+use super::super::driver::{Driver, v4l2_ctl};
+use crate::support::Bench;
+
+/// How long the camera is watched to be absent.
+const ABSENCE: Duration = Duration::from_secs(3);
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_camera_is_found_under_another_number() {
+    let vivid = super::load();
+    let bench = Bench::of(&super::scanner(""));
+    let mut capture = Capture::start(&bench);
+    capture.images(10);
+    vivid.unplug();
+    capture.until("its absence is noticed", |capture| capture.incidents(Incident::Unplugged) == 1);
+    assert!(!capture.holds_a_device());
+    assert_idle(&capture);
+    // It takes the lowest number that is free.
+    let _other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
+    vivid.plug_in();
+    assert!(!v4l2_ctl(super::DEVICE, &["--info"]).contains("vivid"));
+    capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
+    capture.images(10);
+    let (headers, counts) = capture.stop();
+    let sessions = sessions(&headers);
+    assert_eq!(sessions.len(), 2);
+    let lost: u64 = sessions.into_iter().map(gaps).sum();
+    assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
+    assert_eq!(counts.incidents[Incident::Unplugged as usize], 1);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_camera_that_is_not_there_is_waited_for() {
+    let vivid = super::load();
+    let bench = Bench::of(&super::scanner(""));
+    vivid.unplug();
+    let mut capture = Capture::start(&bench);
+    assert_idle(&capture);
+    vivid.plug_in();
+    capture.images(10);
+    capture.stop();
+}
+
+/// Looking for a camera now and then is no work; trying all the time would be.
+fn assert_idle(capture: &Capture<'_>) {
+    let (start, before_ns) = (Instant::now(), capture.processor_ns());
+    std::thread::sleep(ABSENCE);
+    let (passed, busy_ns) = (start.elapsed(), capture.processor_ns() - before_ns);
+    let busy = Duration::from_nanos(busy_ns);
+    eprintln!("busy {busy:?} of {passed:?} without a camera");
+    assert!(busy < passed / 3, "busy {busy:?} of {passed:?}");
+}

@@ -1,0 +1,38 @@
+//! Capture from real V4L2 devices. They live in a small virtual machine, which boots Debian's kernel and this repository's
+//! programs on the host's root: vivid simulates cameras with all their faults, v4l2loopback carries given images.
+//!
+//! On the host the tests here boot the machine and wait for its result. In it this same executable runs the tests of
+//! [`guest`], which are ignored on the host:
+//!
+//! | boot | devices | shows |
+//! |---|---|---|
+//! | `guest::vivid` | two vivid cameras | formats, controls, rates, every error that vivid can inject, exact counts |
+//! | `guest::loopback` | two v4l2loopback devices, fed with images of the virtual scanner | the same clouds as from files |
+//!
+//! Nothing about rates or latencies is asserted: the machine is emulated, and slow.
+
+// A helper that cannot prepare its test fails it.
+#![allow(clippy::unwrap_used, clippy::panic)]
+// What a test measures or says when it fails belongs on standard error.
+#![allow(clippy::print_stderr)]
+
+mod guest;
+mod machine;
+mod scenes;
+// The guest does not need all of it.
+#[allow(dead_code)]
+#[path = "../../services/fringeflow/tests/live/support/mod.rs"]
+mod support;
+
+#[test]
+fn vivid_cameras() {
+    machine::run("guest::vivid", |share| {
+        scenes::make(share);
+        scenes::make_large(share);
+    });
+}
+
+#[test]
+fn loopback_cameras() {
+    machine::run("guest::loopback", scenes::make);
+}
