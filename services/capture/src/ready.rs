@@ -1,7 +1,7 @@
 //! A camera made ready to stream, from its name in the configuration on; and both looked at before anything starts: are
 //! they there, and do they take what is wanted?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fringeflow::config::V4l2Camera;
 
@@ -63,14 +63,12 @@ impl CameraError {
     }
 }
 
-/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where nothing is known of the images that
-/// are wanted, they are only found.
+/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where it is not known what is wanted of
+/// them, they are only found.
 #[must_use]
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
-        Some(wanted) => {
-            open_at(path, camera, wanted).map(|(path, _, prepared)| ReadyCamera { path, notes: prepared.notes })
-        }
+        Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
         None => Ok(ReadyCamera { path, notes: vec!["not set: the size of its images is not known".to_owned()] }),
     };
     let [cam1, cam2] = cameras;
@@ -91,13 +89,15 @@ pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Res
 /// # Errors
 /// It is not there, or does not take its settings.
 pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
-    open_at(find::find(&camera.device)?, camera, wanted)
+    let path = find::find(&camera.device)?;
+    let (device, prepared) = open_at(&path, camera, wanted)?;
+    Ok((path, device, prepared))
 }
 
-fn open_at(path: PathBuf, camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
-    let device = find::open_node(&path).map_err(FindError::Unopened)?;
+fn open_at(path: &Path, camera: &V4l2Camera, wanted: &Wanted) -> Result<(Device, Prepared), CameraError> {
+    let device = find::open_node(path).map_err(FindError::Unopened)?;
     match prepare(&device, camera, wanted) {
-        Ok(prepared) => Ok((path, device, prepared)),
-        Err(source) => Err(CameraError::Prepare { path, source }),
+        Ok(prepared) => Ok((device, prepared)),
+        Err(source) => Err(CameraError::Prepare { path: path.to_owned(), source }),
     }
 }

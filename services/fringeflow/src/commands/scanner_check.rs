@@ -106,8 +106,11 @@ fn checked_cameras(
     setup: Option<&Setup>,
 ) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
     let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
-    let (format, rate_hz) = (configuration.source_format, configuration.rate_hz);
-    let wanted = setup.map(|setup| Wanted { format, size_px: setup.image_size_px, rate_hz });
+    let wanted = setup.map(|setup| Wanted {
+        format: configuration.source_format,
+        size_px: setup.image_size_px,
+        rate_hz: configuration.rate_hz,
+    });
     Some(check_cameras(cameras, wanted.as_ref()))
 }
 
