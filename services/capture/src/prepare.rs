@@ -148,12 +148,10 @@ fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {
     })
 }
 
-/// A loopback device that calls itself a camera, but has no format as long as nobody writes into it.
+/// A loopback device that calls itself a camera, but takes no format before somebody writes into it.
 fn unfed(capability: &Capability, error: FormatError) -> PrepareError {
     match error {
-        FormatError::Call(error)
-            if capability.is_loopback() && matches!(error.errno(), Some(Errno::INVAL | Errno::BUSY)) =>
-        {
+        FormatError::Call(error) if capability.is_loopback() && error.errno() == Some(Errno::BUSY) => {
             PrepareError::Unfed
         }
         error => error.into(),

@@ -65,7 +65,6 @@ impl CameraError {
 
 /// Finds both cameras, sets them as configured, reads that back, and lets them go. Where it is not known what is wanted of
 /// them, they are only found.
-#[must_use]
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
         Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
