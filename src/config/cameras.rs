@@ -309,6 +309,20 @@ mod tests {
     const TWO: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                        [cameras.cam2]\ndevice = \"serial:7\"\n";
 
+    /// What the example must say; all else in it are defaults.
+    const REQUIRED: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 30.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
+                            [cameras.cam2]\ndevice = \"/dev/video2\"\n[pattern]\nsteps = 4\nperiod_px = 16.0\n[rig]\n\
+                            calibration = \"rigs/scanner.yml\"\nunit = \"mm\"\n[measurement_volume]\nunit = \"mm\"\n\
+                            [measurement_volume.box]\nR_v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nT_v = [0, 0, 300]\n\
+                            min = [-50, -40, -20]\nmax = [50, 40, 25]\n";
+
+    #[test]
+    fn the_example_states_the_defaults() {
+        let parse = |text| ScannerConfiguration::parse(text, Path::new("/configs")).unwrap();
+        let example = parse(include_str!("../../configs/scanner.toml"));
+        assert_eq!(ScannerConfiguration { text: REQUIRED.to_owned(), ..example }, parse(REQUIRED));
+    }
+
     fn cameras(text: &str) -> Result<[V4l2Camera; 2], String> {
         match ScannerConfiguration::parse(text, Path::new("/")).map_err(|e| e.to_string())?.cameras {
             CameraSource::V4l2(cameras) => Ok(*cameras),

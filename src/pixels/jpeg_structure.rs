@@ -1,8 +1,8 @@
 //! Which parts a JPEG image has, found before a decoder sees it.
 //!
-//! In: bytes that may be anything. Out: how many of them are the image, and that it is one whole baseline image of the expected size, in one
-//! scan, as cameras send it. So a decoder that fills up what is missing never gets to, and a small file cannot ask for
-//! much memory. What follows the end of the image is padding of the driver.
+//! In: bytes that may be anything. Out: how many of them are the image, and that it is one whole baseline image of the
+//! expected size, in one scan, as cameras send it. So a decoder that fills up what is missing never gets to, and a small
+//! file cannot ask for much memory. What follows the end of the image is padding of the driver.
 
 use super::UnpackError;
 

@@ -14,7 +14,7 @@ pub enum SourceFormat {
     Y12,
     /// 14 bits in the low bits of 16, little endian.
     Y14,
-    /// 16 bits, little endian.
+    /// 16 bits, little endian. Some drivers call so what has fewer, in the low bits: the bytes of Y10, Y12 or Y14.
     Y16,
     /// 16 bits, big endian.
     Y16BigEndian,

@@ -64,6 +64,11 @@ impl Capability {
         if is(V4L2_CAP_STREAMING) { Ok(kind) } else { Err("a device that cannot stream into mapped buffers") }
     }
 
+    /// Whether it is a camera, or will be one when a program writes into it.
+    pub(crate) fn is_camera(&self) -> bool {
+        self.stream().is_ok() || self.is_unfed()
+    }
+
     /// Whether it is a loopback device that captures nothing: a program that writes into it may turn it into a camera.
     pub(crate) fn is_unfed(&self) -> bool {
         self.is_loopback() && self.node & V4L2_CAP_VIDEO_CAPTURE == 0
@@ -103,12 +108,13 @@ mod tests {
         assert!(node("codec", camera | V4L2_CAP_VIDEO_M2M).stream().unwrap_err().contains("converter"));
         assert!(node("old", V4L2_CAP_VIDEO_CAPTURE).stream().unwrap_err().contains("cannot stream"));
         assert_eq!(node("radio", V4L2_CAP_STREAMING).stream(), Err("no camera"));
+        assert!(node("uvcvideo", camera).is_camera() && !node("radio", V4L2_CAP_STREAMING).is_camera());
     }
 
     #[test]
     fn a_loopback_device_waits_for_its_writer() {
         let unfed = node(LOOPBACK, V4L2_CAP_VIDEO_OUTPUT | V4L2_CAP_STREAMING);
-        assert!(unfed.is_unfed() && unfed.stream().unwrap_err().contains("no program writes"));
+        assert!(unfed.is_camera() && unfed.is_unfed() && unfed.stream().unwrap_err().contains("no program writes"));
         assert!(!node(LOOPBACK, V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING).is_unfed());
         assert!(!node("vivid", V4L2_CAP_VIDEO_OUTPUT | V4L2_CAP_STREAMING).is_unfed());
     }

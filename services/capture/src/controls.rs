@@ -211,9 +211,12 @@ impl Control {
         }))
     }
 
-    /// A value with the name of the item, where it is one of a menu.
+    /// A value as people read it: that of a menu with the name of its item, bits as such.
     #[must_use]
     pub fn shown(&self, value: &ControlValue) -> String {
+        if let (ControlKind::Bitmask, ControlValue::Number(bits)) = (self.kind, value) {
+            return format!("0x{bits:x}");
+        }
         let item = self.items.iter().find(|item| *value == ControlValue::Number(item.number));
         item.map_or_else(|| value.to_string(), |item| format!("{value} ({})", item.name))
     }
@@ -225,12 +228,12 @@ impl fmt::Display for Control {
         let Self { least, greatest, step, default, .. } = self;
         match self.kind {
             ControlKind::Integer | ControlKind::Integer64 => {
-                write!(f, "a number from {least} to {greatest} in steps of {step}, default {default}")
+                write!(f, "a number from {least} to {greatest}{}, default {default}", steps(*step))
             }
             ControlKind::Boolean => write!(f, "true or false, default {}", *default != 0),
             ControlKind::Bitmask => write!(f, "bits out of 0x{greatest:x}, default 0x{default:x}"),
             ControlKind::Button => write!(f, "true presses it"),
-            ControlKind::Text => write!(f, "a text of {least} to {greatest} bytes in steps of {step}"),
+            ControlKind::Text => write!(f, "a text of {least} to {greatest} bytes{}", steps(*step)),
             ControlKind::Compound => write!(f, "not to be set here"),
             ControlKind::Menu | ControlKind::IntegerMenu => {
                 let items = self.items.iter().map(|item| format!("{} \"{}\"", item.number, item.name));
@@ -238,6 +241,10 @@ impl fmt::Display for Control {
             }
         }
     }
+}
+
+fn steps(step: u64) -> String {
+    if step > 1 { format!(" in steps of {step}") } else { String::new() }
 }
 
 /// Names of the flags that are set.

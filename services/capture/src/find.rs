@@ -128,16 +128,6 @@ pub(crate) fn is_lasting(source: &io::Error) -> bool {
     Errno::from_io_error(source).is_some_and(|errno| lasting.contains(&errno))
 }
 
-/// The device of a name, and where it is at this moment.
-///
-/// # Errors
-/// It is not there, there are several, or it cannot be opened.
-pub(crate) fn open(name: &DeviceName) -> Result<(PathBuf, Device), FindError> {
-    let path = find(name)?;
-    let device = open_node(&path)?;
-    Ok((path, device))
-}
-
 /// Where the device of a name is at this moment.
 ///
 /// # Errors
@@ -212,7 +202,7 @@ fn choose(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError> {
         match node.capability {
             // What it is cannot be told: it may be the one.
             Err(error) => return Err(error.into()),
-            Ok(capability) if capability.stream().is_ok() => cameras.push(node.path),
+            Ok(capability) if capability.is_camera() => cameras.push(node.path),
             Ok(_) => {}
         }
     }
@@ -229,7 +219,9 @@ fn seen(node: &Node) -> Option<String> {
         Err(error) => return Some(error.to_string()),
         Ok(capability) => capability,
     };
-    capability.stream().ok()?;
+    if !capability.is_camera() {
+        return None;
+    }
     let serial = node.serial.as_ref().map_or_else(String::new, |serial| format!(", serial:{serial}"));
     Some(format!("{} ({}, bus:{}{serial})", node.path.display(), capability.card, capability.bus_info))
 }

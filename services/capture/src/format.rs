@@ -1,6 +1,7 @@
 //! Format and size of the images: set, read back, and compared with what is wanted.
 
 use fringeflow::pixels::SourceFormat;
+use rustix::io::Errno;
 use v4l::v4l_sys::{
     v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE as CAPTURE_MPLANE, v4l2_field_V4L2_FIELD_NONE as PROGRESSIVE,
     v4l2_format, v4l2_pix_format_mplane,
@@ -90,8 +91,12 @@ pub(crate) fn set(
     // A size that V4L2 cannot express is one that the device does not take.
     let size = size_px.map(|n| u32::try_from(n).unwrap_or(u32::MAX));
     let mut asked = request(kind, format.code(), size);
-    device.call(&S_FMT, &mut asked)?;
-    let layout = layout(kind, &mut asked);
+    let layout = match device.call(&S_FMT, &mut asked) {
+        Ok(()) => layout(kind, &mut asked),
+        // Instead of taking another format, as it should; then it stays as it is.
+        Err(error) if error.errno() == Some(Errno::INVAL) => read(device, kind).map_err(|_| error)?,
+        Err(error) => return Err(error.into()),
+    };
     if (layout.code, layout.size_px) != (format.code(), size) {
         return Err(FormatError::Other {
             wanted: named(format.code(), size),

@@ -67,20 +67,20 @@ impl ListedControl {
 #[must_use]
 pub fn cameras() -> Vec<Listing> {
     let nodes = find::nodes();
-    let is_listed = |node: &&Node| {
-        let of = |capability: &Capability| capability.stream().is_ok() || capability.is_unfed();
-        node.capability.as_ref().map_or(true, of)
-    };
+    let is_listed = |node: &&Node| node.capability.as_ref().map_or(true, Capability::is_camera);
     nodes.iter().filter(is_listed).map(|node| listing(node, &nodes)).collect()
 }
 
 /// The device of a name, camera or not.
 ///
 /// # Errors
-/// There is none, or several.
+/// There is none, there are several, or it is no V4L2 device.
 pub fn describe(name: &DeviceName) -> Result<Listing, FindError> {
-    let path = find::find(name)?;
-    Ok(listing(&find::node_at(&path), &find::nodes()))
+    let node = find::node_at(&find::find(name)?);
+    match node.capability {
+        Err(error) => Err(error.into()),
+        Ok(_) => Ok(listing(&node, &find::nodes())),
+    }
 }
 
 fn listing(node: &Node, all: &[Node]) -> Listing {
@@ -145,7 +145,7 @@ fn video_signal(device: &Device) -> VideoSignal {
 
 /// The name by which a node is found again, wherever it is plugged in; else wherever the kernel puts it; else by its path.
 fn best_name(node: &Node, all: &[Node]) -> DeviceName {
-    let is_camera = |node: &&Node| node.capability.as_ref().is_ok_and(|capability| capability.stream().is_ok());
+    let is_camera = |node: &&Node| node.capability.as_ref().is_ok_and(Capability::is_camera);
     let is_only = |is_same: &dyn Fn(&Node) -> bool| {
         let mut others = all.iter().filter(is_camera).filter(|other| other.path != node.path);
         is_camera(&node) && !others.any(is_same)

@@ -116,13 +116,21 @@ const fn code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vid
 
 /// A call that the driver refused.
 #[derive(Debug, thiserror::Error)]
-#[error("{call}: {source}")]
+#[error("{call}: {source}{}", hint(source))]
 pub struct CallError {
     /// Name of the call.
     pub call: &'static str,
     /// What the driver said.
     #[source]
     pub source: io::Error,
+}
+
+/// What an error means where its usual words do not say so.
+fn hint(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::ResourceBusy => "; another program uses the device",
+        _ => "",
+    }
 }
 
 impl CallError {

@@ -13,6 +13,8 @@ use crate::ioctl::{Device, ENUM_FMT, ENUM_FRAMEINTERVALS, ENUM_FRAMESIZES, Reque
 /// Most items of a list that are read.
 const MOST_ITEMS: u32 = 128;
 
+/// Bit of a code.
+const BIG_ENDIAN: u32 = 1 << 31;
 /// Sizes of a format that a line for people names.
 const SHOWN_SIZES: usize = 12;
 
@@ -90,23 +92,32 @@ pub(crate) fn list<T: Copy>(device: &Device, request: &Request<T>, item: impl Fn
     (0..MOST_ITEMS).map_while(answer).collect()
 }
 
-/// Name of a format: the letters of its code, whatever they are.
+/// Name of a format: the letters of its code, whatever they are; the highest bit marks the reverse order of bytes.
 pub(crate) fn format_name(code: u32) -> String {
-    SourceFormat::of(code).map_or_else(|| text(&code.to_le_bytes()), |format| format.name().to_owned())
+    let letters = text(&(code & !BIG_ENDIAN).to_le_bytes());
+    if code & BIG_ENDIAN != 0 { letters + "_BE" } else { letters }
 }
 
-/// Formats, sizes and rates in one line, for people.
+/// Formats that can be taken and their sizes in one line, for people.
 pub(crate) fn summary(formats: &[OfferedFormat]) -> String {
-    let format = |format: &OfferedFormat| {
-        let sizes = format.sizes.iter().take(SHOWN_SIZES).map(OfferedSize::to_string);
-        let more = format.sizes.len().saturating_sub(SHOWN_SIZES);
-        let more = (more > 0).then(|| format!("{more} more sizes"));
-        format!("{} {}", format.name, sizes.chain(more).collect::<Vec<_>>().join(", "))
+    let taken: Vec<&OfferedFormat> = formats.iter().filter(|format| format.is_taken).collect();
+    // Many formats share their sizes.
+    let groups = taken.chunk_by(|a, b| a.sizes == b.sizes);
+    let group = |group: &[&OfferedFormat]| {
+        let names: Vec<&str> = group.iter().map(|format| format.name.as_str()).collect();
+        let sizes = group.first().map_or(&[][..], |format| &format.sizes[..]);
+        format!("{} in {}", names.join(", "), sizes_text(sizes))
     };
-    if formats.is_empty() {
-        return "a list that the driver does not give".to_owned();
-    }
-    formats.iter().map(format).collect::<Vec<_>>().join("; ")
+    let groups: Vec<String> = groups.map(group).collect();
+    if groups.is_empty() { "no format that can be taken".to_owned() } else { groups.join("; ") }
+}
+
+fn sizes_text(sizes: &[OfferedSize]) -> String {
+    let shown = sizes.iter().take(SHOWN_SIZES).map(OfferedSize::to_string);
+    let more = sizes.len().saturating_sub(SHOWN_SIZES);
+    let more = (more > 0).then(|| format!("{more} more sizes"));
+    let sizes: Vec<String> = shown.chain(more).collect();
+    if sizes.is_empty() { "sizes that it does not list".to_owned() } else { sizes.join(", ") }
 }
 
 /// Rates in one line, for people.
@@ -144,12 +155,21 @@ mod tests {
         let format = |name: &str, sizes| OfferedFormat {
             name: name.into(),
             description: String::new(),
-            is_taken: true,
+            is_taken: name != "RGB3",
             is_emulated: false,
             sizes,
         };
-        let offered = [format("GREY", vec![size(640, 480), size(1280, 1024)]), format("Y10", vec![range])];
-        assert_eq!(summary(&offered), "GREY 640x480, 1280x1024; Y10 16x16 to 1920x1080");
+        let two = vec![size(640, 480), size(1280, 1024)];
+        let offered = [
+            format("GREY", two.clone()),
+            format("RGB3", vec![]),
+            format("Y10", two),
+            format("Y12", vec![range]),
+            format("MJPG", vec![]),
+        ];
+        let told = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in sizes that it does not list";
+        assert_eq!(summary(&offered), told);
+        assert_eq!(summary(&offered[1..2]), "no format that can be taken");
         assert!(summary(&[format("GREY", vec![size(1, 1); 20])]).ends_with("1x1, 8 more sizes"));
         assert_eq!(rates_text(&[[30.0, 30.0], [1.0, 59.940_06]]), "30, 1 to 59.94");
     }
@@ -165,6 +185,7 @@ mod tests {
         assert_eq!(format_name(u32::from_le_bytes(*b"Y10 ")), "Y10");
         assert_eq!(format_name(u32::from_le_bytes(*b"RG24")), "RG24");
         assert_eq!(format_name(0), "");
-        assert_eq!(format_name(u32::MAX), "\u{fffd}".repeat(4));
+        assert_eq!(format_name(SourceFormat::Y16BigEndian.code()), SourceFormat::Y16BigEndian.name());
+        assert_eq!(format_name(u32::MAX), "\u{fffd}".repeat(3) + "\u{fffd}_BE");
     }
 }

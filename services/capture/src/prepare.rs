@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use fringeflow::config::{ControlValue, V4l2Camera};
 use fringeflow::pixels::SourceFormat;
+use rustix::io::Errno;
 use v4l::v4l_sys::{V4L2_CID_EXPOSURE_ABSOLUTE, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_MODIFY_LAYOUT};
 
 use crate::capability::Capability;
@@ -147,10 +148,10 @@ fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {
     })
 }
 
-/// A loopback device that calls itself a camera, but has no format as long as nobody writes into it.
+/// A loopback device that calls itself a camera, but takes no format before somebody writes into it.
 fn unfed(capability: &Capability, error: FormatError) -> PrepareError {
     match error {
-        FormatError::Call(error) if capability.is_loopback() && error.errno() == Some(rustix::io::Errno::INVAL) => {
+        FormatError::Call(error) if capability.is_loopback() && error.errno() == Some(Errno::BUSY) => {
             PrepareError::Unfed
         }
         error => error.into(),

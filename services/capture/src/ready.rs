@@ -1,7 +1,7 @@
 //! A camera made ready to stream, from its name in the configuration on; and both looked at before anything starts: are
 //! they there, and do they take what is wanted?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fringeflow::config::V4l2Camera;
 
@@ -63,15 +63,24 @@ impl CameraError {
     }
 }
 
-/// Finds both cameras, sets them as configured, reads that back, and lets them go.
-pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: &Wanted) -> [Result<ReadyCamera, CameraError>; 2] {
-    let check = |camera| open(camera, wanted).map(|(path, _, prepared)| ReadyCamera { path, notes: prepared.notes });
-    let [cam1, cam2] = cameras.each_ref().map(check);
-    let cam2 = match (&cam1, cam2) {
-        (Ok(cam1), Ok(cam2)) if cam1.path == cam2.path => Err(CameraError::Same { path: cam2.path }),
-        (_, cam2) => cam2,
+/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where it is not known what is wanted of
+/// them, they are only found.
+pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
+    let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
+        Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
+        None => Ok(ReadyCamera { path, notes: vec!["not set: the size of its images is not known".to_owned()] }),
     };
-    [cam1, cam2]
+    let [cam1, cam2] = cameras;
+    match [find::find(&cam1.device), find::find(&cam2.device)] {
+        [Ok(path1), Ok(path2)] if path1 == path2 => {
+            let same = CameraError::Same { path: path2 };
+            [check(cam1, path1), Err(same)]
+        }
+        [path1, path2] => [
+            path1.map_err(CameraError::Find).and_then(|path| check(cam1, path)),
+            path2.map_err(CameraError::Find).and_then(|path| check(cam2, path)),
+        ],
+    }
 }
 
 /// Finds a camera, opens it, and sets it as configured.
@@ -79,9 +88,15 @@ pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: &Wanted) -> [Result<Read
 /// # Errors
 /// It is not there, or does not take its settings.
 pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
-    let (path, device) = find::open(&camera.device)?;
+    let path = find::find(&camera.device)?;
+    let (device, prepared) = open_at(&path, camera, wanted)?;
+    Ok((path, device, prepared))
+}
+
+fn open_at(path: &Path, camera: &V4l2Camera, wanted: &Wanted) -> Result<(Device, Prepared), CameraError> {
+    let device = find::open_node(path).map_err(FindError::Unopened)?;
     match prepare(&device, camera, wanted) {
-        Ok(prepared) => Ok((path, device, prepared)),
-        Err(source) => Err(CameraError::Prepare { path, source }),
+        Ok(prepared) => Ok((device, prepared)),
+        Err(source) => Err(CameraError::Prepare { path: path.to_owned(), source }),
     }
 }

@@ -38,7 +38,7 @@ pub struct ControlError {
 #[derive(Debug, thiserror::Error)]
 pub enum ControlProblem {
     /// There is none of this name.
-    #[error("the device has no such control; {}", names_text(near))]
+    #[error("the device has no such control ({})", names_text(near))]
     Unknown {
         /// Names that are like it.
         near: Vec<String>,
@@ -87,7 +87,7 @@ impl ControlError {
 }
 
 fn takes(control: Option<&Control>) -> String {
-    control.map_or_else(String::new, |control| format!("; it takes {control}"))
+    control.map_or_else(String::new, |control| format!(" (it takes {control})"))
 }
 
 fn names_text(near: &[String]) -> String {
@@ -310,7 +310,7 @@ pub(crate) struct Joined<'a>(pub(crate) &'a [ControlError]);
 impl fmt::Display for Joined<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let errors: Vec<String> = self.0.iter().map(ControlError::to_string).collect();
-        write!(f, "{}", errors.join("\n"))
+        write!(f, "{}", errors.join("; "))
     }
 }
 
@@ -395,18 +395,15 @@ mod tests {
         let value = ControlValue::Number(300);
         let gain = control(ControlKind::Integer, 0, 255, 1);
         let error = Setting { control: &gain, value: &value }.error(ControlProblem::Range).to_string();
-        assert_eq!(
-            error,
-            "control gain = 300: it cannot be so; it takes a number from 0 to 255 in steps of 1, default 0"
-        );
+        assert_eq!(error, "control gain = 300: it cannot be so (it takes a number from 0 to 255, default 0)");
         let menu = menu();
         let error = Setting { control: &menu, value: &value }.error(ControlProblem::Range).to_string();
-        assert!(error.ends_with("it takes one of 1 \"Manual Mode\", 3 \"Aperture Priority\", default 0"), "{error}");
+        assert!(error.ends_with("(it takes one of 1 \"Manual Mode\", 3 \"Aperture Priority\", default 0)"), "{error}");
         let settings = BTreeMap::from([("gane".to_owned(), value)]);
         let controls = [gain];
         let (found, unknown) = named(&controls, &settings);
         assert!(found.is_empty());
-        assert_eq!(unknown[0].to_string(), "control gane = 300: the device has no such control; it has gain");
+        assert_eq!(unknown[0].to_string(), "control gane = 300: the device has no such control (it has gain)");
     }
 
     #[test]

@@ -154,7 +154,12 @@ impl Signal {
 fn rate_hz(bt: &v4l2_bt_timings) -> f64 {
     let sum = |parts: [u32; 4]| parts.into_iter().map(f64::from).sum::<f64>();
     let width = sum([bt.width, bt.hfrontporch, bt.hsync, bt.hbackporch]);
-    let height = sum([bt.height, bt.vfrontporch, bt.vsync, bt.vbackporch]);
+    let second_field = if bt.interlaced == V4L2_DV_INTERLACED {
+        sum([bt.il_vfrontporch, bt.il_vsync, bt.il_vbackporch, 0])
+    } else {
+        0.0
+    };
+    let height = sum([bt.height, bt.vfrontporch, bt.vsync, bt.vbackporch]) + second_field;
     let slowed = if bt.flags & V4L2_DV_FL_REDUCED_FPS != 0 { 1000.0 / 1001.0 } else { 1.0 };
     let pixels = width * height;
     if pixels > 0.0 { bt.pixelclock as f64 * slowed / pixels } else { 0.0 }

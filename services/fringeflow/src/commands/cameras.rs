@@ -48,24 +48,30 @@ impl Args {
 }
 
 fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
-    writeln!(out, "{}: {} ({})", listing.path.display(), listing.card, listing.driver)?;
+    let named = !listing.card.is_empty() || !listing.driver.is_empty();
+    let name = if named { format!(" {} ({})", listing.card, listing.driver) } else { String::new() };
+    writeln!(out, "{}:{name}", listing.path.display())?;
     writeln!(out, "  device = {:?}", listing.device)?;
-    writeln!(
-        out,
-        "  bus:{}{}",
-        listing.bus_info,
-        listing.serial.as_ref().map_or(String::new(), |s| format!("  serial:{s}"))
-    )?;
+    let bus = (!listing.bus_info.is_empty()).then(|| format!("  bus:{}", listing.bus_info));
+    let serial = listing.serial.as_ref().map(|serial| format!("  serial:{serial}"));
+    if bus.is_some() || serial.is_some() {
+        writeln!(out, "{}{}", bus.unwrap_or_default(), serial.unwrap_or_default())?;
+    }
     for problem in &listing.problems {
         writeln!(out, "  problem: {problem}")?;
     }
     if let Some(signal) = &listing.video_signal {
         writeln!(out, "  video signal: set to {}, sees {}", signal.set, signal.seen)?;
     }
-    if !listing.formats.is_empty() {
-        writeln!(out, "  formats, * can be cameras.format; images a second in brackets")?;
+    let (taken, others): (Vec<_>, Vec<_>) = listing.formats.iter().partition(|format| format.is_taken);
+    if !taken.is_empty() {
+        writeln!(out, "  formats that can be cameras.format; images a second in brackets")?;
     }
-    listing.formats.iter().try_for_each(|format| print_format(out, format))?;
+    taken.into_iter().try_for_each(|format| print_format(out, format))?;
+    if !others.is_empty() {
+        let names: Vec<&str> = others.iter().map(|format| format.name.as_str()).collect();
+        writeln!(out, "  other formats: {}", names.join(", "))?;
+    }
     if !listing.controls.is_empty() {
         writeln!(out, "  controls")?;
     }
@@ -74,13 +80,12 @@ fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
 }
 
 fn print_format(out: &mut impl Write, format: &OfferedFormat) -> io::Result<()> {
-    let mark = if format.is_taken { '*' } else { ' ' };
     let emulated = if format.is_emulated { ", emulated" } else { "" };
-    writeln!(out, "  {mark} {:<4}  {}{emulated}", format.name, format.description)?;
+    writeln!(out, "    {:<4}  {}{emulated}", format.name, format.description)?;
     for size in &format.sizes {
         let rates = rates_text(&size.rates_hz);
         let rates = if rates.is_empty() { rates } else { format!(" ({rates})") };
-        writeln!(out, "        {size}{rates}")?;
+        writeln!(out, "          {size}{rates}")?;
     }
     Ok(())
 }

@@ -72,7 +72,9 @@ fn points(arguments: &ServiceArgs) -> Vec<Point> {
     if let Ok(setup) = &setup {
         let table = arguments.segment_table(&configuration, setup);
         points.push(Point::of("segment table", table.map(|_| "can be used".to_owned())));
-        points.extend(cameras(&configuration, setup));
+    }
+    points.extend(cameras(&configuration, setup.as_ref().ok()));
+    if let Ok(setup) = &setup {
         points.push(Point::of("shared memory", shared_memory(&configuration, setup)));
     }
     points.push(Point::of("runtime folder", runtime_folder(&configuration)));
@@ -90,7 +92,7 @@ fn rig_text(setup: &Setup) -> String {
 }
 
 /// Both cameras, where they are V4L2 devices.
-fn cameras(configuration: &ScannerConfiguration, setup: &Setup) -> Vec<Point> {
+fn cameras(configuration: &ScannerConfiguration, setup: Option<&Setup>) -> Vec<Point> {
     let point = |(what, found): (_, Result<ReadyCamera, CameraError>)| {
         let told = |camera: ReadyCamera| format!("{}: {}", camera.path.display(), camera.notes.join(", "));
         Point::of(what, found.map(told))
@@ -101,11 +103,15 @@ fn cameras(configuration: &ScannerConfiguration, setup: &Setup) -> Vec<Point> {
 
 fn checked_cameras(
     configuration: &ScannerConfiguration,
-    setup: &Setup,
+    setup: Option<&Setup>,
 ) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
     let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
-    let (format, size_px, rate_hz) = (configuration.source_format, setup.image_size_px, configuration.rate_hz);
-    Some(check_cameras(cameras, &Wanted { format, size_px, rate_hz }))
+    let wanted = setup.map(|setup| Wanted {
+        format: configuration.source_format,
+        size_px: setup.image_size_px,
+        rate_hz: configuration.rate_hz,
+    });
+    Some(check_cameras(cameras, wanted.as_ref()))
 }
 
 /// Refuses to run with a camera whose settings must change first; one that is absent or busy is waited for.
@@ -113,7 +119,7 @@ fn checked_cameras(
 /// # Errors
 /// What a camera does not take.
 pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setup) -> Result<(), Failure> {
-    let checked = checked_cameras(configuration, setup).into_iter().flatten();
+    let checked = checked_cameras(configuration, Some(setup)).into_iter().flatten();
     for (number, found) in (1..).zip(checked) {
         if let Err(error) = found
             && error.is_lasting()

@@ -2,6 +2,10 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Output;
+
+use fringeflow::message::{DropReason, FrameHeader, PixelFormat};
+use fringeflow::recording::{Content, DEFAULT_QUEUE_BYTES, Opening, Recordable, Recorder, Recording};
 
 use crate::support::Bench;
 
@@ -29,15 +33,19 @@ fn images_of_twelve_bits_come_again_to_the_byte() {
     bench.assert_nothing_left();
 }
 
+/// Makes a dataset folder of images of twelve bits.
+fn simulated(bench: &Bench, dataset: &Path) -> Output {
+    let options = "--object plane --board none --size 96x80 --steps 4 --period 48 --noise low --sd 0 --no-gray \
+                   --supersampling 1 --format Y12";
+    bench.command(&[&"simulate", &"-o", &dataset]).args(options.split_whitespace()).output().unwrap()
+}
+
 #[test]
 fn a_folder_of_twelve_bits_goes_through_recording_and_channels() {
     let bench = Bench::new();
     let [dataset, imported, replayed, exported] =
         ["plane", "imported.mcap", "replayed.mcap", "exported"].map(|name| bench.path(name));
-    let options = "--object plane --board none --size 96x80 --steps 4 --period 48 --noise low --sd 0 --no-gray \
-                   --supersampling 1 --format Y12";
-    let mut simulate = bench.command(&[&"simulate", &"-o", &dataset]);
-    assert!(simulate.args(options.split_whitespace()).output().unwrap().status.success());
+    assert!(simulated(&bench, &dataset).status.success());
     bench.done(&[0], &[&"import", &dataset, &"-o", &imported]);
     bench.replay(&[&"replay", &imported, &"--rate", &"max", &"--record", &replayed]).assert_undisturbed();
     bench.done(&[0], &[&"export", &replayed, &"--images", &"-o", &exported]);
@@ -54,4 +62,45 @@ fn a_folder_of_twelve_bits_goes_through_recording_and_channels() {
     let over_channels = bench.path("channels.ply");
     bench.done(&[0], &[&"export", &replayed, &"-o", &over_channels]);
     assert!(fs::read(over_channels).unwrap() == clouds[0]);
+}
+
+/// Copies a recording; image 1 of camera 2 says that its bytes are those of another format.
+fn with_another_format(from: &Path, to: &Path) {
+    let recording = Recording::open(from).unwrap();
+    let opening = Opening {
+        setup: recording.setup(),
+        configuration: recording.configuration_text(),
+        origin: &recording.origin(),
+        min_free_bytes: 0,
+    };
+    let recorder = Recorder::create(to, &opening, DEFAULT_QUEUE_BYTES).unwrap();
+    for message in recording.messages() {
+        match &message.unwrap().content {
+            Content::Frame(header, image) => {
+                let pixel_format = match (header.camera, header.sequence) {
+                    (2, 1) => PixelFormat::Grey.code(),
+                    _ => header.pixel_format,
+                };
+                recorder.push(&Recordable::Frame { header: &FrameHeader { pixel_format, ..*header }, image });
+            }
+            Content::Pattern(event) => recorder.push(&Recordable::Pattern(event)),
+            _ => {}
+        }
+    }
+    recorder.finish().unwrap();
+}
+
+#[test]
+fn an_image_of_another_format_is_a_bad_image() {
+    let bench = Bench::new();
+    let [dataset, imported, mixed] = ["plane", "imported.mcap", "mixed.mcap"].map(|name| bench.path(name));
+    assert!(simulated(&bench, &dataset).status.success());
+    bench.done(&[0], &[&"import", &dataset, &"-o", &imported]);
+    with_another_format(&imported, &mixed);
+    let ended = bench.replay(&[&"replay", &mixed, &"--rate", &"max"]);
+    ended.assert_balanced();
+    assert_eq!(ended.stage("pairing").dropped(DropReason::BadImage), 1, "{ended:?}");
+    // Its window is lost, and there is no other.
+    assert_eq!((ended.stage("windowing").passed, ended.stage("cloud").passed), (0, 0), "{ended:?}");
+    bench.assert_nothing_left();
 }

@@ -6,6 +6,7 @@
 // What a test says when it fails, or why it cannot run here, belongs on standard error.
 #![allow(clippy::print_stderr)]
 
+mod check;
 mod control;
 mod dataset;
 mod deep_images;
