@@ -12,17 +12,16 @@ const LIMIT_S: &str = "240";
 const TIMED_OUT: i32 = 124;
 /// Where the guest has the share.
 pub(crate) const SHARE: &str = "/tmp/share";
-/// Only one emulated machine at a time is fast enough, whoever asks.
-const LOCK: &str = "v4l2.lock";
 
 /// Boots the machine and runs these tests in it, of a share that `prepare` has filled.
 ///
 /// # Panics
 /// The tests fail or do not end, with their output and the place of the console log.
 pub(crate) fn run(tests: &str, prepare: impl FnOnce(&Path)) {
-    let lock = File::create(scratch().join(LOCK)).unwrap();
-    lock.lock().unwrap();
     let folder = scratch().join(format!("v4l2-{}", tests.replace("::", "-")));
+    // Whoever else runs these tests waits.
+    let lock = File::create(folder.with_extension("lock")).unwrap();
+    lock.lock().unwrap();
     // What an earlier failure has left.
     let _ = fs::remove_dir_all(&folder);
     let share = folder.join("share");

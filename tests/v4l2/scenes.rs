@@ -34,9 +34,13 @@ impl Scene {
         (pixels, [info.width, info.height])
     }
 
-    /// The cloud, as a PLY file.
-    pub(crate) fn cloud(&self) -> Vec<u8> {
-        fs::read(self.dataset.with_extension("ply")).unwrap()
+    /// The cloud as a PLY file, which names its dataset; here by another name.
+    pub(crate) fn cloud(&self, name: &str) -> Vec<u8> {
+        let file = fs::read(self.dataset.with_extension("ply")).unwrap();
+        let named = |name: &str| format!("\ncomment dataset {name}\n").into_bytes();
+        let own = named(self.dataset.file_name().unwrap().to_str().unwrap());
+        let start = file.windows(own.len()).position(|bytes| bytes == own).unwrap();
+        [&file[..start], &named(name), &file[start + own.len()..]].concat()
     }
 
     /// The tables of a configuration that describe the rig.

@@ -6,7 +6,8 @@
 //!
 //! | boot | devices | shows |
 //! |---|---|---|
-//! | `guest::vivid` | two vivid cameras | formats, controls, rates, every error that vivid can inject, exact counts |
+//! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of what is dropped, cost |
+//! | `guest::faults` | up to twelve vivid cameras | every error that vivid can inject, twenty times; signals |
 //! | `guest::loopback` | two v4l2loopback devices, fed with images of the virtual scanner | the same clouds as from files |
 //!
 //! Nothing about rates or latencies is asserted: the machine is emulated, and slow.
@@ -25,14 +26,19 @@ mod scenes;
 mod support;
 
 #[test]
-fn vivid_cameras() {
-    machine::run("guest::vivid", |share| {
+fn images_of_vivid_cameras() {
+    machine::run("guest::images", |share| {
         scenes::make(share);
         scenes::make_large(share);
     });
 }
 
 #[test]
-fn loopback_cameras() {
+fn faults_of_vivid_cameras() {
+    machine::run("guest::faults", scenes::make);
+}
+
+#[test]
+fn the_pipeline_on_loopback_cameras() {
     machine::run("guest::loopback", scenes::make);
 }

@@ -4,7 +4,30 @@
 use std::path::Path;
 use std::process::Command;
 
+use v4l::Device;
+use v4l::control::{Control, Value};
+
 use crate::support::wait;
+
+/// Controls of vivid that make things go wrong, by their numbers in V4L2.
+#[derive(Clone, Copy, Debug)]
+#[repr(u32)]
+pub(crate) enum Knob {
+    /// Percentage of images that are dropped.
+    DroppedPercentage = 0x00f0_f040,
+    /// Unplugs the device until all have closed it.
+    Disconnect = 0x00f0_f041,
+    /// Marks the next image as damaged.
+    Damaged = 0x00f0_f042,
+    /// Refuses the next request for buffers.
+    Reqbufs = 0x00f0_f043,
+    /// Refuses the next buffer.
+    Qbuf = 0x00f0_f044,
+    /// Refuses the next start of a stream.
+    Streamon = 0x00f0_f045,
+    /// Ends the stream with an error.
+    Fatal = 0x00f0_f046,
+}
 
 /// Where the initramfs has left its modules.
 const MODULES: &str = "/tmp/modules";
@@ -51,10 +74,15 @@ impl Drop for Driver {
     }
 }
 
-/// Presses buttons of a device, by the names that `v4l2-ctl` has for them.
-pub(crate) fn press(device: &str, buttons: &[&str]) {
-    let pressed: Vec<String> = buttons.iter().map(|button| format!("{button}=1")).collect();
-    v4l2_ctl(device, &["--set-ctrl", &pressed.join(",")]);
+/// Presses buttons of a device.
+pub(crate) fn press(device: &str, buttons: &[Knob]) {
+    buttons.iter().for_each(|&button| turn(device, button, 1));
+}
+
+/// Sets a control of a device.
+pub(crate) fn turn(device: &str, knob: Knob, value: i64) {
+    let control = Control { id: knob as u32, value: Value::Integer(value) };
+    Device::with_path(device).unwrap().set_control(control).unwrap();
 }
 
 /// What `v4l2-ctl` prints for a device.
@@ -64,6 +92,7 @@ pub(crate) fn v4l2_ctl(device: &str, arguments: &[&str]) -> String {
 
 fn done(command: &mut Command) -> String {
     let output = command.output().unwrap();
-    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    let [said, error] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(output.status.success(), "{command:?}: {}: {said}{error}", output.status);
+    said
 }

@@ -2,6 +2,8 @@
 
 mod capture;
 mod driver;
+mod faults;
+mod images;
 mod loopback;
 mod scanner;
 mod vivid;

@@ -3,11 +3,12 @@
 use crate::scenes::Scene;
 use crate::support::NAME;
 
-/// A scanner with the rig of a scene. `cameras` is the table of that name, without its source; `rest` are other tables.
+/// A scanner with the rig of a scene. `cameras` is more of the table of that name, `rest` more of the table of the recorder;
+/// either may go on with other tables.
 pub(crate) fn configuration(scene: &Scene, cameras: &str, rest: &str) -> String {
     format!(
-        "[instance]\nname = \"{NAME}\"\n[cameras]\nsource = \"v4l2\"\n{cameras}\n[projector]\ndriver = \"cycle\"\n\
-         {rest}\n{}",
+        "[instance]\nname = \"{NAME}\"\n[projector]\ndriver = \"cycle\"\n[cameras]\nsource = \"v4l2\"\n{cameras}\n\
+         {}\n[recorder]\nmin_free_mb = 0\n{rest}\n",
         scene.rig()
     )
 }

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use crate::scenes::{self, STEPS};
 
-use super::super::driver::v4l2_ctl;
 use super::{DEVICES, RATE_HZ};
 
 /// Shows images to both devices; they are cameras as long as this lives.
@@ -22,12 +21,7 @@ impl Feeder {
     /// Shows the first pair: before, the devices do not say that they are cameras.
     pub(crate) fn new() -> Self {
         let devices = DEVICES.map(|device| File::options().write(true).open(device).unwrap());
-        let (images, [width, height]) = images();
-        for device in DEVICES {
-            let format = format!("width={width},height={height},pixelformat=GREY");
-            v4l2_ctl(device, &["--set-fmt-video-out", &format]);
-        }
-        let mut feeder = Self { devices, images, next: 0, shown: Instant::now() };
+        let mut feeder = Self { devices, images: images(), next: 0, shown: Instant::now() };
         feeder.show();
         feeder
     }
@@ -63,17 +57,9 @@ impl Feeder {
     }
 }
 
-/// The images of both cameras, scene by scene and step by step, and their size.
-fn images() -> (Vec<[Vec<u8>; 2]>, [u32; 2]) {
-    let mut size_px = [0; 2];
-    let mut load = |scene: &scenes::Scene, step| {
-        [1, 2].map(|camera| {
-            let (pixels, of_image) = scene.image(camera, step);
-            size_px = of_image;
-            pixels
-        })
-    };
+/// The images of both cameras, scene by scene and step by step.
+fn images() -> Vec<[Vec<u8>; 2]> {
     let scenes = scenes::all();
-    let images = scenes.iter().flat_map(|scene| (0..STEPS).map(move |step| (scene, step)));
-    (images.map(|(scene, step)| load(scene, step)).collect(), size_px)
+    let steps = scenes.iter().flat_map(|scene| (0..STEPS).map(move |step| (scene, step)));
+    steps.map(|(scene, step)| [1, 2].map(|camera| scene.image(camera, step).0)).collect()
 }

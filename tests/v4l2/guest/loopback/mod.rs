@@ -4,7 +4,7 @@ mod feeder;
 mod pipeline;
 mod silence;
 
-use super::driver::Driver;
+use super::driver::{Driver, v4l2_ctl};
 use super::scanner::configuration;
 use crate::scenes;
 
@@ -13,11 +13,18 @@ const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
 /// Buffers of a device, the same for driver and reader: with fewer the driver overwrites what is being read.
 const BUFFERS: usize = 16;
 /// Images a second: slow enough that a pause of this machine seldom breaks a window.
-const RATE_HZ: f64 = 2.0;
+const RATE_HZ: f64 = 4.0;
 
+/// Loads the driver, and sets the format of what will be written, for it to keep whoever comes and goes.
 fn load() -> Driver {
     let buffers = format!("max_buffers={BUFFERS}");
-    Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", "exclusive_caps=1,1", &buffers])
+    let driver = Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", "exclusive_caps=1,1", &buffers]);
+    let (_, [width, height]) = scenes::all()[0].image(1, 0);
+    for device in DEVICES {
+        let format = format!("width={width},height={height},pixelformat=GREY");
+        v4l2_ctl(device, &["--set-ctrl", "keep_format=1", "--set-fmt-video-out", &format]);
+    }
+    driver
 }
 
 /// A scanner that takes every image once; `camera` is more about camera 1.
@@ -28,9 +35,6 @@ fn scanner(camera: &str) -> String {
         "rate_hz = {RATE_HZ:.1}\n[cameras.cam1]\ndevice = \"{cam1}\"\n{each}\n{camera}\n[cameras.cam2]\n\
          device = \"{cam2}\"\n{each}\n"
     );
-    let rest = format!(
-        "[window]\nevery = {}\nwhen_busy = \"wait\"\n[recorder]\nfolder = \"recordings\"\nmin_free_mb = 0\n",
-        scenes::STEPS
-    );
+    let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
     configuration(&scenes::all()[0], &cameras, &rest)
 }

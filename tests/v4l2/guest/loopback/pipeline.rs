@@ -3,15 +3,19 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use fringeflow::message::{Counts, DropReason, Stage};
+use fringeflow::message::{Counts, DropReason, FrameHeader, Stage};
 use fringeflow::recording::{Content, Recording};
+
+use rustix::process::Signal;
 
 use super::feeder::Feeder;
 use crate::scenes::{self, STEPS};
-use crate::support::{Bench, Live};
+use crate::support::{Bench, Live, NAME};
 
+/// Images that camera 1 loses: of more than two that wait, this driver keeps the last.
+const LOST: u64 = 4;
 /// Rounds after which a machine that never gets through one undisturbed is given up.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 12;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
@@ -22,27 +26,43 @@ fn clouds_are_those_of_the_images_in_files() {
     let recording = bench.path("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);
     scan(&bench, &live, &mut feeder);
+    lose(&bench, &live, &mut feeder);
+    scan(&bench, &live, &mut feeder);
     let ended = live.quit();
     ended.assert_balanced();
-    for camera in ["camera1", "camera2"] {
-        assert_eq!(ended.stage(camera).passed as usize, feeder.shown(), "{ended:?}");
-        assert_eq!(ended.stage(camera).taken as usize, feeder.shown(), "{ended:?}");
+    for (camera, lost) in [("camera1", LOST), ("camera2", 0)] {
+        let counts = ended.stage(camera);
+        assert_eq!(counts.taken as usize, feeder.shown(), "{ended:?}");
+        assert_eq!((counts.passed, counts.dropped(DropReason::CameraLost)), (counts.taken - lost, lost), "{ended:?}");
     }
-    assert_eq!(ended.stage("recorder").dropped(DropReason::Overrun), 0, "{ended:?}");
     bench.assert_nothing_left();
     let recorded = Recording::open(&recording).unwrap();
     assert_images(&recorded, &feeder);
     let clouds = assert_clouds(&bench, &recorded);
-    assert_eq!(clouds as u64, ended.stage("cloud").passed);
+    // A machine that is too busy keeps the recorder from its turn; then it says so.
+    let [made, unseen] = [ended.stage("cloud").passed, ended.stage("recorder").dropped(DropReason::Overrun)];
+    assert!(clouds as u64 <= made && clouds as u64 + unseen >= made, "{clouds}: {ended:?}");
     let verified = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
     assert_eq!((&verified["same"], &verified["different"]), (&clouds.into(), &0.into()), "{verified}");
+}
+
+/// Stops the capture of camera 1 for so long that the driver gives up images.
+fn lose(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
+    live.signal("camera1", Signal::STOP);
+    for _ in 0..=LOST {
+        feeder.show_next();
+        let shown = feeder.shown() as u64;
+        live.wait_until("camera 2 goes on", || bench.counts(Stage::Camera2).taken == shown);
+    }
+    live.signal("camera1", Signal::CONT);
+    take(bench, live, feeder.shown());
 }
 
 /// Shows round after round until each window of one became a cloud: a pause of this machine breaks the window that it hits.
 fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
     take(bench, live, feeder.shown());
-    // Up to the end of a round, so that the next begins with a window.
-    while !feeder.shown().is_multiple_of(feeder.round()) {
+    // Up to the end of a window.
+    while !feeder.shown().is_multiple_of(STEPS) {
         show(bench, live, feeder);
     }
     for _ in 0..ROUNDS {
@@ -84,16 +104,19 @@ fn clouds(bench: &Bench, live: &Live<'_>) -> u64 {
     bench.counts(Stage::Cloud).passed
 }
 
-/// Every image came as it was shown.
+/// Every image came as it was shown, from the start of the recording on.
 fn assert_images(recorded: &Recording, feeder: &Feeder) {
-    let mut images = 0;
     for message in recorded.messages() {
         if let Content::Frame(header, pixels) = message.unwrap().content {
             assert!(*pixels == *feeder.image(header.camera, header.sequence), "image {}", header.sequence);
-            images += 1;
         }
     }
-    assert_eq!(images, 2 * feeder.shown());
+    for (camera, lost) in [(1, LOST), (2, 0)] {
+        let headers: Vec<&FrameHeader> = recorded.frame_headers(camera).collect();
+        assert!(headers.is_sorted_by(|a, b| b.published == a.published + 1));
+        assert_eq!(headers.last().unwrap().published + 1, feeder.shown() as u64 - lost);
+        assert!(headers.len() > feeder.round());
+    }
 }
 
 /// Every cloud is that of its scene, and no scene is missing; how many there are.
@@ -107,7 +130,7 @@ fn assert_clouds(bench: &Bench, recorded: &Recording) -> usize {
         assert!(header.window.pairs().eq((first..first + STEPS).map(|number| [number as u64; 2])), "{header:?}");
         let scene = first / STEPS % scenes.len();
         let cloud = std::fs::read(exported(&folder, number)).unwrap();
-        assert!(cloud == scenes[scene].cloud(), "cloud {number}, of {:?}", scenes[scene]);
+        assert!(cloud == scenes[scene].cloud(NAME), "cloud {number}, of {:?}", scenes[scene]);
         seen.insert(scene);
     }
     assert_eq!(seen.len(), scenes.len());

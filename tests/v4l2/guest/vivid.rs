@@ -1,31 +1,24 @@
-//! Cameras of the driver vivid: what they send, what can be set, and all that it can make go wrong.
-
-mod cost;
-mod errors;
-mod losses;
-mod signals;
-mod unplugging;
-mod wraps;
+//! Scanners whose cameras are devices of the driver vivid.
 
 use super::driver::Driver;
 use super::scanner::configuration;
 use crate::scenes::{self, Scene};
 
 /// The device of camera 1, as long as nothing takes its number.
-const DEVICE: &str = "/dev/video0";
+pub(crate) const DEVICE: &str = "/dev/video0";
 
 /// Two devices with a digital input each.
-fn load() -> Driver {
+pub(crate) fn load() -> Driver {
     Driver::load("vivid", &["n_devs=2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=3,3"])
 }
 
 /// A scanner with both devices at 50 Hz, a rate that is a whole number of the guest's clock ticks; `controls` of camera 1.
-fn scanner(controls: &str) -> String {
+pub(crate) fn scanner(controls: &str) -> String {
     scanner_of(&scenes::all()[0], "1280x720@50", controls)
 }
 
 /// A scanner with the rig of a scene, and this signal at both devices.
-fn scanner_of(scene: &Scene, signal: &str, controls: &str) -> String {
+pub(crate) fn scanner_of(scene: &Scene, signal: &str, controls: &str) -> String {
     let (_, rate_hz) = signal.split_once('@').unwrap();
     let camera = |number: usize, controls: &str| {
         format!(

@@ -6,7 +6,7 @@
 use fringeflow::message::{DropReason, Incident};
 
 use super::super::capture::{Capture, gaps, sessions};
-use super::super::driver::{Driver, press};
+use super::super::driver::{Driver, Knob, press};
 use super::super::scanner::configuration;
 use crate::scenes;
 use crate::support::{Bench, wait};
@@ -18,8 +18,6 @@ const ROUNDS: u64 = 2;
 const TIMES: u64 = 20;
 /// Numbers end here and begin at 0.
 const WRAP: u64 = 1 << 32;
-/// A fatal error begins a stream anew.
-const FATAL: &str = "inject_fatal_streaming_error";
 
 #[test]
 #[ignore = "runs in the virtual machine"]
@@ -35,7 +33,7 @@ fn numbers_go_on_and_times_begin_anew() {
         // Stamps are of another clock from the start of a stream; then they run back.
         until_all(&mut cameras, "its time stamps wrap", |camera| camera.incidents(Incident::StampJump) == 2 * round);
         if round < ROUNDS {
-            (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[FATAL]));
+            (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[Knob::Fatal]));
         }
     }
     assert_numbers_went_on(fast);
@@ -48,7 +46,7 @@ fn wrap_numbers(camera: &mut Capture<'_>, times: u64) {
         let restarts = camera.incidents(Incident::StreamRestart);
         camera.until("its numbers wrap", |camera| camera.headers.last().is_some_and(|last| last.sequence > WRAP));
         let session = camera.headers.last().unwrap().session;
-        press(&format!("/dev/video{SLOW}"), &[FATAL]);
+        press(&format!("/dev/video{SLOW}"), &[Knob::Fatal]);
         camera.until("its stream begins anew", |camera| {
             let is_new = camera.headers.last().is_some_and(|last| last.session > session);
             is_new && camera.incidents(Incident::StreamRestart) == restarts + 1

@@ -4,23 +4,24 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use super::super::capture::Capture;
+use super::super::vivid;
 use crate::scenes;
 use crate::support::Bench;
 
 /// Width and height of a real camera's image.
 const BYTES: usize = 1280 * 1024;
 /// Images of a measurement, and measurements: the least is that which this busy machine disturbed least.
-const IMAGES: usize = 40;
-const MEASUREMENTS: usize = 6;
+const IMAGES: usize = 30;
+const MEASUREMENTS: usize = 4;
 /// More images than the caches of any processor hold.
 const COPIES: usize = 32;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn an_image_costs_little_more_than_its_copy() {
-    let _vivid = super::load();
+    let _vivid = vivid::load();
     // A lower rate than that of the size: while it draws an image, vivid locks out who asks for the one before.
-    let bench = Bench::of(&super::scanner_of(&scenes::large(), "1280x720@25", ""));
+    let bench = Bench::of(&vivid::scanner_of(&scenes::large(), "1280x720@25", ""));
     let mut capture = Capture::start(&bench);
     capture.images(IMAGES);
     let images_us = (0..MEASUREMENTS).map(|_| image_us(&mut capture));

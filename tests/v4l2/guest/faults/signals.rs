@@ -6,6 +6,7 @@ use fringeflow::message::{Counts, DropReason, FrameHeader};
 use rustix::process::Signal;
 
 use super::super::capture::{Capture, gaps, sessions};
+use super::super::vivid;
 use crate::support::{Bench, send};
 
 #[test]
@@ -37,8 +38,8 @@ fn a_stopped_service_goes_on_and_counts_what_it_missed() {
 }
 
 fn during(trouble: impl FnOnce(&mut Capture<'_>)) -> (Vec<FrameHeader>, Counts) {
-    let _vivid = super::load();
-    let bench = Bench::of(&super::scanner(""));
+    let _vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
     capture.images(10);
     trouble(&mut capture);

@@ -4,24 +4,19 @@
 use fringeflow::message::{Counts, DropReason, FrameHeader, Incident};
 
 use super::super::capture::{Capture, gaps, sessions};
-use super::super::driver::press;
+use super::super::driver::{Knob, press};
+use super::super::vivid;
 use crate::support::Bench;
 
 /// How often each error is injected.
 const TIMES: u64 = 20;
 /// Refused calls in a row after which a stream is begun anew.
 const REFUSALS: u64 = 3;
-const DAMAGED: &str = "inject_v4l2_buf_flag_error";
-const QBUF: &str = "inject_vidioc_qbuf_error";
-const REQBUFS: &str = "inject_vidioc_reqbufs_error";
-const STREAMON: &str = "inject_vidioc_streamon_error";
-const FATAL: &str = "inject_fatal_streaming_error";
-const DISCONNECT: &str = "disconnect";
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn damaged_images_are_dropped() {
-    let (headers, counts) = inject(&[DAMAGED], |counts| counts.dropped(DropReason::BadImage));
+    let (headers, counts) = inject(&[Knob::Damaged], |counts| counts.dropped(DropReason::BadImage));
     assert_eq!(counts.dropped(DropReason::BadImage), TIMES);
     assert_eq!(sessions(&headers).len(), 1);
     assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost) + TIMES, "{counts:?}");
@@ -31,7 +26,7 @@ fn damaged_images_are_dropped() {
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn buffers_that_are_refused_are_offered_again() {
-    let (headers, counts) = inject(&[QBUF], |counts| incidents(counts, Incident::CallRefused));
+    let (headers, counts) = inject(&[Knob::Qbuf], |counts| incidents(counts, Incident::CallRefused));
     assert_eq!(incidents(&counts, Incident::CallRefused), TIMES);
     assert_eq!(sessions(&headers).len(), 1);
     assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost), "{counts:?}");
@@ -40,31 +35,31 @@ fn buffers_that_are_refused_are_offered_again() {
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_fatal_error_of_the_stream_begins_it_anew() {
-    assert_begun_anew(&[FATAL], REFUSALS);
+    assert_begun_anew(&[Knob::Fatal], REFUSALS);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_stream_that_gets_no_buffers_is_begun_anew() {
-    assert_begun_anew(&[REQBUFS, FATAL], REFUSALS + 1);
+    assert_begun_anew(&[Knob::Reqbufs, Knob::Fatal], REFUSALS + 1);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_stream_that_does_not_start_is_begun_anew() {
-    assert_begun_anew(&[STREAMON, FATAL], REFUSALS + 1);
+    assert_begun_anew(&[Knob::Streamon, Knob::Fatal], REFUSALS + 1);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn an_unplugged_camera_is_taken_up_again() {
-    let (headers, counts) = inject(&[DISCONNECT], |counts| incidents(counts, Incident::Returned));
+    let (headers, counts) = inject(&[Knob::Disconnect], |counts| incidents(counts, Incident::Returned));
     assert_eq!([Incident::Unplugged, Incident::Returned].map(|i| incidents(&counts, i)), [TIMES; 2], "{counts:?}");
     assert_sessions(&headers, &counts);
 }
 
 /// Errors that end in a new stream, after so many refused calls each.
-fn assert_begun_anew(buttons: &[&str], refused: u64) {
+fn assert_begun_anew(buttons: &[Knob], refused: u64) {
     let (headers, counts) = inject(buttons, |counts| incidents(counts, Incident::StreamRestart));
     assert_eq!(incidents(&counts, Incident::StreamRestart), TIMES, "{counts:?}");
     assert_eq!(incidents(&counts, Incident::CallRefused), TIMES * refused, "{counts:?}");
@@ -80,13 +75,13 @@ fn assert_sessions(headers: &[FrameHeader], counts: &Counts) {
 }
 
 /// Presses buttons again and again; each time images must come after `reached` has counted it.
-fn inject(buttons: &[&str], reached: fn(&Counts) -> u64) -> (Vec<FrameHeader>, Counts) {
-    let _vivid = super::load();
-    let bench = Bench::of(&super::scanner(""));
+fn inject(buttons: &[Knob], reached: fn(&Counts) -> u64) -> (Vec<FrameHeader>, Counts) {
+    let _vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
     capture.images(1);
     for time in 1..=TIMES {
-        press(super::DEVICE, buttons);
+        press(vivid::DEVICE, buttons);
         capture.until("the error was counted", |capture| reached(&capture.counts()) == time);
         capture.images(1);
     }

@@ -6,6 +6,7 @@ use fringeflow::message::{DropReason, Incident};
 
 use super::super::capture::{Capture, gaps, sessions};
 use super::super::driver::{Driver, v4l2_ctl};
+use super::super::vivid;
 use crate::support::{Bench, wait};
 
 /// How long a service is watched without its camera.
@@ -14,8 +15,8 @@ const ABSENCE: Duration = Duration::from_secs(1);
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_camera_is_found_under_another_number() {
-    let vivid = super::load();
-    let bench = Bench::of(&super::scanner(""));
+    let vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
     capture.images(10);
     vivid.unplug();
@@ -25,7 +26,7 @@ fn a_camera_is_found_under_another_number() {
     // It takes the lowest number that is free.
     let _other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
     vivid.plug_in();
-    assert!(!v4l2_ctl(super::DEVICE, &["--info"]).contains("vivid"));
+    assert!(!v4l2_ctl(vivid::DEVICE, &["--info"]).contains("vivid"));
     capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
     capture.images(10);
     let (headers, counts) = capture.stop();
@@ -39,8 +40,8 @@ fn a_camera_is_found_under_another_number() {
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_camera_that_is_not_there_is_waited_for() {
-    let vivid = super::load();
-    let bench = Bench::of(&super::scanner(""));
+    let vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
     vivid.unplug();
     let mut capture = Capture::start(&bench);
     assert_idle(&capture);

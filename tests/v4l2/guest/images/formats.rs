@@ -1,0 +1,95 @@
+//! What comes of each format: the grey levels that the camera has sent, with all their bits.
+
+use fringeflow::message::PixelFormat;
+
+use super::super::capture::Capture;
+use super::super::driver::{Driver, v4l2_ctl};
+use super::super::vivid;
+use crate::support::Bench;
+
+/// A picture that does not change.
+const PICTURE: &str = "test_pattern = \"Gray Ramp\"\nosd_text_mode = \"None\"";
+
+/// How an image of so many pixels lies in the bytes that the camera sends.
+type Layout = fn(&[u8], usize) -> Vec<u8>;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn images_are_what_a_camera_sends() {
+    let _vivid = vivid::load();
+    assert_formats(&[
+        ("GREY", PixelFormat::Grey, first),
+        ("Y10", PixelFormat::Y10, words),
+        ("Y12", PixelFormat::Y12, words),
+        ("Y16", PixelFormat::Y16, words),
+        ("Y16_BE", PixelFormat::Y16, swapped_words),
+        ("YUYV", PixelFormat::Grey, even),
+        ("UYVY", PixelFormat::Grey, odd),
+        ("NV12", PixelFormat::Grey, first),
+        ("YU12", PixelFormat::Grey, first),
+    ]);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn images_in_several_planes_are_what_a_camera_sends() {
+    let parameters = ["n_devs=2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=3,3", "multiplanar=2,2"];
+    let _vivid = Driver::load("vivid", &parameters);
+    // Vivid puts a gap before the first plane of some.
+    assert_formats(&[
+        ("GREY", PixelFormat::Grey, first),
+        ("YUYV", PixelFormat::Grey, even),
+        ("NM12", PixelFormat::Grey, first),
+        ("YM12", PixelFormat::Grey, first),
+    ]);
+}
+
+fn assert_formats(formats: &[(&str, PixelFormat, Layout)]) {
+    for &(name, format, layout) in formats {
+        let scanner =
+            vivid::scanner(PICTURE).replace("\n[cameras.cam1]", &format!("\nformat = \"{name}\"\n[cameras.cam1]"));
+        let bench = Bench::of(&scanner);
+        let mut capture = Capture::start(&bench);
+        let (header, pixels) = capture.image();
+        capture.stop();
+        assert_eq!(PixelFormat::of(header.pixel_format), Some(format), "{name}");
+        assert_eq!(header.stride_bytes as usize, header.width_px as usize * format.bytes(), "{name}");
+        // The device keeps the format.
+        let sent = sent(&bench);
+        let expected = layout(&sent, (header.width_px * header.height_px) as usize);
+        assert!(pixels == expected, "{name}: {:?} of {:?} in {:?}", &pixels[..16], &expected[..16], &sent[..32]);
+        assert!(levels(&pixels, format.bytes()) > 64, "{name} has {} grey levels", levels(&pixels, format.bytes()));
+    }
+}
+
+/// The next image as another program gets it.
+fn sent(bench: &Bench) -> Vec<u8> {
+    let file = bench.path("image.raw");
+    let to = format!("--stream-to={}", file.display());
+    v4l2_ctl(vivid::DEVICE, &["--stream-mmap", "--stream-count=1", &to]);
+    std::fs::read(file).unwrap()
+}
+
+fn levels(pixels: &[u8], bytes: usize) -> usize {
+    pixels.chunks_exact(bytes).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+fn first(sent: &[u8], pixels: usize) -> Vec<u8> {
+    sent[..pixels].to_vec()
+}
+
+fn words(sent: &[u8], pixels: usize) -> Vec<u8> {
+    sent[..2 * pixels].to_vec()
+}
+
+fn swapped_words(sent: &[u8], pixels: usize) -> Vec<u8> {
+    sent[..2 * pixels].chunks_exact(2).flat_map(|word| [word[1], word[0]]).collect()
+}
+
+fn even(sent: &[u8], pixels: usize) -> Vec<u8> {
+    sent[..2 * pixels].iter().step_by(2).copied().collect()
+}
+
+fn odd(sent: &[u8], pixels: usize) -> Vec<u8> {
+    sent[1..2 * pixels].iter().step_by(2).copied().collect()
+}

@@ -1,0 +1,71 @@
+//! Images that the driver drops: each is counted and none besides, and no window holds a gap.
+
+use fringeflow::message::{DropReason, FrameHeader, Stage, Window};
+use fringeflow::recording::{Content, Recording, Topic};
+
+use super::super::capture::{Capture, gaps, sessions};
+use super::super::driver::{Knob, turn};
+use super::super::vivid;
+use crate::scenes;
+use crate::support::Bench;
+
+/// Percentages of images that are dropped, and how many must be so in the images of each.
+const PERCENTAGES: [(i64, u64); 3] = [(1, 1), (10, 5), (50, 60)];
+/// Images that come of each.
+const IMAGES: usize = 120;
+/// Windows that must be complete in spite of the losses.
+const WINDOWS: u64 = 5;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn dropped_images_are_counted_one_by_one() {
+    let _vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
+    let mut capture = Capture::start(&bench);
+    capture.images(1);
+    for (percentage, least) in PERCENTAGES {
+        let before = capture.counts();
+        turn(vivid::DEVICE, Knob::DroppedPercentage, percentage);
+        capture.images(IMAGES);
+        let enough = before.dropped(DropReason::CameraLost) + least;
+        capture.until("enough is lost", |capture| capture.counts().dropped(DropReason::CameraLost) >= enough);
+        let now = capture.counts();
+        let lost = now.dropped(DropReason::CameraLost) - before.dropped(DropReason::CameraLost);
+        eprintln!("{percentage} %: {lost} of {} images lost", now.taken - before.taken);
+    }
+    let (headers, counts) = capture.stop();
+    assert_eq!(counts.dropped(DropReason::CameraLost), gaps(&headers), "{counts:?}");
+    assert_eq!(sessions(&headers).len(), 1);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn a_dropped_image_costs_its_windows_whole() {
+    let _vivid = vivid::load();
+    let percentage = "percentage_of_dropped_buffers = 10";
+    let scanner = vivid::scanner_of(&scenes::all()[0], "1280x720@25", percentage);
+    let bench = Bench::of(&format!("{scanner}phase_maps = true\n"));
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    live.wait_until("there are windows", || bench.counts(Stage::Phase).passed >= WINDOWS);
+    let ended = live.quit();
+    ended.assert_balanced();
+    assert_eq!(ended.summary["restarts"], 0, "{ended:?}");
+    let recorded = Recording::open(&recording).unwrap();
+    let headers: Vec<FrameHeader> = recorded.frame_headers(1).copied().collect();
+    assert_eq!(ended.stage("camera1").dropped(DropReason::CameraLost), gaps(&headers), "{ended:?}");
+    let windows: Vec<Window> = recorded
+        .messages_of(Topic::PhaseMaps)
+        .filter_map(|message| match message.unwrap().content {
+            Content::Maps(header, _) => Some(header.window),
+            _ => None,
+        })
+        .collect();
+    assert!(windows.len() as u64 >= WINDOWS, "{}", windows.len());
+    for window in &windows {
+        let mut pairs: Vec<[u64; 2]> = window.pairs().collect();
+        // In the order of the steps, which begin anywhere.
+        pairs.sort_unstable();
+        assert!(pairs.is_sorted_by(|a, b| b[0] == a[0] + 1 && b[1] == a[1] + 1), "{window:?}");
+    }
+}

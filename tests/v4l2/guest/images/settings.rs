@@ -1,0 +1,59 @@
+//! What is set: controls and rates are read back and told, and what a camera does not take is refused with what it takes.
+
+use super::super::capture::Capture;
+use super::super::driver::v4l2_ctl;
+use super::super::vivid;
+use crate::support::Bench;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn controls_are_set_before_the_first_image() {
+    let _vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner("brightness = 77\nhorizontal_flip = true\nmenu = \"Menu Item 4\""));
+    let checked = bench.json(&[0], &[&"run", &"--config", &bench.configuration(), &"--check", &"--json"]);
+    let camera = checked["points"].as_array().unwrap().iter().find(|point| point["what"] == "camera 1").unwrap();
+    for part in ["/dev/video0", "320x180 GREY", "50 images a second", "brightness = 77", "menu = 4 (Menu Item 4)"] {
+        assert!(camera["found"].as_str().unwrap().contains(part), "{part:?} is missing in {camera}");
+    }
+    v4l2_ctl(vivid::DEVICE, &["--set-ctrl", "brightness=1,horizontal_flip=0,menu=1"]);
+    let mut capture = Capture::start(&bench);
+    capture.image();
+    let set = v4l2_ctl(vivid::DEVICE, &["--get-ctrl", "brightness,horizontal_flip,menu"]);
+    capture.stop();
+    let values: Vec<&str> =
+        set.lines().map(|line| line.split(": ").nth(1).unwrap().split(' ').next().unwrap()).collect();
+    assert_eq!(values, ["77", "1", "4"], "{set}");
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn what_a_camera_does_not_take_is_refused() {
+    let _vivid = vivid::load();
+    let refused = |scanner: &str, says: &[&str]| {
+        let bench = Bench::of(scanner);
+        bench.refused(&[&"run", &"--config", &bench.configuration()], says);
+        bench.assert_nothing_left();
+    };
+    refused(&vivid::scanner("brightness = 300"), &["camera 1", "brightness = 300", "from 0 to 255, default 128"]);
+    refused(&vivid::scanner("brightnes = 3"), &["brightnes", "no such control", "brightness"]);
+    refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "can only be read"]);
+    let of_format = vivid::scanner("").replace("\n[cameras.cam1]", "\nformat = \"Y14\"\n[cameras.cam1]");
+    refused(&of_format, &["Y14", "GREY", "Y16"]);
+    let of_signal = vivid::scanner("").replace("1280x720@50", "1281x720@50");
+    refused(&of_signal, &["1281x720@50", "1280x720@50"]);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn cameras_are_listed_with_what_they_take() {
+    let _vivid = vivid::load();
+    let bench = Bench::new();
+    let listed = bench.json(&[0], &[&"cameras", &"--json"]);
+    let cameras = listed["cameras"].as_array().unwrap();
+    let places: Vec<&str> = cameras.iter().map(|camera| camera["bus_info"].as_str().unwrap()).collect();
+    assert_eq!(places, ["platform:vivid-000", "platform:vivid-001"]);
+    let text = bench.done(&[0], &[&"cameras", &"bus:platform:vivid-001"]);
+    for part in ["/dev/video1", "vivid", "GREY", "Y10", "Y16", "NV12", "brightness", "0 to 255"] {
+        assert!(text.contains(part), "{part:?} is missing in {text}");
+    }
+}
