@@ -2,7 +2,9 @@
 
 mod cost;
 mod errors;
+mod formats;
 mod losses;
+mod settings;
 mod signals;
 mod unplugging;
 mod wraps;
