@@ -72,10 +72,15 @@ impl<'a> Capture<'a> {
     /// Takes images until something is so.
     pub(crate) fn until(&mut self, what: &str, mut is: impl FnMut(&Self) -> bool) {
         let reached = wait(|| {
-            while self.receive().is_some() {}
+            self.take();
             is(self)
         });
         assert!(reached, "it never is that {what}: {:?}", self.counts());
+    }
+
+    /// Takes the images that have come.
+    pub(crate) fn take(&mut self) {
+        while self.receive().is_some() {}
     }
 
     fn receive(&mut self) -> Option<Received<FrameHeader, [u8]>> {

@@ -3,13 +3,13 @@
 //! Time stamps of vivid wrap sixteen seconds after the start of a stream: ten cameras do so twice, side by side. In the
 //! meantime the numbers of a fast camera wrap, 128 images after each start of its stream.
 
-use fringeflow::message::{Counts, DropReason, Incident};
+use fringeflow::message::{DropReason, Incident};
 
 use super::super::capture::{Capture, gaps, sessions};
 use super::super::driver::{Driver, press};
 use super::super::scanner::configuration;
 use crate::scenes;
-use crate::support::Bench;
+use crate::support::{Bench, wait};
 
 /// Cameras whose time stamps wrap, and how often each.
 const SLOW: usize = 10;
@@ -26,54 +26,67 @@ const FATAL: &str = "inject_fatal_streaming_error";
 fn numbers_go_on_and_times_begin_anew() {
     let _vivid = load();
     let benches: Vec<Bench> = (0..SLOW).map(|camera| Bench::of(&slow(camera))).collect();
-    let mut captures: Vec<Capture<'_>> = benches.iter().map(Capture::start).collect();
-    wrap_numbers();
+    let mut cameras: Vec<Capture<'_>> = benches.iter().map(Capture::start).collect();
+    until_all(&mut cameras, "it sends images", |camera| !camera.headers.is_empty());
+    let bench = Bench::of(&fast());
+    let mut fast = Capture::start(&bench);
     for round in 1..=ROUNDS {
-        for (camera, capture) in captures.iter_mut().enumerate() {
-            // Stamps are of another clock from the start of a stream; then they run back.
-            capture.until("its time stamps wrap", |capture| capture.incidents(Incident::StampJump) == 2 * round);
-            capture.images(2);
-            if round < ROUNDS {
-                press(&format!("/dev/video{camera}"), &[FATAL]);
-            }
+        wrap_numbers(&mut fast, TIMES / ROUNDS);
+        // Stamps are of another clock from the start of a stream; then they run back.
+        until_all(&mut cameras, "its time stamps wrap", |camera| camera.incidents(Incident::StampJump) == 2 * round);
+        if round < ROUNDS {
+            (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[FATAL]));
         }
     }
-    for capture in captures {
-        let (headers, counts) = capture.stop();
-        assert_eq!(counts.incidents[Incident::StreamRestart as usize], ROUNDS - 1, "{counts:?}");
-        assert!(headers.is_sorted_by(|a, b| a.exposure_start_ns < b.exposure_start_ns));
-        // Times before and after a leap say nothing of each other.
-        assert_eq!(sessions(&headers).len() as u64, 2 * ROUNDS);
-        assert_eq!(dropped_but_lost(&counts), 0, "{counts:?}");
+    assert_numbers_went_on(fast);
+    cameras.into_iter().for_each(assert_times_went_on);
+}
+
+/// Lets the numbers of a camera wrap so many times, each in a stream of its own.
+fn wrap_numbers(camera: &mut Capture<'_>, times: u64) {
+    for _ in 0..times {
+        let restarts = camera.incidents(Incident::StreamRestart);
+        camera.until("its numbers wrap", |camera| camera.headers.last().is_some_and(|last| last.sequence > WRAP));
+        let session = camera.headers.last().unwrap().session;
+        press(&format!("/dev/video{SLOW}"), &[FATAL]);
+        camera.until("its stream begins anew", |camera| {
+            let is_new = camera.headers.last().is_some_and(|last| last.session > session);
+            is_new && camera.incidents(Incident::StreamRestart) == restarts + 1
+        });
     }
 }
 
-fn wrap_numbers() {
-    let bench = Bench::of(&fast());
-    let mut capture = Capture::start(&bench);
-    for time in 1..=TIMES {
-        capture.until("its numbers wrap", |capture| {
-            capture.incidents(Incident::StreamRestart) == time - 1
-                && capture.headers.last().is_some_and(|last| last.sequence > WRAP)
-        });
-        if time < TIMES {
-            press(&format!("/dev/video{SLOW}"), &[FATAL]);
-            capture.until("its stream begins anew", |capture| capture.incidents(Incident::StreamRestart) == time);
-            capture.until("its numbers begin anew", |capture| {
-                capture.headers.last().is_some_and(|last| last.sequence < WRAP)
-            });
-        }
-    }
-    let (headers, counts) = capture.stop();
+fn assert_numbers_went_on(camera: Capture<'_>) {
+    let (headers, counts) = camera.stop();
     let streams = sessions(&headers);
-    assert_eq!(streams.len() as u64, TIMES);
-    for stream in &streams {
-        assert!(stream.first().is_some_and(|first| first.sequence < WRAP));
-        assert!(stream.last().is_some_and(|last| last.sequence > WRAP));
+    assert_eq!(streams.len() as u64, TIMES + 1);
+    for stream in &streams[..TIMES as usize] {
+        assert!(stream[0].sequence < WRAP && stream[stream.len() - 1].sequence > WRAP);
     }
     let lost: u64 = streams.into_iter().map(gaps).sum();
     assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
-    assert_eq!(counts.incidents[Incident::NumberingRestart as usize], 0, "{counts:?}");
+    let incidents = [Incident::StreamRestart, Incident::NumberingRestart, Incident::StampJump];
+    assert_eq!(incidents.map(|incident| counts.incidents[incident as usize]), [TIMES, 0, 0], "{counts:?}");
+}
+
+fn assert_times_went_on(camera: Capture<'_>) {
+    let (headers, counts) = camera.stop();
+    assert!(headers.is_sorted_by(|a, b| a.exposure_start_ns < b.exposure_start_ns));
+    let incidents = [Incident::StreamRestart, Incident::NumberingRestart, Incident::StampJump];
+    let expected = [ROUNDS - 1, 0, 2 * ROUNDS];
+    assert_eq!(incidents.map(|incident| counts.incidents[incident as usize]), expected, "{counts:?}");
+    assert_eq!(counts.all_dropped(), counts.dropped(DropReason::CameraLost), "{counts:?}");
+}
+
+/// Takes images of all cameras until something is so of each.
+fn until_all(cameras: &mut [Capture<'_>], what: &str, is: impl Fn(&Capture<'_>) -> bool) {
+    let reached = wait(|| {
+        cameras.iter_mut().fold(true, |all, camera| {
+            camera.take();
+            all & is(camera)
+        })
+    });
+    assert!(reached, "it never is of all cameras that {what}");
 }
 
 /// Slow devices with an analogue input each, whose rate can be told, and a fast one with a digital input.
@@ -104,8 +117,4 @@ fn scanner(rate_hz: f64, device: usize, more: &str, controls: &str) -> String {
         device + 1
     );
     configuration(&scenes::all()[0], &cameras, "")
-}
-
-fn dropped_but_lost(counts: &Counts) -> u64 {
-    counts.all_dropped() - counts.dropped(DropReason::CameraLost)
 }
