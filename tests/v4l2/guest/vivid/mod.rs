@@ -2,9 +2,7 @@
 
 mod cost;
 mod errors;
-mod formats;
 mod losses;
-mod settings;
 mod signals;
 mod unplugging;
 mod wraps;
