@@ -8,7 +8,7 @@ use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subsc
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
 
 use crate::camera::{Camera, Image};
-use crate::prepare::Wanted;
+use crate::device::Wanted;
 use crate::stamp::Stamped;
 
 /// The service around a camera.
