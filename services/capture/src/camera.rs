@@ -12,13 +12,11 @@ use fringeflow::message::{DropReason, Incident};
 use fringeflow_runtime::clock;
 use rustix::io::Errno;
 
-use crate::find::FindError;
+use crate::device::{self, CameraError, FindError, Prepared, Wanted};
 use crate::ioctl::{CallError, Device};
 use crate::notes::Notes;
 use crate::numbering::{Numbered, Numbering};
-use crate::prepare::{Prepared, Wanted};
 use crate::queue::{FilledBuffer, Queue, Waited};
-use crate::ready::{self, CameraError};
 use crate::stamp::{StampClock, StampFault, Stamped, Timing};
 
 /// Flag of V4L2: the image is damaged.
@@ -186,7 +184,7 @@ impl Camera {
     }
 
     fn open(&self) -> Result<Streaming, CameraError> {
-        let (path, device, prepared) = ready::open(&self.settings, &self.wanted)?;
+        let (path, device, prepared) = device::open(&self.settings, &self.wanted)?;
         tracing::info!("{}: {}", path.display(), prepared.notes.join(", "));
         Streaming::start(Rc::new(device), prepared, &self.settings, &self.wanted)
             .map_err(|source| CameraError::Stream { path, source })

@@ -8,7 +8,7 @@ use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subsc
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
 
 use crate::camera::{Camera, Image};
-use crate::prepare::Wanted;
+use crate::device::Wanted;
 use crate::stamp::Stamped;
 
 /// The service around a camera.
@@ -66,7 +66,7 @@ impl Capture {
             }
         }
         self.put_out_all(host)?;
-        self.camera.notes.write(&mut self.account, clock::now_ns())?;
+        self.camera.notes.write(&mut self.account)?;
         if !self.scanning {
             if was_scanning {
                 self.camera.close();
@@ -90,13 +90,12 @@ impl Capture {
 
     fn put_out_all(&mut self, host: &mut Host) -> Result<(), AccountError> {
         while let Some(image) = self.camera.take() {
-            self.account.take(image.missing + 1)?;
             if image.missing > 0 {
-                self.account.drop_many(DropReason::CameraLost, image.missing)?;
+                self.lose(image.missing, DropReason::CameraLost)?;
             }
             match image.stamped {
                 Ok(stamped) => self.put_out(&image, &stamped, host)?,
-                Err(reason) => self.account.drop_one(reason)?,
+                Err(reason) => self.lose(1, reason)?,
             }
             self.camera.give_back(image);
         }
@@ -106,10 +105,16 @@ impl Capture {
     fn put_out(&mut self, image: &Image, stamped: &Stamped, host: &mut Host) -> Result<(), AccountError> {
         let header = self.header(image, stamped);
         let bytes = self.camera.bytes(image);
+        let passed = self.account.counts().passed;
         match send(&mut self.output, &mut self.account, &header, self.wanted.format, bytes) {
             Ok(()) => self.logged = None,
-            // What could not be sent is missing in the channel, and counted there.
-            Err(Unsent::Transport(error)) => tracing::warn!("{error}"),
+            Err(Unsent::Transport(error)) => {
+                tracing::warn!("{error}");
+                // What has its number and could not be sent is missing in the channel, and counted there.
+                if self.account.counts().passed == passed {
+                    return self.lose(1, DropReason::NoSample);
+                }
+            }
             Err(Unsent::Account(error)) => return Err(error),
             Err(Unsent::Image(error)) => return self.refuse(&error),
         }
@@ -145,7 +150,13 @@ impl Capture {
             tracing::warn!("a damaged image: {words}");
             self.logged = Some(words);
         }
-        self.account.drop_one(DropReason::BadImage)
+        self.lose(1, DropReason::BadImage)
+    }
+
+    /// Counts images that are not put out.
+    fn lose(&mut self, images: u64, reason: DropReason) -> Result<(), AccountError> {
+        self.account.take(images)?;
+        self.account.drop_many(reason, images)
     }
 }
 
@@ -169,7 +180,7 @@ fn send(
     let [row_bytes, stride_bytes] = [size_px[0] * format.pixel_format().bytes(), header.stride_bytes as usize];
     let len = row_bytes * size_px[1];
     let numbered = |account: &mut Account| {
-        let published = account.pass().map_err(Unsent::Account)?;
+        let published = account.take_and_pass().map_err(Unsent::Account)?;
         Ok(FrameHeader { published, stride_bytes: row_bytes as u32, ..*header })
     };
     // Rows that go out as they came are copied as one, into memory that nobody has cleared before.

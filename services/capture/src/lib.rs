@@ -4,35 +4,20 @@
 //! other. An image is copied once, out of the driver's buffer into the memory that the phase service reads.
 
 mod camera;
-mod capability;
 mod capture;
-mod controls;
-mod find;
-mod format;
-mod inventory;
+mod device;
 mod ioctl;
 mod notes;
 mod numbering;
-mod offer;
-mod prepare;
 mod queue;
-mod rate;
-mod ready;
-mod setting;
 mod stamp;
-mod timings;
 
-pub use controls::{Control, ControlKind, MenuItem};
-pub use find::{FindError, OpenError};
-pub use format::FormatError;
-pub use inventory::{ListedControl, Listing, VideoSignal, cameras, describe};
+pub use device::{
+    CameraError, Control, ControlError, ControlKind, ControlProblem, FindError, FormatError, ListedControl, Listing,
+    MenuItem, OfferedFormat, OfferedSize, OpenError, PrepareError, RateError, ReadyCamera, TimingsError, VideoSignal,
+    Wanted, cameras, check_cameras, describe, rates_text,
+};
 pub use ioctl::CallError;
-pub use offer::{OfferedFormat, OfferedSize, rates_text};
-pub use prepare::{PrepareError, Wanted};
-pub use rate::RateError;
-pub use ready::{CameraError, ReadyCamera, check_cameras};
-pub use setting::{ControlError, ControlProblem};
-pub use timings::TimingsError;
 
 use fringeflow::dataset::CameraId;
 use fringeflow_runtime::{Host, ServiceArgs, ServiceError};

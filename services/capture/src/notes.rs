@@ -1,7 +1,7 @@
 //! What happens to a camera beside its images: counted always, logged when it begins and now and then while it lasts.
 
 use fringeflow::message::Incident;
-use fringeflow_runtime::{Account, AccountError};
+use fringeflow_runtime::{Account, AccountError, clock};
 
 /// Time between two log lines about the same kind of incident, nanoseconds.
 const QUIET_NS: u64 = 10_000_000_000;
@@ -31,7 +31,11 @@ impl Notes {
     ///
     /// # Errors
     /// The account cannot be written.
-    pub(crate) fn write(&mut self, account: &mut Account, now_ns: u64) -> Result<(), AccountError> {
+    pub(crate) fn write(&mut self, account: &mut Account) -> Result<(), AccountError> {
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let now_ns = clock::now_ns();
         for (incident, count, words) in self.waiting.drain(..) {
             account.note(incident, count)?;
             let Some(logged) = self.logged.get_mut(incident as usize) else { continue };

@@ -205,6 +205,15 @@ impl Account {
         self.write()
     }
 
+    /// [`Self::take`] and [`Self::pass`] of one item at once.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn take_and_pass(&mut self) -> Result<u64, AccountError> {
+        self.record.counts.taken += 1;
+        self.pass()
+    }
+
     /// Counts one item as passed on, before it is; its number in the channel behind.
     ///
     /// # Errors

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use fringeflow::config::{ControlValue, DeviceName};
 
-use crate::capability::Capability;
-use crate::controls::{self, Control};
-use crate::find::{self, FindError, Node};
+use super::capability::Capability;
+use super::controls::{self, Control};
+use super::find::{self, FindError, Node};
+use super::offer::{self, OfferedFormat};
+use super::timings;
 use crate::ioctl::Device;
-use crate::offer::{self, OfferedFormat};
-use crate::timings;
 
 /// A device, with all that could be read of it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

@@ -7,7 +7,7 @@ use std::fmt;
 use fringeflow::pixels::SourceFormat;
 use v4l::v4l_sys::{V4L2_FMT_FLAG_EMULATED, v4l2_fmtdesc, v4l2_fract, v4l2_frmivalenum, v4l2_frmsizeenum};
 
-use crate::capability::text;
+use super::capability::text;
 use crate::ioctl::{Device, ENUM_FMT, ENUM_FRAMEINTERVALS, ENUM_FRAMESIZES, Request, intervals, sizes, zeroed};
 
 /// Most items of a list that are read.

@@ -11,15 +11,15 @@ use fringeflow::pixels::SourceFormat;
 use rustix::io::Errno;
 use v4l::v4l_sys::{V4L2_CID_EXPOSURE_ABSOLUTE, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_MODIFY_LAYOUT};
 
-use crate::capability::Capability;
-use crate::controls::{self, Control};
-use crate::find::is_lasting;
-use crate::format::{self, FormatError, Layout, named};
+use super::capability::Capability;
+use super::controls::{self, Control};
+use super::find::is_lasting;
+use super::format::{self, FormatError, Layout, named};
+use super::offer::{self, shown};
+use super::rate::{self, RateError};
+use super::setting::{self, ControlError, Joined};
+use super::timings::{self, Signal, TimingsError};
 use crate::ioctl::{BufferKind, CallError, Device};
-use crate::offer::{self, shown};
-use crate::rate::{self, RateError};
-use crate::setting::{self, ControlError, Joined};
-use crate::timings::{self, Signal, TimingsError};
 
 /// Unit of the control of the exposure, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;

@@ -7,11 +7,11 @@ use v4l::v4l_sys::{
     v4l2_enum_dv_timings, v4l2_input,
 };
 
+use super::offer::{list, shown};
 use crate::ioctl::{
     CallError, Device, ENUM_DV_TIMINGS, ENUMINPUT, G_DV_TIMINGS, G_INPUT, QUERY_DV_TIMINGS, S_DV_TIMINGS,
     video_timings, zeroed,
 };
-use crate::offer::{list, shown};
 
 /// Share by which two rates may differ and be the same: 60 and 59.94.
 const SAME_RATE: f64 = 0.01;

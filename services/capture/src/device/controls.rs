@@ -6,7 +6,7 @@ use fringeflow::config::ControlValue;
 use rustix::io::Errno;
 use v4l::v4l_sys as sys;
 
-use crate::capability::text;
+use super::capability::text;
 use crate::ioctl::{CallError, Device, QUERY_EXT_CTRL, QUERYMENU, menu_item, zeroed};
 
 /// Most controls of a device that are read.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::config::V4l2Camera;
 
-use crate::find::{self, FindError};
+use super::find::{self, FindError};
+use super::prepare::{PrepareError, Prepared, Wanted, prepare};
 use crate::ioctl::{CallError, Device};
-use crate::prepare::{PrepareError, Prepared, Wanted, prepare};
 
 /// A camera that is there and takes its settings; it was let go again.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use v4l::v4l_sys::{V4L2_CAP_TIMEPERFRAME, v4l2_fract, v4l2_streamparm};
 
+use super::offer::{rate_hz, rates_text, shown};
 use crate::ioctl::{CallError, Device, G_PARM, S_PARM, capture_parameters, zeroed};
-use crate::offer::{rate_hz, rates_text, shown};
 
 /// Share by which the rate may be off.
 const TOLERANCE: f64 = 0.01;

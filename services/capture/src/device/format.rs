@@ -7,10 +7,10 @@ use v4l::v4l_sys::{
     v4l2_format, v4l2_pix_format_mplane,
 };
 
+use super::offer::{self, OfferedFormat, format_name};
 use crate::ioctl::{
     BufferKind, CallError, Device, G_FMT, S_FMT, multi_planar, set_multi_planar, single_planar, zeroed,
 };
-use crate::offer::{self, OfferedFormat, format_name};
 
 /// Most planes that a buffer can have.
 const MOST_PLANES: u32 = 8;

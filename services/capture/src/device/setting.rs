@@ -10,8 +10,8 @@ use std::fmt;
 use fringeflow::config::ControlValue;
 use v4l::v4l_sys::{V4L2_CTRL_FLAG_GRABBED, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_READ_ONLY};
 
-use crate::controls::{Control, ControlKind, query};
-use crate::find::is_lasting;
+use super::controls::{Control, ControlKind, query};
+use super::find::is_lasting;
 use crate::ioctl::{CallError, Device};
 
 /// Likeness of two names, of 1, from which one is told in place of the other.
@@ -273,7 +273,7 @@ fn stepped(control: &Control, number: i64) -> Result<Encoded, ControlProblem> {
 
 /// Number of an item of a menu, by its number or its name.
 fn item(control: &Control, value: &ControlValue) -> Result<i64, ControlProblem> {
-    let is_meant = |item: &&crate::controls::MenuItem| match value {
+    let is_meant = |item: &&crate::device::controls::MenuItem| match value {
         ControlValue::Number(number) => item.number == *number,
         ControlValue::Text(name) => item.name == *name,
         ControlValue::Switch(_) => false,
@@ -316,8 +316,8 @@ impl fmt::Display for Joined<'_> {
 
 #[cfg(test)]
 mod tests {
+    use crate::device::controls::MenuItem;
     use super::*;
-    use crate::controls::MenuItem;
 
     fn control(kind: ControlKind, least: i64, greatest: i64, step: u64) -> Control {
         let (name, title) = ("gain".to_owned(), "Gain".to_owned());

@@ -13,7 +13,7 @@ use fringeflow::config::DeviceName;
 
 use rustix::io::Errno;
 
-use crate::capability::Capability;
+use super::capability::Capability;
 use crate::ioctl::Device;
 
 /// Where the kernel lists the nodes.
