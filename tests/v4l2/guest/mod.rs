@@ -7,3 +7,4 @@ mod images;
 mod loopback;
 mod scanner;
 mod vivid;
+mod witness;

@@ -1,9 +1,9 @@
 //! Errors that vivid injects at the press of a button, twenty times each: every one is counted, the images come again, and
 //! nothing is lost that is not counted.
 
-use fringeflow::message::{Counts, DropReason, FrameHeader, Incident};
+use fringeflow::message::{Counts, DropReason, Incident};
 
-use super::super::capture::{Capture, gaps, sessions};
+use super::super::capture::{Capture, Done};
 use super::super::driver::{Knob, press};
 use super::super::vivid;
 use crate::support::Bench;
@@ -16,20 +16,19 @@ const REFUSALS: u64 = 3;
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn damaged_images_are_dropped() {
-    let (headers, counts) = inject(&[Knob::Damaged], |counts| counts.dropped(DropReason::BadImage));
-    assert_eq!(counts.dropped(DropReason::BadImage), TIMES);
-    assert_eq!(sessions(&headers).len(), 1);
-    assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost) + TIMES, "{counts:?}");
-    assert_eq!(counts.incidents().count(), 0, "{counts:?}");
+    let done = inject(&[Knob::Damaged], |counts| counts.dropped(DropReason::BadImage));
+    assert_eq!(done.counts.dropped(DropReason::BadImage), TIMES);
+    assert_eq!(done.sessions().len(), 1);
+    done.assert_losses_are_gaps(TIMES);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn buffers_that_are_refused_are_offered_again() {
-    let (headers, counts) = inject(&[Knob::Qbuf], |counts| incidents(counts, Incident::CallRefused));
-    assert_eq!(incidents(&counts, Incident::CallRefused), TIMES);
-    assert_eq!(sessions(&headers).len(), 1);
-    assert_eq!(gaps(&headers), counts.dropped(DropReason::CameraLost), "{counts:?}");
+    let done = inject(&[Knob::Qbuf], |counts| incidents(counts, Incident::CallRefused));
+    assert_eq!(done.incidents(Incident::CallRefused), TIMES);
+    assert_eq!(done.sessions().len(), 1);
+    done.assert_losses_are_gaps(0);
 }
 
 #[test]
@@ -53,29 +52,22 @@ fn a_stream_that_does_not_start_is_begun_anew() {
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn an_unplugged_camera_is_taken_up_again() {
-    let (headers, counts) = inject(&[Knob::Disconnect], |counts| incidents(counts, Incident::Returned));
-    assert_eq!([Incident::Unplugged, Incident::Returned].map(|i| incidents(&counts, i)), [TIMES; 2], "{counts:?}");
-    assert_sessions(&headers, &counts);
+    let done = inject(&[Knob::Disconnect], |counts| incidents(counts, Incident::Returned));
+    assert_eq!([Incident::Unplugged, Incident::Returned].map(|i| done.incidents(i)), [TIMES; 2], "{:?}", done.counts);
+    done.assert_losses_are_gaps(0);
 }
 
 /// Errors that end in a new stream, after so many refused calls each.
 fn assert_begun_anew(buttons: &[Knob], refused: u64) {
-    let (headers, counts) = inject(buttons, |counts| incidents(counts, Incident::StreamRestart));
-    assert_eq!(incidents(&counts, Incident::StreamRestart), TIMES, "{counts:?}");
-    assert_eq!(incidents(&counts, Incident::CallRefused), TIMES * refused, "{counts:?}");
-    assert_sessions(&headers, &counts);
-}
-
-/// Each stream is a session of its own, in which every gap is counted.
-fn assert_sessions(headers: &[FrameHeader], counts: &Counts) {
-    let sessions = sessions(headers);
-    assert_eq!(sessions.len() as u64, TIMES + 1);
-    let lost: u64 = sessions.into_iter().map(gaps).sum();
-    assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
+    let done = inject(buttons, |counts| incidents(counts, Incident::StreamRestart));
+    assert_eq!(done.incidents(Incident::StreamRestart), TIMES, "{:?}", done.counts);
+    assert_eq!(done.incidents(Incident::CallRefused), TIMES * refused, "{:?}", done.counts);
+    assert_eq!(done.sessions().len() as u64, TIMES + 1);
+    done.assert_losses_are_gaps(0);
 }
 
 /// Presses buttons again and again; each time images must come after `reached` has counted it.
-fn inject(buttons: &[Knob], reached: fn(&Counts) -> u64) -> (Vec<FrameHeader>, Counts) {
+fn inject(buttons: &[Knob], reached: fn(&Counts) -> u64) -> Done {
     let _vivid = vivid::load();
     let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);

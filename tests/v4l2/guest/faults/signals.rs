@@ -2,29 +2,29 @@
 
 use std::time::Duration;
 
-use fringeflow::message::{Counts, DropReason, FrameHeader};
+use fringeflow::message::DropReason;
 use rustix::process::Signal;
 
-use super::super::capture::{Capture, gaps, sessions};
+use super::super::capture::{Capture, Done};
 use super::super::vivid;
 use crate::support::{Bench, send};
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_storm_of_signals_loses_nothing_uncounted() {
-    let (headers, counts) = during(|capture| {
+    let done = during(|capture| {
         for _ in 0..2000 {
             send(capture.pid(), Signal::USR1);
             std::thread::sleep(Duration::from_millis(1));
         }
     });
-    assert_counted(&headers, &counts);
+    assert_counted(&done);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_stopped_service_goes_on_and_counts_what_it_missed() {
-    let (headers, counts) = during(|capture| {
+    let done = during(|capture| {
         for _ in 0..3 {
             send(capture.pid(), Signal::STOP);
             std::thread::sleep(Duration::from_millis(700));
@@ -33,11 +33,11 @@ fn a_stopped_service_goes_on_and_counts_what_it_missed() {
         }
     });
     // The driver's buffers are full after some of the images of this time.
-    assert!(counts.dropped(DropReason::CameraLost) > 0, "{counts:?}");
-    assert_counted(&headers, &counts);
+    assert!(done.counts.dropped(DropReason::CameraLost) > 0, "{:?}", done.counts);
+    assert_counted(&done);
 }
 
-fn during(trouble: impl FnOnce(&mut Capture<'_>)) -> (Vec<FrameHeader>, Counts) {
+fn during(trouble: impl FnOnce(&mut Capture<'_>)) -> Done {
     let _vivid = vivid::load();
     let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
@@ -47,8 +47,8 @@ fn during(trouble: impl FnOnce(&mut Capture<'_>)) -> (Vec<FrameHeader>, Counts) 
     capture.stop()
 }
 
-fn assert_counted(headers: &[FrameHeader], counts: &Counts) {
-    eprintln!("{counts:?}");
-    assert_eq!(sessions(headers).len(), 1, "{counts:?}");
-    assert_eq!(counts.dropped(DropReason::CameraLost), gaps(headers), "{counts:?}");
+fn assert_counted(done: &Done) {
+    eprintln!("{:?}", done.counts);
+    assert_eq!(done.sessions().len(), 1, "{:?}", done.counts);
+    done.assert_losses_are_gaps(0);
 }

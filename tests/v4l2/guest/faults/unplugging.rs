@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::message::{DropReason, Incident};
+use fringeflow::message::Incident;
 
-use super::super::capture::{Capture, gaps, sessions};
+use super::super::capture::Capture;
 use super::super::driver::{Driver, v4l2_ctl};
 use super::super::vivid;
 use crate::support::{Bench, wait};
@@ -29,12 +29,10 @@ fn a_camera_is_found_under_another_number() {
     assert!(!v4l2_ctl(vivid::DEVICE, &["--info"]).contains("vivid"));
     capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
     capture.images(10);
-    let (headers, counts) = capture.stop();
-    let sessions = sessions(&headers);
-    assert_eq!(sessions.len(), 2);
-    let lost: u64 = sessions.into_iter().map(gaps).sum();
-    assert_eq!(counts.dropped(DropReason::CameraLost), lost, "{counts:?}");
-    assert_eq!(counts.incidents[Incident::Unplugged as usize], 1);
+    let done = capture.stop();
+    assert_eq!(done.sessions().len(), 2);
+    assert_eq!(done.incidents(Incident::Unplugged), 1, "{:?}", done.counts);
+    done.assert_losses_are_gaps(0);
 }
 
 #[test]

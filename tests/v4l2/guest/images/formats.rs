@@ -50,7 +50,8 @@ fn assert_formats(formats: &[(&str, PixelFormat, Layout)]) {
             vivid::scanner(PICTURE).replace("\n[cameras.cam1]", &format!("\nformat = \"{name}\"\n[cameras.cam1]"));
         let bench = Bench::of(&scanner);
         let mut capture = Capture::start(&bench);
-        let (header, pixels) = capture.image();
+        capture.images(1);
+        let (header, pixels) = (capture.witness.headers()[0], capture.witness.first_pixels());
         capture.stop();
         assert_eq!(PixelFormat::of(header.pixel_format), Some(format), "{name}");
         assert_eq!(header.stride_bytes as usize, header.width_px as usize * format.bytes(), "{name}");

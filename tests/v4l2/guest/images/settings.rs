@@ -17,7 +17,7 @@ fn controls_are_set_before_the_first_image() {
     }
     v4l2_ctl(vivid::DEVICE, &["--set-ctrl", "brightness=1,horizontal_flip=0,menu=1"]);
     let mut capture = Capture::start(&bench);
-    capture.image();
+    capture.images(1);
     let set = v4l2_ctl(vivid::DEVICE, &["--get-ctrl", "brightness,horizontal_flip,menu"]);
     capture.stop();
     let values: Vec<&str> =
