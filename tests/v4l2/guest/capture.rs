@@ -78,6 +78,14 @@ impl<'a> Capture<'a> {
         assert!(reached, "it never is that {what}: {:?}", self.counts());
     }
 
+    /// Takes images while something is done, so that none is lost on the way here.
+    pub(crate) fn during(&mut self, work: impl FnOnce() + Send) {
+        std::thread::scope(|scope| {
+            let working = scope.spawn(work);
+            self.until("the work is done", |_| working.is_finished());
+        });
+    }
+
     /// Takes the images that have come.
     pub(crate) fn take(&mut self) {
         while self.receive().is_some() {}

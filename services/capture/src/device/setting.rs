@@ -316,8 +316,8 @@ impl fmt::Display for Joined<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::device::controls::MenuItem;
     use super::*;
+    use crate::device::controls::MenuItem;
 
     fn control(kind: ControlKind, least: i64, greatest: i64, step: u64) -> Control {
         let (name, title) = ("gain".to_owned(), "Gain".to_owned());

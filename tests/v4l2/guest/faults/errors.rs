@@ -81,7 +81,7 @@ fn inject(buttons: &[Knob], reached: fn(&Counts) -> u64) -> (Vec<FrameHeader>, C
     let mut capture = Capture::start(&bench);
     capture.images(1);
     for time in 1..=TIMES {
-        press(vivid::DEVICE, buttons);
+        capture.during(|| press(vivid::DEVICE, buttons));
         capture.until("the error was counted", |capture| reached(&capture.counts()) == time);
         capture.images(1);
     }

@@ -13,10 +13,13 @@ use crate::support::{Bench, send};
 #[ignore = "runs in the virtual machine"]
 fn a_storm_of_signals_loses_nothing_uncounted() {
     let (headers, counts) = during(|capture| {
-        for _ in 0..2000 {
-            send(capture.pid(), Signal::USR1);
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        let pid = capture.pid();
+        capture.during(|| {
+            for _ in 0..2000 {
+                send(pid, Signal::USR1);
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
     });
     assert_counted(&headers, &counts);
 }

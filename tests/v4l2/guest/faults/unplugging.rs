@@ -19,14 +19,16 @@ fn a_camera_is_found_under_another_number() {
     let bench = Bench::of(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
     capture.images(10);
-    vivid.unplug();
+    capture.during(|| vivid.unplug());
     capture.until("its absence is noticed", |capture| capture.incidents(Incident::Unplugged) == 1);
     assert!(!capture.holds_a_device());
     assert_idle(&capture);
     // It takes the lowest number that is free.
     let _other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
-    vivid.plug_in();
-    assert!(!v4l2_ctl(vivid::DEVICE, &["--info"]).contains("vivid"));
+    capture.during(|| {
+        vivid.plug_in();
+        assert!(!v4l2_ctl(vivid::DEVICE, &["--info"]).contains("vivid"));
+    });
     capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
     capture.images(10);
     let (headers, counts) = capture.stop();

@@ -30,8 +30,9 @@ fn numbers_go_on_and_times_begin_anew() {
     let mut fast = Capture::start(&bench);
     for round in 1..=ROUNDS {
         wrap_numbers(&mut fast, TIMES / ROUNDS);
-        // Stamps are of another clock from the start of a stream; then they run back.
-        until_all(&mut cameras, "its time stamps wrap", |camera| camera.incidents(Incident::StampJump) == 2 * round);
+        // Stamps are of another clock from the start of a stream; then they run back. Where this machine held up the first
+        // image, by whose arrival times are reckoned, the next one begins time anew once more.
+        until_all(&mut cameras, "its time stamps wrap", |camera| camera.incidents(Incident::StampJump) >= 2 * round);
         if round < ROUNDS {
             (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[Knob::Fatal]));
         }
@@ -46,7 +47,7 @@ fn wrap_numbers(camera: &mut Capture<'_>, times: u64) {
         let restarts = camera.incidents(Incident::StreamRestart);
         camera.until("its numbers wrap", |camera| camera.headers.last().is_some_and(|last| last.sequence > WRAP));
         let session = camera.headers.last().unwrap().session;
-        press(&format!("/dev/video{SLOW}"), &[Knob::Fatal]);
+        camera.during(|| press(&format!("/dev/video{SLOW}"), &[Knob::Fatal]));
         camera.until("its stream begins anew", |camera| {
             let is_new = camera.headers.last().is_some_and(|last| last.session > session);
             is_new && camera.incidents(Incident::StreamRestart) == restarts + 1
@@ -70,9 +71,9 @@ fn assert_numbers_went_on(camera: Capture<'_>) {
 fn assert_times_went_on(camera: Capture<'_>) {
     let (headers, counts) = camera.stop();
     assert!(headers.is_sorted_by(|a, b| a.exposure_start_ns < b.exposure_start_ns));
-    let incidents = [Incident::StreamRestart, Incident::NumberingRestart, Incident::StampJump];
-    let expected = [ROUNDS - 1, 0, 2 * ROUNDS];
-    assert_eq!(incidents.map(|incident| counts.incidents[incident as usize]), expected, "{counts:?}");
+    let incidents = [Incident::StreamRestart, Incident::NumberingRestart];
+    assert_eq!(incidents.map(|incident| counts.incidents[incident as usize]), [ROUNDS - 1, 0], "{counts:?}");
+    assert!(counts.incidents[Incident::StampJump as usize] >= 2 * ROUNDS, "{counts:?}");
     assert_eq!(counts.all_dropped(), counts.dropped(DropReason::CameraLost), "{counts:?}");
 }
 
