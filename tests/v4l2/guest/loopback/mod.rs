@@ -27,14 +27,13 @@ fn load() -> Driver {
     driver
 }
 
-/// A scanner that takes every image once; `camera` is more about camera 1.
-fn scanner(camera: &str) -> String {
-    let [cam1, cam2] = DEVICES;
-    let each = format!("set_rate = false\nbuffers = {BUFFERS}");
-    let cameras = format!(
-        "rate_hz = {RATE_HZ:.1}\n[cameras.cam1]\ndevice = \"{cam1}\"\n{each}\n{camera}\n[cameras.cam2]\n\
-         device = \"{cam2}\"\n{each}\n"
-    );
+/// A scanner that takes every image once; `each` is more about each camera.
+fn scanner(each: &str) -> String {
+    let camera = |number: usize| {
+        let device = DEVICES[number - 1];
+        format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{each}\n")
+    };
+    let cameras = format!("rate_hz = {RATE_HZ:.1}\n{}{}", camera(1), camera(2));
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
     configuration(&scenes::all()[0], &cameras, &rest)
 }

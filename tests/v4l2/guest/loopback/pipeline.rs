@@ -10,7 +10,7 @@ use rustix::process::Signal;
 
 use super::feeder::Feeder;
 use crate::scenes::{self, STEPS};
-use crate::support::{Bench, Live, NAME};
+use crate::support::{Bench, Live, NAME, wait};
 
 /// Images that camera 1 loses: of more than two that wait, this driver keeps the last.
 const LOST: u64 = 4;
@@ -22,7 +22,7 @@ const ROUNDS: usize = 12;
 fn clouds_are_those_of_the_images_in_files() {
     let _loopback = super::load();
     let mut feeder = Feeder::new();
-    let bench = Bench::of(&super::scanner(""));
+    let bench = Bench::of(&super::scanner("trigger = \"external\""));
     let recording = bench.path("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);
     scan(&bench, &live, &mut feeder);
@@ -55,20 +55,20 @@ fn lose(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
         live.wait_until("camera 2 goes on", || bench.counts(Stage::Camera2).taken == shown);
     }
     live.signal("camera1", Signal::CONT);
-    take(bench, live, feeder.shown());
+    take(bench, feeder.shown());
 }
 
 /// Shows round after round until each window of one became a cloud: a pause of this machine breaks the window that it hits.
 fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
-    take(bench, live, feeder.shown());
+    take(bench, feeder.shown());
     // Up to the end of a window.
     while !feeder.shown().is_multiple_of(STEPS) {
-        show(bench, live, feeder);
+        show(bench, feeder);
     }
     for _ in 0..ROUNDS {
         let before = clouds(bench, live);
         for _ in 0..feeder.round() {
-            show(bench, live, feeder);
+            show(bench, feeder);
         }
         if (clouds(bench, live) - before) as usize == feeder.round() / STEPS {
             return;
@@ -77,15 +77,16 @@ fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
     panic!("in {ROUNDS} rounds none gave all its clouds");
 }
 
-fn show(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
+fn show(bench: &Bench, feeder: &mut Feeder) {
     feeder.show_next();
-    take(bench, live, feeder.shown());
+    take(bench, feeder.shown());
 }
 
 /// Waits until both cameras have taken so many images.
-fn take(bench: &Bench, live: &Live<'_>, images: usize) {
-    let taken = |stage| bench.counts(stage).taken as usize;
-    live.wait_until("the images were taken", || [Stage::Camera1, Stage::Camera2].map(taken) == [images; 2]);
+fn take(bench: &Bench, images: usize) {
+    let counts = || [Stage::Camera1, Stage::Camera2].map(|stage| bench.counts(stage));
+    let taken = wait(|| counts().map(|counts| counts.taken as usize) == [images; 2]);
+    assert!(taken, "{images} were shown, not taken: {:?}", counts());
 }
 
 /// Clouds so far, when all that is in work has become one.
