@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
-# Installs what building and testing need and the system lacks, from apt: a C compiler with its headers, libclang, git,
-# Python, and what the virtual machine of the V4L2 tests is made of. The Rust toolchain is the user's choice; where it is missing or too old, this says how to get it.
+# Installs what building needs and the system lacks, from apt: a C compiler with its headers, libclang and git; with the
+# argument `test` also Python, and what the virtual machine of the V4L2 tests is made of. The Rust toolchain is the user's
+# choice; where it is missing or too old, this says how to get it.
 # Exit codes: 0 all there, 1 an installation failed, 2 something is missing that this script may not or cannot install.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 # Test that shows a package is there, and the package.
-readonly NEEDED=(
+needed=(
     "command -v cc:build-essential" # zstd and bzip2 inside .npz archives are C
     "command -v git:git"
     "has_libclang:libclang-dev" # iceoryx2 reads the system's C headers
+)
+[ "${1:-}" != test ] || needed+=(
     "python3 -c 'import ensurepip, venv':python3-venv" # tests read recordings as a user's script would
     # The virtual machine of tests/v4l2: it runs in qemu; kernel modules are looked up, built and packed; its devices are set.
     "command -v qemu-system-x86_64:qemu-system-x86"
@@ -26,7 +29,7 @@ has_libclang() {
 
 missing_packages() {
     local entry
-    for entry in "${NEEDED[@]}"; do
+    for entry in "${needed[@]}"; do
         eval "${entry%:*}" >/dev/null 2>&1 || printf '%s\n' "${entry##*:}"
     done
 }
