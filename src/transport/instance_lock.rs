@@ -47,7 +47,11 @@ impl InstanceLock {
             ignore_missing(fs::remove_file(&file)).map_err(TransportError::file("remove", file))?;
         }
         let root = self.instance.root();
-        ignore_missing(fs::remove_dir_all(root)).map_err(TransportError::file("remove", root))
+        match fs::remove_dir_all(root) {
+            // Somebody has just attached, such as a `status` while the instance starts: the folder is in use.
+            Err(e) if e.kind() == std::io::ErrorKind::DirectoryNotEmpty => Ok(()),
+            result => ignore_missing(result).map_err(TransportError::file("remove", root)),
+        }
     }
 }
 
