@@ -1,7 +1,7 @@
 //! An instance: its name, its folder, its prefix of shared memory.
 
-use std::fs;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::fs::{self, Permissions};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::node::NodeView;
@@ -147,12 +147,13 @@ impl Instance {
         Ok(cleaned)
     }
 
-    /// Creates the folders of the instance, and refuses folders that others could tamper with.
+    /// Creates the folders of the instance, open to nobody else, and refuses folders that others could tamper with.
     pub(super) fn prepare(&self) -> Result<(), TransportError> {
         create_private(&self.runtime_dir)?;
-        refuse_foreign(&self.runtime_dir, 0o022)?;
+        refuse_foreign(&self.runtime_dir)?;
         create_private(&self.root)?;
-        refuse_foreign(&self.root, 0o077)
+        refuse_foreign(&self.root)?;
+        close(&self.root)
     }
 
     /// The configuration of iceoryx2. It is made here in full: no file of the user or of the working folder takes part.
@@ -183,17 +184,27 @@ fn create_private(folder: &Path) -> Result<(), TransportError> {
     builder.recursive(true).mode(0o700).create(folder).map_err(TransportError::file("create", folder))
 }
 
-/// Refuses a folder that is a link, is somebody else's, or gives others one of the rights in `forbidden`.
-fn refuse_foreign(folder: &Path, forbidden: u32) -> Result<(), TransportError> {
+/// Refuses a folder that is a link, is somebody else's, or lets others write.
+fn refuse_foreign(folder: &Path) -> Result<(), TransportError> {
     let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
     let why = if !found.is_dir() {
         "is no folder".to_owned()
     } else if found.uid() != geteuid().as_raw() {
         format!("belongs to user {}", found.uid())
-    } else if found.mode() & forbidden != 0 {
-        format!("is open to others (mode {:04o})", found.mode() & 0o7777)
+    } else if found.mode() & 0o022 != 0 {
+        format!("lets others write (mode {:04o})", found.mode() & 0o7777)
     } else {
         return Ok(());
     };
     Err(TransportError::NotOurs { path: folder.to_owned(), why })
+}
+
+/// Takes the rights of others from a folder of ours. iceoryx2 gives the group some: it makes the folder anew where a tool
+/// attaches just when a supervisor cleans.
+fn close(folder: &Path) -> Result<(), TransportError> {
+    let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
+    if found.mode() & 0o077 == 0 {
+        return Ok(());
+    }
+    fs::set_permissions(folder, Permissions::from_mode(0o700)).map_err(TransportError::file("close", folder))
 }

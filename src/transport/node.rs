@@ -68,15 +68,18 @@ impl Node {
     }
 
     pub(super) fn member(&self) -> Result<Member, TransportError> {
-        self.instance.prepare()?;
         let name = NodeName::new(&self.name).map_err(|e| self.instance.node_error(e))?;
-        let node = NodeBuilder::new()
+        let builder = NodeBuilder::new()
             .name(&name)
             .config(&self.instance.config()?)
             // Signals belong to the services.
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
-            .map_err(|e| self.instance.node_error(e))?;
+            .signal_handling_mode(SignalHandlingMode::Disabled);
+        // A supervisor that starts may just be removing the folder.
+        let create = || {
+            self.instance.prepare()?;
+            builder.clone().create::<Ipc>().map_err(|e| self.instance.node_error(e))
+        };
+        let node = patiently(create, || {})?;
         Ok(Member { instance: self.instance.clone(), node })
     }
 }
@@ -140,19 +143,10 @@ impl Member {
     }
 
     /// Tries several times, and removes dead processes in between: they may hold what is wanted.
-    pub(super) fn attempt<T>(
-        &self,
-        mut action: impl FnMut() -> Result<T, TransportError>,
-    ) -> Result<T, TransportError> {
-        let start = Instant::now();
-        loop {
-            let result = action();
-            if result.is_ok() || start.elapsed() >= PATIENCE {
-                return result;
-            }
+    pub(super) fn attempt<T>(&self, action: impl FnMut() -> Result<T, TransportError>) -> Result<T, TransportError> {
+        patiently(action, || {
             self.node.try_cleanup_dead_nodes();
-            std::thread::sleep(PAUSE);
-        }
+        })
     }
 
     pub(super) fn service_name(&self, name: &'static str) -> Result<ServiceName, TransportError> {
@@ -177,6 +171,22 @@ impl Member {
 
     fn error(&self, channel: &'static str, action: &'static str, reason: impl Debug) -> TransportError {
         self.instance.channel_error(channel, action, reason)
+    }
+}
+
+/// Tries until it works or [`PATIENCE`] has passed, with something done between two attempts.
+fn patiently<T>(
+    mut action: impl FnMut() -> Result<T, TransportError>,
+    between: impl Fn(),
+) -> Result<T, TransportError> {
+    let start = Instant::now();
+    loop {
+        let result = action();
+        if result.is_ok() || start.elapsed() >= PATIENCE {
+            return result;
+        }
+        between();
+        std::thread::sleep(PAUSE);
     }
 }
 

@@ -391,14 +391,25 @@ fn folders_of_others_are_refused() {
     use std::os::unix::fs::{PermissionsExt, symlink};
     let place = Place::new();
     fs::create_dir(place.instance.root()).unwrap();
-    fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o775)).unwrap();
     let open = Node::open(&place.instance, "test").unwrap_err().to_string();
-    assert!(open.contains("is open to others (mode 0755); remove it"), "{open}");
+    assert!(open.contains("lets others write (mode 0775); remove it"), "{open}");
 
     fs::remove_dir(place.instance.root()).unwrap();
     symlink("/tmp", place.instance.root()).unwrap();
     let link = Node::open(&place.instance, "test").unwrap_err().to_string();
     assert!(link.contains("is no folder"), "{link}");
+}
+
+#[test]
+fn a_folder_of_ours_is_closed_to_others() {
+    use std::os::unix::fs::PermissionsExt;
+    let place = Place::new();
+    fs::create_dir(place.instance.root()).unwrap();
+    // As iceoryx2 makes it for a tool that attaches while a supervisor cleans.
+    fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o750)).unwrap();
+    let _lock = InstanceLock::take(&place.instance).unwrap();
+    assert_eq!(fs::metadata(place.instance.root()).unwrap().permissions().mode() & 0o777, 0o700);
 }
 
 #[test]

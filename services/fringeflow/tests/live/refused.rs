@@ -26,7 +26,7 @@ fn folders_that_others_could_tamper_with() {
     fs::remove_file(bench.runtime_dir()).unwrap();
     fs::create_dir(bench.runtime_dir()).unwrap();
     fs::set_permissions(bench.runtime_dir(), fs::Permissions::from_mode(0o777)).unwrap();
-    run(&bench, &["/r is open to others (mode 0777)"]);
+    run(&bench, &["/r lets others write (mode 0777)"]);
     fs::set_permissions(bench.runtime_dir(), fs::Permissions::from_mode(0o700)).unwrap();
     symlink(bench.path("elsewhere"), bench.runtime_dir().join("t")).unwrap();
     run(&bench, &["/r/t is no folder"]);
