@@ -66,7 +66,8 @@ fn boot(assets: &Path, folder: &Path, tests: &str) -> Option<i32> {
     qemu.args(["-cpu", "max", "-smp", "2", "-m", "2048", "-nodefaults", "-no-reboot", "-display", "none"]);
     qemu.arg("-serial").arg(file("console.log"));
     qemu.arg("-kernel").arg(assets.join("kernel")).arg("-initrd").arg(assets.join("initramfs"));
-    qemu.arg("-append").arg(format!("console=ttyS0 quiet panic=-1 oops=panic GUEST_TESTS={tests}"));
+    // The processor's own clock, as on a real machine: the kernel distrusts an emulated one, and others cost far more to read.
+    qemu.arg("-append").arg(format!("console=ttyS0 quiet tsc=reliable panic=-1 oops=panic GUEST_TESTS={tests}"));
     qemu.arg("-virtfs").arg(mount(Path::new("/"), "host", ",readonly=on,multidevs=remap"));
     qemu.arg("-virtfs").arg(mount(&folder.join("share"), "share", ""));
     qemu.stdin(Stdio::null()).status().unwrap_or_else(|e| panic!("no qemu-system-x86_64: {e}")).code()

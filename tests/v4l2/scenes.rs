@@ -12,8 +12,6 @@ use crate::machine::{SHARE, program};
 
 /// What is measured, one window each; the rig is the same.
 const OBJECTS: [&str; 3] = ["plane", "tooth", "prism"];
-/// A scene of the size of real cameras.
-const LARGE: &str = "large";
 const FOLDER: &str = "scenes";
 /// Steps of a window.
 pub(crate) const STEPS: usize = 4;
@@ -74,9 +72,9 @@ pub(crate) fn make(share: &Path) {
     }
 }
 
-/// Makes a scene of which only the rig is needed, with the size of real cameras.
-pub(crate) fn make_large(share: &Path) {
-    simulate(&Scene { dataset: share.join(FOLDER).join(LARGE) }, &["--object", "plane", "--size", "1280x1024"]);
+/// Makes a scene with images of another size, "80x72" for instance, by which [`of_size`] finds it.
+pub(crate) fn make_of_size(share: &Path, size: &str) {
+    simulate(&Scene { dataset: share.join(FOLDER).join(size) }, &["--object", "plane", "--size", size]);
 }
 
 /// The scenes of [`make`], in the guest.
@@ -84,9 +82,9 @@ pub(crate) fn all() -> Vec<Scene> {
     OBJECTS.map(|object| Scene { dataset: Path::new(SHARE).join(FOLDER).join(object) }).into()
 }
 
-/// The scene of [`make_large`], in the guest.
-pub(crate) fn large() -> Scene {
-    Scene { dataset: Path::new(SHARE).join(FOLDER).join(LARGE) }
+/// A scene of [`make_of_size`], in the guest.
+pub(crate) fn of_size(size: &str) -> Scene {
+    Scene { dataset: Path::new(SHARE).join(FOLDER).join(size) }
 }
 
 fn simulate(scene: &Scene, options: &[&str]) {

@@ -6,9 +6,9 @@
 //!
 //! | boot | devices | shows |
 //! |---|---|---|
-//! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of what is dropped, cost |
+//! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of what is dropped |
 //! | `guest::faults` | up to twelve vivid cameras | every error that vivid can inject, twenty times; signals |
-//! | `guest::loopback` | two v4l2loopback devices, fed with images of the virtual scanner | the same clouds as from files |
+//! | `guest::loopback` | two v4l2loopback devices, fed with images of the virtual scanner | the same clouds as from files; JPEG; cost |
 //!
 //! Nothing about rates or latencies is asserted: the machine is emulated, and slow.
 
@@ -27,10 +27,7 @@ mod support;
 
 #[test]
 fn images_of_vivid_cameras() {
-    machine::run("guest::images", |share| {
-        scenes::make(share);
-        scenes::make_large(share);
-    });
+    machine::run("guest::images", scenes::make);
 }
 
 #[test]
@@ -40,5 +37,9 @@ fn faults_of_vivid_cameras() {
 
 #[test]
 fn the_pipeline_on_loopback_cameras() {
-    machine::run("guest::loopback", scenes::make);
+    machine::run("guest::loopback", |share| {
+        scenes::make(share);
+        scenes::make_of_size(share, guest::SIZE_OF_CAMERAS);
+        scenes::make_of_size(share, guest::SIZE_OF_JPEG);
+    });
 }

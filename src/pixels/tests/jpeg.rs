@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::super::{SourceFormat, UnpackError, unpack};
 
-const SIZE_PX: [usize; 2] = [80, 56];
+const SIZE_PX: [usize; 2] = [80, 72];
 const GREY: &[u8] = include_bytes!("grey.jpg");
 /// Colours at half the width and height.
 const COLOUR: &[u8] = include_bytes!("colour_420.jpg");
@@ -13,7 +13,7 @@ const WITHOUT_TABLES: &[u8] = include_bytes!("colour_422_without_tables.jpg");
 const PROGRESSIVE: &[u8] = include_bytes!("progressive.jpg");
 
 fn luma() -> impl Iterator<Item = u8> {
-    (0..SIZE_PX[1]).flat_map(|v| (0..SIZE_PX[0]).map(move |u| (40 + 2 * u + v) as u8))
+    (0..SIZE_PX[1]).flat_map(|v| (0..SIZE_PX[0]).map(move |u| (20 + 2 * u + v) as u8))
 }
 
 /// Decodes over what was there before, which must not show.
@@ -39,7 +39,7 @@ fn the_luma_comes_back() {
 
 #[test]
 fn an_image_of_another_size_is_refused() {
-    for expected_px in [[80, 55], [81, 56], [56, 80], [160, 112]] {
+    for expected_px in [[80, 71], [81, 72], [72, 80], [160, 144]] {
         assert_eq!(decoded(GREY, expected_px), Err(UnpackError::JpegSize { found_px: SIZE_PX, expected_px }));
     }
 }

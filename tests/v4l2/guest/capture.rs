@@ -54,9 +54,15 @@ impl<'a> Capture<'a> {
         self.counts().incidents[incident as usize]
     }
 
-    /// Waits for so many images.
+    /// Waits for so many more images.
     pub(crate) fn images(&mut self, more: usize) {
+        self.images_of(more, || {});
+    }
+
+    /// Waits for so many images that come of doing something.
+    pub(crate) fn images_of(&mut self, more: usize, act: impl FnOnce()) {
         let enough = self.witness.images() + more;
+        act();
         self.until("enough images are here", |capture| capture.witness.images() >= enough);
     }
 
@@ -66,7 +72,7 @@ impl<'a> Capture<'a> {
             assert!(self.child.try_wait().unwrap().is_none(), "the service has ended: {:?}", self.counts());
             is(self)
         });
-        assert!(reached, "it never is that {what}: {:?}", self.counts());
+        assert!(reached, "it never is that {what}: {} images seen of {:?}", self.witness.images(), self.counts());
     }
 
     /// Ends the scan, waits until the device is closed and all images are here, and ends the service as the system would.

@@ -8,3 +8,5 @@ mod loopback;
 mod scanner;
 mod vivid;
 mod witness;
+
+pub(crate) use loopback::{SIZE_OF_CAMERAS, SIZE_OF_JPEG};

@@ -2,7 +2,7 @@
 
 use super::driver::Driver;
 use super::scanner::configuration;
-use crate::scenes::{self, Scene};
+use crate::scenes;
 
 /// The device of camera 1, as long as nothing takes its number.
 pub(crate) const DEVICE: &str = "/dev/video0";
@@ -14,11 +14,11 @@ pub(crate) fn load() -> Driver {
 
 /// A scanner with both devices at 50 Hz, a rate that is a whole number of the guest's clock ticks; `controls` of camera 1.
 pub(crate) fn scanner(controls: &str) -> String {
-    scanner_of(&scenes::all()[0], "1280x720@50", controls)
+    scanner_at("1280x720@50", controls)
 }
 
-/// A scanner with the rig of a scene, and this signal at both devices.
-pub(crate) fn scanner_of(scene: &Scene, signal: &str, controls: &str) -> String {
+/// A scanner with this signal at both devices.
+pub(crate) fn scanner_at(signal: &str, controls: &str) -> String {
     let (_, rate_hz) = signal.split_once('@').unwrap();
     let camera = |number: usize, controls: &str| {
         format!(
@@ -27,5 +27,5 @@ pub(crate) fn scanner_of(scene: &Scene, signal: &str, controls: &str) -> String 
             number - 1
         )
     };
-    configuration(scene, &format!("rate_hz = {rate_hz}.0\n{}{}", camera(1, controls), camera(2, "")), "")
+    configuration(&scenes::all()[0], &format!("rate_hz = {rate_hz}.0\n{}{}", camera(1, controls), camera(2, "")), "")
 }

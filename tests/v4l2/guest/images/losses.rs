@@ -6,7 +6,6 @@ use fringeflow::recording::{Content, Recording, Topic};
 use super::super::capture::{Capture, gaps};
 use super::super::driver::{Knob, turn};
 use super::super::vivid;
-use crate::scenes;
 use crate::support::Bench;
 
 /// Percentages of images that are dropped, and how many must be so in the images of each.
@@ -43,7 +42,7 @@ fn dropped_images_are_counted_one_by_one() {
 fn a_dropped_image_costs_its_windows_whole() {
     let _vivid = vivid::load();
     let percentage = "percentage_of_dropped_buffers = 10";
-    let scanner = vivid::scanner_of(&scenes::all()[0], "1280x720@25", percentage);
+    let scanner = vivid::scanner_at("1280x720@25", percentage);
     let bench = Bench::of(&format!("{scanner}phase_maps = true\n"));
     let recording = bench.path("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);

@@ -1,6 +1,5 @@
-//! Cameras of the driver vivid: what they send, what can be set, what they drop, and what an image costs.
+//! Cameras of the driver vivid: what they send, what can be set, and what they drop.
 
-mod cost;
 mod formats;
 mod losses;
 mod settings;

@@ -1,12 +1,17 @@
 //! Cameras of the driver v4l2loopback: what is written to them comes out of them, image by image.
 
+mod cost;
 mod feeder;
+mod jpeg;
 mod pipeline;
 mod silence;
 
 use super::driver::{Driver, v4l2_ctl};
 use super::scanner::configuration;
-use crate::scenes;
+use crate::scenes::{self, Scene};
+
+pub(crate) use cost::SIZE as SIZE_OF_CAMERAS;
+pub(crate) use jpeg::SIZE as SIZE_OF_JPEG;
 
 /// The devices of both cameras.
 const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
@@ -16,24 +21,24 @@ const BUFFERS: usize = 16;
 const RATE_HZ: f64 = 4.0;
 
 /// Loads the driver, and sets the format of what will be written, for it to keep whoever comes and goes.
-fn load() -> Driver {
+fn load(scene: &Scene, format: &str) -> Driver {
     let buffers = format!("max_buffers={BUFFERS}");
     let driver = Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", "exclusive_caps=1,1", &buffers]);
-    let (_, [width, height]) = scenes::all()[0].image(1, 0);
+    let (_, [width, height]) = scene.image(1, 0);
     for device in DEVICES {
-        let format = format!("width={width},height={height},pixelformat=GREY");
+        let format = format!("width={width},height={height},pixelformat={format}");
         v4l2_ctl(device, &["--set-ctrl", "keep_format=1", "--set-fmt-video-out", &format]);
     }
     driver
 }
 
-/// A scanner that takes every image once; `each` is more about each camera.
-fn scanner(each: &str) -> String {
+/// A scanner with the rig of a scene that takes every image once; `each` is more about each camera.
+fn scanner(scene: &Scene, format: &str, each: &str) -> String {
     let camera = |number: usize| {
         let device = DEVICES[number - 1];
         format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{each}\n")
     };
-    let cameras = format!("rate_hz = {RATE_HZ:.1}\n{}{}", camera(1), camera(2));
+    let cameras = format!("rate_hz = {RATE_HZ:.1}\nformat = \"{format}\"\n{}{}", camera(1), camera(2));
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
-    configuration(&scenes::all()[0], &cameras, &rest)
+    configuration(scene, &cameras, &rest)
 }

@@ -20,9 +20,10 @@ const ROUNDS: usize = 12;
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn clouds_are_those_of_the_images_in_files() {
-    let _loopback = super::load();
+    let scene = &scenes::all()[0];
+    let _loopback = super::load(scene, "GREY");
     let mut feeder = Feeder::new();
-    let bench = Bench::of(&super::scanner("trigger = \"external\""));
+    let bench = Bench::of(&super::scanner(scene, "GREY", "trigger = \"external\""));
     let recording = bench.path("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);
     scan(&bench, &live, &mut feeder);

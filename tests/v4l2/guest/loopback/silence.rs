@@ -4,19 +4,20 @@ use fringeflow::message::Incident;
 
 use super::super::capture::Capture;
 use super::feeder::Feeder;
+use crate::scenes;
 use crate::support::Bench;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_silent_camera_times_out_and_is_taken_up_again() {
-    let _loopback = super::load();
+    let scene = &scenes::all()[0];
+    let _loopback = super::load(scene, "GREY");
     let mut feeder = Feeder::new();
-    let bench = Bench::of(&super::scanner("timeout_ms = 700"));
+    let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 700"));
     let mut capture = Capture::start(&bench);
     capture.images(1);
     for _ in 0..3 {
-        feeder.show_next();
-        capture.images(1);
+        capture.images_of(1, || feeder.show_next());
     }
     drop(feeder);
     let session = capture.witness.last().unwrap().session;

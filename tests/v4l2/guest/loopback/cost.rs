@@ -1,0 +1,70 @@
+//! What an image costs: time of the capture service on a processor, against one copy of the image in this machine.
+//!
+//! A figure to watch, not that of a real machine: emulated, the seven system calls of an image and the code around them take
+//! as long as two copies; on a real processor they take about a tenth of one.
+
+use std::fs::File;
+use std::hint::black_box;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use super::super::capture::Capture;
+use super::DEVICES;
+use crate::scenes;
+use crate::support::Bench;
+
+/// Width and height of a real camera's images.
+pub(crate) const SIZE: &str = "1280x1024";
+/// Images of a measurement, and measurements: the least is that which this busy machine disturbed least.
+const IMAGES: usize = 40;
+const MEASUREMENTS: usize = 4;
+/// Time from one image to the next.
+const PERIOD: Duration = Duration::from_millis(33);
+/// Copies of a measurement: more images than the caches of any processor hold.
+const COPIES: usize = 32;
+/// Gaps between the places of the copies, bytes: by how source and target lie to each other, a copy takes up to twice as
+/// long in an emulated processor. The image is held against the fastest.
+const GAPS: [usize; 8] = [0, 512, 1536, 4096, 3 * 4096, 7 * 4096, 15 * 4096, 31 * 4096];
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn an_image_costs_little_more_than_its_copy() {
+    let scene = &scenes::of_size(SIZE);
+    let _loopback = super::load(scene, "GREY");
+    let (image, _) = scene.image(1, 0);
+    let mut device = File::options().write(true).open(DEVICES[0]).unwrap();
+    let mut show = || assert_eq!(device.write(&image).unwrap(), image.len());
+    show();
+    let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 60000"));
+    let mut capture = Capture::start(&bench);
+    capture.images(1);
+    let mut image_us = || {
+        let before_ns = capture.processor_ns();
+        for _ in 0..IMAGES {
+            std::thread::sleep(PERIOD);
+            capture.images_of(1, &mut show);
+        }
+        (capture.processor_ns() - before_ns) as f64 * 1e-3 / IMAGES as f64
+    };
+    // The first images touch memory for the first time.
+    image_us();
+    let image_us = least((0..MEASUREMENTS).map(|_| image_us()));
+    capture.stop();
+    let copy_us = least(GAPS.into_iter().map(|gap| copy_us(image.len(), gap)));
+    eprintln!("capture {image_us:.0} µs an image, a copy {copy_us:.0} µs: {:.2} copies", image_us / copy_us);
+}
+
+fn least(figures: impl Iterator<Item = f64>) -> f64 {
+    figures.fold(f64::INFINITY, f64::min)
+}
+
+/// Mean time of a copy of so many bytes between places that are in no cache.
+fn copy_us(bytes: usize, gap: usize) -> f64 {
+    let from: Vec<Vec<u8>> = (0..COPIES).map(|k| vec![k as u8; bytes + gap]).collect();
+    let mut to = from.clone();
+    let start = Instant::now();
+    for (to, from) in to.iter_mut().zip(&from) {
+        black_box(&mut to[gap..]).copy_from_slice(black_box(&from[..bytes]));
+    }
+    start.elapsed().as_secs_f64() * 1e6 / COPIES as f64
+}

@@ -1,0 +1,48 @@
+//! Compressed images: what the camera sends has other lengths from image to image, and comes out as grey levels.
+
+use std::fs::File;
+use std::io::Write;
+
+use fringeflow::message::{DropReason, PixelFormat};
+use fringeflow::pixels::{SourceFormat, unpack};
+
+use super::super::capture::Capture;
+use super::DEVICES;
+use crate::scenes;
+use crate::support::Bench;
+
+/// Width and height of the images below.
+pub(crate) const SIZE: &str = "80x72";
+const SIZE_PX: [usize; 2] = [80, 72];
+/// In colours; without Huffman tables, as many cameras send it; grey.
+const IMAGES: [&[u8]; 3] = [
+    include_bytes!("../../../../src/pixels/tests/colour_420.jpg"),
+    include_bytes!("../../../../src/pixels/tests/colour_422_without_tables.jpg"),
+    include_bytes!("../../../../src/pixels/tests/grey.jpg"),
+];
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn compressed_images_are_taken_and_cut_ones_counted() {
+    let scene = &scenes::of_size(SIZE);
+    let _loopback = super::load(scene, "MJPG");
+    let mut device = File::options().write(true).open(DEVICES[0]).unwrap();
+    let mut show = |image: &[u8]| assert_eq!(device.write(image).unwrap(), image.len());
+    show(IMAGES[0]);
+    let bench = Bench::of(&super::scanner(scene, "MJPG", "timeout_ms = 60000"));
+    let mut capture = Capture::start(&bench);
+    capture.images(1);
+    for image in &IMAGES[1..] {
+        capture.images_of(1, || show(image));
+    }
+    show(&IMAGES[0][..700]);
+    capture.until("the cut image is counted", |capture| capture.counts().dropped(DropReason::BadImage) == 1);
+    capture.images_of(1, || show(IMAGES[0]));
+    let pixels = capture.witness.first_pixels();
+    let done = capture.stop();
+    let mut expected = vec![0; SIZE_PX[0] * SIZE_PX[1]];
+    unpack(SourceFormat::Mjpeg, IMAGES[0], 0, SIZE_PX, &mut expected).unwrap();
+    assert!(pixels == expected, "{:?} of {:?}", &pixels[..16], &expected[..16]);
+    assert!(done.headers.iter().all(|header| header.pixel_format == PixelFormat::Grey.code()));
+    assert_eq!((done.counts.taken, done.counts.passed), (5, 4), "{:?}", done.counts);
+}
