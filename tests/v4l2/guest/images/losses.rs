@@ -62,7 +62,12 @@ fn a_dropped_image_costs_its_windows_whole() {
             _ => None,
         })
         .collect();
-    assert!(windows.len() as u64 >= WINDOWS, "{}", windows.len());
+    // A machine that is too busy keeps the recorder from its turn; then it says so.
+    let unseen = ended.stage("phase").passed - windows.len() as u64;
+    assert!(
+        unseen <= ended.stage("recorder").dropped(DropReason::Overrun) && !windows.is_empty(),
+        "{unseen}: {ended:?}"
+    );
     for window in &windows {
         let mut pairs: Vec<[u64; 2]> = window.pairs().collect();
         // In the order of the steps, which begin anywhere.

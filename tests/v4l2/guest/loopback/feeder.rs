@@ -3,11 +3,11 @@
 
 use std::fs::File;
 use std::io::Write;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::scenes::{self, STEPS};
 
-use super::{DEVICES, RATE_HZ};
+use super::{DEVICES, PERIOD};
 
 /// Shows images to both devices; they are cameras as long as this lives.
 pub(crate) struct Feeder {
@@ -28,8 +28,7 @@ impl Feeder {
 
     /// Shows the next pair, a period after the one before at the earliest.
     pub(crate) fn show_next(&mut self) {
-        let due = self.shown + Duration::from_secs_f64(1.0 / RATE_HZ);
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        std::thread::sleep((self.shown + PERIOD).saturating_duration_since(Instant::now()));
         self.show();
     }
 

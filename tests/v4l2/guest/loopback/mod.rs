@@ -6,6 +6,8 @@ mod jpeg;
 mod pipeline;
 mod silence;
 
+use std::time::Duration;
+
 use super::driver::{Driver, v4l2_ctl};
 use super::scanner::configuration;
 use crate::scenes::{self, Scene};
@@ -17,8 +19,10 @@ pub(crate) use jpeg::SIZE as SIZE_OF_JPEG;
 const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
 /// Buffers of a device, the same for driver and reader: with fewer the driver overwrites what is being read.
 const BUFFERS: usize = 16;
-/// Images a second: slow enough that a pause of this machine seldom breaks a window.
-const RATE_HZ: f64 = 4.0;
+/// Nominal images a second; an image that comes half a period late or early breaks its window.
+const RATE_HZ: f64 = 1.0;
+/// Time from an image to the next: shorter than nominal, so that a pause of this machine seldom makes one late.
+const PERIOD: Duration = Duration::from_millis(600);
 
 /// Loads the driver, and sets the format of what will be written, for it to keep whoever comes and goes.
 fn load(scene: &Scene, format: &str) -> Driver {

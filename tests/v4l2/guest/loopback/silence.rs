@@ -13,7 +13,7 @@ fn a_silent_camera_times_out_and_is_taken_up_again() {
     let scene = &scenes::all()[0];
     let _loopback = super::load(scene, "GREY");
     let mut feeder = Feeder::new();
-    let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 700"));
+    let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 1500"));
     let mut capture = Capture::start(&bench);
     capture.images(1);
     for _ in 0..3 {

@@ -1,0 +1,27 @@
+//! A capture service that is killed: the driver takes its buffers back, and the next one streams from the same device.
+
+use fringeflow::message::Stage;
+
+use super::super::capture::Capture;
+use super::super::vivid;
+use crate::support::Bench;
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn the_successor_of_a_killed_service_streams_and_continues_its_account() {
+    let _vivid = vivid::load();
+    let bench = Bench::of(&vivid::scanner(""));
+    for _ in 0..2 {
+        let mut killed = Capture::start(&bench);
+        killed.images(10);
+        // Without a chance to close anything.
+        drop(killed);
+    }
+    let before = bench.counts(Stage::Camera1);
+    let mut capture = Capture::start(&bench);
+    capture.images(10);
+    let done = capture.stop();
+    assert_eq!(done.sessions().len(), 1, "{:?}", done.counts);
+    assert!(done.headers[0].published >= before.passed && before.passed >= 20, "{before:?}, {:?}", done.counts);
+    done.assert_losses_are_gaps(0);
+}
