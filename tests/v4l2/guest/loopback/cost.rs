@@ -3,13 +3,12 @@
 //! A figure to watch, not that of a real machine: emulated, the seven system calls of an image and the code around them take
 //! as long as two copies; on a real processor they take about a tenth of one.
 
-use std::fs::File;
 use std::hint::black_box;
-use std::io::Write;
 use std::time::{Duration, Instant};
 
 use super::super::capture::Capture;
 use super::DEVICES;
+use super::writer::Writer;
 use crate::scenes;
 use crate::support::Bench;
 
@@ -30,11 +29,10 @@ const GAPS: [usize; 8] = [0, 512, 1536, 4096, 3 * 4096, 7 * 4096, 15 * 4096, 31 
 #[ignore = "runs in the virtual machine"]
 fn an_image_costs_little_more_than_its_copy() {
     let scene = &scenes::of_size(SIZE);
-    let _loopback = super::load(scene, "GREY");
-    let (image, _) = scene.image(1, 0);
-    let mut device = File::options().write(true).open(DEVICES[0]).unwrap();
-    let mut show = || assert_eq!(device.write(&image).unwrap(), image.len());
-    show();
+    let _loopback = super::load();
+    let (image, size_px) = scene.image(1, 0);
+    let mut writer = Writer::open(DEVICES[0], size_px, b"GREY");
+    writer.show(&image);
     let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 60000"));
     let mut capture = Capture::start(&bench);
     capture.images(1);
@@ -42,7 +40,7 @@ fn an_image_costs_little_more_than_its_copy() {
         let before_ns = capture.processor_ns();
         for _ in 0..IMAGES {
             std::thread::sleep(PERIOD);
-            capture.images_of(1, &mut show);
+            capture.images_of(1, || writer.show(&image));
         }
         (capture.processor_ns() - before_ns) as f64 * 1e-3 / IMAGES as f64
     };

@@ -1,27 +1,27 @@
 //! What stands before the cameras: the images of all scenes, round after round, in pairs. The next pair is shown when its
 //! time has come and the one before was taken, so that a slow machine loses none.
 
-use std::fs::File;
-use std::io::Write;
 use std::time::Instant;
 
 use crate::scenes::{self, STEPS};
 
+use super::writer::Writer;
 use super::{DEVICES, PERIOD};
 
-/// Shows images to both devices; they are cameras as long as this lives.
+/// Shows images to both devices.
 pub(crate) struct Feeder {
-    devices: [File; 2],
+    writers: [Writer; 2],
     images: Vec<[Vec<u8>; 2]>,
     next: usize,
     shown: Instant,
 }
 
 impl Feeder {
-    /// Shows the first pair: before, the devices do not say that they are cameras.
+    /// Shows the first pair.
     pub(crate) fn new() -> Self {
-        let devices = DEVICES.map(|device| File::options().write(true).open(device).unwrap());
-        let mut feeder = Self { devices, images: images(), next: 0, shown: Instant::now() };
+        let (_, size_px) = scenes::all()[0].image(1, 0);
+        let writers = DEVICES.map(|device| Writer::open(device, size_px, b"GREY"));
+        let mut feeder = Self { writers, images: images(), next: 0, shown: Instant::now() };
         feeder.show();
         feeder
     }
@@ -47,10 +47,11 @@ impl Feeder {
         self.images.len()
     }
 
-    fn show(&mut self) {
+    /// Shows the next pair.
+    pub(crate) fn show(&mut self) {
         let pair = &self.images[self.next % self.images.len()];
-        for (device, image) in self.devices.iter_mut().zip(pair) {
-            assert_eq!(device.write(image).unwrap(), image.len());
+        for (writer, image) in self.writers.iter_mut().zip(pair) {
+            writer.show(image);
         }
         (self.next, self.shown) = (self.next + 1, Instant::now());
     }

@@ -1,13 +1,11 @@
 //! Compressed images: what the camera sends has other lengths from image to image, and comes out as grey levels.
 
-use std::fs::File;
-use std::io::Write;
-
 use fringeflow::message::{DropReason, PixelFormat};
 use fringeflow::pixels::{SourceFormat, unpack};
 
 use super::super::capture::Capture;
 use super::DEVICES;
+use super::writer::Writer;
 use crate::scenes;
 use crate::support::Bench;
 
@@ -25,19 +23,18 @@ const IMAGES: [&[u8]; 3] = [
 #[ignore = "runs in the virtual machine"]
 fn compressed_images_are_taken_and_cut_ones_counted() {
     let scene = &scenes::of_size(SIZE);
-    let _loopback = super::load(scene, "MJPG");
-    let mut device = File::options().write(true).open(DEVICES[0]).unwrap();
-    let mut show = |image: &[u8]| assert_eq!(device.write(image).unwrap(), image.len());
-    show(IMAGES[0]);
+    let _loopback = super::load();
+    let mut writer = Writer::open(DEVICES[0], SIZE_PX.map(|side| side as u32), b"MJPG");
+    writer.show(IMAGES[0]);
     let bench = Bench::of(&super::scanner(scene, "MJPG", "timeout_ms = 60000"));
     let mut capture = Capture::start(&bench);
     capture.images(1);
     for image in &IMAGES[1..] {
-        capture.images_of(1, || show(image));
+        capture.images_of(1, || writer.show(image));
     }
-    show(&IMAGES[0][..700]);
+    writer.show(&IMAGES[0][..700]);
     capture.until("the cut image is counted", |capture| capture.counts().dropped(DropReason::BadImage) == 1);
-    capture.images_of(1, || show(IMAGES[0]));
+    capture.images_of(1, || writer.show(IMAGES[0]));
     let pixels = capture.witness.first_pixels();
     let done = capture.stop();
     let mut expected = vec![0; SIZE_PX[0] * SIZE_PX[1]];

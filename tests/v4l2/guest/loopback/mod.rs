@@ -5,10 +5,11 @@ mod feeder;
 mod jpeg;
 mod pipeline;
 mod silence;
+mod writer;
 
 use std::time::Duration;
 
-use super::driver::{Driver, v4l2_ctl};
+use super::driver::Driver;
 use super::scanner::configuration;
 use crate::scenes::{self, Scene};
 
@@ -24,16 +25,9 @@ const RATE_HZ: f64 = 1.0;
 /// Time from an image to the next: shorter than nominal, so that a pause of this machine seldom makes one late.
 const PERIOD: Duration = Duration::from_millis(600);
 
-/// Loads the driver, and sets the format of what will be written, for it to keep whoever comes and goes.
-fn load(scene: &Scene, format: &str) -> Driver {
-    let buffers = format!("max_buffers={BUFFERS}");
-    let driver = Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", "exclusive_caps=1,1", &buffers]);
-    let (_, [width, height]) = scene.image(1, 0);
-    for device in DEVICES {
-        let format = format!("width={width},height={height},pixelformat={format}");
-        v4l2_ctl(device, &["--set-ctrl", "keep_format=1", "--set-fmt-video-out", &format]);
-    }
-    driver
+/// Loads the driver.
+fn load() -> Driver {
+    Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", &format!("max_buffers={BUFFERS}")])
 }
 
 /// A scanner with the rig of a scene that takes every image once; `each` is more about each camera.

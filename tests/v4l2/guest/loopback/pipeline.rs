@@ -8,12 +8,13 @@ use fringeflow::recording::{Content, Recording};
 
 use rustix::process::Signal;
 
+use super::BUFFERS;
 use super::feeder::Feeder;
 use crate::scenes::{self, STEPS};
 use crate::support::{Bench, Live, NAME, wait};
 
-/// Images that camera 1 loses: of more than two that wait, this driver keeps the last.
-const LOST: u64 = 4;
+/// Images that camera 1 loses: of more than its buffers hold (or, by its version, of more than two) the driver keeps the last.
+const LOST: u64 = BUFFERS as u64;
 /// Rounds after which a machine that never gets through a window undisturbed is given up.
 const ROUNDS: usize = 12;
 
@@ -21,7 +22,7 @@ const ROUNDS: usize = 12;
 #[ignore = "runs in the virtual machine"]
 fn clouds_are_those_of_the_images_in_files() {
     let scene = &scenes::all()[0];
-    let _loopback = super::load(scene, "GREY");
+    let _loopback = super::load();
     let mut feeder = Feeder::new();
     let bench = Bench::of(&super::scanner(scene, "GREY", "trigger = \"external\""));
     let recording = bench.path("scan.mcap");
@@ -56,7 +57,7 @@ fn clouds_are_those_of_the_images_in_files() {
 fn lose(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
     live.signal("camera1", Signal::STOP);
     for _ in 0..=LOST {
-        feeder.show_next();
+        feeder.show();
         let shown = feeder.shown() as u64;
         live.wait_until("camera 2 goes on", || bench.counts(Stage::Camera2).taken == shown);
     }

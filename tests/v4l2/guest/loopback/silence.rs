@@ -11,7 +11,7 @@ use crate::support::Bench;
 #[ignore = "runs in the virtual machine"]
 fn a_silent_camera_times_out_and_is_taken_up_again() {
     let scene = &scenes::all()[0];
-    let _loopback = super::load(scene, "GREY");
+    let _loopback = super::load();
     let mut feeder = Feeder::new();
     let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 1500"));
     let mut capture = Capture::start(&bench);
@@ -21,13 +21,13 @@ fn a_silent_camera_times_out_and_is_taken_up_again() {
     }
     drop(feeder);
     let session = capture.witness.last().unwrap().session;
-    capture.until("its silence is noticed", |capture| capture.incidents(Incident::TimeOut) >= 2);
+    capture.until("its silence is noticed", |capture| capture.incidents(Incident::StreamRestart) >= 1);
     let mut feeder = Feeder::new();
-    // The driver drops what comes while nobody reads.
+    // By its version, the driver drops what comes while nobody reads, or lets nobody read while nothing comes.
     capture.until("it sends again", |capture| {
         feeder.show_next();
         capture.witness.last().unwrap().session > session
     });
     let done = capture.stop();
-    assert!(done.incidents(Incident::StreamRestart) >= 1, "{:?}", done.counts);
+    assert!(done.incidents(Incident::TimeOut) >= 1, "{:?}", done.counts);
 }
