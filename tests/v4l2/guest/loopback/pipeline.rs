@@ -101,7 +101,7 @@ fn take(bench: &Bench, images: usize) {
     assert!(taken, "{images} were shown, not taken: {:?}", counts());
 }
 
-/// Clouds so far, when all that is in work has become one.
+/// Clouds so far, when all that is in work has become one and the recorder has seen it.
 fn clouds(bench: &Bench, live: &Live<'_>) -> u64 {
     let stages = [Stage::Windowing, Stage::Phase, Stage::Correspondence, Stage::Cloud];
     let is_done = |counts: &[Counts]| {
@@ -114,7 +114,13 @@ fn clouds(bench: &Bench, live: &Live<'_>) -> u64 {
         let sent = [Stage::Camera1, Stage::Camera2].map(|stage| bench.counts(stage).passed).iter().sum::<u64>();
         paired.taken == sent && is_done(&stages.map(|stage| bench.counts(stage)))
     });
-    bench.counts(Stage::Cloud).passed
+    let clouds = bench.counts(Stage::Cloud).passed;
+    // It looks at every channel between two changes of its account.
+    for _ in 0..2 {
+        let before = bench.counts(Stage::Recorder).taken;
+        live.wait_until("the recorder has its turn", || bench.counts(Stage::Recorder).taken > before);
+    }
+    clouds
 }
 
 /// Every image came as it was shown.
