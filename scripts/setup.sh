@@ -23,8 +23,10 @@ needed=(
     "command -v v4l2-ctl:v4l-utils"
 )
 
+# Not libclang-cpp.so, the C++ interface, which bindgen cannot use.
 has_libclang() {
-    compgen -G '/usr/lib/llvm-*/lib/libclang.so*' || compgen -G '/usr/lib/*/libclang*.so*' || [ -n "${LIBCLANG_PATH:-}" ]
+    compgen -G '/usr/lib/llvm-*/lib/libclang.so*' || compgen -G '/usr/lib/*/libclang.so*' ||
+        compgen -G '/usr/lib/*/libclang-[0-9]*.so*' || [ -n "${LIBCLANG_PATH:-}" ]
 }
 
 missing_packages() {
