@@ -46,6 +46,7 @@
 //! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
 //! | [`config`] | configuration files |
 //! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
+//! | [`telemetry`] | what the stages report, gathered: rates, latencies, where the time of a window went |
 //! | [`recording`] | recordings: MCAP files of what the channels carried |
 
 pub mod atomic_file;
@@ -67,6 +68,7 @@ pub mod recording;
 pub mod rig_report;
 pub mod simulation;
 pub mod synchronization;
+pub mod telemetry;
 pub mod transport;
 pub mod wire;
 pub mod worker;

@@ -100,11 +100,12 @@ fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
 #[must_use]
 pub fn read_records(bytes: &[u8]) -> Option<Vec<CloudPoint>> {
     let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
-    rest.is_empty().then(|| records.iter().map(decode).collect())
+    rest.is_empty().then(|| records.iter().map(decode_record).collect())
 }
 
-/// Decodes one point; the inverse of [`encode`] in metres.
-fn decode(record: &[u8; RECORD_BYTES]) -> CloudPoint {
+/// Decodes one point whose lengths are in metres.
+#[must_use]
+pub fn decode_record(record: &[u8; RECORD_BYTES]) -> CloudPoint {
     let two = |at: usize| [record[at], record[at + 1]];
     let float = |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
     CloudPoint {

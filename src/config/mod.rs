@@ -4,6 +4,7 @@
 //! name; unknown keys are refused.
 
 mod cameras;
+mod monitor;
 mod raw;
 mod scanner;
 mod virtual_scanner;
@@ -21,6 +22,7 @@ use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 pub use cameras::{
     CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
+pub use monitor::{Listen, MonitorConfiguration};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
 pub use virtual_scanner::VirtualScannerConfiguration;
 

@@ -22,6 +22,7 @@ pub(super) struct RawConfiguration {
     pub(super) virtual_scanner: RawVirtualScanner,
     pub(super) window: RawWindow,
     pub(super) recorder: RawRecorder,
+    pub(super) monitor: RawMonitor,
 }
 
 impl RawConfiguration {
@@ -164,6 +165,17 @@ pub(super) struct RawRecorder {
     pub(super) min_free_mb: Option<u64>,
     pub(super) phase_maps: Option<bool>,
     pub(super) correspondences: Option<bool>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawMonitor {
+    pub(super) enabled: Option<bool>,
+    pub(super) address: Option<String>,
+    pub(super) foxglove: Option<String>,
+    pub(super) token_file: Option<PathBuf>,
+    pub(super) host_names: Option<Vec<String>>,
+    pub(super) foxglove_origins: Option<Vec<String>>,
 }
 
 /// The value that a word stands for.

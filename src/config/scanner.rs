@@ -12,6 +12,7 @@ use crate::pixels::SourceFormat;
 use crate::simulation::{SimulationError, VirtualScanner};
 
 use super::cameras::{self, CameraSource};
+use super::monitor::{self, MonitorConfiguration};
 use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_scanner::{self, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
@@ -41,6 +42,8 @@ pub struct ScannerConfiguration {
     pub wait_when_busy: bool,
     /// The recorder.
     pub recorder: RecorderConfiguration,
+    /// Metrics, dashboard, live view.
+    pub monitor: MonitorConfiguration,
     /// The text all this was read from.
     pub text: String,
 }
@@ -149,6 +152,7 @@ impl ScannerConfiguration {
                 &[("skip", false), ("wait", true)],
             )?,
             recorder: recorder(&raw.recorder, folder)?,
+            monitor: monitor::configuration(&raw.monitor, folder)?,
             text: text.to_owned(),
         })
     }

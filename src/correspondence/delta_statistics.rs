@@ -9,29 +9,18 @@ use std::f64::consts::TAU;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{DeltaGate, RowView, plain_scan};
+use super::candidates::DeltaGate;
+use super::delta_histogram::DeltaHistogram;
 use super::epipolar_image::EpipolarImage;
 use super::resolution::{Evidence, ResolutionSettings, reference_deltas};
 use super::search::{CandidateLists, SearchForm, find_candidates};
 use super::segment_table::SegmentTable;
 
-/// Pixels of C1, along either axis, of which one is examined for the histogram.
-const STRIDE: usize = 8;
 /// Rows of the bands in which references are selected, and the distance from one band to the next.
 const BAND_ROWS: usize = 16;
 const BAND_PITCH_ROWS: usize = 128;
-/// Bins of the histogram over one turn.
-const BINS: usize = 512;
-/// Half width of the part of the histogram that is fitted, turns (0.8 rad): the nearest teeth stay out of it.
-const FIT_HALF_WIDTH_TURNS: f64 = 0.127;
-/// Half width within which the peak is looked for, turns (0.6 rad).
-const PEAK_HALF_WIDTH_TURNS: f64 = 0.095;
-/// Bins on either side over which the histogram is smoothed to find the peak.
-const SMOOTHING_BINS: usize = 4;
-/// Steps of the fit; it settles within twenty.
-const FIT_STEPS: usize = 50;
 /// Least sd that is believed, turns (0.003 rad): rounding alone makes more.
-const MIN_SD_TURNS: f64 = 0.0005;
+pub(super) const MIN_SD_TURNS: f64 = 0.0005;
 /// Factor from sd to the threshold (paper, section 2.1).
 const THRESHOLD_SD: f64 = 3.0;
 /// sd of δ beyond which something is wrong with images or calibration, rad.
@@ -120,15 +109,16 @@ impl DeltaStatistics {
     }
 }
 
-/// Measures mean and sd of δ, and n, from the phases of one pair of images; `None` where no pixel has a candidate.
+/// Measures mean and sd of δ, and n, from the phases of one pair of images, and the histogram that they began with; `None`
+/// where no pixel has a candidate.
 #[must_use]
 pub fn measure_delta(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
     settings: &ResolutionSettings,
-) -> Option<DeltaStatistics> {
-    let histogram = Histogram::of_all_candidates(cam1, cam2, table);
+) -> Option<(DeltaStatistics, DeltaHistogram)> {
+    let histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table);
     let mut statistics = histogram.fit()?;
     let sample = bands(cam1);
     let cam1 = sample.as_ref().unwrap_or(cam1);
@@ -148,7 +138,7 @@ pub fn measure_delta(
             break;
         }
     }
-    Some(statistics)
+    Some((statistics, histogram))
 }
 
 /// The phase map with only bands of its rows valid: a quarter of the image says what δ is like. `None` for images so
@@ -188,107 +178,9 @@ fn sd_of_differences_rad(differences: Vec<i16>) -> f64 {
     f64::from(*median) / 65536.0 * TAU / MEDIAN_OF_UNIT_NORMAL
 }
 
-/// δ of all candidates of a part of the pixels, whether they pass a test or not.
-struct Histogram {
-    bins: [u64; BINS],
-    /// Pixels that were examined.
-    pixels: u64,
-}
-
-impl Histogram {
-    fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable) -> Self {
-        let mut histogram = Self { bins: [0; BINS], pixels: 0 };
-        let mut found = Vec::new();
-        for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
-            for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
-                let i = v * cam1.width + u;
-                let segment = &table.segments()[i];
-                if !cam1.valid[i] || segment.is_none() {
-                    continue;
-                }
-                found.clear();
-                plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, &mut found);
-                histogram.pixels += u64::from(!found.is_empty());
-                for candidate in &found {
-                    histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;
-                }
-            }
-        }
-        histogram
-    }
-
-    /// Count of a bin by its distance from δ = 0.
-    fn at(&self, offset: i64) -> f64 {
-        self.bins[offset.rem_euclid(BINS as i64) as usize] as f64
-    }
-
-    /// Normal distribution on a constant floor around the peak near zero, by expectation maximization.
-    fn fit(&self) -> Option<DeltaStatistics> {
-        let candidates: u64 = self.bins.iter().sum();
-        if candidates == 0 {
-            return None;
-        }
-        let peak = self.peak();
-        let half = (FIT_HALF_WIDTH_TURNS * BINS as f64) as i64;
-        let width = (2 * half + 1) as f64;
-        let (mut mean, mut sd, mut share) = (peak as f64, 0.02 * BINS as f64, 0.5);
-        for _ in 0..FIT_STEPS {
-            let (mut weight, mut first, mut second, mut total) = (0.0, 0.0, 0.0, 0.0);
-            for offset in peak - half..=peak + half {
-                let (x, count) = (offset as f64, self.at(offset));
-                let normal = share * (-0.5 * ((x - mean) / sd).powi(2)).exp() / (sd * TAU.sqrt());
-                let belongs = count * normal / (normal + (1.0 - share) / width);
-                weight += belongs;
-                first += belongs * x;
-                second += belongs * (x - mean).powi(2);
-                total += count;
-            }
-            if weight <= 0.0 {
-                break;
-            }
-            mean = first / weight;
-            sd = (second / weight).sqrt().max(MIN_SD_TURNS * BINS as f64);
-            share = (weight / total).clamp(0.01, 0.999);
-        }
-        // A bin's δ lies half a bin above its lower edge.
-        Some(DeltaStatistics {
-            mean_rad: (mean + 0.5) / BINS as f64 * TAU,
-            sd_rad: sd / BINS as f64 * TAU,
-            noise_sd_rad: sd / BINS as f64 * TAU,
-            mean_periods: candidates as f64 / self.pixels.max(1) as f64,
-            references: 0,
-        })
-    }
-
-    /// Bin of the highest place near zero after smoothing.
-    fn peak(&self) -> i64 {
-        let reach = (PEAK_HALF_WIDTH_TURNS * BINS as f64) as i64;
-        let smooth = SMOOTHING_BINS as i64;
-        let height = |centre: i64| (centre - smooth..=centre + smooth).map(|o| self.at(o)).sum::<f64>();
-        (-reach..=reach).max_by(|&a, &b| height(a).total_cmp(&height(b))).unwrap_or(0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_peak_on_a_floor_with_a_tooth_is_measured() {
-        let mut histogram = Histogram { bins: [40; BINS], pixels: 1000 };
-        let (mean_turns, sd_turns) = (-0.008, 0.0065);
-        for (i, bin) in histogram.bins.iter_mut().enumerate() {
-            let at = |centre: f64, sd: f64| {
-                let x = (i as f64 + 0.5) / BINS as f64;
-                let off = (x - centre + 0.5).rem_euclid(1.0) - 0.5;
-                (-0.5 * (off / sd).powi(2)).exp()
-            };
-            *bin += (400.0 * at(mean_turns, sd_turns) + 900.0 * at(0.2, 0.01)) as u64;
-        }
-        let fit = histogram.fit().unwrap();
-        assert!((fit.mean_rad / TAU - mean_turns).abs() < 0.1 * sd_turns, "{fit:?}");
-        assert!((fit.sd_rad / TAU / sd_turns - 1.0).abs() < 0.1, "{fit:?}");
-    }
 
     #[test]
     fn efc_is_equation_1_of_the_paper() {

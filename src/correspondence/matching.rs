@@ -40,6 +40,8 @@ pub struct Matches {
     pub passing: Vec<u8>,
     /// Statistics of δ from which the threshold came.
     pub delta: DeltaStatistics,
+    /// δ of all candidates of some of the pixels: their numbers in equal parts of −π to π rad.
+    pub delta_counts: Vec<u32>,
     /// Mean and sd of δ over the chosen candidates, rad.
     pub chosen_delta_rad: (f64, f64),
 }
@@ -61,10 +63,12 @@ pub fn match_phases(
     }
     let exchanged = || {
         let image = EpipolarImage::resample(cam1, table)?;
-        ([cam2.width, cam2.height] == expected).then(|| measure_delta(cam2, &image, table, &settings.resolution))?
+        let is_of_size = [cam2.width, cam2.height] == expected;
+        is_of_size.then(|| measure_delta(cam2, &image, table, &settings.resolution))?.map(|(delta, _)| delta)
     };
     let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
-    let mut delta = measure_delta(cam1, &cam2, table, &settings.resolution).ok_or(MatchError::NothingInCommon)?;
+    let measured = measure_delta(cam1, &cam2, table, &settings.resolution);
+    let (mut delta, histogram) = measured.ok_or(MatchError::NothingInCommon)?;
     match settings.delta_sd_rad {
         Some(sd_rad) => delta.sd_rad = sd_rad,
         None => check_scatter(&delta, exchanged)?,
@@ -85,6 +89,7 @@ pub fn match_phases(
         outcomes: pass.resolution.outcomes,
         passing,
         delta,
+        delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
         chosen_delta_rad,
     };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);

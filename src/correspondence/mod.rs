@@ -13,6 +13,7 @@
 
 mod agreement;
 mod candidates;
+mod delta_histogram;
 mod delta_statistics;
 mod epipolar_image;
 mod matching;
@@ -26,6 +27,7 @@ mod segment_table;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
+pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use epipolar_image::EpipolarImage;
 pub use matching::{MatchSettings, Matches, match_phases};

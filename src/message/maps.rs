@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::Window;
+use super::{DELTA_PARTS, Window};
 
 /// Unit of a payload that is read as more than bytes: aligned to a cache line.
 #[repr(C)]
@@ -49,8 +49,8 @@ pub struct MapsHeader {
 
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.1")]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.CorrespondenceHeader.2")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -70,6 +70,8 @@ pub struct CorrespondenceHeader {
     pub chosen_delta_mean_rad: f64,
     /// Standard deviation of δ over the chosen candidates, rad.
     pub chosen_delta_sd_rad: f64,
+    /// δ of all candidates of some pixels: their numbers in equal parts of −π to π rad.
+    pub delta_counts: [u32; DELTA_PARTS],
     /// Standard deviation of the grey levels of C1 and C2.
     pub noise_grey: [f32; 2],
     /// Width, pixels.
@@ -95,4 +97,10 @@ pub struct CloudHeader {
     pub delta_sd_rad: f64,
     /// When it was published.
     pub published_ns: u64,
+}
+
+impl Default for CorrespondenceHeader {
+    fn default() -> Self {
+        Self::zeroed()
+    }
 }

@@ -12,6 +12,7 @@
 //! | [`CorrespondenceHeader`] | `correspondence/map` | [`Block`]s, see [`crate::wire`] |
 //! | [`CloudHeader`] | `cloud` | records of the exported fields, lengths in metres |
 //! | [`StageReport`] | `report/stage` | – |
+//! | [`WindowReport`] | `report/window` | – |
 //! | [`ScanState`] | `control/state` | – |
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
 //!
@@ -25,6 +26,7 @@ mod maps;
 mod pattern;
 mod report;
 mod window;
+mod window_report;
 
 pub use crate::grey::PixelFormat;
 pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
@@ -34,6 +36,7 @@ pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use window::Window;
+pub use window_report::{DELTA_PARTS, OUTCOMES, WindowReport};
 
 /// Most images of one window.
 pub const MAX_WINDOW: usize = crate::phase::MAX_STEPS;

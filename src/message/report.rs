@@ -121,7 +121,7 @@ pub struct Skew {
 /// One stage's counts, and the times of the item that it finished last.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.StageReport.2")]
+#[type_name("fringeflow.StageReport.3")]
 pub struct StageReport {
     /// [`Stage`].
     pub stage: u32,
@@ -135,6 +135,8 @@ pub struct StageReport {
     pub time_ns: u64,
     /// Start of the (last) exposure of the item.
     pub exposure_start_ns: u64,
+    /// When the (last) image of the item had reached this machine.
+    pub received_ns: u64,
     /// When the stage took the item.
     pub taken_ns: u64,
     /// When it put it out.

@@ -5,7 +5,9 @@ use prost::Message as _;
 use prost::bytes::Bytes;
 
 use crate::cloud::RECORD_BYTES;
-use crate::message::{CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport};
+use crate::message::{
+    CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport, WindowReport,
+};
 
 use super::recordable::{least_stride_bytes, raw_encoding};
 use super::{Topic, schema};
@@ -38,6 +40,8 @@ pub enum Content {
     Cloud(Box<CloudHeader>, Bytes),
     /// Report of a stage.
     Report(Box<StageReport>),
+    /// Figures of a window.
+    WindowReport(Box<WindowReport>),
     /// A mark that a person set.
     Mark(String),
     /// What the recorder said about its own losses.
@@ -96,6 +100,11 @@ impl Content {
             (Topic::Report, _) => {
                 let report = decode::<schema::StageReport>(data)?.to_message();
                 Ok(Self::Report(Box::new(report.ok_or("field stage or dropped has an unknown name")?)))
+            }
+            (Topic::WindowReport, _) => {
+                let report = decode::<schema::WindowReport>(data)?.to_message();
+                let report = report.ok_or("field window or outcomes is missing or contradicts itself")?;
+                Ok(Self::WindowReport(Box::new(report)))
             }
             (Topic::Log, _) => {
                 let log = decode::<Log>(data)?;

@@ -2,10 +2,11 @@
 //!
 //! What comes from a file may say anything: a message that no channel could have carried is `None`.
 
-use crate::message::{self, Counts, DropReason, Incident, MAX_WINDOW, Skew, Stage};
+use crate::correspondence::Outcome;
+use crate::message::{self, Counts, DELTA_PARTS, DropReason, Incident, MAX_WINDOW, OUTCOMES, Skew, Stage};
 
 use super::schema::{
-    CloudHeader, CorrespondenceHeader, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window, WindowReport,
 };
 
 impl FrameHeader {
@@ -215,6 +216,7 @@ impl CorrespondenceHeader {
             chosen_delta_mean_rad: header.chosen_delta_mean_rad,
             chosen_delta_sd_rad: header.chosen_delta_sd_rad,
             noise_grey: header.noise_grey.to_vec(),
+            delta_counts: header.delta_counts.to_vec(),
             width_px: header.width_px,
             height_px: header.height_px,
         }
@@ -232,6 +234,7 @@ impl CorrespondenceHeader {
             chosen_delta_mean_rad: self.chosen_delta_mean_rad,
             chosen_delta_sd_rad: self.chosen_delta_sd_rad,
             noise_grey: <[f32; 2]>::try_from(self.noise_grey.as_slice()).ok()?,
+            delta_counts: delta_counts(&self.delta_counts)?,
             width_px: self.width_px,
             height_px: self.height_px,
         })
@@ -249,6 +252,7 @@ impl StageReport {
             of_item: report.of_item,
             time_ns: report.time_ns,
             exposure_start_ns: report.exposure_start_ns,
+            received_ns: report.received_ns,
             taken_ns: report.taken_ns,
             passed_ns: report.passed_ns,
             taken: counts.taken,
@@ -280,6 +284,7 @@ impl StageReport {
             of_item: self.of_item,
             time_ns: self.time_ns,
             exposure_start_ns: self.exposure_start_ns,
+            received_ns: self.received_ns,
             taken_ns: self.taken_ns,
             passed_ns: self.passed_ns,
             counts,
@@ -291,4 +296,54 @@ impl StageReport {
             },
         })
     }
+}
+
+impl WindowReport {
+    pub(super) fn of(report: &message::WindowReport) -> Self {
+        let count = |outcome: Outcome| report.outcomes[outcome as usize];
+        let outcomes = Outcome::ALL.into_iter().filter(|&outcome| count(outcome) > 0);
+        Self {
+            published: report.published,
+            window: Window::of(&report.window),
+            cam1: Some(Fit::of(&report.cam1)),
+            cam2: Some(Fit::of(&report.cam2)),
+            delta_mean_rad: report.delta_mean_rad,
+            delta_sd_rad: report.delta_sd_rad,
+            delta_noise_sd_rad: report.delta_noise_sd_rad,
+            delta_threshold_rad: report.delta_threshold_rad,
+            delta_median_rad: report.delta_median_rad,
+            mean_periods: report.mean_periods,
+            expected_false_candidates: report.expected_false_candidates,
+            outcomes: outcomes.map(|outcome| (outcome.name().to_owned(), count(outcome))).collect(),
+            delta_counts: report.delta_counts.to_vec(),
+        }
+    }
+
+    /// `None` without a window, or with an unknown outcome.
+    pub(super) fn to_message(&self) -> Option<message::WindowReport> {
+        let mut outcomes = [0; OUTCOMES];
+        for (name, &count) in &self.outcomes {
+            outcomes[Outcome::ALL.into_iter().find(|outcome| outcome.name() == name)? as usize] = count;
+        }
+        Some(message::WindowReport {
+            published: self.published,
+            window: self.window.as_ref()?.to_message()?,
+            cam1: self.cam1.as_ref()?.to_message(),
+            cam2: self.cam2.as_ref()?.to_message(),
+            delta_mean_rad: self.delta_mean_rad,
+            delta_sd_rad: self.delta_sd_rad,
+            delta_noise_sd_rad: self.delta_noise_sd_rad,
+            delta_threshold_rad: self.delta_threshold_rad,
+            delta_median_rad: self.delta_median_rad,
+            mean_periods: self.mean_periods,
+            expected_false_candidates: self.expected_false_candidates,
+            outcomes,
+            delta_counts: delta_counts(&self.delta_counts)?,
+        })
+    }
+}
+
+/// Counts of δ; all zero where an older recording has none.
+fn delta_counts(counts: &[u32]) -> Option<[u32; DELTA_PARTS]> {
+    if counts.is_empty() { Some([0; DELTA_PARTS]) } else { counts.try_into().ok() }
 }

@@ -10,6 +10,7 @@
 //! | `/cloud` | foxglove.PointCloud | clouds: the records of the exported fields, lengths in metres |
 //! | `/cloud/header` | fringeflow.CloudHeader | their headers |
 //! | `/report/stage` | fringeflow.StageReport | what the stages did and lost |
+//! | `/report/window` | fringeflow.WindowReport | how well each window was measured |
 //! | `/log` | foxglove.Log | marks, and what the recorder lost |
 //! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |

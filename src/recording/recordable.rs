@@ -6,7 +6,7 @@ use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MapsHeader, PatternEvent, PixelFormat, Stage,
-    StageReport, Window,
+    StageReport, Window, WindowReport,
 };
 
 use super::{Topic, schema};
@@ -53,6 +53,8 @@ pub enum Recordable<'a> {
     },
     /// Report of a stage.
     Report(&'a StageReport),
+    /// Figures of a window.
+    WindowReport(&'a WindowReport),
     /// A mark that a person set.
     Mark {
         /// When.
@@ -107,6 +109,7 @@ impl Recordable<'_> {
                 (fits && has_steps(&header.window)).then_some(Topic::Cloud)
             }
             Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
+            Self::WindowReport(report) => has_steps(&report.window).then_some(Topic::WindowReport),
             Self::Mark { .. } | Self::Loss { .. } => Some(Topic::Log),
         }
     }
@@ -121,6 +124,7 @@ impl Recordable<'_> {
             Self::Correspondences { header, .. } => times(header.window.received_ns, header.window.first_exposure_ns),
             Self::Cloud { header, .. } => times(header.published_ns, header.window.first_exposure_ns),
             Self::Report(report) => times(report.time_ns, report.time_ns),
+            Self::WindowReport(report) => times(report.window.received_ns, report.window.first_exposure_ns),
             Self::Mark { time_ns, .. } | Self::Loss { time_ns, .. } => times(*time_ns, *time_ns),
         }
     }
@@ -132,7 +136,7 @@ impl Recordable<'_> {
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
             Self::Cloud { records, .. } => records.len(),
             Self::Mark { text, .. } | Self::Loss { text, .. } => text.len(),
-            Self::Pattern(_) | Self::Report(_) => 0,
+            Self::Pattern(_) | Self::Report(_) | Self::WindowReport(_) => 0,
         };
         payload + MOST_HEADER_BYTES
     }
@@ -168,6 +172,7 @@ impl Recordable<'_> {
             }
             Self::Pattern(event) => append(bytes, &schema::PatternEvent::of(event)),
             Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
+            Self::WindowReport(report) => append(bytes, &schema::WindowReport::of(report)),
             Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
             Self::Loss { time_ns, text } => {
                 append(bytes, &log_message(*time_ns, log::Level::Warning, "recorder", text));

@@ -36,11 +36,13 @@ pub enum Topic {
     Cam1Calibration,
     /// Calibration of camera 2.
     Cam2Calibration,
+    /// Figures of the windows.
+    WindowReport,
 }
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Cam1Frame,
         Self::Cam1Header,
         Self::Cam2Frame,
@@ -55,6 +57,7 @@ impl Topic {
         Self::Transforms,
         Self::Cam1Calibration,
         Self::Cam2Calibration,
+        Self::WindowReport,
     ];
 
     /// Its name in the file.
@@ -75,6 +78,7 @@ impl Topic {
             Self::Transforms => "/tf",
             Self::Cam1Calibration => "/cam1/calibration",
             Self::Cam2Calibration => "/cam2/calibration",
+            Self::WindowReport => "/report/window",
         }
     }
 
@@ -122,6 +126,7 @@ impl Topic {
             Self::Cloud => PointCloud::get_schema(),
             Self::CloudHeader => own("CloudHeader"),
             Self::Report => own("StageReport"),
+            Self::WindowReport => own("WindowReport"),
             Self::Log => Log::get_schema(),
             Self::Transforms => FrameTransforms::get_schema(),
             Self::Cam1Calibration | Self::Cam2Calibration => CameraCalibration::get_schema(),

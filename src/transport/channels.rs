@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 
 use crate::message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
+    WindowReport,
 };
 
 /// Images of camera 1.
@@ -21,6 +22,8 @@ pub const CORRESPONDENCE_MAP: Channel<CorrespondenceHeader, [Block]> = Channel::
 pub const CLOUD: Channel<CloudHeader, [u8]> = Channel::new(ChannelId::Cloud);
 /// Reports of all stages.
 pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::ReportStage);
+/// Figures of the windows.
+pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::ReportWindow);
 /// What the instance is to do; a new subscriber gets the last one.
 pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
 
@@ -31,9 +34,10 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `Cam1Frame`, `Cam2Frame` | `cam1/frame`, `cam2/frame` | slice of `u8` | `fringeflow.FrameHeader.1` |
 /// | `ProjectorPattern` | `projector/pattern` | `fringeflow.PatternEvent.1` | none |
 /// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.1` |
-/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.1` |
+/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.2` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.1` |
-/// | `ReportStage` | `report/stage` | `fringeflow.StageReport.1` | none |
+/// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
+/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.1` | none |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
 /// Beside these, `control` is a request–response service, see [`super::ControlServer`].
@@ -53,6 +57,8 @@ pub enum ChannelId {
     Cloud,
     /// Reports of all stages.
     ReportStage,
+    /// Figures of the windows.
+    ReportWindow,
     /// What the instance is to do.
     ScanState,
 }
@@ -101,7 +107,7 @@ pub struct Quality {
 
 impl ChannelId {
     /// All channels.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Cam1Frame,
         Self::Cam2Frame,
         Self::ProjectorPattern,
@@ -109,6 +115,7 @@ impl ChannelId {
         Self::CorrespondenceMap,
         Self::Cloud,
         Self::ReportStage,
+        Self::ReportWindow,
         Self::ScanState,
     ];
 
@@ -123,6 +130,7 @@ impl ChannelId {
             Self::CorrespondenceMap => "correspondence/map",
             Self::Cloud => "cloud",
             Self::ReportStage => "report/stage",
+            Self::ReportWindow => "report/window",
             Self::ScanState => "control/state",
         }
     }
@@ -139,6 +147,7 @@ impl ChannelId {
             Self::CorrespondenceMap => Quality::of::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2),
             Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
             Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
+            Self::ReportWindow => Quality::of::<(), WindowReport>(1, 64),
             Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 64) },
         }
     }

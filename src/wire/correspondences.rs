@@ -2,8 +2,8 @@
 //! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), outcome `u8`, candidates that passed the test
 //! `u8`, mean `u8`. Column, order, δ and slope are zero where nothing was found.
 
-use crate::correspondence::{Candidate, DeltaStatistics, Outcome};
-use crate::message::{Block, CorrespondenceHeader, Window};
+use crate::correspondence::{Candidate, DeltaStatistics, Matches, Outcome};
+use crate::message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 use crate::worker::Correspondences;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
@@ -30,10 +30,16 @@ pub fn header(found: &Correspondences, window: &Window, published: u64) -> Corre
         references: delta.references as u64,
         chosen_delta_mean_rad,
         chosen_delta_sd_rad,
+        delta_counts: delta_counts(&found.matches),
         noise_grey: found.noise_grey,
         width_px: found.width as u32,
         height_px: (found.mean.len() / found.width.max(1)) as u32,
     }
+}
+
+/// The counts of δ as a header has them; zero beyond those that there are.
+pub(super) fn delta_counts(matches: &Matches) -> [u32; DELTA_PARTS] {
+    std::array::from_fn(|part| matches.delta_counts.get(part).copied().unwrap_or(0))
 }
 
 /// The planes of a payload, in their order.
@@ -98,6 +104,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
     matches.chosen.extend(outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| planes.candidate(i))));
     matches.outcomes = outcomes;
     refill(&mut matches.passing, planes.passing);
+    refill(&mut matches.delta_counts, &header.delta_counts);
     matches.delta = statistics(header);
     matches.chosen_delta_rad = (header.chosen_delta_mean_rad, header.chosen_delta_sd_rad);
     Ok(())
@@ -132,7 +139,6 @@ fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::Matches;
 
     fn found() -> Correspondences {
         let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();
@@ -146,7 +152,8 @@ mod tests {
         let delta =
             DeltaStatistics { mean_rad: 0.1, sd_rad: 0.04, noise_sd_rad: 0.01, mean_periods: 5.5, references: 12 };
         let passing = (0..35).map(|i| i as u8 % 4).collect();
-        let matches = Matches { outcomes, chosen, passing, delta, chosen_delta_rad: (0.02, 0.03) };
+        let delta_counts = (0..DELTA_PARTS as u32).collect();
+        let matches = Matches { outcomes, chosen, passing, delta, delta_counts, chosen_delta_rad: (0.02, 0.03) };
         Correspondences {
             width: 7,
             matches,

@@ -39,14 +39,42 @@ pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
     }
 }
 
+/// The maps of one camera where they lie.
+#[derive(Clone, Copy, Debug)]
+pub struct MapView<'a> {
+    /// Wrapped phase, turns · 65536.
+    pub phase: &'a [u16],
+    /// Modulation, grey levels.
+    pub modulation: &'a [f32],
+    /// Mean grey level.
+    pub mean: &'a [u8],
+    /// 1 where the phase can be trusted, else 0.
+    pub valid: &'a [u8],
+}
+
+/// The maps of both cameras in a payload.
+///
+/// # Errors
+/// [`WireError::Length`].
+pub fn view<'a>(header: &MapsHeader, mut payload: &'a [Block]) -> Result<[MapView<'a>; 2], WireError> {
+    let pixels = checked_pixels(payload, [header.width_px, header.height_px], blocks)?;
+    let rest = &mut payload;
+    Ok([(); 2].map(|()| MapView {
+        phase: next_plane(rest, pixels),
+        modulation: next_plane(rest, pixels),
+        mean: next_plane(rest, pixels),
+        valid: next_plane(rest, pixels),
+    }))
+}
+
 /// Reads maps from a payload.
 ///
 /// # Errors
 /// [`WireError::Length`]; `out` is unchanged then.
-pub fn read(header: &MapsHeader, mut payload: &[Block], out: &mut PhasePair) -> Result<(), WireError> {
-    let pixels = checked_pixels(payload, [header.width_px, header.height_px], blocks)?;
-    for (map, fit) in [(&mut out.cam1, &header.cam1), (&mut out.cam2, &header.cam2)] {
-        read_map(map, &mut payload, pixels);
+pub fn read(header: &MapsHeader, payload: &[Block], out: &mut PhasePair) -> Result<(), WireError> {
+    let [cam1, cam2] = view(header, payload)?;
+    for (map, view, fit) in [(&mut out.cam1, cam1, &header.cam1), (&mut out.cam2, cam2, &header.cam2)] {
+        read_map(map, &view);
         map.width = header.width_px as usize;
         map.height = header.height_px as usize;
         map.fit = statistics(fit);
@@ -54,12 +82,12 @@ pub fn read(header: &MapsHeader, mut payload: &[Block], out: &mut PhasePair) -> 
     Ok(())
 }
 
-fn read_map(map: &mut PhaseMap, payload: &mut &[Block], pixels: usize) {
-    refill(&mut map.phase, next_plane(payload, pixels));
-    refill(&mut map.modulation, next_plane(payload, pixels));
-    refill(&mut map.mean, next_plane(payload, pixels));
+fn read_map(map: &mut PhaseMap, view: &MapView<'_>) {
+    refill(&mut map.phase, view.phase);
+    refill(&mut map.modulation, view.modulation);
+    refill(&mut map.mean, view.mean);
     map.valid.clear();
-    map.valid.extend(next_plane::<u8>(payload, pixels).iter().map(|&byte| byte != 0));
+    map.valid.extend(view.valid.iter().map(|&byte| byte != 0));
 }
 
 fn fit(statistics: &FitStatistics) -> Fit {

@@ -20,6 +20,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("evaluation", &["grey::GreyLevels", "geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["grey", "geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud"]),
+    ("telemetry", &["message", "correspondence::Outcome"]),
     ("wire", &["message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud", "worker"]),
     (

@@ -119,7 +119,8 @@ impl Capture {
             Err(Unsent::Image(error)) => return self.refuse(&error),
         }
         let exposure_start_ns = stamped.exposure_start_ns;
-        let times = ItemTimes { exposure_start_ns, taken_ns: image.received_ns, passed_ns: clock::now_ns() };
+        let received_ns = image.received_ns;
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns: received_ns, passed_ns: clock::now_ns() };
         host.report(self.stage, self.account.counts(), Some(times));
         Ok(())
     }

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window};
-use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, TransportError};
+use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
+use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow::wire;
+use fringeflow::wire::window_report::window_report;
 use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
 
@@ -16,18 +17,23 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let worker = CorrespondenceWorker::new(table, host.configuration.measurement.settings.matching);
-    let maps = PhasePair::default();
-    run_transform(
-        &mut host,
-        CorrespondenceStage { worker, maps, window: Window::default(), found: Correspondences::default() },
-    )
+    let stage = CorrespondenceStage {
+        worker,
+        header: MapsHeader::default(),
+        maps: PhasePair::default(),
+        found: Correspondences::default(),
+        reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
+    };
+    run_transform(&mut host, stage)
 }
 
 struct CorrespondenceStage {
     worker: CorrespondenceWorker,
+    /// Header of the phase maps.
+    header: MapsHeader,
     maps: PhasePair,
-    window: Window,
     found: Correspondences,
+    reports: Publisher<(), WindowReport>,
 }
 
 impl Transform for CorrespondenceStage {
@@ -47,8 +53,8 @@ impl Transform for CorrespondenceStage {
 
     fn read(&mut self, header: &MapsHeader, payload: &[Block]) -> Result<Window, Dropped> {
         wire::maps::read(header, payload, &mut self.maps).map_err(|e| Dropped::new(DropReason::Malformed, e))?;
-        self.window = header.window;
-        Ok(self.window)
+        self.header = *header;
+        Ok(header.window)
     }
 
     fn step(&mut self) -> Result<(), Dropped> {
@@ -61,8 +67,16 @@ impl Transform for CorrespondenceStage {
         published: u64,
         output: &mut Publisher<CorrespondenceHeader, [Block]>,
     ) -> Result<(), TransportError> {
-        let header = wire::correspondences::header(&self.found, &self.window, published);
+        let header = wire::correspondences::header(&self.found, &self.header.window, published);
         let blocks = wire::correspondences::blocks(self.found.mean.len());
         output.send_filled(&header, blocks, |payload| wire::correspondences::write(&self.found, payload))
+    }
+
+    fn tell(&mut self, published: u64) -> Result<(), TransportError> {
+        self.reports.send_message(&window_report(&self.header, &self.found, published))
+    }
+
+    fn ensure_connected(&mut self) -> Result<(), TransportError> {
+        self.reports.ensure_connected().map(|_| ())
     }
 }

@@ -5,8 +5,9 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
+use fringeflow::telemetry::Latency;
 use fringeflow_replayer::Compared;
-use fringeflow_supervisor::{Latency, Outcome};
+use fringeflow_supervisor::Outcome;
 
 use crate::failure::Failure;
 use crate::json;
@@ -64,7 +65,7 @@ fn ended_badly(outcome: &Outcome) -> String {
 impl<'a> Summary<'a> {
     /// The figures of a live run.
     pub(crate) fn of(outcome: &'a Outcome) -> Self {
-        Self { exposure_to_cloud: outcome.tally.total(), ..Self::of_replay(outcome, None) }
+        Self { exposure_to_cloud: outcome.tally.total().brief(), ..Self::of_replay(outcome, None) }
     }
 
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.

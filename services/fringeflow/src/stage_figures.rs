@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fringeflow::message::{Counts, Skew, Stage};
-use fringeflow_supervisor::{Latency, StageTally};
+use fringeflow::telemetry::{Latency, StageTally};
 
 /// Figures of a stage.
 #[derive(serde::Serialize)]
@@ -36,7 +36,7 @@ impl StageFigures {
             passed: counts.passed,
             dropped: counts.reasons().map(|(reason, n)| (reason.name(), n)).collect(),
             incidents: counts.incidents().map(|(incident, n)| (incident.name(), n)).collect(),
-            latency: tally.and_then(StageTally::latency),
+            latency: tally.and_then(|tally| tally.latencies.brief()),
             skew: tally.and_then(|tally| SkewFigures::of(&tally.skew)),
         }
     }

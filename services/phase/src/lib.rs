@@ -109,8 +109,8 @@ impl Decoding {
         if let Err(error) = self.output.send_filled(&header, blocks, |payload| wire::maps::write(maps, payload)) {
             tracing::warn!("{error}");
         }
-        let exposure_start_ns = images.window.last_exposure_ns;
-        let times = ItemTimes { exposure_start_ns, taken_ns, passed_ns: clock::now_ns() };
+        let (exposure_start_ns, received_ns) = (images.window.last_exposure_ns, images.window.received_ns);
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: clock::now_ns() };
         host.report(Stage::Phase, self.account.counts(), Some(times));
         Ok(())
     }

@@ -2,11 +2,12 @@
 
 use fringeflow::message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
+    WindowReport,
 };
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, Subscriber, TransportError, Wake, WakeSource,
+    REPORT_STAGE, REPORT_WINDOW, Subscriber, TransportError, Wake, WakeSource,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -18,6 +19,7 @@ pub(crate) struct Channels {
     correspondences: Option<Numbered<CorrespondenceHeader, [Block]>>,
     clouds: Numbered<CloudHeader, [u8]>,
     reports: Numbered<(), StageReport>,
+    window_reports: Numbered<(), WindowReport>,
     wake: Wake,
 }
 
@@ -38,6 +40,7 @@ impl Channels {
             correspondences: settings.correspondences.then(|| Numbered::open(host, CORRESPONDENCE_MAP)).transpose()?,
             clouds: Numbered::open(host, CLOUD)?,
             reports: Numbered::open(host, REPORT_STAGE)?,
+            window_reports: Numbered::open(host, REPORT_WINDOW)?,
             wake: Wake::new()?,
         })
     }
@@ -51,6 +54,7 @@ impl Channels {
             &self.events.port,
             &self.clouds.port,
             &self.reports.port,
+            &self.window_reports.port,
         ];
         ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
         ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WakeSource));
@@ -96,6 +100,12 @@ impl Channels {
                     take(&Recordable::Cloud { header, records }, missing);
                 },
             );
+            any |= self.window_reports.next(
+                |(), report| report.published,
+                |(), report, missing| {
+                    take(&Recordable::WindowReport(report), missing);
+                },
+            );
             any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0));
             if !any {
                 return;
@@ -110,6 +120,7 @@ impl Channels {
         self.maps.iter_mut().try_for_each(|maps| maps.port.ensure_connected(now_ns).map(|_| ()))?;
         self.correspondences.iter_mut().try_for_each(|found| found.port.ensure_connected(now_ns).map(|_| ()))?;
         self.clouds.port.ensure_connected(now_ns)?;
+        self.window_reports.port.ensure_connected(now_ns)?;
         self.reports.port.ensure_connected(now_ns).map(|_| ())
     }
 }

@@ -75,10 +75,12 @@ pub struct Host {
 }
 
 /// Times of an item that a stage has finished.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ItemTimes {
     /// Start of its last exposure.
     pub exposure_start_ns: u64,
+    /// When its last image had reached this machine.
+    pub received_ns: u64,
     /// When it was taken.
     pub taken_ns: u64,
     /// When it was put out.
@@ -167,7 +169,7 @@ impl Host {
 
     /// [`Self::report`] of a stage that pairs images, with the skew of the pairs since the report before.
     pub fn report_pairs(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>, skew: Skew) {
-        let times = item.unwrap_or(ItemTimes { exposure_start_ns: 0, taken_ns: 0, passed_ns: 0 });
+        let times = item.unwrap_or_default();
         let report = StageReport {
             stage: stage as u32,
             pid: std::process::id(),
@@ -175,6 +177,7 @@ impl Host {
             of_item: u32::from(item.is_some()),
             time_ns: now_ns(),
             exposure_start_ns: times.exposure_start_ns,
+            received_ns: times.received_ns,
             taken_ns: times.taken_ns,
             passed_ns: times.passed_ns,
             counts: *counts,
@@ -224,6 +227,12 @@ pub fn channel_sizes(setup: &Setup, format: PixelFormat) -> ChannelSizes {
         correspondence_blocks: wire::correspondences::blocks(pixels),
         cloud_bytes: pixels * RECORD_BYTES,
     }
+}
+
+/// File that says where the dashboard of a running instance is, for whoever asks.
+#[must_use]
+pub fn dashboard_file(instance: &Instance) -> PathBuf {
+    accounts_folder(instance).join("dashboard.url")
 }
 
 /// Folder of the accounts of an instance. It stands beside the folder of the channels, so that whoever removes that one does

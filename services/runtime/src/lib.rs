@@ -8,12 +8,14 @@ pub mod clock;
 mod host;
 pub mod log;
 mod receive;
+mod services;
 mod stop;
 mod transform;
 
 pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
-pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes};
+pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes, dashboard_file};
 pub use receive::receive;
+pub use services::{ServiceKind, WORKERS, live_services};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};

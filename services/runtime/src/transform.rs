@@ -53,6 +53,22 @@ pub trait Transform {
         published: u64,
         output: &mut Publisher<Self::OutHeader, Self::OutPayload>,
     ) -> Result<(), TransportError>;
+
+    /// Tells what there is to tell about the result that was sent under a number, beside the report of the stage.
+    ///
+    /// # Errors
+    /// The channel does not take it.
+    fn tell(&mut self, _published: u64) -> Result<(), TransportError> {
+        Ok(())
+    }
+
+    /// Opens again what ports of its own have lost their other side; asked about once a second.
+    ///
+    /// # Errors
+    /// They cannot be opened; the next call tries again.
+    fn ensure_connected(&mut self) -> Result<(), TransportError> {
+        Ok(())
+    }
 }
 
 /// Why an item has no result.
@@ -117,13 +133,14 @@ impl<T: Transform> Service<'_, T> {
     /// Looks after the connections; whether the input was opened anew: what was sent to the old one is lost.
     fn tend(&mut self, input: &mut Subscriber<T::InHeader, T::InPayload>) -> bool {
         let mut is_renewed = false;
-        let (account, output) = (&self.account, &mut self.output);
+        let (account, output, transform) = (&self.account, &mut self.output, &mut self.transform);
         self.host.tend(|host, now_ns| {
             if !host.is_behind(account) {
                 input.forgive_silence();
             }
             is_renewed = input.ensure_connected(now_ns)?;
-            output.ensure_connected().map(|_| ())
+            output.ensure_connected()?;
+            transform.ensure_connected()
         });
         is_renewed
     }
@@ -162,9 +179,13 @@ impl<T: Transform> Service<'_, T> {
         if let Err(error) = self.transform.send(published, &mut self.output) {
             tracing::warn!("{error}");
         }
+        // Behind the result, which somebody waits for.
+        if let Err(error) = self.transform.tell(published) {
+            tracing::debug!(%error, "no report");
+        }
         self.logged = None;
-        let exposure_start_ns = window.last_exposure_ns;
-        let times = ItemTimes { exposure_start_ns, taken_ns, passed_ns: now_ns() };
+        let (exposure_start_ns, received_ns) = (window.last_exposure_ns, window.received_ns);
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: now_ns() };
         self.host.report(T::STAGE, self.account.counts(), Some(times));
         Ok(())
     }

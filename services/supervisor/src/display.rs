@@ -3,9 +3,8 @@
 use std::io::{IsTerminal, stderr};
 
 use fringeflow::message::{ScanState, Stage};
+use fringeflow::telemetry::{StageTally, Tally};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-
-use crate::{StageTally, Tally};
 
 /// Time between two log lines, nanoseconds.
 const LOG_NS: u64 = 10_000_000_000;
@@ -91,7 +90,7 @@ pub fn headline(state: &ScanState, waiting: &[&str]) -> String {
 /// One line about a stage: rate, median latency, items put out, drops by reason, incidents, skew, restarts.
 #[must_use]
 pub fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
-    let latency = tally.latency().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
+    let latency = tally.latencies.brief().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
     let silent = if tally.is_silent(now_ns) { "  silent" } else { "" };
     let drops = listed("dropped: ", tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())));
     let incidents =

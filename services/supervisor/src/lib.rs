@@ -5,15 +5,11 @@ mod child;
 mod control;
 mod display;
 mod observer;
-mod plan;
 mod source;
 mod supervisor;
-mod tally;
 
 pub use balance::{Balance, Imbalance};
 pub use display::{headline, stage_line};
 pub use observer::observe;
-pub use plan::{ServiceKind, WORKERS, live_services};
 pub use source::{Progress, Source, SourceError};
 pub use supervisor::{Outcome, Plan, RunError, run};
-pub use tally::{Latency, StageTally, Tally};

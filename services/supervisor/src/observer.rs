@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use fringeflow::message::{Stage, StageReport};
+use fringeflow::telemetry::Tally;
 use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, accounts_folder, clock};
-
-use crate::Tally;
 
 /// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
 /// gives none appears with the counts of its account, as silent.

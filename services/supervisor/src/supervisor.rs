@@ -9,16 +9,17 @@ use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
 use fringeflow::recording::UNFINISHED;
+use fringeflow::telemetry::Tally;
 use fringeflow::transport::{
     ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
     Subscriber, TransportError, Wake, check_shared_memory,
 };
-use fringeflow_runtime::{Account, AccountError, Stop, accounts_folder, channel_sizes, clock, receive};
+use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock, receive};
 
 use crate::child::{Event, Launch, Service};
 use crate::control::Control;
 use crate::display::Display;
-use crate::{Balance, Progress, ServiceKind, Source, SourceError, Tally};
+use crate::{Balance, Progress, Source, SourceError};
 
 /// Longest wait for messages.
 const TURN: Duration = Duration::from_millis(50);
@@ -337,7 +338,9 @@ impl<'a, 's> Supervisor<'a, 's> {
 
     /// Services that have not reported yet.
     fn waited_for(&self) -> Vec<&'static str> {
-        let is_ready = |kind: ServiceKind| kind.stages().iter().any(|&stage| self.tally.stage(stage).is_some());
+        let is_ready = |kind: ServiceKind| {
+            kind.stages().is_empty() || kind.stages().iter().any(|&stage| self.tally.stage(stage).is_some())
+        };
         self.services.iter().map(|(kind, _)| *kind).filter(|&kind| !is_ready(kind)).map(ServiceKind::name).collect()
     }
 

@@ -86,7 +86,12 @@ impl Service {
         if let Err(error) = self.output.send_message(event) {
             tracing::warn!("{error}");
         }
-        let times = ItemTimes { exposure_start_ns: event.exposure_start_ns, taken_ns, passed_ns: clock::now_ns() };
+        let times = ItemTimes {
+            exposure_start_ns: event.exposure_start_ns,
+            received_ns: taken_ns,
+            taken_ns,
+            passed_ns: clock::now_ns(),
+        };
         host.report(Stage::Projector, self.account.counts(), Some(times));
         Ok(())
     }

@@ -136,6 +136,8 @@ pub struct CorrespondenceHeader {
     pub width_px: u32,
     #[prost(uint32, tag = "12")]
     pub height_px: u32,
+    #[prost(uint32, repeated, tag = "13")]
+    pub delta_counts: ::prost::alloc::vec::Vec<u32>,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct CorrespondenceMap {
@@ -167,7 +169,10 @@ pub struct StageReport {
     #[prost(uint64, tag = "10")]
     pub passed: u64,
     #[prost(btree_map = "string, uint64", tag = "11")]
-    pub dropped: ::prost::alloc::collections::BTreeMap<::prost::alloc::string::String, u64>,
+    pub dropped: ::prost::alloc::collections::BTreeMap<
+        ::prost::alloc::string::String,
+        u64,
+    >,
     #[prost(btree_map = "string, uint64", tag = "12")]
     pub incidents: ::prost::alloc::collections::BTreeMap<
         ::prost::alloc::string::String,
@@ -181,4 +186,38 @@ pub struct StageReport {
     pub skew_least_ns: i64,
     #[prost(int64, tag = "16")]
     pub skew_greatest_ns: i64,
+    #[prost(uint64, tag = "17")]
+    pub received_ns: u64,
+}
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WindowReport {
+    #[prost(uint64, tag = "1")]
+    pub published: u64,
+    #[prost(message, optional, tag = "2")]
+    pub window: ::core::option::Option<Window>,
+    #[prost(message, optional, tag = "3")]
+    pub cam1: ::core::option::Option<Fit>,
+    #[prost(message, optional, tag = "4")]
+    pub cam2: ::core::option::Option<Fit>,
+    #[prost(double, tag = "5")]
+    pub delta_mean_rad: f64,
+    #[prost(double, tag = "6")]
+    pub delta_sd_rad: f64,
+    #[prost(double, tag = "7")]
+    pub delta_noise_sd_rad: f64,
+    #[prost(double, tag = "8")]
+    pub delta_threshold_rad: f64,
+    #[prost(double, tag = "9")]
+    pub delta_median_rad: f64,
+    #[prost(double, tag = "10")]
+    pub mean_periods: f64,
+    #[prost(double, tag = "11")]
+    pub expected_false_candidates: f64,
+    #[prost(btree_map = "string, uint64", tag = "12")]
+    pub outcomes: ::prost::alloc::collections::BTreeMap<
+        ::prost::alloc::string::String,
+        u64,
+    >,
+    #[prost(uint32, repeated, tag = "13")]
+    pub delta_counts: ::prost::alloc::vec::Vec<u32>,
 }

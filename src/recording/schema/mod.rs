@@ -9,7 +9,7 @@ mod fringeflow;
 
 pub(super) use self::fringeflow::{
     CloudHeader, CorrespondenceHeader, CorrespondenceMap, Fit, FrameHeader, MapsHeader, PatternEvent, PhaseMaps,
-    StageReport, Window,
+    StageReport, Window, WindowReport,
 };
 
 /// Descriptor set of the schema.

@@ -13,10 +13,11 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 use super::*;
+use crate::correspondence::Outcome;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, PatternEvent,
-    PixelFormat, Skew, Stage, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, OUTCOMES,
+    PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -164,6 +165,7 @@ fn correspondences() -> CorrespondenceHeader {
         chosen_delta_mean_rad: -0.5,
         chosen_delta_sd_rad: 0.0625,
         noise_grey: [1.25, 1.75],
+        delta_counts: std::array::from_fn(|part| part as u32),
         width_px: 64,
         height_px: 48,
     }
@@ -192,9 +194,31 @@ fn report() -> StageReport {
         of_item: 1,
         time_ns: 7000,
         exposure_start_ns: 6000,
+        received_ns: 6400,
         taken_ns: 6500,
         passed_ns: 6800,
         counts,
         skew: Skew { pairs: 45, sum_ns: -90, least_ns: -7, greatest_ns: 5 },
+    }
+}
+
+fn window_report() -> WindowReport {
+    let mut outcomes = [0; OUTCOMES];
+    outcomes[Outcome::Reference as usize] = 2000;
+    outcomes[Outcome::Contradicted as usize] = 3;
+    WindowReport {
+        published: 4,
+        window: window(),
+        cam1: fit(77),
+        cam2: fit(78),
+        delta_mean_rad: 0.5,
+        delta_sd_rad: 0.25,
+        delta_noise_sd_rad: 0.125,
+        delta_threshold_rad: 0.75,
+        delta_median_rad: -0.5,
+        mean_periods: 6.5,
+        expected_false_candidates: 0.2,
+        outcomes,
+        delta_counts: std::array::from_fn(|part| part as u32),
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use fringeflow_runtime::{ServiceArgs, log};
-use fringeflow_supervisor::{Plan, ServiceKind, live_services, run};
+use fringeflow_runtime::{ServiceArgs, ServiceKind, live_services, log};
+use fringeflow_supervisor::{Plan, run};
 
 use crate::failure::Failure;
 use crate::run_summary::{self, Summary};

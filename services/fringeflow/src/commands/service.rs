@@ -31,6 +31,8 @@ enum Service {
     Cloud(ServiceArgs),
     /// All channels to recordings.
     Recorder(ServiceArgs),
+    /// Metrics, dashboard and live view.
+    Monitor(ServiceArgs),
 }
 
 impl Args {
@@ -51,6 +53,7 @@ impl Service {
             Self::Phase(arguments) => fringeflow_phase::run(arguments),
             Self::Correspondence(arguments) => fringeflow_correspondence::run(arguments),
             Self::Cloud(arguments) => fringeflow_cloud::run(arguments),
+            Self::Monitor(arguments) => fringeflow_monitor::run(arguments),
             Self::Recorder(arguments) => return Ok(recorded(fringeflow_recorder::run(arguments)?)),
         };
         done.map(|()| None)

@@ -4,9 +4,10 @@ use std::io::Write as _;
 use std::time::Duration;
 
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
+use fringeflow::telemetry::{Latency, StageTally, Tally};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::clock;
-use fringeflow_supervisor::{Latency, Tally, headline, observe, stage_line};
+use fringeflow_supervisor::{headline, observe, stage_line};
 
 use crate::failure::Failure;
 use crate::json;
@@ -66,7 +67,7 @@ impl Args {
 
     fn report(&self, state: &ScanState, tally: &Tally) -> Report {
         let now_ns = clock::now_ns();
-        let stage = |(stage, of_stage): (Stage, &fringeflow_supervisor::StageTally)| StageReport {
+        let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
             figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
             rate_hz: of_stage.rate_hz,
             restarts: of_stage.restarts,
@@ -77,7 +78,7 @@ impl Args {
             scanning: state.scanning != 0,
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             stages: tally.stages().map(stage).collect(),
-            exposure_to_cloud: tally.total(),
+            exposure_to_cloud: tally.total().brief(),
         }
     }
 }

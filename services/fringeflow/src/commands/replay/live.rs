@@ -5,8 +5,8 @@ use std::path::Path;
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
-use fringeflow_runtime::{ServiceArgs, log};
-use fringeflow_supervisor::{Plan, ServiceKind, WORKERS, run};
+use fringeflow_runtime::{ServiceArgs, ServiceKind, WORKERS, log};
+use fringeflow_supervisor::{Plan, run};
 
 use super::{Args, no_clouds};
 use crate::failure::Failure;

@@ -3,7 +3,7 @@
 use fringeflow::config::{CameraSource, ProjectorDriver, ScannerConfiguration};
 use fringeflow::message::Stage;
 
-/// A service that the supervisor can start.
+/// A process of an instance that its supervisor starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ServiceKind {
     /// The virtual projector.
@@ -22,6 +22,8 @@ pub enum ServiceKind {
     Cloud,
     /// Everything to a recording.
     Recorder,
+    /// Metrics, dashboard, live view.
+    Monitor,
 }
 
 impl ServiceKind {
@@ -37,6 +39,7 @@ impl ServiceKind {
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
             Self::Recorder => "recorder",
+            Self::Monitor => "monitor",
         }
     }
 
@@ -52,6 +55,7 @@ impl ServiceKind {
             Self::Correspondence => &[Stage::Correspondence],
             Self::Cloud => &[Stage::Cloud],
             Self::Recorder => &[Stage::Recorder],
+            Self::Monitor => &[],
         }
     }
 }
@@ -65,7 +69,9 @@ pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
         CameraSource::V4l2(_) => &[ServiceKind::Camera1, ServiceKind::Camera2],
         CameraSource::External => &[],
     };
-    projector.into_iter().chain(cameras.iter().copied()).chain(WORKERS).chain([ServiceKind::Recorder]).collect()
+    let monitor = configuration.monitor.is_enabled.then_some(ServiceKind::Monitor);
+    let scan = projector.into_iter().chain(cameras.iter().copied()).chain(WORKERS);
+    scan.chain([ServiceKind::Recorder]).chain(monitor).collect()
 }
 
 /// The services that make clouds of images, in the order of the pipeline.

@@ -1,0 +1,112 @@
+// The buttons that start and stop the scan and recordings, and set marks.
+
+import { byId, setState, setText } from "./elements.js";
+import { fileName } from "./format.js";
+
+const ANSWER_WITHIN_MS = 20_000;
+const SHOWN_MS = 10_000;
+
+/** Wires the buttons; `changed(state)` gets the state that a command led to. */
+export class Commands {
+    #state = null;
+    #changed;
+    #scan = byId("button-scan");
+    #record = byId("button-record");
+    #mark = byId("button-mark");
+    #text = byId("mark-text");
+
+    constructor(changed) {
+        this.#changed = changed;
+        this.#scan.addEventListener("click", () => this.#send(this.#scan, scanCommand(this.#state)));
+        this.#record.addEventListener("click", () => this.#send(this.#record, recordCommand(this.#state)));
+        byId("mark-form").addEventListener("submit", (event) => {
+            event.preventDefault();
+            this.#sendMark();
+        });
+        this.showState(null);
+    }
+
+    /** What the buttons do next follows from the state; without one (not connected) they do nothing. */
+    showState(state) {
+        this.#state = state;
+        if (state !== null) {
+            setText(this.#scan, state.scanning ? "Stop scan" : "Start scan");
+            setText(this.#record, state.recording ? "End recording" : "Record");
+        }
+        for (const button of [this.#scan, this.#record, this.#mark]) {
+            button.setAttribute("aria-disabled", String(state === null));
+        }
+    }
+
+    async #sendMark() {
+        const text = this.#text.value.trim();
+        const done = await this.#send(this.#mark, { command: "mark", ...(text && { text }) });
+        if (done) {
+            this.#text.value = "";
+        }
+    }
+
+    async #send(button, command) {
+        if (this.#state === null || button.ariaBusy === "true") {
+            return false;
+        }
+        button.ariaBusy = "true";
+        say("busy", "Asked, waiting for an answer …");
+        try {
+            const state = await control(command);
+            say("ok", describe(command, state));
+            this.#changed(state);
+            return true;
+        } catch (error) {
+            say("error", `Not done: ${error.message}`);
+            return false;
+        } finally {
+            button.ariaBusy = "false";
+        }
+    }
+}
+
+const scanCommand = (state) => ({ command: state?.scanning ? "stop" : "start" });
+const recordCommand = (state) => ({ command: state?.recording ? "end-recording" : "record" });
+
+async function control(command) {
+    const response = await fetch("/control", {
+        method: "POST",
+        headers: { "Content-Type": "application/json" },
+        body: JSON.stringify(command),
+        signal: AbortSignal.timeout(ANSWER_WITHIN_MS),
+    }).catch((error) => {
+        throw new Error(error.name === "TimeoutError" ? "no answer in time" : "the server does not answer");
+    });
+    const answer = await response.json().catch(() => ({}));
+    if (!response.ok || !answer.state) {
+        throw new Error(answer.error ?? `the server answered ${response.status}`);
+    }
+    return answer.state;
+}
+
+function describe({ command, text }, state) {
+    switch (command) {
+        case "start":
+            return "Scan started.";
+        case "stop":
+            return "Scan stopped.";
+        case "record":
+            return state.recording ? `Recording to ${fileName(state.recording)}.` : "Recording.";
+        case "end-recording":
+            return "Recording ended.";
+        default:
+            return text ? `Mark “${text}” set.` : "Mark set.";
+    }
+}
+
+let fading = null;
+
+function say(level, text) {
+    const result = byId("command-result");
+    setState(result, "level", level);
+    setState(result, "old", null);
+    setText(result, text);
+    clearTimeout(fading);
+    fading = setTimeout(() => setState(result, "old", ""), SHOWN_MS);
+}

@@ -1,0 +1,88 @@
+// Histogram of δ of the candidates that were looked at; those within mean ± thr are accepted.
+
+import uPlot from "../vendor/uplot/uPlot.min.js";
+import { colour } from "./colours.js";
+import { byId, setText } from "./elements.js";
+import { fixed } from "./format.js";
+import { markLive } from "./panels.js";
+import { axisStyle, makePlot, roundAbove } from "./plot.js";
+
+export function makeDelta() {
+    let window = null;
+    const paint = (plot) => window && paintThreshold(plot, window);
+    const plot = makePlot(byId("delta-plot"), plotOptions(paint), [[], []]);
+
+    return ({ figures }) => {
+        if (!figures.window?.delta_histogram) {
+            return;
+        }
+        window = figures.window;
+        plot.setData(columnsOf(window.delta_histogram));
+        setText(byId("delta-summary"), describe(window));
+        markLive("panel-delta");
+    };
+}
+
+const plotOptions = (paint) => ({
+    padding: [22, 32, 0, 0],
+    cursor: { show: false },
+    scales: {
+        x: { time: false, range: (_, first, last) => [first ?? -1, last ?? 1] },
+        y: { range: (_, __, most) => [0, roundAbove(Math.max(most, 10))] },
+    },
+    axes: [
+        { ...axisStyle(), size: 28, space: 80, values: (_, splits) => splits.map(radians) },
+        { ...axisStyle(), size: 52, space: 40, values: (_, splits) => splits.map(thousands) },
+    ],
+    series: [
+        {},
+        {
+            width: 0,
+            fill: () => colour("series-5"),
+            points: { show: false },
+            paths: uPlot.paths.bars({ size: [0.9, Infinity] }),
+        },
+    ],
+    hooks: { drawAxes: [paint] },
+});
+
+function columnsOf({ first_rad: first, last_rad: last, counts }) {
+    const width = (last - first) / counts.length;
+    return [counts.map((_, index) => first + (index + 0.5) * width), counts];
+}
+
+// What is accepted is shaded, so that the tails outside stand apart without reading a number.
+function paintThreshold(plot, { delta_mean_rad: mean, thr_rad: thr }) {
+    if (!Number.isFinite(mean) || !Number.isFinite(thr)) {
+        return;
+    }
+    const { ctx, bbox } = plot;
+    const place = (value) => Math.min(bbox.left + bbox.width, Math.max(bbox.left, plot.valToPos(value, "x", true)));
+    const [low, middle, high] = [mean - thr, mean, mean + thr].map(place);
+    ctx.save();
+    ctx.fillStyle = colour("ok-wash");
+    ctx.fillRect(low, bbox.top, high - low, bbox.height);
+    ctx.fillStyle = colour("ink-soft");
+    ctx.strokeStyle = colour("ink-soft");
+    ctx.lineWidth = devicePixelRatio;
+    ctx.textAlign = "center";
+    ctx.textBaseline = "bottom";
+    ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    const roomy = high - low > 90 * devicePixelRatio;
+    for (const [x, text] of [[low, "−thr"], [middle, roomy ? "mean" : ""], [high, "+thr"]]) {
+        ctx.fillText(text, x, bbox.top - 4 * devicePixelRatio);
+        ctx.beginPath();
+        ctx.moveTo(x, bbox.top);
+        ctx.lineTo(x, bbox.top + bbox.height);
+        ctx.stroke();
+    }
+    ctx.restore();
+}
+
+const radians = (value) => `${fixed(value, 2)} rad`;
+const thousands = (count) => (count >= 1000 ? `${fixed(count / 1000, count % 1000 ? 1 : 0)}k` : fixed(count));
+
+function describe({ delta_mean_rad: mean, thr_rad: thr, sd_rad: sd, noise_sd_rad: noise }) {
+    const [a, b, c, d] = [mean, thr, sd, noise].map((value) => `${fixed(value, 4)} rad`);
+    return `mean ${a} · thr ±${b} · sd ${c}, of it noise ${d}`;
+}

@@ -1,0 +1,49 @@
+// Numbers and times as text. What is missing is a dash, never a zero.
+
+export const MISSING = "–";
+// Digit groups of one width and the same decimal point for everyone who reads over the operator's shoulder.
+const formats = Array.from(
+    { length: 5 },
+    (_, digits) => new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }),
+);
+
+const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+
+export function fixed(value, digits = 0) {
+    return isNumber(value) ? formats[digits].format(value).replace("-", "−") : MISSING;
+}
+
+/** About three digits that count, for figures whose size is not known beforehand. */
+export function short(value) {
+    if (!isNumber(value)) {
+        return MISSING;
+    }
+    const size = Math.abs(value);
+    return fixed(value, size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
+}
+
+export const withUnit = (text, unit) => (text === MISSING ? MISSING : `${text} ${unit}`);
+
+/** Two digits that count are enough beside a plot. */
+export function milliseconds(value) {
+    return withUnit(fixed(value, value >= 10 ? 0 : value >= 1 ? 1 : value >= 0.1 ? 2 : 3), "ms");
+}
+
+export function megabytes(value) {
+    return isNumber(value) && value >= 10_000 ? `${fixed(value / 1000, 0)} GB` : withUnit(fixed(value, 0), "MB");
+}
+
+export const plural = (count, one, many = `${one}s`) => `${fixed(count)} ${count === 1 ? one : many}`;
+
+const two = (value) => String(value).padStart(2, "0");
+
+/** Time of day here, in 24 hours. */
+export function timeOfDay(wallMs) {
+    if (!isNumber(wallMs)) {
+        return MISSING;
+    }
+    const time = new Date(wallMs);
+    return `${two(time.getHours())}:${two(time.getMinutes())}:${two(time.getSeconds())}`;
+}
+
+export const fileName = (path) => path.split("/").pop();

@@ -1,0 +1,14 @@
+// The explanations behind the question marks: one open at a time, closed by Escape or a click elsewhere.
+
+export function startHelp() {
+    const all = [...document.querySelectorAll("details.help")];
+    const closeOthers = (kept) => all.filter((help) => help !== kept).forEach((help) => (help.open = false));
+    document.addEventListener("click", (event) => closeOthers(event.target.closest("details.help")));
+    document.addEventListener("keydown", (event) => {
+        const open = all.find((help) => help.open);
+        if (event.key === "Escape" && open) {
+            open.open = false;
+            open.querySelector("summary").focus();
+        }
+    });
+}

@@ -1,0 +1,45 @@
+// The few figures that tell from a step away whether all is well.
+
+import { byId, setState, setText } from "./elements.js";
+import { MISSING, fixed, milliseconds, short, withUnit } from "./format.js";
+import { markLive } from "./panels.js";
+
+const MINUTE_MS = 60_000;
+
+export function showKeyFigures({ figures, history }) {
+    const { sample, window } = figures;
+    const whole = figures.exposure_to_cloud;
+    set("cloud-rate", fixed(sample?.rates?.cloud, 1), describeCameras(sample?.rates));
+    set("latency-p50", short(sample?.total?.[0]), `whole run ${milliseconds(whole?.p50_ms)}`);
+    set("latency-p99", short(sample?.total?.[2]), `whole run ${milliseconds(whole?.p99_ms)}`);
+    set("points", fixed(window?.points), "in the last cloud");
+    showLosses(figures, history);
+    set("efc", short(window?.efc), "per true candidate");
+    markLive("panel-key-figures");
+}
+
+function set(name, value, note) {
+    const figure = byId(`figure-${name}`);
+    setText(figure, value);
+    setState(figure, "missing", value === MISSING ? "" : null);
+    setText(byId(`note-${name}`), note);
+}
+
+function describeCameras(rates) {
+    // Windows need both cameras, so the slower one counts.
+    const rate = Math.min(rates?.camera1 ?? NaN, rates?.camera2 ?? NaN);
+    return `from ${withUnit(fixed(rate, 1), "images/s")}`;
+}
+
+function showLosses(figures, history) {
+    if (!figures.sample?.dropped) {
+        set("lost", MISSING, "");
+        return;
+    }
+    const total = sum(figures.sample.dropped);
+    const recent = total - sum(history.ago(MINUTE_MS)?.dropped);
+    set("lost", fixed(total), recent > 0 ? `${fixed(recent)} in the last minute` : "none in the last minute");
+    setState(byId("tile-lost"), "level", recent > 0 ? "error" : total > 0 ? "warning" : "ok");
+}
+
+const sum = (counts) => Object.values(counts ?? {}).reduce((total, count) => total + (count ?? 0), 0);

@@ -1,0 +1,115 @@
+// The page: takes what the monitor sends, keeps what the plots need, and hands it to the panels.
+
+import { forgetColours } from "./colours.js";
+import { makeCloudView } from "./cloud.js";
+import { Commands } from "./commands.js";
+import { Connection } from "./connection.js";
+import { makeDelta } from "./delta.js";
+import { whenVisible } from "./drawing.js";
+import { showDrops } from "./drops.js";
+import { byId } from "./elements.js";
+import { addEvents, markEventsLive, replaceEvents } from "./events.js";
+import { showFlow } from "./flow.js";
+import { startHelp } from "./help.js";
+import { History } from "./history.js";
+import { showKeyFigures } from "./key-figures.js";
+import { makeLatency } from "./latency.js";
+import { markAllStale } from "./panels.js";
+import { showPictures, startPictures } from "./pictures.js";
+import { redrawPlots } from "./plot.js";
+import { makeQuality } from "./quality.js";
+import { makeRates } from "./rates.js";
+import { showServices } from "./services.js";
+import { makeShares } from "./shares.js";
+import { showConnection, showInstance, showState } from "./status.js";
+import { startTheme } from "./theme.js";
+
+const history = new History();
+const cloudView = makeCloudView();
+const commands = new Commands(takeState);
+let build = null;
+let panels = [];
+let figures = null;
+
+const drawPanels = whenVisible(() => panels.forEach((show) => show({ figures, history })));
+
+const handlers = {
+    hello: takeHello,
+    figures: takeFigures,
+    events: ({ events }) => addEvents(events ?? []),
+    pictures: showPictures,
+    cloud: (message, reply) => cloudView?.show(message, reply),
+};
+
+const connection = new Connection(new URL("/live", location.href.replace(/^http/, "ws")), {
+    opened: sendWant,
+    message: (message, reply) => handlers[message.type]?.(message, reply),
+    unreadable: ({ message }) =>
+        addEvents([{ wall_ms: Date.now(), level: "error", source: "page", text: `cannot show a message: ${message}` }]),
+    state: takeConnection,
+});
+
+function takeHello(hello) {
+    // Another program, another page: what is loaded may not fit what now comes.
+    const builtFor = JSON.stringify([hello.version, hello.stages, hello.segments]);
+    if (build !== null && build !== builtFor) {
+        location.reload();
+        return;
+    }
+    if (build === null) {
+        build = builtFor;
+        panels = [
+            showKeyFigures,
+            makeLatency(hello),
+            makeShares(hello),
+            makeRates(),
+            makeQuality(),
+            makeDelta(),
+            showServices,
+            showDrops,
+            showFlow,
+            markEventsLive,
+        ];
+    }
+    showInstance(hello);
+    history.replace(hello.history ?? []);
+    replaceEvents(hello.events ?? []);
+}
+
+function takeFigures(message) {
+    figures = message;
+    history.add(message.sample);
+    takeState(message.state ?? {});
+    drawPanels();
+}
+
+function takeState(state) {
+    showState(state);
+    commands.showState(state);
+}
+
+function takeConnection(state) {
+    showConnection(state);
+    if (state.name === "live") {
+        return;
+    }
+    markAllStale();
+    if (state.name === "reconnecting") {
+        commands.showState(null);
+    }
+}
+
+// Nothing large is sent to a tab that nobody sees.
+function sendWant() {
+    const seen = !document.hidden;
+    connection.send({ type: "want", pictures: seen, cloud: seen && cloudView !== null });
+}
+
+document.addEventListener("visibilitychange", sendWant);
+startTheme(byId("button-theme"), () => {
+    forgetColours();
+    redrawPlots();
+});
+startHelp();
+startPictures();
+connection.start();

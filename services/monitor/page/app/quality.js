@@ -1,0 +1,106 @@
+// Quality of the windows over time: one small plot a figure, since each has its own unit and size.
+
+import { byId, element, setText } from "./elements.js";
+import { fixed, short, withUnit } from "./format.js";
+import { markLive } from "./panels.js";
+import { TimePlot, fromZero, roundAbove } from "./plot.js";
+
+const radians = (value) => withUnit(fixed(value, 4), "rad");
+const percent = (value) => withUnit(fixed(value, 1), "%");
+
+const FIGURES = [
+    {
+        label: "Noise of δ (sd)",
+        hint: "Standard deviation of δ, measured in the images. Grows with noise, motion and a worn calibration.",
+        lines: [{ colour: "series-1", read: (window) => window.sd_rad }],
+        text: radians,
+    },
+    {
+        label: "Median of δ",
+        hint: "Should stay still. A sudden jump says that patterns and images have slipped against each other.",
+        lines: [{ colour: "series-5", read: (window) => window.delta_median_rad }],
+        text: radians,
+        range: aroundZero,
+    },
+    {
+        label: "Expected false (efc)",
+        hint: "Expected false candidates for each true one. Well below 1 is good.",
+        lines: [{ colour: "series-4", read: (window) => window.efc }],
+        text: short,
+    },
+    {
+        label: "Periods a segment (n)",
+        hint: "Mean number of fringe periods that compete on an epipolar segment. Given by the rig and the volume.",
+        lines: [{ colour: "series-9", read: (window) => window.n }],
+        text: short,
+    },
+    {
+        label: "Unique",
+        hint: "Share of the valid pixels of camera 1 with one candidate only. More is better.",
+        lines: [{ colour: "series-3", read: (window) => window.unique }],
+        text: percent,
+        range: () => [0, 100],
+    },
+    {
+        label: "Undecided",
+        hint: "Share of the pixels whose candidates could not be told apart; they give no point.",
+        lines: [{ colour: "series-8", read: (window) => window.undecided }],
+        text: percent,
+    },
+    {
+        label: "Rejected",
+        hint: "Share of the pixels whose candidate contradicted others; they give no point.",
+        lines: [{ colour: "series-6", read: (window) => window.rejected }],
+        text: percent,
+    },
+    {
+        label: "Fit residuals",
+        hint: "What the images of cameras 1 and 2 leave of the sinusoid. Grow with motion and saturation.",
+        lines: [
+            { colour: "series-1", read: (window) => window.residual?.[0] },
+            { colour: "series-2", read: (window) => window.residual?.[1] },
+        ],
+        text: (value) => fixed(value, 3),
+    },
+];
+
+export function makeQuality() {
+    const holder = byId("quality-plots");
+    byId("quality-help").append(
+        ...FIGURES.flatMap(({ label, hint }) => [element("dt", { text: label }), element("dd", { text: hint })]),
+    );
+    const small = FIGURES.map((figure) => makeSmallPlot(holder, figure));
+    return ({ history }) => {
+        small.forEach((show) => show(history));
+        if (history.last) {
+            markLive("panel-quality");
+        }
+    };
+}
+
+function makeSmallPlot(holder, { label, hint, lines, text, range = fromZero }) {
+    const value = element("span", { class: "small-plot-value" });
+    const about = { role: "img", "aria-label": `${label}, last ten minutes` };
+    const canvas = element("div", { class: "small-plot-canvas", ...about });
+    const name = element("span", { class: "small-plot-label", text: label });
+    const caption = element("figcaption", { title: hint }, name, value);
+    holder.append(element("figure", { class: "small-plot" }, caption, canvas));
+    let columns = [];
+    const showValue = () => {
+        const index = plot.hovered ?? columns[0]?.length - 1;
+        setText(value, columns.map((column) => text(column[index])).join(" · "));
+    };
+    const series = lines.map((line) => ({ label, colour: line.colour }));
+    const plot = new TimePlot(canvas, { series, range, small: true, hovered: showValue });
+
+    return (history) => {
+        columns = lines.map(({ read }) => history.column((sample) => sample.window && read(sample.window)));
+        plot.show(history.times(), columns);
+        showValue();
+    };
+}
+
+function aroundZero(least, greatest) {
+    const reach = roundAbove(Math.max(Math.abs(least ?? 0), Math.abs(greatest ?? 0), 0.01));
+    return [-reach, reach];
+}

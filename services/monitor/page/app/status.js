@@ -1,0 +1,65 @@
+// The header: which instance, whether its data are live, whether it scans and records.
+
+import { byId, setState, setText } from "./elements.js";
+import { fileName, plural, timeOfDay } from "./format.js";
+
+export function showInstance(hello) {
+    setText(byId("instance"), hello.instance ?? "");
+    document.title = `${hello.instance ?? "Scanner"} – Fringeflow`;
+    setText(byId("about-version"), hello.version ? `Fringeflow ${hello.version}` : "Fringeflow");
+    setText(byId("about-images"), describeImages(hello));
+    setText(byId("about-foxglove"), hello.foxglove ? `Foxglove: ${hello.foxglove}` : "");
+}
+
+function describeImages({ image_size_px: size, steps, rate_hz: rate }) {
+    const parts = [];
+    if (Array.isArray(size)) {
+        parts.push(`${size[0]} × ${size[1]} px`);
+    }
+    if (rate) {
+        parts.push(`${rate} images/s a camera`);
+    }
+    if (steps) {
+        parts.push(`${steps} images a window`);
+    }
+    return parts.join(", ");
+}
+
+/** Shows the state of the connection; what is on the page is greyed as soon as it is not live. */
+export function showConnection(state) {
+    setState(document.body, "connection", state.name);
+    const connection = byId("connection");
+    setState(connection, "level", { live: "ok", stale: "warning" }[state.name] ?? "error");
+    setText(connection, { live: "Live", stale: "Stale", connecting: "Connecting" }[state.name] ?? "Reconnecting");
+    const banner = byId("connection-banner");
+    banner.hidden = state.name === "live" || state.name === "connecting";
+    setText(banner, describeLoss(state));
+}
+
+function describeLoss({ name, why, waitMs, heardAt }) {
+    if (name === "stale") {
+        return `Nothing has come since ${timeOfDay(heardAt)}. What you see is from then.`;
+    }
+    if (name !== "reconnecting") {
+        return "";
+    }
+    const old = heardAt ? ` What you see is from ${timeOfDay(heardAt)}.` : "";
+    return `Not connected: ${why}. Trying again in ${waitMs / 1000} s.${old}`;
+}
+
+export function showState(state) {
+    const scanning = byId("scanning");
+    setState(scanning, "level", state.scanning ? "ok" : "idle");
+    setText(scanning, state.scanning ? "Scanning" : "Not scanning");
+    const recording = byId("recording");
+    setState(recording, "level", state.recording ? "recording" : "idle");
+    setText(recording, describeRecording(state));
+    recording.title = state.recording ?? "";
+}
+
+function describeRecording({ recording, marks }) {
+    if (!recording) {
+        return "Not recording";
+    }
+    return `Recording ${fileName(recording)}${marks ? `, ${plural(marks, "mark")}` : ""}`;
+}

@@ -1,0 +1,201 @@
+//! Everything the monitor knows, and how the page is told.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+use fringeflow::config::ScannerConfiguration;
+use fringeflow::dataset::Setup;
+use fringeflow::message::{ScanState, Skew, Stage, StageReport, WindowReport};
+use fringeflow::telemetry::{Interval, Latency, Sample, Segment, Tally, WindowFigures};
+use fringeflow_runtime::{live_services, sources};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use crate::events::EventLog;
+use crate::room::Room;
+use crate::services::{ServiceStatus, Services};
+
+/// Points of the time lines, one a second, that are kept for whoever comes later.
+const HISTORY: usize = 600;
+
+/// The state of an instance as the monitor sees it.
+#[derive(Debug)]
+pub(crate) struct Board {
+    instance: String,
+    image_size_px: [usize; 2],
+    steps: usize,
+    rate_hz: f64,
+    /// Folder whose disk holds the recordings.
+    recordings: PathBuf,
+    /// Address that viewers connect to.
+    pub(crate) foxglove: Option<String>,
+    pub(crate) tally: Tally,
+    pub(crate) window: Option<WindowFigures>,
+    pub(crate) state: ScanState,
+    /// Skew since the last turn, and in the second before it.
+    skew_span: Skew,
+    pub(crate) skew: Skew,
+    pub(crate) room: Room,
+    interval: Interval,
+    history: VecDeque<Sample>,
+    services: Services,
+    pub(crate) statuses: Vec<ServiceStatus>,
+    pub(crate) events: EventLog,
+}
+
+/// What a stage has done, as the page is told.
+#[derive(Serialize)]
+struct StageEntry {
+    stage: &'static str,
+    rate_hz: f64,
+    taken: u64,
+    passed: u64,
+    in_work: u64,
+    waiting: u64,
+    dropped: Map<String, Value>,
+    losses: Vec<&'static str>,
+    incidents: Map<String, Value>,
+    latency: Option<Latency>,
+}
+
+impl Board {
+    pub(crate) fn new(configuration: &ScannerConfiguration, setup: &Setup, now_ns: u64) -> Self {
+        let services: Vec<_> =
+            live_services(configuration).into_iter().map(|kind| (kind.name(), kind.stages())).collect();
+        let services = Services::new(&services);
+        Self {
+            instance: configuration.name.clone(),
+            image_size_px: setup.image_size_px,
+            steps: setup.steps,
+            rate_hz: configuration.rate_hz,
+            recordings: configuration.recorder.folder.clone(),
+            foxglove: None,
+            tally: Tally::default(),
+            window: None,
+            state: ScanState::default(),
+            skew_span: Skew::default(),
+            skew: Skew::default(),
+            room: Room::of(&configuration.recorder.folder),
+            interval: Interval::begin(now_ns, None),
+            history: VecDeque::new(),
+            statuses: services.statuses(),
+            services,
+            events: EventLog::default(),
+        }
+    }
+
+    pub(crate) fn take_report(&mut self, report: &StageReport) {
+        let journey = self.tally.add(report);
+        self.interval.add(report, journey.as_ref());
+        self.skew_span.join(&report.skew);
+    }
+
+    pub(crate) fn take_window(&mut self, report: &WindowReport) {
+        self.interval.add_window(report);
+        self.window = Some(WindowFigures::of(report));
+    }
+
+    /// Ends a second: looks after the services, closes the span of the time lines, and yields the message for the page.
+    pub(crate) fn turn(&mut self, now_ns: u64, wall_ms: f64, clients: usize) -> String {
+        self.services.look(&self.tally, now_ns);
+        self.statuses = self.services.statuses();
+        self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
+        self.room = Room::of(&self.recordings);
+        self.skew = std::mem::take(&mut self.skew_span);
+        let sample = self.interval.sample(now_ns, wall_ms);
+        self.interval = Interval::begin(now_ns, Some(&self.interval));
+        let figures = self.figures(&sample, clients).to_string();
+        self.history.push_back(sample);
+        if self.history.len() > HISTORY {
+            self.history.pop_front();
+        }
+        figures
+    }
+
+    /// What a page is told first.
+    pub(crate) fn hello(&self) -> String {
+        let hello = json!({
+            "type": "hello",
+            "instance": self.instance,
+            "version": env!("CARGO_PKG_VERSION"),
+            "image_size_px": self.image_size_px,
+            "steps": self.steps,
+            "rate_hz": self.rate_hz,
+            "stages": Stage::ALL.map(Stage::name),
+            "segments": Segment::ALL.map(Segment::name),
+            "foxglove": self.foxglove,
+            "history": self.history,
+            "events": self.events.after(0).collect::<Vec<_>>(),
+        });
+        hello.to_string()
+    }
+
+    /// The events after one, as a message; `None` where there are none.
+    pub(crate) fn events_after(&self, id: u64) -> Option<String> {
+        let events: Vec<_> = self.events.after(id).collect();
+        (!events.is_empty()).then(|| json!({"type": "events", "events": events}).to_string())
+    }
+
+    /// Items that a stage has taken and not finished.
+    pub(crate) fn in_work(&self, stage: Stage) -> u64 {
+        self.tally.stage(stage).and_then(|of_stage| of_stage.counts.in_work()).unwrap_or(0)
+    }
+
+    /// Items that the stages before have put out and this one has not taken, by the last reports of both.
+    pub(crate) fn waiting(&self, stage: Stage) -> u64 {
+        let Some(of_stage) = self.tally.stage(stage) else { return 0 };
+        let put_out = sources(stage)
+            .iter()
+            .map(|source| self.tally.stage(source.from).map_or(0, |before| before.counts.passed / source.items));
+        put_out.sum::<u64>().saturating_sub(of_stage.counts.taken)
+    }
+
+    fn figures(&self, sample: &Sample, clients: usize) -> Value {
+        json!({
+            "type": "figures",
+            "wall_ms": sample.wall_ms,
+            "sample": sample,
+            "state": state_entry(&self.state),
+            "services": self.statuses,
+            "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
+            "exposure_to_cloud": self.tally.total().brief(),
+            "skew_ms": skew_entry(&self.skew),
+            "window": self.window,
+            "room": self.room,
+            "clients": clients,
+        })
+    }
+
+    fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {
+        let of_stage = self.tally.stage(stage)?;
+        let counts = &of_stage.counts;
+        Some(StageEntry {
+            stage: stage.name(),
+            rate_hz: of_stage.rate_hz,
+            taken: counts.taken,
+            passed: counts.passed,
+            in_work: self.in_work(stage),
+            waiting: self.waiting(stage),
+            dropped: counts.reasons().map(|(reason, n)| (reason.name().to_owned(), n.into())).collect(),
+            losses: counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(reason, _)| reason.name()).collect(),
+            incidents: counts.incidents().map(|(incident, n)| (incident.name().to_owned(), n.into())).collect(),
+            latency: of_stage.latencies.brief(),
+        })
+    }
+}
+
+/// What the instance is to do, as the page is told.
+pub(crate) fn state_entry(state: &ScanState) -> Value {
+    json!({
+        "scanning": state.scanning != 0,
+        "recording": (state.recording != 0).then(|| state.recording_file.to_text()),
+        "recordings": state.recordings,
+        "marks": state.marks,
+    })
+}
+
+fn skew_entry(skew: &Skew) -> Option<Value> {
+    let ms = |ns: i64| ns as f64 * 1e-6;
+    let mean_ms = skew.mean_ns()? * 1e-6;
+    Some(json!({"mean": mean_ms, "least": ms(skew.least_ns), "greatest": ms(skew.greatest_ns)}))
+}

@@ -1,0 +1,215 @@
+//! What is worth telling a person: losses, faults, restarts, recordings, marks, as they begin or go on.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use fringeflow::message::{Counts, ScanState, Stage};
+use fringeflow::telemetry::Tally;
+use serde::Serialize;
+
+use crate::services::{ServiceState, ServiceStatus};
+
+/// Events that are kept for whoever comes later.
+const KEPT: usize = 100;
+
+/// How grave an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Level {
+    Info,
+    Warning,
+    Error,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Event {
+    /// Counts up from 1.
+    pub(crate) id: u64,
+    /// On the wall clock, Unix milliseconds.
+    pub(crate) wall_ms: f64,
+    pub(crate) level: Level,
+    /// Stage or service.
+    pub(crate) source: &'static str,
+    pub(crate) text: String,
+}
+
+/// The last events, and what was seen when they were told.
+#[derive(Debug, Default)]
+pub(crate) struct EventLog {
+    events: VecDeque<Event>,
+    last_id: u64,
+    counts: BTreeMap<Stage, Counts>,
+    state: Option<ScanState>,
+    services: BTreeMap<&'static str, (ServiceState, u32)>,
+}
+
+impl EventLog {
+    /// Looks what has changed since the last look; about once a second, so that many losses of one kind are one event.
+    pub(crate) fn look(&mut self, tally: &Tally, state: &ScanState, services: &[ServiceStatus], wall_ms: f64) {
+        for (stage, of_stage) in tally.stages() {
+            self.look_at_stage(stage, &of_stage.counts, wall_ms);
+        }
+        self.look_at_state(state, wall_ms);
+        services.iter().for_each(|service| self.look_at_service(service, wall_ms));
+    }
+
+    /// The events after one, oldest first.
+    pub(crate) fn after(&self, id: u64) -> impl Iterator<Item = &Event> {
+        self.events.iter().filter(move |event| event.id > id)
+    }
+
+    /// The last event's number; 0 before any.
+    pub(crate) fn last_id(&self) -> u64 {
+        self.last_id
+    }
+
+    fn look_at_stage(&mut self, stage: Stage, counts: &Counts, wall_ms: f64) {
+        // Losses from before the monitor began are told as well.
+        let before = self.counts.insert(stage, *counts).unwrap_or_default();
+        for (reason, count) in counts.reasons().filter(|(reason, _)| reason.is_loss()) {
+            let new = count.saturating_sub(before.dropped(reason));
+            if new > 0 {
+                self.tell(
+                    wall_ms,
+                    Level::Warning,
+                    stage.name(),
+                    format!("lost {new} ({}), {count} in all", reason.name()),
+                );
+            }
+        }
+        for (incident, count) in counts.incidents() {
+            let new = count.saturating_sub(before.incidents[incident as usize]);
+            if new > 0 {
+                let text = format!("survived {} ({new} times, {count} in all)", incident.name());
+                self.tell(wall_ms, Level::Warning, stage.name(), text);
+            }
+        }
+    }
+
+    fn look_at_state(&mut self, state: &ScanState, wall_ms: f64) {
+        let before = self.state.replace(*state).unwrap_or_default();
+        let mut tell = |text: String| self.tell(wall_ms, Level::Info, "instance", text);
+        if state.scanning != before.scanning {
+            tell(if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
+        }
+        if before.recording != 0 && (state.recording == 0 || state.recordings != before.recordings) {
+            tell(format!("recording ended: {}", before.recording_file.to_text()));
+        }
+        if state.recording != 0 && state.recordings != before.recordings {
+            tell(format!("recording: {}", state.recording_file.to_text()));
+        }
+        if state.marks != before.marks {
+            tell(format!("mark: {}", state.mark.to_text()));
+        }
+    }
+
+    fn look_at_service(&mut self, service: &ServiceStatus, wall_ms: f64) {
+        let now = (service.state, service.restarts);
+        let before = self.services.insert(service.name, now).unwrap_or((ServiceState::Ok, 0));
+        if service.restarts > before.1 {
+            let text = format!("started again, restart {}", service.restarts);
+            self.tell(wall_ms, Level::Warning, service.name, text);
+        }
+        match (before.0, service.state) {
+            (before, now) if before == now => {}
+            (ServiceState::Silent | ServiceState::Restarting, ServiceState::Ok | ServiceState::Slow) => {
+                self.tell(wall_ms, Level::Info, service.name, "reports again".to_owned());
+            }
+            (_, ServiceState::Silent) => self.tell(wall_ms, Level::Error, service.name, service.why.clone()),
+            (_, ServiceState::Restarting) => self.tell(wall_ms, Level::Error, service.name, service.why.clone()),
+            // A stage at its limit flickers; the table of the services tells it.
+            (_, ServiceState::Ok | ServiceState::Slow) => {}
+        }
+    }
+
+    fn tell(&mut self, wall_ms: f64, level: Level, source: &'static str, text: String) {
+        self.last_id += 1;
+        self.events.push_back(Event { id: self.last_id, wall_ms, level, source, text });
+        if self.events.len() > KEPT {
+            self.events.pop_front();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fringeflow::message::{DropReason, Incident, StageReport, Text};
+
+    fn texts(log: &EventLog, after: u64) -> Vec<String> {
+        log.after(after).map(|event| format!("{}: {}", event.source, event.text)).collect()
+    }
+
+    fn tally(counts: Counts) -> Tally {
+        let mut tally = Tally::default();
+        tally.add(&StageReport { stage: Stage::Camera2 as u32, counts, ..StageReport::default() });
+        tally
+    }
+
+    #[test]
+    fn losses_and_faults_are_told_once_and_decisions_not_at_all() {
+        let (mut log, mut counts) = (EventLog::default(), Counts::default());
+        counts.drop_many(DropReason::CameraLost, 3);
+        counts.drop_many(DropReason::NextStageBusy, 9);
+        counts.note(Incident::TimeOut, 1);
+        let state = ScanState::default();
+        log.look(&tally(counts), &state, &[], 0.0);
+        assert_eq!(
+            texts(&log, 0),
+            ["camera2: lost 3 (camera_lost), 3 in all", "camera2: survived time_out (1 times, 1 in all)"]
+        );
+        log.look(&tally(counts), &state, &[], 1.0);
+        assert_eq!(log.last_id(), 2);
+        counts.drop_one(DropReason::CameraLost);
+        log.look(&tally(counts), &state, &[], 2.0);
+        assert_eq!(texts(&log, 2), ["camera2: lost 1 (camera_lost), 4 in all"]);
+    }
+
+    #[test]
+    fn recordings_and_marks_are_told() {
+        let mut log = EventLog::default();
+        let mut state = ScanState { scanning: 1, recording: 1, recordings: 1, ..ScanState::default() };
+        state.recording_file = Text::new("/a.mcap");
+        log.look(&Tally::default(), &state, &[], 0.0);
+        (state.recordings, state.recording_file) = (2, Text::new("/b.mcap"));
+        (state.marks, state.mark) = (1, Text::new("<ear>"));
+        log.look(&Tally::default(), &state, &[], 0.0);
+        assert_eq!(
+            texts(&log, 0),
+            [
+                "instance: scanning",
+                "instance: recording: /a.mcap",
+                "instance: recording ended: /a.mcap",
+                "instance: recording: /b.mcap",
+                "instance: mark: <ear>"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_service_that_falls_silent_and_returns_is_told() {
+        let mut log = EventLog::default();
+        let mut look = |state, restarts| {
+            let why = "no sign of life for 3 s".to_owned();
+            let service = ServiceStatus { state, why, restarts, ..ServiceStatus::new("phase", &[]) };
+            let before = log.last_id();
+            log.look(&Tally::default(), &ScanState::default(), &[service], 0.0);
+            texts(&log, before)
+        };
+        assert_eq!(look(ServiceState::Ok, 0), Vec::<String>::new());
+        assert_eq!(look(ServiceState::Slow, 0), Vec::<String>::new());
+        assert_eq!(look(ServiceState::Silent, 0), ["phase: no sign of life for 3 s"]);
+        assert_eq!(look(ServiceState::Ok, 1), ["phase: started again, restart 1", "phase: reports again"]);
+    }
+
+    #[test]
+    fn only_the_last_events_are_kept() {
+        let (mut log, mut counts) = (EventLog::default(), Counts::default());
+        for _ in 0..250 {
+            counts.drop_one(DropReason::Overrun);
+            log.look(&tally(counts), &ScanState::default(), &[], 0.0);
+        }
+        assert_eq!((log.after(0).count(), log.last_id()), (KEPT, 250));
+        assert_eq!(log.after(249).count(), 1);
+    }
+}

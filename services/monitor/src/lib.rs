@@ -1,0 +1,119 @@
+//! The monitor service: metrics for Prometheus, the dashboard, the live view of Foxglove.
+//!
+//! It listens to reports, which are small, and looks into images, maps and clouds only while somebody watches. It gives way to
+//! all others: its priority is the lowest, nobody waits for it, and a client that does not read is served no further.
+
+mod board;
+mod events;
+mod http;
+mod metrics;
+mod process;
+mod room;
+mod services;
+mod shared;
+mod taps;
+mod viewing;
+mod views;
+
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use fringeflow::message::{ScanState, StageReport, WindowReport};
+use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TransportError, Wake};
+use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
+
+use board::Board;
+use http::{Guard, Server};
+use shared::Shared;
+use taps::Taps;
+use viewing::Viewing;
+
+/// How much the monitor gives way to the others: as much as there is.
+const NICENESS: i32 = 19;
+/// Rest between two looks at the channels: reports wait meanwhile, and many are taken at once.
+const REST: Duration = Duration::from_millis(40);
+/// Time between two messages to the page, nanoseconds.
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// Runs the service until it is to end.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
+    // Without it, it is only less polite.
+    let _ = rustix::process::nice(NICENESS);
+    let mut host = Host::open(arguments, "monitor")?;
+    let mut channels = Channels::open(&host)?;
+    let board = Board::new(&host.configuration, &host.setup, clock::now_ns());
+    let shared = Arc::new(Shared::new(host.node.instance().clone(), board));
+    let monitor = &host.configuration.monitor;
+    let guard = Guard::new(monitor).map_err(|problem| ServiceError::Unusable(problem.to_string()))?;
+    let server = Server::start(&shared, guard, monitor.dashboard).map_err(ServiceError::Unusable)?;
+    let mut taps = Taps::new();
+    let mut viewing = Viewing::default();
+    let mut turned_ns = clock::now_ns();
+    while !host.stop.is_requested() {
+        channels.drain(&shared);
+        let (now_ns, wall_ms) = (clock::now_ns(), wall_ms());
+        if now_ns.saturating_sub(turned_ns) >= SECOND_NS {
+            turned_ns = now_ns;
+            let clients = shared.clients.load(std::sync::atomic::Ordering::Relaxed);
+            let figures = shared.board().turn(now_ns, wall_ms, clients);
+            shared.figures.send_replace(figures.into());
+            taps.tend(now_ns);
+        }
+        viewing.turn(&host, &shared, &mut taps, now_ns, wall_ms);
+        host.tend(|_, now_ns| channels.ensure_connected(now_ns));
+        std::thread::sleep(REST);
+        channels.wait()?;
+    }
+    server.stop();
+    Ok(())
+}
+
+/// Now on the wall clock, Unix milliseconds.
+fn wall_ms() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64() * 1e3)
+}
+
+/// The channels that are always listened to.
+struct Channels {
+    reports: Subscriber<(), StageReport>,
+    windows: Subscriber<(), WindowReport>,
+    states: Subscriber<(), ScanState>,
+    wake: Wake,
+}
+
+impl Channels {
+    fn open(host: &Host) -> Result<Self, TransportError> {
+        Ok(Self {
+            reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
+            windows: Subscriber::open(&host.node, REPORT_WINDOW, &host.sizes)?,
+            states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
+            wake: Wake::new()?,
+        })
+    }
+
+    fn drain(&mut self, shared: &Shared) {
+        let mut board = shared.board();
+        while let Some(report) = receive(&mut self.reports) {
+            board.take_report(report.payload());
+        }
+        while let Some(report) = receive(&mut self.windows) {
+            board.take_window(report.payload());
+        }
+        while let Some(state) = receive(&mut self.states) {
+            board.state = *state;
+        }
+    }
+
+    fn wait(&self) -> Result<(), TransportError> {
+        self.wake.wait(&[&self.reports, &self.windows, &self.states], BEAT)
+    }
+
+    fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+        self.reports.ensure_connected(now_ns)?;
+        self.windows.ensure_connected(now_ns)?;
+        self.states.ensure_connected(now_ns).map(|_| ())
+    }
+}

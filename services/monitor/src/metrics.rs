@@ -1,0 +1,235 @@
+//! The board as OpenMetrics text.
+//!
+//! All label sets are fixed: every series is there from the first scrape to the last, whatever happens. Figures of windows
+//! are not a number before the first window.
+
+use std::fmt::Error;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fringeflow::message::{DropReason, Incident, Stage};
+use fringeflow::telemetry::{BUCKETS_NS, Latencies, Segment, Shares, WindowFigures};
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
+use prometheus_client::metrics::MetricType;
+use prometheus_client::metrics::counter::ConstCounter;
+use prometheus_client::metrics::gauge::ConstGauge;
+use prometheus_client::registry::Registry;
+
+use crate::board::Board;
+use crate::services::ServiceStatus;
+
+/// Media type of the text.
+pub(crate) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// Makes the text.
+#[derive(Debug)]
+pub(crate) struct Metrics(Registry);
+
+#[derive(Debug)]
+struct BoardCollector {
+    board: Arc<Mutex<Board>>,
+    clients: Arc<std::sync::atomic::AtomicUsize>,
+}
+
+/// Labels of a series, with their values.
+type Labels<'a> = Vec<(&'static str, &'a str)>;
+
+impl Metrics {
+    pub(crate) fn new(board: Arc<Mutex<Board>>, clients: Arc<std::sync::atomic::AtomicUsize>) -> Self {
+        let mut registry = Registry::with_prefix("fringeflow");
+        registry.register_collector(Box::new(BoardCollector { board, clients }));
+        Self(registry)
+    }
+
+    /// All metrics at this moment.
+    pub(crate) fn text(&self) -> String {
+        let mut out = String::new();
+        // A string takes whatever is written.
+        let _ = text::encode(&mut out, &self.0);
+        out
+    }
+}
+
+impl Collector for BoardCollector {
+    fn encode(&self, encoder: DescriptorEncoder<'_>) -> Result<(), Error> {
+        let board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let clients = self.clients.load(std::sync::atomic::Ordering::Relaxed);
+        let mut out = Out(encoder);
+        instance(&mut out, &board, clients)?;
+        stages(&mut out, &board)?;
+        latencies(&mut out, &board)?;
+        window(&mut out, board.window.as_ref())?;
+        services(&mut out, &board.statuses)
+    }
+}
+
+fn instance(out: &mut Out<'_>, board: &Board, clients: usize) -> Result<(), Error> {
+    let version = vec![("version", env!("CARGO_PKG_VERSION"))];
+    out.gauges("build_info", "The running version.", [(version, 1.0)])?;
+    out.gauge("scanning", "1 while cameras and projector run.", f64::from(board.state.scanning))?;
+    out.gauge("recording", "1 while a recording runs.", f64::from(board.state.recording))?;
+    out.gauge("monitor_clients", "Pages that are connected.", clients as f64)?;
+    let bytes = |mb: f64| mb * 1e6;
+    let room = board.room;
+    out.gauge("shared_memory_free_bytes", "Free bytes of shared memory.", bytes(room.shared_memory_free_mb))?;
+    out.gauge("disk_free_bytes", "Free bytes of the disk that holds the recordings.", bytes(room.disk_free_mb))?;
+    let seconds = |ns: Option<f64>| ns.map_or(f64::NAN, |ns| ns * 1e-9);
+    let skew = &board.skew;
+    let if_any = |ns: i64| (skew.pairs > 0).then_some(ns as f64);
+    let skews = [("mean", skew.mean_ns()), ("least", if_any(skew.least_ns)), ("greatest", if_any(skew.greatest_ns))];
+    out.gauges(
+        "camera_skew_seconds",
+        "By how much images of camera 2 begin later than those of camera 1, over the last second.",
+        skews.map(|(statistic, ns)| (vec![("statistic", statistic)], seconds(ns))),
+    )
+}
+
+fn stages(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
+    let counts = |stage| board.tally.stage(stage).map(|of_stage| of_stage.counts).unwrap_or_default();
+    let label = |stage: Stage| vec![("stage", stage.name())];
+    let each = |value: &dyn Fn(Stage) -> u64| Stage::ALL.map(|stage| (label(stage), value(stage)));
+    out.counters(
+        "stage_taken",
+        "Items that the stage before had put out, those lost between included.",
+        each(&|stage| counts(stage).taken),
+    )?;
+    out.counters("stage_passed", "Items that the stage put out.", each(&|stage| counts(stage).passed))?;
+    let dropped = Stage::ALL.into_iter().flat_map(|stage| {
+        let counts = counts(stage);
+        DropReason::ALL.map(|reason| (vec![("stage", stage.name()), ("reason", reason.name())], counts.dropped(reason)))
+    });
+    out.counters("stage_dropped", "Items that the stage dropped, by reason.", dropped)?;
+    let incidents = Stage::ALL.into_iter().flat_map(|stage| {
+        let counts = counts(stage);
+        Incident::ALL.map(|incident| {
+            (vec![("stage", stage.name()), ("incident", incident.name())], counts.incidents[incident as usize])
+        })
+    });
+    out.counters("stage_incidents", "Faults that the stage survived.", incidents)?;
+    let depth = |value: &dyn Fn(Stage) -> u64| Stage::ALL.map(|stage| (label(stage), value(stage) as f64));
+    out.gauges("stage_in_work", "Items taken and not finished.", depth(&|stage| board.in_work(stage)))?;
+    out.gauges(
+        "stage_waiting",
+        "Items put out by the stage before and not yet taken.",
+        depth(&|stage| board.waiting(stage)),
+    )
+}
+
+fn latencies(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
+    let none = Latencies::default();
+    let of_stage = |stage| board.tally.stage(stage).map_or(&none, |of_stage| &of_stage.latencies);
+    out.histograms(
+        "stage_latency_seconds",
+        "From taking an item to putting it out.",
+        Stage::ALL.map(|stage| (vec![("stage", stage.name())], of_stage(stage))),
+    )?;
+    out.histograms(
+        "segment_seconds",
+        "Parts of the way from exposure to cloud; they add up to it.",
+        Segment::ALL.map(|segment| (vec![("segment", segment.name())], board.tally.segment(segment))),
+    )?;
+    out.histogram(
+        "exposure_to_cloud_seconds",
+        "From the start of the last exposure of a window to its published cloud.",
+        board.tally.total(),
+    )
+}
+
+fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
+    let figure = |of: fn(&WindowFigures) -> f64| window.map_or(f64::NAN, of);
+    out.gauge("delta_sd_radians", "Standard deviation sd of delta.", figure(|w| w.sd_rad))?;
+    out.gauge("delta_noise_sd_radians", "Part of sd that noise makes.", figure(|w| w.noise_sd_rad))?;
+    out.gauge("delta_threshold_radians", "Threshold thr of delta about its mean.", figure(|w| w.thr_rad))?;
+    out.gauge("delta_median_radians", "Median of delta over the chosen candidates.", figure(|w| w.delta_median_rad))?;
+    out.gauge("segment_periods", "Mean number n of fringe periods on an epipolar segment.", figure(|w| w.n))?;
+    out.gauge("expected_false_candidates", "Expected false candidates for each true one, efc.", figure(|w| w.efc))?;
+    out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
+    let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);
+    let shares = percent.named().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
+    out.gauges("pixel_share", "Share of the pixels of camera 1 with a valid phase, by what became of them.", shares)?;
+    let cameras =
+        |values: [f64; 2]| ["1", "2"].into_iter().zip(values).map(|(camera, value)| (vec![("camera", camera)], value));
+    let residuals = window.map_or([f64::NAN; 2], |w| w.residual.map(|share| share.map_or(f64::NAN, f64::from)));
+    out.gauges("fit_residual_ratio", "Median of fit residual by modulation.", cameras(residuals))?;
+    let valid = window.map_or([f64::NAN; 2], |w| w.valid.map(|percent| percent / 100.0));
+    out.gauges("valid_pixel_share", "Share of the pixels with a valid phase.", cameras(valid))
+}
+
+fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
+    let each = |value: fn(&ServiceStatus) -> f64| {
+        services.iter().map(move |service| (vec![("service", service.name)], value(service)))
+    };
+    out.gauges("service_up", "1 while the service does its work.", each(|s| f64::from(u8::from(s.is_up()))))?;
+    out.gauges(
+        "service_memory_bytes",
+        "Memory of the service in RAM, what it shares included.",
+        each(|s| s.memory_bytes as f64),
+    )?;
+    out.counters("service_cpu_seconds", "CPU time of the service.", each(|s| s.cpu_s))?;
+    let restarts = services.iter().map(|service| (vec![("service", service.name)], u64::from(service.restarts)));
+    out.counters("service_restarts", "How often the service was started again.", restarts)
+}
+
+/// Writes families of series.
+struct Out<'a>(DescriptorEncoder<'a>);
+
+impl Out<'_> {
+    fn gauge(&mut self, name: &str, help: &str, value: f64) -> Result<(), Error> {
+        ConstGauge::new(value).encode(self.0.encode_descriptor(name, help, None, MetricType::Gauge)?)
+    }
+
+    fn gauges<'l>(
+        &mut self,
+        name: &str,
+        help: &str,
+        series: impl IntoIterator<Item = (Labels<'l>, f64)>,
+    ) -> Result<(), Error> {
+        self.family(name, help, MetricType::Gauge, series, |value, encoder| ConstGauge::new(*value).encode(encoder))
+    }
+
+    fn counters<'l, N>(
+        &mut self,
+        name: &str,
+        help: &str,
+        series: impl IntoIterator<Item = (Labels<'l>, N)>,
+    ) -> Result<(), Error>
+    where
+        N: Copy,
+        ConstCounter<N>: EncodeMetric,
+    {
+        self.family(name, help, MetricType::Counter, series, |value, encoder| ConstCounter::new(*value).encode(encoder))
+    }
+
+    fn histograms<'l, 'h>(
+        &mut self,
+        name: &str,
+        help: &str,
+        series: impl IntoIterator<Item = (Labels<'l>, &'h Latencies)>,
+    ) -> Result<(), Error> {
+        self.family(name, help, MetricType::Histogram, series, |latencies, encoder| {
+            encode_latencies(latencies, encoder)
+        })
+    }
+
+    fn histogram(&mut self, name: &str, help: &str, latencies: &Latencies) -> Result<(), Error> {
+        encode_latencies(latencies, self.0.encode_descriptor(name, help, None, MetricType::Histogram)?)
+    }
+
+    fn family<'l, V>(
+        &mut self,
+        name: &str,
+        help: &str,
+        metric_type: MetricType,
+        series: impl IntoIterator<Item = (Labels<'l>, V)>,
+        encode: impl Fn(&V, MetricEncoder<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut family = self.0.encode_descriptor(name, help, None, metric_type)?;
+        series.into_iter().try_for_each(|(labels, value)| encode(&value, family.encode_family(&labels)?))
+    }
+}
+
+fn encode_latencies(latencies: &Latencies, mut encoder: MetricEncoder<'_>) -> Result<(), Error> {
+    let bounds_s = BUCKETS_NS.map(|bound_ns| bound_ns as f64 / 1e9).into_iter().chain([f64::MAX]);
+    let buckets: Vec<(f64, u64)> = bounds_s.zip(latencies.buckets().iter().copied()).collect();
+    encoder.encode_histogram::<NoLabelSet>(latencies.sum_ns() as f64 * 1e-9, latencies.count(), &buckets, None)
+}

@@ -1,0 +1,268 @@
+//! How each service of the instance fares: by its reports, its process and what is dropped because of it.
+
+use fringeflow::message::{Counts, DropReason, Stage};
+use fringeflow::telemetry::{StageTally, Tally};
+use serde::Serialize;
+
+use crate::process::{Process, Usage};
+
+/// Name of the process that starts the others.
+const SUPERVISOR: &str = "supervisor";
+/// Name of this one.
+const MONITOR: &str = "monitor";
+
+/// What a person is to know of a service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum ServiceState {
+    /// It works.
+    Ok,
+    /// It works, but more comes than it can take.
+    Slow,
+    /// It gives no sign of life.
+    Silent,
+    /// Its process is gone; the supervisor starts another.
+    Restarting,
+}
+
+/// A service as it was at the last look.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct ServiceStatus {
+    pub(crate) name: &'static str,
+    pub(crate) state: ServiceState,
+    /// Why it is not ok; else empty.
+    pub(crate) why: String,
+    pub(crate) pid: Option<u32>,
+    pub(crate) restarts: u32,
+    pub(crate) cpu_percent: Option<f64>,
+    pub(crate) memory_mb: Option<f64>,
+    #[serde(serialize_with = "names")]
+    pub(crate) stages: Vec<Stage>,
+    /// CPU time over all its processes, seconds.
+    #[serde(skip)]
+    pub(crate) cpu_s: f64,
+    #[serde(skip)]
+    pub(crate) memory_bytes: u64,
+}
+
+/// Looks after the services.
+#[derive(Debug)]
+pub(crate) struct Services {
+    watches: Vec<Watch>,
+    looked_ns: u64,
+}
+
+#[derive(Debug)]
+struct Watch {
+    status: ServiceStatus,
+    process: Option<Process>,
+    /// CPU time of processes that are gone, seconds.
+    cpu_before_s: f64,
+    counts: Vec<Counts>,
+}
+
+impl ServiceStatus {
+    pub(crate) fn new(name: &'static str, stages: &[Stage]) -> Self {
+        Self {
+            name,
+            state: ServiceState::Ok,
+            why: String::new(),
+            pid: None,
+            restarts: 0,
+            cpu_percent: None,
+            memory_mb: None,
+            stages: stages.to_vec(),
+            cpu_s: 0.0,
+            memory_bytes: 0,
+        }
+    }
+
+    /// Whether it does its work.
+    pub(crate) fn is_up(&self) -> bool {
+        matches!(self.state, ServiceState::Ok | ServiceState::Slow)
+    }
+}
+
+impl Services {
+    /// The services of an instance by name, with the stages that each reports on; those without any are watched by their
+    /// process alone.
+    pub(crate) fn new(services: &[(&'static str, &'static [Stage])]) -> Self {
+        let mut watches =
+            vec![Watch::new(SUPERVISOR, &[], rustix::process::getppid().map(|pid| pid.as_raw_pid() as u32))];
+        let watch = |&(name, stages): &(&'static str, &'static [Stage])| {
+            Watch::new(name, stages, (name == MONITOR).then(std::process::id))
+        };
+        watches.extend(services.iter().map(watch));
+        Self { watches, looked_ns: 0 }
+    }
+
+    /// The services as they were at the last look.
+    pub(crate) fn statuses(&self) -> Vec<ServiceStatus> {
+        self.watches.iter().map(|watch| watch.status.clone()).collect()
+    }
+
+    /// Looks at all of them.
+    pub(crate) fn look(&mut self, tally: &Tally, now_ns: u64) {
+        let span_s = now_ns.saturating_sub(self.looked_ns) as f64 * 1e-9;
+        self.looked_ns = now_ns;
+        self.watches.iter_mut().for_each(|watch| watch.look(tally, now_ns, span_s));
+    }
+}
+
+impl Watch {
+    fn new(name: &'static str, stages: &[Stage], pid: Option<u32>) -> Self {
+        let status = ServiceStatus::new(name, stages);
+        Self { status, process: pid.map(Process::new), cpu_before_s: 0.0, counts: Vec::new() }
+    }
+
+    fn look(&mut self, tally: &Tally, now_ns: u64, span_s: f64) {
+        let reports: Vec<&StageTally> = self.status.stages.iter().filter_map(|&stage| tally.stage(stage)).collect();
+        if let Some(last) = reports.iter().max_by_key(|report| report.time_ns) {
+            self.status.restarts = last.restarts;
+            self.follow(last.pid);
+        }
+        let usage = self.process.as_mut().and_then(Process::usage);
+        self.take_usage(usage, span_s);
+        let (state, why) = self.judge(&reports, usage.is_some(), tally, now_ns);
+        (self.status.state, self.status.why) = (state, why);
+        self.counts = held_up(&self.status.stages, tally);
+    }
+
+    /// Goes on with the process that reports now.
+    fn follow(&mut self, pid: u32) {
+        if self.process.as_ref().is_none_or(|process| process.pid() != pid) {
+            self.cpu_before_s = self.status.cpu_s;
+            self.process = Some(Process::new(pid));
+        }
+    }
+
+    fn take_usage(&mut self, usage: Option<Usage>, span_s: f64) {
+        self.status.pid = usage.and(self.process.as_ref()).map(Process::pid);
+        self.status.cpu_percent = None;
+        self.status.memory_mb = usage.map(|usage| usage.memory_bytes as f64 / 1e6);
+        self.status.memory_bytes = usage.map_or(0, |usage| usage.memory_bytes);
+        if let Some(usage) = usage {
+            let cpu_s = self.cpu_before_s + usage.cpu_s;
+            let is_first = self.status.cpu_s == 0.0;
+            let spent_s = cpu_s - self.status.cpu_s;
+            self.status.cpu_percent = (!is_first && span_s > 0.0).then(|| 100.0 * spent_s.max(0.0) / span_s);
+            self.status.cpu_s = cpu_s;
+        }
+    }
+
+    fn judge(&self, reports: &[&StageTally], is_alive: bool, tally: &Tally, now_ns: u64) -> (ServiceState, String) {
+        if self.process.is_some() && !is_alive {
+            return (ServiceState::Restarting, "its process is gone".to_owned());
+        }
+        if self.status.stages.is_empty() {
+            return (ServiceState::Ok, String::new());
+        }
+        if reports.is_empty() {
+            return (ServiceState::Silent, "has not reported yet".to_owned());
+        }
+        let last_ns = reports.iter().map(|report| report.time_ns).max().unwrap_or(0);
+        if reports.iter().all(|report| report.is_silent(now_ns)) {
+            let silence_s = now_ns.saturating_sub(last_ns) / 1_000_000_000;
+            return (ServiceState::Silent, format!("no sign of life for {silence_s} s"));
+        }
+        match self.backlog(tally) {
+            Some(why) => (ServiceState::Slow, why),
+            None => (ServiceState::Ok, String::new()),
+        }
+    }
+
+    /// What was dropped since the last look because this service could not take it.
+    fn backlog(&self, tally: &Tally) -> Option<String> {
+        let now = held_up(&self.status.stages, tally);
+        let new = |reason: DropReason| -> u64 {
+            let pairs = now.iter().zip(&self.counts);
+            pairs.map(|(now, before)| now.dropped(reason).saturating_sub(before.dropped(reason))).sum()
+        };
+        let because = |reason, what| Some(new(reason)).filter(|&n| n > 0).map(|n| format!("{n} {what}"));
+        because(DropReason::Overrun, "overwritten before it took them")
+            .or_else(|| because(DropReason::QueueFull, "did not find room in the queue to the disk"))
+            .or_else(|| because(DropReason::NoSample, "found no free memory in the channel"))
+            .or_else(|| because(DropReason::NextStageBusy, "windows left out while it was busy"))
+    }
+}
+
+/// Counts that tell how much was dropped because of a service: of its own stages, where they could not take; of the stage
+/// before, where that found it busy.
+fn held_up(stages: &[Stage], tally: &Tally) -> Vec<Counts> {
+    let counts = |stage| tally.stage(stage).map(|of_stage: &StageTally| of_stage.counts).unwrap_or_default();
+    let only = |counts: Counts, reasons: &[DropReason]| {
+        let mut only = Counts::default();
+        reasons.iter().for_each(|&reason| only.drop_many(reason, counts.dropped(reason)));
+        only
+    };
+    let own = stages
+        .iter()
+        .map(|&stage| only(counts(stage), &[DropReason::Overrun, DropReason::QueueFull, DropReason::NoSample]));
+    let is_waited_for = stages.contains(&Stage::Correspondence);
+    let before = is_waited_for.then(|| only(counts(Stage::Phase), &[DropReason::NextStageBusy]));
+    own.chain(before).collect()
+}
+
+fn names<S: serde::Serializer>(stages: &[Stage], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(stages.iter().map(|stage| stage.name()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fringeflow::message::StageReport;
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    fn tally(pid: u32, time_ns: u64, busy: u64) -> Tally {
+        let mut tally = Tally::default();
+        let mut counts = Counts::default();
+        counts.drop_many(DropReason::NextStageBusy, busy);
+        tally.add(&StageReport { stage: Stage::Phase as u32, pid, time_ns, counts, ..StageReport::default() });
+        tally.add(&StageReport { stage: Stage::Correspondence as u32, pid, time_ns, ..StageReport::default() });
+        tally
+    }
+
+    fn look(services: &mut Services, tally: &Tally, now_ns: u64) -> Vec<(ServiceState, String)> {
+        services.look(tally, now_ns);
+        services.statuses().into_iter().skip(1).map(|status| (status.state, status.why)).collect()
+    }
+
+    #[test]
+    fn states_follow_reports_and_processes() {
+        let own = std::process::id();
+        let mut services = Services::new(&[
+            ("phase", &[Stage::Phase]),
+            ("correspondence", &[Stage::Correspondence]),
+            ("monitor", &[]),
+        ]);
+        let states = look(&mut services, &Tally::default(), SECOND_NS);
+        assert_eq!(states[0], (ServiceState::Silent, "has not reported yet".to_owned()));
+        assert_eq!(states[2].0, ServiceState::Ok);
+        let states = look(&mut services, &tally(own, SECOND_NS, 0), 2 * SECOND_NS);
+        assert_eq!([states[0].0, states[1].0], [ServiceState::Ok; 2]);
+        // Windows left out while correspondence was busy make that slow, not the one that left them out.
+        let states = look(&mut services, &tally(own, 2 * SECOND_NS, 8), 3 * SECOND_NS);
+        assert_eq!(states[0].0, ServiceState::Ok);
+        assert_eq!(states[1], (ServiceState::Slow, "8 windows left out while it was busy".to_owned()));
+        let states = look(&mut services, &tally(own, 2 * SECOND_NS, 8), 9 * SECOND_NS);
+        assert_eq!(states[1], (ServiceState::Silent, "no sign of life for 7 s".to_owned()));
+        // No process has this number: it is beyond the largest that Linux gives.
+        let states = look(&mut services, &tally(1 << 23, 9 * SECOND_NS, 8), 9 * SECOND_NS);
+        assert_eq!(states[0], (ServiceState::Restarting, "its process is gone".to_owned()));
+    }
+
+    #[test]
+    fn cpu_time_is_that_of_all_processes_of_a_service() {
+        let mut services = Services::new(&[("phase", &[Stage::Phase])]);
+        let usage = |cpu_s| Some(Usage { cpu_s, memory_bytes: 5_000_000 });
+        let watch = &mut services.watches[1];
+        watch.follow(7);
+        watch.take_usage(usage(1.0), 1.0);
+        watch.take_usage(usage(1.5), 1.0);
+        assert_eq!((watch.status.cpu_percent, watch.status.memory_mb), (Some(50.0), Some(5.0)));
+        watch.follow(8);
+        watch.take_usage(usage(0.25), 1.0);
+        assert_eq!((watch.status.cpu_s, watch.status.cpu_percent), (1.75, Some(25.0)));
+    }
+}

@@ -1,0 +1,271 @@
+//! What the page shows of images, maps and clouds: small copies, as binary messages.
+//!
+//! A message is the length of its JSON header (`u32`, little-endian), the header, padded so that data begins at a multiple of
+//! eight bytes, and the data. Nothing is compressed: making a picture costs one pass over a part of the pixels.
+
+use fringeflow::cloud::{RECORD_BYTES, decode_record};
+use fringeflow::grey::PixelFormat;
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader};
+use fringeflow::wire;
+use serde_json::{Value, json};
+
+/// Largest width of a picture, pixels.
+const WIDTH_PX: usize = 320;
+/// Most points of a cloud.
+const POINTS: usize = 40_000;
+/// Largest value of a quantized coordinate.
+const LARGEST: f32 = 32_767.0;
+
+/// A picture that is smaller than its image by a whole factor: every so many-th pixel.
+struct Reduction {
+    every: usize,
+    width: usize,
+    height: usize,
+}
+
+impl Reduction {
+    fn of(width_px: usize, height_px: usize) -> Self {
+        let every = width_px.div_ceil(WIDTH_PX).max(1);
+        Self { every, width: width_px / every, height: height_px / every }
+    }
+
+    /// Values of the pixels that remain, by column and row of the image.
+    fn map<T>(&self, mut value: impl FnMut(usize, usize) -> T) -> Vec<T> {
+        let mut values = Vec::with_capacity(self.width * self.height);
+        for row in 0..self.height {
+            values.extend((0..self.width).map(|column| value(column * self.every, row * self.every)));
+        }
+        values
+    }
+}
+
+/// Pictures that were gathered for one message.
+#[derive(Debug, Default)]
+pub(crate) struct Pictures {
+    entries: Vec<Value>,
+    data: Vec<u8>,
+}
+
+impl Pictures {
+    /// Adds an image of a camera; one whose header contradicts it is left out.
+    pub(crate) fn add_frame(&mut self, header: &FrameHeader, image: &[u8]) {
+        let Some(format) = PixelFormat::of(header.pixel_format) else { return };
+        let [width, height, stride] =
+            [header.width_px, header.height_px, header.stride_bytes].map(|number| number as usize);
+        let is_whole = width * format.bytes() <= stride && stride.checked_mul(height) == Some(image.len());
+        let name = match header.camera {
+            1 if is_whole => "camera1",
+            2 if is_whole => "camera2",
+            _ => return,
+        };
+        let reduction = Reduction::of(width, height);
+        let shift = format.bits().saturating_sub(8);
+        let grey = |u: usize, v: usize| match format.bytes() {
+            1 => image[v * stride + u],
+            _ => {
+                let at = v * stride + 2 * u;
+                (u16::from_le_bytes([image[at], image[at + 1]]) >> shift).min(255) as u8
+            }
+        };
+        let values = reduction.map(grey);
+        self.add(name, "u8", &reduction, &values, json!({}));
+    }
+
+    /// Adds phase and modulation of camera 1; maps that contradict their header are left out.
+    pub(crate) fn add_maps(&mut self, header: &MapsHeader, payload: &[Block]) {
+        let Ok([cam1, _]) = wire::maps::view(header, payload) else { return };
+        let width = header.width_px as usize;
+        let reduction = Reduction::of(width, header.height_px as usize);
+        let if_valid = |value: &dyn Fn(usize) -> u8| {
+            reduction.map(|u, v| {
+                let pixel = v * width + u;
+                if cam1.valid[pixel] == 0 { 0 } else { value(pixel).max(1) }
+            })
+        };
+        // 65536 steps of a turn to 255.
+        let phase = if_valid(&|pixel| 1 + ((u32::from(cam1.phase[pixel]) * 254) >> 16) as u8);
+        let modulation = if_valid(&|pixel| (2.0 * cam1.modulation[pixel]).round() as u8);
+        self.add("phase", "u8", &reduction, &phase, json!({}));
+        self.add("modulation", "u8", &reduction, &modulation, json!({}));
+    }
+
+    /// Adds the depth of a cloud, at the pixels of camera 1, whose images have a size.
+    pub(crate) fn add_depth(&mut self, records: &[u8], size_px: [usize; 2]) {
+        let reduction = Reduction::of(size_px[0], size_px[1]);
+        let mut depth_mm = vec![f32::NAN; reduction.width * reduction.height];
+        for point in records.as_chunks::<RECORD_BYTES>().0.iter().map(decode_record) {
+            let [u, v] = point.cam1_px.map(|pixel| usize::from(pixel) / reduction.every);
+            if u < reduction.width && v < reduction.height {
+                depth_mm[v * reduction.width + u] = 1000.0 * point.position_m[2];
+            }
+        }
+        let (nearest, farthest) = depth_mm.iter().fold((f32::MAX, f32::MIN), |(least, greatest), &z| {
+            if z.is_nan() { (least, greatest) } else { (least.min(z), greatest.max(z)) }
+        });
+        if nearest > farthest {
+            return;
+        }
+        let step_mm = ((farthest - nearest) / 65_534.0).max(1e-6);
+        let code = |z: f32| if z.is_nan() { 0 } else { 1 + ((z - nearest) / step_mm).round().min(65_534.0) as u16 };
+        let codes: Vec<u8> = depth_mm.into_iter().flat_map(|z| code(z).to_le_bytes()).collect();
+        self.add("depth", "u16", &reduction, &codes, json!({"base_mm": nearest, "step_mm": step_mm}));
+    }
+
+    fn add(&mut self, name: &str, format: &str, reduction: &Reduction, values: &[u8], mut entry: Value) {
+        entry["name"] = name.into();
+        entry["format"] = format.into();
+        entry["width"] = reduction.width.into();
+        entry["height"] = reduction.height.into();
+        entry["offset"] = self.data.len().into();
+        self.entries.push(entry);
+        self.data.extend_from_slice(values);
+        pad(&mut self.data, 0);
+    }
+
+    /// The message; `None` where there is no picture.
+    pub(crate) fn message(self, id: u64, wall_ms: f64) -> Option<Vec<u8>> {
+        let header = json!({"type": "pictures", "id": id, "wall_ms": wall_ms, "pictures": self.entries});
+        (!self.entries.is_empty()).then(|| message(&header, &self.data))
+    }
+}
+
+/// A cloud, thinned out evenly, its coordinates as whole steps about its centre; `None` for one without points.
+pub(crate) fn cloud_message(header: &CloudHeader, records: &[u8], id: u64, wall_ms: f64) -> Option<Vec<u8>> {
+    let records = records.as_chunks::<RECORD_BYTES>().0;
+    let every = records.len().div_ceil(POINTS).max(1);
+    let points: Vec<_> = records.iter().step_by(every).map(decode_record).collect();
+    let (mut least, mut greatest) = ([f32::MAX; 3], [f32::MIN; 3]);
+    for point in &points {
+        for axis in 0..3 {
+            least[axis] = least[axis].min(point.position_m[axis]);
+            greatest[axis] = greatest[axis].max(point.position_m[axis]);
+        }
+    }
+    let extent_m = (0..3).map(|axis| greatest[axis] - least[axis]).fold(0.0, f32::max);
+    if points.is_empty() || !extent_m.is_finite() {
+        return None;
+    }
+    let centre_m: [f32; 3] = std::array::from_fn(|axis| least[axis].midpoint(greatest[axis]));
+    let step_m = (extent_m / (2.0 * LARGEST)).max(1e-9);
+    let mut data = Vec::with_capacity(points.len() * 7 + 8);
+    for point in &points {
+        for axis in 0..3 {
+            let steps = ((point.position_m[axis] - centre_m[axis]) / step_m).round().clamp(-LARGEST, LARGEST);
+            data.extend_from_slice(&(steps as i16).to_le_bytes());
+        }
+    }
+    let intensities = data.len();
+    data.extend(points.iter().map(|point| point.intensity));
+    let header = json!({
+        "type": "cloud", "id": id, "wall_ms": wall_ms, "points": header.points, "shown": points.len(),
+        "centre_m": centre_m, "step_m": step_m, "positions": 0, "intensities": intensities,
+    });
+    Some(message(&header, &data))
+}
+
+fn message(header: &Value, data: &[u8]) -> Vec<u8> {
+    let mut header = header.to_string().into_bytes();
+    while !(4 + header.len()).is_multiple_of(8) {
+        header.push(b' ');
+    }
+    let mut message = Vec::with_capacity(4 + header.len() + data.len());
+    message.extend_from_slice(&(header.len() as u32).to_le_bytes());
+    message.extend_from_slice(&header);
+    message.extend_from_slice(data);
+    message
+}
+
+fn pad(bytes: &mut Vec<u8>, with: u8) {
+    bytes.resize(bytes.len().next_multiple_of(8), with);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fringeflow::cloud::{CloudPoint, write_records};
+
+    /// Header and data of a message.
+    fn parts(message: &[u8]) -> (Value, &[u8]) {
+        let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
+        assert_eq!((4 + length) % 8, 0);
+        (serde_json::from_slice(&message[4..4 + length]).unwrap(), &message[4 + length..])
+    }
+
+    fn records(points: &[([f32; 3], [u16; 2])]) -> Vec<u8> {
+        let point = |&(position_m, cam1_px): &([f32; 3], [u16; 2])| CloudPoint {
+            position_m,
+            intensity: 7,
+            cam1_px,
+            cam2_px: [0.0; 2],
+            order: 0,
+            delta_rad: 0.0,
+            candidates: 1,
+            stage: 1,
+            sigma_m: 0.0,
+        };
+        let mut bytes = Vec::new();
+        write_records(&mut bytes, &points.iter().map(point).collect::<Vec<_>>(), 1.0).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn large_images_are_thinned_out_and_deep_ones_shown_in_eight_bits() {
+        let header = FrameHeader {
+            width_px: 640,
+            height_px: 4,
+            stride_bytes: 1290,
+            pixel_format: PixelFormat::Y12.code(),
+            camera: 2,
+            ..FrameHeader::default()
+        };
+        let mut image = vec![0; 4 * 1290];
+        image[2 * 1290 + 4..2 * 1290 + 6].copy_from_slice(&0x0abc_u16.to_le_bytes());
+        let mut pictures = Pictures::default();
+        pictures.add_frame(&header, &image);
+        pictures.add_frame(&FrameHeader { height_px: 5, ..header }, &image);
+        let message = pictures.message(3, 0.0).unwrap();
+        let (header, data) = parts(&message);
+        let [entry] = &header["pictures"].as_array().unwrap()[..] else { panic!("the second image is too short") };
+        assert_eq!(
+            (entry["name"].as_str(), entry["width"].as_u64(), entry["height"].as_u64()),
+            (Some("camera2"), Some(320), Some(2))
+        );
+        assert_eq!((data[320 + 1], data.iter().filter(|&&grey| grey != 0).count()), (0xab, 1));
+        assert!(Pictures::default().message(0, 0.0).is_none());
+    }
+
+    #[test]
+    fn depth_is_where_the_pixels_of_camera_1_are() {
+        let mut pictures = Pictures::default();
+        pictures.add_depth(&records(&[([0.0, 0.0, 0.3], [0, 0]), ([0.0, 0.0, 0.4], [2, 1])]), [4, 2]);
+        let message = pictures.message(0, 0.0).unwrap();
+        let (header, data) = parts(&message);
+        let entry = &header["pictures"][0];
+        let depth_mm = |place: usize| match u16::from_le_bytes([data[2 * place], data[2 * place + 1]]) {
+            0 => None,
+            code => Some(entry["base_mm"].as_f64().unwrap() + f64::from(code - 1) * entry["step_mm"].as_f64().unwrap()),
+        };
+        assert!((depth_mm(0).unwrap() - 300.0).abs() < 0.01 && (depth_mm(6).unwrap() - 400.0).abs() < 0.01);
+        assert_eq!((0..8).filter(|&place| depth_mm(place).is_none()).count(), 6);
+    }
+
+    #[test]
+    fn a_cloud_comes_back_within_a_step() {
+        let points: Vec<_> = (0..3 * POINTS).map(|i| ([i as f32 * 1e-6, -0.1, 0.25], [0, 0])).collect();
+        let header = CloudHeader { points: points.len() as u64, ..CloudHeader::default() };
+        let message = cloud_message(&header, &records(&points), 9, 0.0).unwrap();
+        let (header, data) = parts(&message);
+        let shown = header["shown"].as_u64().unwrap() as usize;
+        assert_eq!((shown, header["points"].as_u64()), (POINTS, Some(3 * POINTS as u64)));
+        assert_eq!((data.len(), data[6 * shown]), (7 * shown, 7));
+        for (place, (position_m, _)) in points.iter().step_by(3).enumerate() {
+            for axis in 0..3 {
+                let at = 6 * place + 2 * axis;
+                let steps = f64::from(i16::from_le_bytes([data[at], data[at + 1]]));
+                let found = header["centre_m"][axis].as_f64().unwrap() + steps * header["step_m"].as_f64().unwrap();
+                assert!((found - f64::from(position_m[axis])).abs() < 2e-6);
+            }
+        }
+        assert!(cloud_message(&CloudHeader::default(), &[], 0, 0.0).is_none());
+    }
+}

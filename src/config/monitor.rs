@@ -1,0 +1,120 @@
+//! `[monitor]`: metrics, dashboard and live view.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+
+use super::ConfigurationProblem;
+use super::raw::RawMonitor;
+
+/// Where the dashboard is by default.
+const DASHBOARD: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8780), is_default: true };
+/// Where the viewers' server is by default: the port that they propose.
+const FOXGLOVE: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8765), is_default: true };
+const LOOPBACK: std::net::IpAddr = std::net::IpAddr::V4(Ipv4Addr::LOCALHOST);
+/// Pages that may connect to the viewers' server by default.
+const ORIGINS: [&str; 1] = ["https://app.foxglove.dev"];
+
+/// Configuration of the monitor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MonitorConfiguration {
+    /// Whether it runs.
+    pub is_enabled: bool,
+    /// Where dashboard and metrics are.
+    pub dashboard: Listen,
+    /// Where Foxglove, Lichtblick and Rerun connect; `None` where they may not.
+    pub foxglove: Option<Listen>,
+    /// File of the token that whoever is not on this machine must show.
+    pub token_file: Option<PathBuf>,
+    /// Names of this machine under which others ask, beside its addresses.
+    pub host_names: Vec<String>,
+    /// Origins of pages that may connect as viewers, beside those of this machine.
+    pub foxglove_origins: Vec<String>,
+}
+
+/// An address to listen on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Listen {
+    /// The address.
+    pub address: SocketAddr,
+    /// Nobody asked for it: where its port is taken, as by another instance, any other serves.
+    pub is_default: bool,
+}
+
+pub(super) fn configuration(raw: &RawMonitor, folder: &Path) -> Result<MonitorConfiguration, ConfigurationProblem> {
+    let foxglove = raw.foxglove.as_deref().filter(|address| *address != "off");
+    let foxglove = match (foxglove, raw.foxglove.is_some()) {
+        (None, true) => None,
+        (address, _) => Some(listen("monitor.foxglove", address, FOXGLOVE)?),
+    };
+    let monitor = MonitorConfiguration {
+        is_enabled: raw.enabled.unwrap_or(true),
+        dashboard: listen("monitor.address", raw.address.as_deref(), DASHBOARD)?,
+        foxglove,
+        token_file: raw.token_file.as_ref().map(|file| folder.join(file)),
+        host_names: raw.host_names.clone().unwrap_or_default(),
+        foxglove_origins: raw.foxglove_origins.clone().unwrap_or_else(|| ORIGINS.map(str::to_owned).to_vec()),
+    };
+    let is_open = monitor.listens().any(|listen| !listen.address.ip().is_loopback());
+    if monitor.is_enabled && is_open && monitor.token_file.is_none() {
+        return Err(ConfigurationProblem::Missing {
+            key: "monitor.token_file",
+            expected: "others than this machine must show a token: name a file with one, of 16 characters at least",
+        });
+    }
+    Ok(monitor)
+}
+
+impl MonitorConfiguration {
+    /// All addresses that it listens on.
+    pub fn listens(&self) -> impl Iterator<Item = &Listen> {
+        std::iter::once(&self.dashboard).chain(&self.foxglove)
+    }
+}
+
+fn listen(key: &'static str, address: Option<&str>, default: Listen) -> Result<Listen, ConfigurationProblem> {
+    let Some(address) = address else { return Ok(default) };
+    let parsed = address.parse().map_err(|_| ConfigurationProblem::Value {
+        key,
+        value: format!("{address:?}"),
+        expected: "it must be an address and a port, as \"127.0.0.1:8780\" or \"[::1]:8780\"; port 0 is any free one",
+    })?;
+    Ok(Listen { address: parsed, is_default: false })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<MonitorConfiguration, String> {
+        let raw: RawMonitor = toml::from_str(text).map_err(|e| e.to_string())?;
+        configuration(&raw, Path::new("/configs")).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn by_default_it_listens_on_this_machine_alone() {
+        let monitor = parse("").unwrap();
+        assert!(monitor.is_enabled && monitor.listens().count() == 2);
+        assert!(monitor.listens().all(|listen| listen.address.ip().is_loopback() && listen.is_default));
+        assert_eq!(parse("foxglove = \"off\"").unwrap().foxglove, None);
+    }
+
+    #[test]
+    fn an_address_for_others_needs_a_token() {
+        let refused = parse("address = \"0.0.0.0:8780\"").unwrap_err();
+        assert!(refused.contains("monitor.token_file is missing"), "{refused}");
+        assert!(parse("foxglove = \"192.168.1.5:8765\"").is_err());
+        let monitor = parse("address = \"0.0.0.0:8780\"\ntoken_file = \"token\"").unwrap();
+        assert_eq!(monitor.token_file.as_deref(), Some(Path::new("/configs/token")));
+        assert!(parse("address = \"0.0.0.0:8780\"\nenabled = false").is_ok());
+    }
+
+    #[test]
+    fn what_is_no_address_is_named() {
+        let refused = parse("address = \"localhost\"").unwrap_err();
+        assert!(
+            refused.contains("monitor.address is \"localhost\"") && refused.contains("127.0.0.1:8780"),
+            "{refused}"
+        );
+        assert!(parse("adress = \"127.0.0.1:1\"").is_err());
+    }
+}

@@ -1,0 +1,204 @@
+//! A span of a run: what a time line shows as one point.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::message::{Counts, DropReason, Stage, StageReport, WindowReport};
+
+use super::{Journey, Latencies, Latency, Segment, WindowFigures};
+
+/// Reports of a span.
+#[derive(Clone, Debug, Default)]
+pub struct Interval {
+    begin_ns: u64,
+    total: Latencies,
+    stages: BTreeMap<Stage, StageSpan>,
+    /// Sums over the windows, nanoseconds.
+    segments_ns: [u64; Segment::ALL.len()],
+    journeys: u64,
+    window: Option<WindowReport>,
+}
+
+/// One stage in a span.
+#[derive(Clone, Debug)]
+struct StageSpan {
+    /// Items put out before the span.
+    passed_before: u64,
+    counts: Counts,
+    latencies: Latencies,
+}
+
+/// One point of a time line.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    /// End of the span on the wall clock, Unix milliseconds.
+    pub wall_ms: f64,
+    /// Median, 90th and 99th percentile from exposure to cloud, milliseconds.
+    pub total: Option<[f64; 3]>,
+    /// The same from taking an item to putting it out, by stage.
+    pub stages: BTreeMap<&'static str, Option<[f64; 3]>>,
+    /// Mean of each [`Segment`] over the windows, milliseconds.
+    pub segments: Option<[f64; Segment::ALL.len()]>,
+    /// Items put out in a second, by stage.
+    pub rates: BTreeMap<&'static str, f64>,
+    /// Items lost since the start of the instance, by stage.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// The last window.
+    pub window: Option<WindowSample>,
+}
+
+/// The figures of a window that a time line shows; shares in percent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WindowSample {
+    /// Standard deviation of δ.
+    pub sd_rad: f64,
+    /// Mean number of fringe periods on a segment.
+    pub n: f64,
+    /// Expected false candidates.
+    pub efc: f64,
+    /// Decided by one candidate.
+    pub unique: f64,
+    /// Not decided.
+    pub undecided: f64,
+    /// Rejected.
+    pub rejected: f64,
+    /// Median of δ.
+    pub delta_median_rad: f64,
+    /// Fit residual ÷ modulation of both cameras.
+    pub residual: [Option<f32>; 2],
+    /// Pixels with a correspondence.
+    pub points: u64,
+}
+
+impl Interval {
+    /// A span that begins at a time; the stages go on from what they had put out `before`.
+    #[must_use]
+    pub fn begin(begin_ns: u64, before: Option<&Self>) -> Self {
+        let stages = before.map(|before| before.stages.iter().map(|(&stage, span)| (stage, span.next())).collect());
+        Self { begin_ns, total: Latencies::coarse(), stages: stages.unwrap_or_default(), ..Self::default() }
+    }
+
+    /// When it began.
+    #[must_use]
+    pub fn begin_ns(&self) -> u64 {
+        self.begin_ns
+    }
+
+    /// Takes a report, and the journey that it ended.
+    pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
+        let Some(stage) = Stage::of(report.stage) else { return };
+        let span = self.stages.entry(stage).or_insert_with(|| StageSpan::new(report.counts.passed));
+        span.counts = report.counts;
+        if report.of_item != 0 {
+            span.latencies.record(report.taken_ns, report.passed_ns);
+        }
+        if stage == Stage::Cloud && report.of_item != 0 {
+            self.total.record(report.exposure_start_ns, report.passed_ns);
+        }
+        if let Some(journey) = journey {
+            self.journeys += 1;
+            for (segment, begin_ns, end_ns) in journey.segments() {
+                self.segments_ns[segment as usize] += end_ns - begin_ns;
+            }
+        }
+    }
+
+    /// Takes the figures of a window.
+    pub fn add_window(&mut self, report: &WindowReport) {
+        self.window = Some(*report);
+    }
+
+    /// The point of the time line, for a span that ends at these times.
+    #[must_use]
+    pub fn sample(&self, end_ns: u64, wall_ms: f64) -> Sample {
+        let span_s = (end_ns.saturating_sub(self.begin_ns) as f64 * 1e-9).max(1e-3);
+        let named = |(stage, span): (&Stage, &StageSpan)| (stage.name(), percentiles(&span.latencies));
+        let rate = |span: &StageSpan| span.counts.passed.saturating_sub(span.passed_before) as f64 / span_s;
+        Sample {
+            wall_ms,
+            total: percentiles(&self.total),
+            stages: self.stages.iter().map(named).collect(),
+            segments: (self.journeys > 0).then(|| self.segments_ns.map(|sum| sum as f64 * 1e-6 / self.journeys as f64)),
+            rates: self.stages.iter().map(|(stage, span)| (stage.name(), rate(span))).collect(),
+            dropped: self.stages.iter().map(|(stage, span)| (stage.name(), losses(&span.counts))).collect(),
+            window: self.window.as_ref().map(WindowSample::of),
+        }
+    }
+}
+
+impl StageSpan {
+    fn new(passed_before: u64) -> Self {
+        Self { passed_before, counts: Counts::default(), latencies: Latencies::coarse() }
+    }
+
+    /// The span behind this one, in which nothing has happened yet.
+    fn next(&self) -> Self {
+        Self { passed_before: self.counts.passed, counts: self.counts, latencies: Latencies::coarse() }
+    }
+}
+
+impl WindowSample {
+    fn of(report: &WindowReport) -> Self {
+        let figures = WindowFigures::of(report);
+        Self {
+            sd_rad: figures.sd_rad,
+            n: figures.n,
+            efc: figures.efc,
+            unique: figures.outcomes.unique,
+            undecided: figures.outcomes.undecided,
+            rejected: figures.outcomes.rejected,
+            delta_median_rad: figures.delta_median_rad,
+            residual: figures.residual,
+            points: figures.points,
+        }
+    }
+}
+
+fn percentiles(latencies: &Latencies) -> Option<[f64; 3]> {
+    latencies.brief().map(|Latency { p50_ms, p90_ms, p99_ms, .. }| [p50_ms, p90_ms, p99_ms])
+}
+
+fn losses(counts: &Counts) -> u64 {
+    counts.reasons().filter(|&(reason, _): &(DropReason, u64)| reason.is_loss()).map(|(_, n)| n).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    fn cloud(passed: u64, taken_ns: u64, passed_ns: u64) -> StageReport {
+        let mut counts = Counts { taken: passed + 2, passed, ..Counts::default() };
+        counts.drop_one(DropReason::Overrun);
+        counts.drop_one(DropReason::EmptyCloud);
+        StageReport { stage: Stage::Cloud as u32, of_item: 1, taken_ns, passed_ns, counts, ..StageReport::default() }
+    }
+
+    #[test]
+    fn rates_count_what_came_in_the_span() {
+        let mut first = Interval::begin(0, None);
+        for n in 1..=10 {
+            first.add(&cloud(n, 0, 5_000_000), None);
+        }
+        // The first report already counts one.
+        assert_eq!(first.sample(SECOND_NS, 0.0).rates["cloud"], 9.0);
+        let mut second = Interval::begin(SECOND_NS, Some(&first));
+        assert_eq!(second.sample(3 * SECOND_NS, 0.0).rates["cloud"], 0.0);
+        second.add(&cloud(30, 0, 5_000_000), None);
+        let sample = second.sample(3 * SECOND_NS, 7.0);
+        assert_eq!((sample.rates["cloud"], sample.dropped["cloud"], sample.wall_ms), (10.0, 1, 7.0));
+        assert!((sample.total.unwrap()[0] - 5.0).abs() < 0.3 && sample.segments.is_none() && sample.window.is_none());
+    }
+
+    #[test]
+    fn segments_are_means_over_the_windows() {
+        let mut interval = Interval::begin(0, None);
+        for end_ns in [2_000_000, 4_000_000] {
+            interval.add(&cloud(1, 0, 1), Some(&Journey { exposure_start_ns: 0, ends_ns: [end_ns; 7] }));
+        }
+        let segments = interval.sample(SECOND_NS, 0.0).segments.unwrap();
+        assert_eq!(segments, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+}

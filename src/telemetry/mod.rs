@@ -1,0 +1,20 @@
+//! What the stages report, gathered: counts, rates, latencies, where the time of each window went.
+//!
+//! In: [`StageReport`](crate::message::StageReport)s and [`WindowReport`](crate::message::WindowReport)s in the order they
+//! came, live or from a recording. Out: a [`Tally`] over the whole run, [`Sample`]s of equal spans of it, [`Journey`]s of the
+//! windows, and the [`TraceWriter`]'s file for trace viewers. Nothing here reads a clock: the same reports give the same
+//! figures wherever they are asked for.
+
+mod interval;
+mod journey;
+mod latencies;
+mod tally;
+mod trace;
+mod window_figures;
+
+pub use interval::{Interval, Sample, WindowSample};
+pub use journey::{Journey, Segment};
+pub use latencies::{BUCKETS_NS, Latencies, Latency};
+pub use tally::{StageTally, Tally};
+pub use trace::TraceWriter;
+pub use window_figures::{DeltaCounts, Shares, WindowFigures};

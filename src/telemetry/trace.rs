@@ -1,0 +1,146 @@
+//! A run as trace viewers show it: Perfetto, `chrome://tracing`.
+//!
+//! Chrome's trace event format, JSON: a process for each service, a thread for each stage, a slice for each item from taking
+//! to putting it out. Arrows lead from the stages of one window to the next. Times are microseconds of `CLOCK_MONOTONIC`.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+
+use serde_json::{Value, json};
+
+use crate::message::{Stage, StageReport};
+
+/// Name of the arrows.
+const ARROW: &str = "window";
+
+/// Writes a trace, report by report.
+#[derive(Debug)]
+pub struct TraceWriter<W: Write> {
+    out: W,
+    /// Stages by process that were named already.
+    named: BTreeSet<(u32, Stage)>,
+    is_first: bool,
+}
+
+impl<W: Write> TraceWriter<W> {
+    /// Begins a trace.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn begin(mut out: W) -> io::Result<Self> {
+        out.write_all(b"{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
+        Ok(Self { out, named: BTreeSet::new(), is_first: true })
+    }
+
+    /// Takes a report; signs of life, and reports of stages that do not exist, leave no trace.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn add(&mut self, report: &StageReport) -> io::Result<()> {
+        let Some(stage) = Stage::of(report.stage).filter(|_| report.of_item != 0) else { return Ok(()) };
+        if self.named.insert((report.pid, stage)) {
+            self.name(report.pid, stage)?;
+        }
+        let duration_ns = report.passed_ns.saturating_sub(report.taken_ns);
+        self.event(&json!({
+            "ph": "X", "name": stage.name(), "cat": "stage", "pid": report.pid, "tid": stage as u32,
+            "ts": micros(report.taken_ns), "dur": micros(duration_ns),
+            "args": { "exposure_start_ns": report.exposure_start_ns, "received_ns": report.received_ns },
+        }))?;
+        match stage {
+            Stage::Phase => self.arrow("s", report, stage),
+            Stage::Correspondence => self.arrow("t", report, stage),
+            Stage::Cloud => self.arrow("f", report, stage),
+            _ => Ok(()),
+        }
+    }
+
+    /// Ends the trace, which is no JSON before.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.out.write_all(b"\n]}\n")?;
+        self.out.flush()?;
+        Ok(self.out)
+    }
+
+    fn name(&mut self, pid: u32, stage: Stage) -> io::Result<()> {
+        let (tid, name) = (stage as u32, stage.name());
+        self.event(&json!({"ph": "M", "name": "thread_name", "pid": pid, "tid": tid, "args": {"name": name}}))?;
+        self.event(&json!({"ph": "M", "name": "process_name", "pid": pid, "args": {"name": process(stage)}}))?;
+        self.event(&json!({"ph": "M", "name": "process_sort_index", "pid": pid, "args": {"sort_index": tid}}))
+    }
+
+    /// One end of an arrow between the stages of a window; it is bound to the slice around its time.
+    fn arrow(&mut self, phase: &str, report: &StageReport, stage: Stage) -> io::Result<()> {
+        let middle_ns = report.taken_ns.midpoint(report.passed_ns.max(report.taken_ns));
+        self.event(&json!({
+            "ph": phase, "name": ARROW, "cat": ARROW, "id": report.exposure_start_ns, "bp": "e",
+            "pid": report.pid, "tid": stage as u32, "ts": micros(middle_ns),
+        }))
+    }
+
+    fn event(&mut self, event: &Value) -> io::Result<()> {
+        self.out.write_all(if std::mem::take(&mut self.is_first) { b"\n" } else { b",\n" })?;
+        serde_json::to_writer(&mut self.out, event).map_err(io::Error::from)
+    }
+}
+
+/// What the process of a stage is called.
+fn process(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Camera1 | Stage::Camera2 => "cameras",
+        Stage::Projector => "projector",
+        Stage::Pattern | Stage::Pairing | Stage::Windowing | Stage::Phase => "phase",
+        Stage::Correspondence => "correspondence",
+        Stage::Cloud => "cloud",
+        Stage::Recorder => "recorder",
+    }
+}
+
+fn micros(ns: u64) -> f64 {
+    ns as f64 * 1e-3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(stage: Stage, pid: u32, taken_ns: u64) -> StageReport {
+        let passed_ns = taken_ns + 2_000;
+        StageReport {
+            stage: stage as u32,
+            pid,
+            of_item: 1,
+            exposure_start_ns: 77,
+            taken_ns,
+            passed_ns,
+            ..StageReport::default()
+        }
+    }
+
+    #[test]
+    fn a_window_is_three_slices_joined_by_arrows() {
+        let mut trace = TraceWriter::begin(Vec::new()).unwrap();
+        for (stage, pid, taken_ns) in
+            [(Stage::Phase, 5, 1_000), (Stage::Correspondence, 6, 4_000), (Stage::Cloud, 7, 8_000)]
+        {
+            trace.add(&report(stage, pid, taken_ns)).unwrap();
+        }
+        trace.add(&StageReport { of_item: 0, ..report(Stage::Cloud, 7, 9_000) }).unwrap();
+        trace.add(&StageReport { stage: 99, ..report(Stage::Cloud, 7, 9_000) }).unwrap();
+        let trace: Value = serde_json::from_slice(&trace.finish().unwrap()).unwrap();
+        let events = trace["traceEvents"].as_array().unwrap();
+        let of = |phase: &str| events.iter().filter(|event| event["ph"] == phase).collect::<Vec<_>>();
+        assert_eq!((of("X").len(), of("M").len(), of("s").len(), of("t").len(), of("f").len()), (3, 9, 1, 1, 1));
+        assert_eq!((of("X")[1]["ts"].as_f64(), of("X")[1]["dur"].as_f64()), (Some(4.0), Some(2.0)));
+        assert_eq!(of("f")[0]["id"], 77);
+    }
+
+    #[test]
+    fn an_empty_trace_is_one() {
+        let trace = TraceWriter::begin(Vec::new()).unwrap().finish().unwrap();
+        assert_eq!(serde_json::from_slice::<Value>(&trace).unwrap()["traceEvents"], json!([]));
+    }
+}

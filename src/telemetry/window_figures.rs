@@ -1,0 +1,169 @@
+//! The figures of a window as people and programs read them.
+
+use std::f64::consts::PI;
+
+use serde::Serialize;
+
+use crate::correspondence::Outcome;
+use crate::message::{DELTA_PARTS, Fit, WindowReport};
+
+/// How well a window was measured. Shares are percent of the pixels of camera 1 with a valid phase.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WindowFigures {
+    /// Standard deviation sd of δ.
+    pub sd_rad: f64,
+    /// Part of it that noise makes.
+    pub noise_sd_rad: f64,
+    /// Threshold thr of δ about its mean.
+    pub thr_rad: f64,
+    /// Mean number n of fringe periods on a segment.
+    pub n: f64,
+    /// Expected false candidates a true one (paper, Eq. 1).
+    pub efc: f64,
+    /// What became of the pixels.
+    pub outcomes: Shares,
+    /// Mean of δ.
+    pub delta_mean_rad: f64,
+    /// Median of δ over the chosen candidates.
+    pub delta_median_rad: f64,
+    /// Fit residual ÷ modulation of both cameras; `None` where three steps leave none.
+    pub residual: [Option<f32>; 2],
+    /// Percent of the pixels of either camera with a valid phase.
+    pub valid: [f64; 2],
+    /// Pixels with a correspondence.
+    pub points: u64,
+    /// δ of all candidates of some pixels.
+    pub delta_histogram: DeltaCounts,
+}
+
+/// Percent of the pixels with a valid phase.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Shares {
+    /// One candidate, confirmed by its neighbours.
+    pub unique: f64,
+    /// Decided between several candidates.
+    pub decided: f64,
+    /// Several candidates, and nothing decides.
+    pub undecided: f64,
+    /// All candidates fail the back-projection test, or contradict others.
+    pub rejected: f64,
+    /// Outside the volume, or no candidate at all.
+    pub nothing: f64,
+}
+
+/// Numbers of δ in equal parts of a range.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DeltaCounts {
+    /// Where the first part begins.
+    pub first_rad: f64,
+    /// Where the last one ends.
+    pub last_rad: f64,
+    /// The numbers.
+    pub counts: Vec<u32>,
+}
+
+impl WindowFigures {
+    /// The figures of a report.
+    #[must_use]
+    pub fn of(report: &WindowReport) -> Self {
+        let pixels: u64 = report.outcomes.iter().sum();
+        let points = Outcome::ALL.into_iter().filter(|o| o.is_found()).map(|o| report.outcomes[o as usize]).sum();
+        let valid = |fit: &Fit| percent(fit.valid_pixels, pixels);
+        let residual = |fit: &Fit| (fit.residual_share >= 0.0).then_some(fit.residual_share);
+        Self {
+            sd_rad: report.delta_sd_rad,
+            noise_sd_rad: report.delta_noise_sd_rad,
+            thr_rad: report.delta_threshold_rad,
+            n: report.mean_periods,
+            efc: report.expected_false_candidates,
+            outcomes: Shares::of(report),
+            delta_mean_rad: report.delta_mean_rad,
+            delta_median_rad: report.delta_median_rad,
+            residual: [&report.cam1, &report.cam2].map(residual),
+            valid: [&report.cam1, &report.cam2].map(valid),
+            points,
+            delta_histogram: DeltaCounts::of(&report.delta_counts),
+        }
+    }
+}
+
+impl Shares {
+    /// Before there is a window.
+    pub const NOT_A_NUMBER: Self =
+        Self { unique: f64::NAN, decided: f64::NAN, undecided: f64::NAN, rejected: f64::NAN, nothing: f64::NAN };
+
+    /// The groups with their names.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, f64); 5] {
+        [
+            ("unique", self.unique),
+            ("decided", self.decided),
+            ("undecided", self.undecided),
+            ("rejected", self.rejected),
+            ("nothing", self.nothing),
+        ]
+    }
+
+    fn of(report: &WindowReport) -> Self {
+        let count = |outcome: Outcome| report.outcomes[outcome as usize];
+        let valid = report.outcomes.iter().sum::<u64>() - count(Outcome::Invalid);
+        let mut shares = Self::default();
+        for outcome in Outcome::ALL {
+            let share = match outcome {
+                Outcome::GrayCode | Outcome::Reference | Outcome::Unique => &mut shares.unique,
+                Outcome::AlongEpipolar | Outcome::AcrossEpipolar => &mut shares.decided,
+                Outcome::Ambiguous => &mut shares.undecided,
+                Outcome::RejectedByDelta | Outcome::Contradicted => &mut shares.rejected,
+                Outcome::OutsideVolume | Outcome::NoCandidate => &mut shares.nothing,
+                Outcome::Invalid => continue,
+            };
+            *share += percent(count(outcome), valid);
+        }
+        shares
+    }
+}
+
+impl DeltaCounts {
+    fn of(counts: &[u32; DELTA_PARTS]) -> Self {
+        Self { first_rad: -PI, last_rad: PI, counts: counts.to_vec() }
+    }
+}
+
+fn percent(part: u64, whole: u64) -> f64 {
+    100.0 * part as f64 / whole.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_of_the_pixels_with_a_phase_and_add_up() {
+        let mut report = WindowReport::default();
+        for (outcome, count) in [
+            (Outcome::Invalid, 1000),
+            (Outcome::Reference, 50),
+            (Outcome::Unique, 10),
+            (Outcome::AcrossEpipolar, 20),
+            (Outcome::Ambiguous, 5),
+            (Outcome::Contradicted, 5),
+            (Outcome::NoCandidate, 10),
+        ] {
+            report.outcomes[outcome as usize] = count;
+        }
+        report.cam1.valid_pixels = 100;
+        report.cam2.residual_share = -1.0;
+        let figures = WindowFigures::of(&report);
+        let Shares { unique, decided, undecided, rejected, nothing } = figures.outcomes;
+        assert_eq!([unique, decided, undecided, rejected, nothing], [60.0, 20.0, 5.0, 5.0, 10.0]);
+        assert_eq!((figures.points, figures.residual), (80, [Some(0.0), None]));
+        assert!((figures.valid[0] - 100.0 * 100.0 / 1100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_empty_report_has_finite_figures() {
+        let figures = WindowFigures::of(&WindowReport::default());
+        assert_eq!(figures.outcomes, Shares::default());
+        assert_eq!(figures.valid, [0.0; 2]);
+    }
+}
