@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use foxglove::messages::{CameraCalibration, FrameTransform, FrameTransforms, Quaternion, Vector3};
+use prost::Message as _;
 use rustix::time::ClockId;
 use serde::Serialize;
 
@@ -11,8 +12,8 @@ use crate::correspondence::Fingerprint;
 use crate::dataset::Setup;
 use crate::geometry::{Camera, Pose};
 
-use super::FORMAT_VERSION;
 use super::recordable::timestamp;
+use super::{FORMAT_VERSION, Topic};
 
 /// Where and when a recording was begun.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -87,8 +88,19 @@ pub(super) fn monotonic_ns() -> u64 {
     u64::try_from(now.tv_sec).unwrap_or_default() * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or_default()
 }
 
+/// What viewers need to know of a setup, once: transforms and calibration, encoded.
+#[must_use]
+pub fn standing_messages(setup: &Setup, time_ns: u64) -> [(Topic, Vec<u8>); 3] {
+    let calibration = |camera, frame| calibration(camera, frame, time_ns).encode_to_vec();
+    [
+        (Topic::Transforms, transforms(setup, time_ns).encode_to_vec()),
+        (Topic::Cam1Calibration, calibration(&setup.rig.cam1, "cam1")),
+        (Topic::Cam2Calibration, calibration(&setup.rig.cam2, "cam2")),
+    ]
+}
+
 /// Where camera 2, projector and volume are, seen from camera 1.
-pub(super) fn transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
+fn transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
     let transform = |child: &str, cam1_from_child: &Pose| FrameTransform {
         timestamp: timestamp(time_ns),
         parent_frame_id: "cam1".to_owned(),
@@ -115,7 +127,7 @@ fn quaternion(pose: &Pose) -> Quaternion {
 }
 
 /// The calibration of a camera, for viewers; the measurement reads the attachment.
-pub(super) fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration {
+fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration {
     let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.principal_px());
     let d = camera.distortion().to_opencv();
     CameraCalibration {

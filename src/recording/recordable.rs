@@ -62,10 +62,14 @@ pub enum Recordable<'a> {
         /// What it says.
         text: &'a str,
     },
-    /// What the recorder itself has to say.
-    Loss {
+    /// Something that happened.
+    Event {
         /// When.
         time_ns: u64,
+        /// Whether something was lost or went wrong.
+        is_warning: bool,
+        /// Stage or service; `recorder` for what the recorder itself has to say.
+        source: &'a str,
         /// What it says.
         text: &'a str,
     },
@@ -73,11 +77,20 @@ pub enum Recordable<'a> {
 
 /// One or two encoded messages that belong together: what a header describes follows it.
 #[derive(Debug, Default)]
-pub(super) struct Encoded {
+pub struct Encoded {
     /// Both messages, one after the other.
     pub(super) bytes: Vec<u8>,
     /// Where the second begins.
     pub(super) split: usize,
+}
+
+impl Encoded {
+    /// The messages, each with its own topic: that of the whole, or of its header.
+    pub fn parts(&self, topic: Topic) -> impl Iterator<Item = (Topic, &[u8])> {
+        let split = topic.header().map_or(0, |_| self.split.min(self.bytes.len()));
+        let (header, message) = self.bytes.split_at(split);
+        topic.header().map(|of_header| (of_header, header)).into_iter().chain([(topic, message)])
+    }
 }
 
 /// When a message was received or published, and the exposure it belongs to.
@@ -89,7 +102,8 @@ pub(super) struct Times {
 
 impl Recordable<'_> {
     /// The topic it is counted under; `None` if it contradicts itself.
-    pub(super) fn topic(&self) -> Option<Topic> {
+    #[must_use]
+    pub fn topic(&self) -> Option<Topic> {
         match self {
             Self::Frame { header, image } => {
                 let fits = raw_encoding(header).is_some()
@@ -110,8 +124,14 @@ impl Recordable<'_> {
             }
             Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
             Self::WindowReport(report) => has_steps(&report.window).then_some(Topic::WindowReport),
-            Self::Mark { .. } | Self::Loss { .. } => Some(Topic::Log),
+            Self::Mark { .. } | Self::Event { .. } => Some(Topic::Log),
         }
+    }
+
+    /// When it was received or published, nanoseconds of `CLOCK_MONOTONIC`.
+    #[must_use]
+    pub fn log_ns(&self) -> u64 {
+        self.times().log_ns
     }
 
     /// When it was received or published, and the start of its exposure.
@@ -125,7 +145,7 @@ impl Recordable<'_> {
             Self::Cloud { header, .. } => times(header.published_ns, header.window.first_exposure_ns),
             Self::Report(report) => times(report.time_ns, report.time_ns),
             Self::WindowReport(report) => times(report.window.received_ns, report.window.first_exposure_ns),
-            Self::Mark { time_ns, .. } | Self::Loss { time_ns, .. } => times(*time_ns, *time_ns),
+            Self::Mark { time_ns, .. } | Self::Event { time_ns, .. } => times(*time_ns, *time_ns),
         }
     }
 
@@ -135,14 +155,14 @@ impl Recordable<'_> {
             Self::Frame { image, .. } => image.len(),
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
             Self::Cloud { records, .. } => records.len(),
-            Self::Mark { text, .. } | Self::Loss { text, .. } => text.len(),
+            Self::Mark { text, .. } | Self::Event { text, .. } => text.len(),
             Self::Pattern(_) | Self::Report(_) | Self::WindowReport(_) => 0,
         };
         payload + MOST_HEADER_BYTES
     }
 
     /// Encodes it into a buffer, whose content is replaced.
-    pub(super) fn encode(&self, out: &mut Encoded) {
+    pub fn encode(&self, out: &mut Encoded) {
         out.bytes.clear();
         let bytes = &mut out.bytes;
         match self {
@@ -174,8 +194,9 @@ impl Recordable<'_> {
             Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
             Self::WindowReport(report) => append(bytes, &schema::WindowReport::of(report)),
             Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
-            Self::Loss { time_ns, text } => {
-                append(bytes, &log_message(*time_ns, log::Level::Warning, "recorder", text));
+            Self::Event { time_ns, is_warning, source, text } => {
+                let level = if *is_warning { log::Level::Warning } else { log::Level::Info };
+                append(bytes, &log_message(*time_ns, level, source, text));
             }
         }
     }

@@ -232,7 +232,7 @@ impl<'a> WriterThread<'a> {
         let text = format!("{} messages were lost on their way to the file, {lost} so far", lost - self.told);
         tracing::warn!("{}: {text}", self.shared.target.display());
         self.told = lost;
-        let loss = Recordable::Loss { time_ns: monotonic_ns(), text: &text };
+        let loss = Recordable::Event { time_ns: monotonic_ns(), is_warning: true, source: "recorder", text: &text };
         let mut encoded = Encoded::default();
         loss.encode(&mut encoded);
         // The counts tell it too, so a failure here loses nothing; the next write comes upon it again.

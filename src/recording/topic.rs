@@ -115,7 +115,8 @@ impl Topic {
     }
 
     /// Schema of its messages.
-    pub(super) fn schema(self) -> Option<Schema> {
+    #[must_use]
+    pub fn schema(self) -> Option<Schema> {
         let own = |name: &str| Some(Schema::new(format!("fringeflow.{name}"), "protobuf", DESCRIPTOR));
         match self {
             Self::Cam1Frame | Self::Cam2Frame => RawImage::get_schema(),

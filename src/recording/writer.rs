@@ -14,7 +14,7 @@ use crate::dataset::{CALIBRATION_FILE, META_FILE, Setup};
 
 use super::error::{RecordingError, RecordingProblem};
 use super::file::{FileEnd, UnfinishedFile};
-use super::opening::{Origin, calibration, transforms};
+use super::opening::{Origin, standing_messages};
 use super::recordable::{Encoded, Times};
 use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic, UNFINISHED};
 
@@ -82,9 +82,10 @@ impl RecordingWriter {
         self.attach(CALIBRATION_FILE, "application/yaml", setup.text.calibration.as_bytes(), time_ns)?;
         self.attach(META_FILE, "application/json", setup.text.description.as_bytes(), time_ns)?;
         self.attach(CONFIGURATION_FILE, "application/toml", configuration.as_bytes(), time_ns)?;
-        self.once(Topic::Transforms, &transforms(setup, time_ns), time_ns)?;
-        self.once(Topic::Cam1Calibration, &calibration(&setup.rig.cam1, "cam1", time_ns), time_ns)?;
-        self.once(Topic::Cam2Calibration, &calibration(&setup.rig.cam2, "cam2", time_ns), time_ns)?;
+        let times = Times { log_ns: time_ns, publish_ns: time_ns };
+        for (topic, message) in standing_messages(setup, time_ns) {
+            self.write_one(topic, times, &message)?;
+        }
         self.flush()
     }
 
@@ -95,12 +96,7 @@ impl RecordingWriter {
 
     /// Writes a message, and the header before it where its topic has one.
     pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: &Encoded) -> Result<(), RecordingProblem> {
-        let (first, second) = encoded.bytes.split_at_checked(encoded.split).unwrap_or((&[], &encoded.bytes));
-        if let Some(header) = topic.header() {
-            self.write_one(header, times, first)?;
-            return self.write_one(topic, times, second);
-        }
-        self.write_one(topic, times, &encoded.bytes)
+        encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data))
     }
 
     /// Writes one message.
@@ -122,11 +118,6 @@ impl RecordingWriter {
             MessageHeader { channel_id: channel.id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
         channel.sequence = sequence.wrapping_add(1);
         self.mcap.write_to_known_channel(&header, data).map_err(problem_of)
-    }
-
-    fn once(&mut self, topic: Topic, message: &impl prost::Message, time_ns: u64) -> Result<(), RecordingProblem> {
-        let times = Times { log_ns: time_ns, publish_ns: time_ns };
-        self.write_one(topic, times, &message.encode_to_vec())
     }
 
     fn channel(&mut self, topic: Topic) -> Result<&mut Channel, RecordingProblem> {

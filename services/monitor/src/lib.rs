@@ -4,14 +4,17 @@
 //! all others: its priority is the lowest, nobody waits for it, and a client that does not read is served no further.
 
 mod board;
+mod check;
 mod events;
 mod http;
 mod metrics;
+mod news;
 mod process;
 mod room;
 mod services;
 mod shared;
 mod taps;
+mod viewers;
 mod viewing;
 mod views;
 
@@ -19,19 +22,27 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fringeflow::message::{ScanState, StageReport, WindowReport};
+use fringeflow::recording::Recordable;
 use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 
+pub use check::check;
+
 use board::Board;
+use events::Level;
 use http::{Guard, Server};
+use news::{News, Wanted};
 use shared::Shared;
 use taps::Taps;
+use viewers::Viewers;
 use viewing::Viewing;
 
 /// How much the monitor gives way to the others: as much as there is.
 const NICENESS: i32 = 19;
 /// Rest between two looks at the channels: reports wait meanwhile, and many are taken at once.
 const REST: Duration = Duration::from_millis(40);
+/// Time between two looks at images, maps and clouds, nanoseconds.
+const LOOK_NS: u64 = 200_000_000;
 /// Time between two messages to the page, nanoseconds.
 const SECOND_NS: u64 = 1_000_000_000;
 
@@ -48,27 +59,46 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let shared = Arc::new(Shared::new(host.node.instance().clone(), board));
     let monitor = &host.configuration.monitor;
     let guard = Guard::new(monitor).map_err(|problem| ServiceError::Unusable(problem.to_string()))?;
-    let server = Server::start(&shared, guard, monitor.dashboard).map_err(ServiceError::Unusable)?;
+    let mut viewers = Viewers::new().map_err(|error| ServiceError::Unusable(format!("viewers: {error}")))?;
+    let server = Server::start(&shared, monitor, guard, viewers.context()).map_err(ServiceError::Unusable)?;
     let mut taps = Taps::new();
     let mut viewing = Viewing::default();
-    let mut turned_ns = clock::now_ns();
+    let (mut turned_ns, mut looked_ns, mut told) = (clock::now_ns(), 0, 0);
     while !host.stop.is_requested() {
-        channels.drain(&shared);
+        channels.drain(&shared, &mut viewers);
         let (now_ns, wall_ms) = (clock::now_ns(), wall_ms());
         if now_ns.saturating_sub(turned_ns) >= SECOND_NS {
             turned_ns = now_ns;
             let clients = shared.clients.load(std::sync::atomic::Ordering::Relaxed);
             let figures = shared.board().turn(now_ns, wall_ms, clients);
             shared.figures.send_replace(figures.into());
+            tell(&shared, &mut viewers, &mut told, now_ns);
+            viewers.send_standing(&host.setup, now_ns);
             taps.tend(now_ns);
         }
-        viewing.turn(&host, &shared, &mut taps, now_ns, wall_ms);
+        if now_ns.saturating_sub(looked_ns) >= LOOK_NS {
+            looked_ns = now_ns;
+            let wanted = viewing.wanted(&shared, now_ns).or(Wanted::by_viewers(&viewers));
+            let news = News::gather(wanted, &mut taps, &host, now_ns);
+            viewing.turn(&shared, &news, host.setup.image_size_px, now_ns, wall_ms);
+            news.send(&mut viewers);
+        }
         host.tend(|_, now_ns| channels.ensure_connected(now_ns));
         std::thread::sleep(REST);
         channels.wait()?;
     }
     server.stop();
     Ok(())
+}
+
+/// Sends the events to the viewers that were not sent yet.
+fn tell(shared: &Shared, viewers: &mut Viewers, told: &mut u64, now_ns: u64) {
+    let board = shared.board();
+    for event in board.events.after(*told) {
+        let is_warning = event.level != Level::Info;
+        viewers.send(&Recordable::Event { time_ns: now_ns, is_warning, source: event.source, text: &event.text });
+    }
+    *told = board.events.last_id();
 }
 
 /// Now on the wall clock, Unix milliseconds.
@@ -94,13 +124,15 @@ impl Channels {
         })
     }
 
-    fn drain(&mut self, shared: &Shared) {
+    fn drain(&mut self, shared: &Shared, viewers: &mut Viewers) {
         let mut board = shared.board();
         while let Some(report) = receive(&mut self.reports) {
             board.take_report(report.payload());
+            viewers.send(&Recordable::Report(report.payload()));
         }
         while let Some(report) = receive(&mut self.windows) {
             board.take_window(report.payload());
+            viewers.send(&Recordable::WindowReport(report.payload()));
         }
         while let Some(state) = receive(&mut self.states) {
             board.state = *state;

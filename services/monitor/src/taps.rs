@@ -1,8 +1,8 @@
 //! Channels that are looked into while somebody watches, and left alone otherwise.
 
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader};
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, PatternEvent};
 use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, CLOUD, Channel, Header, PHASE_MAPS, Payload, Received, Subscriber,
+    CAM1_FRAME, CAM2_FRAME, CLOUD, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload, Received, Subscriber,
 };
 use fringeflow_runtime::{Host, receive};
 
@@ -15,6 +15,7 @@ pub(crate) struct Taps {
     pub(crate) cameras: [Tap<FrameHeader, [u8]>; 2],
     pub(crate) maps: Tap<MapsHeader, [Block]>,
     pub(crate) clouds: Tap<CloudHeader, [u8]>,
+    pub(crate) patterns: Tap<(), PatternEvent>,
 }
 
 /// One channel.
@@ -31,6 +32,7 @@ impl Taps {
             cameras: [Tap::new(CAM1_FRAME), Tap::new(CAM2_FRAME)],
             maps: Tap::new(PHASE_MAPS),
             clouds: Tap::new(CLOUD),
+            patterns: Tap::new(PROJECTOR_PATTERN),
         }
     }
 
@@ -39,6 +41,7 @@ impl Taps {
         self.cameras.iter_mut().for_each(|camera| camera.tend(now_ns));
         self.maps.tend(now_ns);
         self.clouds.tend(now_ns);
+        self.patterns.tend(now_ns);
     }
 }
 

@@ -42,7 +42,8 @@ impl Session {
     pub(crate) fn take(&self, message: &Recordable<'_>, missing: u64) {
         if missing > 0 {
             let text = format!("{missing} messages were overwritten before the recorder took them");
-            self.recorder.push(&Recordable::Loss { time_ns: clock::now_ns(), text: &text });
+            let time_ns = clock::now_ns();
+            self.recorder.push(&Recordable::Event { time_ns, is_warning: true, source: "recorder", text: &text });
         }
         self.recorder.push(message);
     }

@@ -79,6 +79,7 @@ fn points(arguments: &ServiceArgs) -> Vec<Point> {
     }
     points.push(Point::of("runtime folder", runtime_folder(&configuration)));
     points.push(Point::of("recorder", recorder(&configuration.recorder)));
+    points.push(Point::of("monitor", fringeflow_monitor::check(&configuration.monitor)));
     points
 }
 
@@ -114,10 +115,10 @@ fn checked_cameras(
     Some(check_cameras(cameras, wanted.as_ref()))
 }
 
-/// Refuses to run with a camera whose settings must change first; one that is absent or busy is waited for.
+/// Refuses to run with a camera or a monitor whose settings must change first; a camera that is absent or busy is waited for.
 ///
 /// # Errors
-/// What a camera does not take.
+/// What a camera does not take, or why the monitor cannot listen.
 pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setup) -> Result<(), Failure> {
     let checked = checked_cameras(configuration, Some(setup)).into_iter().flatten();
     for (number, found) in (1..).zip(checked) {
@@ -127,7 +128,7 @@ pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setu
             return Err(Failure::Usage(format!("camera {number}: {error}")));
         }
     }
-    Ok(())
+    fringeflow_monitor::check(&configuration.monitor).map(drop).map_err(Failure::Usage)
 }
 
 fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<String, Failure> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow::telemetry::{Latency, StageTally, Tally};
 use fringeflow::transport::{Instance, request};
-use fringeflow_runtime::clock;
+use fringeflow_runtime::{clock, dashboard_file};
 use fringeflow_supervisor::{headline, observe, stage_line};
 
 use crate::failure::Failure;
@@ -34,6 +34,8 @@ struct Report {
     instance: String,
     scanning: bool,
     recording: Option<String>,
+    /// Where the dashboard is.
+    dashboard: Option<String>,
     stages: Vec<StageReport>,
     exposure_to_cloud: Option<Latency>,
 }
@@ -59,6 +61,9 @@ impl Args {
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
         writeln!(out, "{}: {}", self.instance, headline(&state, &[]))?;
+        if let Some(url) = dashboard(&self.instance) {
+            writeln!(out, "dashboard: {url}")?;
+        }
         for (stage, of_stage) in tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
@@ -76,9 +81,16 @@ impl Args {
         Report {
             instance: self.instance.clone(),
             scanning: state.scanning != 0,
+            dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             stages: tally.stages().map(stage).collect(),
             exposure_to_cloud: tally.total().brief(),
         }
     }
+}
+
+/// Where the dashboard of an instance is, if it has one.
+fn dashboard(instance: &str) -> Option<String> {
+    let file = dashboard_file(&Instance::new(instance).ok()?);
+    std::fs::read_to_string(file).ok()
 }

@@ -16,8 +16,15 @@ fn a_virtual_scanner_is_ready_and_leaves_nothing() {
     let bench = Bench::new();
     let found = points(&bench, 0);
     let names: Vec<&str> = found.iter().map(|(what, _, _)| what.as_str()).collect();
-    let expected =
-        ["configuration", "calibration and volume", "segment table", "shared memory", "runtime folder", "recorder"];
+    let expected = [
+        "configuration",
+        "calibration and volume",
+        "segment table",
+        "shared memory",
+        "runtime folder",
+        "recorder",
+        "monitor",
+    ];
     assert_eq!(names, expected);
     assert!(found[1].2.contains("images of 96x80, 4 steps"), "{found:?}");
     assert!(!bench.path("recordings").exists());

@@ -14,6 +14,7 @@ mod faults;
 mod frozen;
 mod full_disk;
 mod killed;
+mod monitor;
 mod projector;
 mod recorded_run;
 mod refused;

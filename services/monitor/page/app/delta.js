@@ -1,4 +1,5 @@
-// Histogram of δ of the candidates that were looked at; those within mean ± thr are accepted.
+// Histogram of δ of the candidates that were looked at; those within mean ± thr are accepted. It shows their
+// neighbourhood, or the whole turn where that is asked for.
 
 import uPlot from "../vendor/uplot/uPlot.min.js";
 import { colour } from "./colours.js";
@@ -7,10 +8,17 @@ import { fixed } from "./format.js";
 import { markLive } from "./panels.js";
 import { axisStyle, makePlot, roundAbove } from "./plot.js";
 
+// So much to both sides of zero is shown at least, and so many times thr: the hill, and the ground it stands on.
+const LEAST_REACH_RAD = 0.6;
+const THRESHOLDS = 8;
+
 export function makeDelta() {
     let window = null;
+    const whole = byId("delta-whole");
     const paint = (plot) => window && paintThreshold(plot, window);
-    const plot = makePlot(byId("delta-plot"), plotOptions(paint), [[], []]);
+    const range = (_, first, last) => (window && !whole.checked ? neighbourhood(window) : [first ?? -1, last ?? 1]);
+    const plot = makePlot(byId("delta-plot"), plotOptions(range, paint), [[], []]);
+    whole.addEventListener("change", () => window && plot.setData(columnsOf(window.delta_histogram)));
 
     return ({ figures }) => {
         if (!figures.window?.delta_histogram) {
@@ -23,11 +31,11 @@ export function makeDelta() {
     };
 }
 
-const plotOptions = (paint) => ({
+const plotOptions = (range, paint) => ({
     padding: [22, 32, 0, 0],
     cursor: { show: false },
     scales: {
-        x: { time: false, range: (_, first, last) => [first ?? -1, last ?? 1] },
+        x: { time: false, range },
         y: { range: (_, __, most) => [0, roundAbove(Math.max(most, 10))] },
     },
     axes: [
@@ -45,6 +53,11 @@ const plotOptions = (paint) => ({
     ],
     hooks: { drawAxes: [paint] },
 });
+
+function neighbourhood({ delta_mean_rad: mean, thr_rad: thr, delta_histogram: { first_rad: first, last_rad: last } }) {
+    const reach = Math.max(LEAST_REACH_RAD, THRESHOLDS * (thr ?? 0), 2 * Math.abs(mean ?? 0));
+    return [Math.max(first, -reach), Math.min(last, reach)];
+}
 
 function columnsOf({ first_rad: first, last_rad: last, counts }) {
     const width = (last - first) / counts.length;
@@ -68,8 +81,10 @@ function paintThreshold(plot, { delta_mean_rad: mean, thr_rad: thr }) {
     ctx.textAlign = "center";
     ctx.textBaseline = "bottom";
     ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
-    const roomy = high - low > 90 * devicePixelRatio;
-    for (const [x, text] of [[low, "−thr"], [middle, roomy ? "mean" : ""], [high, "+thr"]]) {
+    // Names that would run into each other become one.
+    const room = (high - low) / devicePixelRatio;
+    const names = room > 90 ? ["−thr", "mean", "+thr"] : room > 40 ? ["−thr", "", "+thr"] : ["", "mean ± thr", ""];
+    for (const [x, text] of [low, middle, high].map((x, index) => [x, names[index]])) {
         ctx.fillText(text, x, bbox.top - 4 * devicePixelRatio);
         ctx.beginPath();
         ctx.moveTo(x, bbox.top);

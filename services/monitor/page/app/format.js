@@ -26,7 +26,7 @@ export const withUnit = (text, unit) => (text === MISSING ? MISSING : `${text} $
 
 /** Two digits that count are enough beside a plot. */
 export function milliseconds(value) {
-    return withUnit(fixed(value, value >= 10 ? 0 : value >= 1 ? 1 : value >= 0.1 ? 2 : 3), "ms");
+    return withUnit(fixed(value, value >= 10 || value === 0 ? 0 : value >= 1 ? 1 : value >= 0.1 ? 2 : 3), "ms");
 }
 
 export function megabytes(value) {

@@ -5,8 +5,8 @@ import { colour } from "./colours.js";
 import { fixed, timeOfDay } from "./format.js";
 
 const SPAN_S = 600;
-// At the begin a minute fills the plot, so that the first samples are more than a smear at its edge.
-const LEAST_SPAN_S = 60;
+// At the begin the time line starts with the first sample, and so little fills it.
+const LEAST_SPAN_S = 10;
 const FONT = "13px system-ui, sans-serif";
 
 const plots = new Set();
@@ -88,7 +88,7 @@ const timeAxis = (small) => ({
     show: !small,
     size: 28,
     space: 90,
-    incrs: [10, 30, 60, 120, 300],
+    incrs: [2, 5, 10, 30, 60, 120, 300],
     values: (_, splits, _axis, _space, step) => splits.map((seconds) => clock(seconds, step)),
 });
 

@@ -10,4 +10,4 @@ mod page;
 mod server;
 
 pub(crate) use guard::Guard;
-pub(crate) use server::Server;
+pub(crate) use server::{Server, bind, local_ip};

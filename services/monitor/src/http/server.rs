@@ -12,7 +12,8 @@ use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use fringeflow::config::Listen;
+use foxglove::Context;
+use fringeflow::config::{Listen, MonitorConfiguration};
 use fringeflow_runtime::dashboard_file;
 use http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, LOCATION, REFERRER_POLICY, SET_COOKIE, X_CONTENT_TYPE_OPTIONS,
@@ -27,6 +28,7 @@ use super::guard::{COOKIE_NAME, Guard};
 use super::{control, live, page};
 use crate::metrics::{MEDIA_TYPE, Metrics};
 use crate::shared::{Shared, ended};
+use crate::viewers;
 
 /// Connections at once; those beyond are told so and closed.
 const CONNECTIONS: usize = 256;
@@ -73,7 +75,12 @@ struct Local(IpAddr);
 
 impl Server {
     /// Begins to listen. Where that is not possible it is tried again, and told: a scan does not end for its dashboard.
-    pub(crate) fn start(shared: &Arc<Shared>, guard: Guard, listen: Listen) -> Result<Self, String> {
+    pub(crate) fn start(
+        shared: &Arc<Shared>,
+        settings: &MonitorConfiguration,
+        guard: Guard,
+        context: &Arc<Context>,
+    ) -> Result<Self, String> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -82,8 +89,9 @@ impl Server {
             .map_err(|error| format!("the server of the monitor cannot be started: {error}"))?;
         let metrics = Arc::new(Metrics::new(Arc::clone(&shared.board), Arc::clone(&shared.clients)));
         let answering = Answering { shared: Arc::clone(shared), guard: Arc::new(guard), metrics };
+        let (dashboard, foxglove, context) = (settings.dashboard, settings.foxglove, Arc::clone(context));
         let thread = std::thread::Builder::new().name("http".to_owned()).spawn(move || {
-            runtime.block_on(serve(answering, listen));
+            runtime.block_on(serve(answering, dashboard, foxglove, context));
             runtime.shutdown_timeout(STOP_TIME);
         });
         let thread = thread.map_err(|error| format!("the thread of the server cannot be started: {error}"))?;
@@ -99,16 +107,20 @@ impl Server {
 }
 
 /// Listens until the service ends.
-async fn serve(answering: Answering, listen: Listen) {
+async fn serve(answering: Answering, dashboard: Listen, foxglove: Option<Listen>, context: Arc<Context>) {
     let mut stop = answering.shared.stop.subscribe();
+    if let Some(listen) = foxglove {
+        let (shared, guard) = (Arc::clone(&answering.shared), Arc::clone(&answering.guard));
+        tokio::spawn(viewers::serve(shared, guard, listen, context));
+    }
     tokio::select! {
-        () = listen_and_accept(answering, listen) => {}
+        () = listen_and_accept(answering, dashboard) => {}
         () = ended(&mut stop) => {}
     }
 }
 
 async fn listen_and_accept(answering: Answering, listen: Listen) {
-    let listener = bind(listen).await;
+    let listener = bind("monitor.address", listen).await;
     match listener.local_addr() {
         Ok(address) => announce(&answering.shared, address),
         Err(error) => tracing::warn!("dashboard: {error}"),
@@ -133,15 +145,15 @@ async fn listen_and_accept(answering: Answering, listen: Listen) {
     }
 }
 
-/// Binds the address; a default whose port is taken gives way to any other port.
-async fn bind(listen: Listen) -> TcpListener {
+/// Binds the address that a key of the configuration states; a default whose port is taken gives way to any other port.
+pub(crate) async fn bind(key: &str, listen: Listen) -> TcpListener {
     let mut address = listen.address;
     loop {
         match TcpListener::bind(address).await {
             Ok(listener) => return listener,
             Err(_) if listen.is_default && address.port() != 0 => address.set_port(0),
             Err(error) => {
-                tracing::warn!(%address, "monitor.address cannot be listened on: {error}");
+                tracing::warn!("{key}: {address} cannot be listened on: {error}; name another address there");
                 tokio::time::sleep(PAUSE).await;
             }
         }
@@ -163,11 +175,16 @@ fn write_new(file: &Path, text: &str) -> std::io::Result<()> {
     fs::write(file, text)
 }
 
+/// Address of this machine that a connection came to.
+pub(crate) fn local_ip(stream: &TcpStream) -> std::io::Result<IpAddr> {
+    Ok(stream.local_addr()?.ip().to_canonical())
+}
+
 async fn answer(stream: TcpStream, router: Router) {
-    let Ok(local) = stream.local_addr() else { return };
+    let Ok(local) = local_ip(&stream) else { return };
     // Small messages go at once.
     let _ = stream.set_nodelay(true);
-    let router = router.layer(axum::Extension(Local(local.ip().to_canonical())));
+    let router = router.layer(axum::Extension(Local(local)));
     let mut http = hyper::server::conn::http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(HEAD_TIME).max_headers(HEADERS).max_buf_size(HEAD_BYTES);
     let connection = http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)).with_upgrades();

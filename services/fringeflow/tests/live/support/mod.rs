@@ -52,11 +52,13 @@ when_busy = "skip"
 [recorder]
 folder = "recordings"
 min_free_mb = 0
+[monitor]
+enabled = false
 "#;
 
 /// The services of the instance, in the order of the pipeline.
-pub(crate) const SERVICES: [&str; 6] =
-    ["virtual-projector", "virtual-cameras", "phase", "correspondence", "cloud", "recorder"];
+pub(crate) const SERVICES: [&str; 7] =
+    ["virtual-projector", "virtual-cameras", "phase", "correspondence", "cloud", "recorder", "monitor"];
 
 /// Arguments of a command.
 pub(crate) type Arguments<'a> = &'a [&'a dyn AsRef<OsStr>];

@@ -1,0 +1,23 @@
+//! A real browser shows the page of a live instance, and its buttons work.
+
+use super::prometheus::{monitoring, python, script};
+use super::*;
+
+#[test]
+fn every_panel_is_live_and_every_button_works_in_a_browser() {
+    // The page connects again where it was, so the port is stated.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let bench = Bench::with(&[(
+        "enabled = false",
+        &format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"127.0.0.1:0\""),
+    )]);
+    let watched = Watched::start(&bench, &[]);
+    watched.live.wait_for_clouds(1);
+    let monitor = bench.pid_of("monitor").unwrap().to_string();
+    let mut browser = python();
+    browser.arg(monitoring("dashboard.py")).arg(format!("http://{free}/"));
+    browser.arg("--recordings").arg(bench.path("recordings")).args(["--restart-pid", &monitor]);
+    // What it checked, a line each, where the test fails later.
+    eprintln!("{}", script(&mut browser));
+    watched.live.quit().assert_balanced();
+}

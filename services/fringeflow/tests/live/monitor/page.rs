@@ -1,0 +1,71 @@
+//! The page, its figures, its buttons.
+
+use serde_json::json;
+
+use super::*;
+use fringeflow::message::Stage;
+
+#[test]
+fn the_page_and_its_figures_tell_what_the_instance_does() {
+    let bench = bench("");
+    let watched = Watched::start(&bench, &[]);
+    watched.live.wait_for_clouds(3);
+    let page = watched.get("/");
+    assert!(page.status == 200 && page.body.contains("panel-cloud"), "{page:?}");
+    assert!(page.head.contains("default-src 'self'"), "{page:?}");
+    watched.live.wait_until("the figures tell of clouds", || {
+        watched.figures()["exposure_to_cloud"]["count"].as_u64().is_some_and(|count| count > 0)
+    });
+    let figures = watched.figures();
+    assert_eq!(figures["state"]["scanning"], true);
+    let services: Vec<_> =
+        figures["services"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert!(["supervisor", "phase", "monitor"].iter().all(|name| services.contains(name)), "{services:?}");
+    let segments: f64 = figures["sample"]["segments"].as_array().into_iter().flatten().filter_map(Value::as_f64).sum();
+    assert!(segments >= 0.0 && figures["window"]["points"].as_u64().unwrap() > 0, "{figures}");
+    watched.live.quit().assert_undisturbed();
+    bench.assert_nothing_left();
+}
+
+#[test]
+fn buttons_record_mark_and_stop() {
+    let bench = bench("");
+    let watched = Watched::start(&bench, &[]);
+    let refused = watched.control(&json!({"command": "mark", "text": "too early"}));
+    assert!(refused.status == 409 && refused.body.contains("begin one first"), "{refused:?}");
+    let recording = watched.control(&json!({"command": "record"}));
+    assert_eq!(recording.status, 200, "{recording:?}");
+    let state: Value = serde_json::from_str(&recording.body).unwrap();
+    let file = state["state"]["recording"].as_str().unwrap().to_owned();
+    assert!(file.starts_with(bench.path("recordings").to_str().unwrap()), "{file}");
+    watched.live.wait_for_clouds(1);
+    assert_eq!(watched.control(&json!({"command": "mark", "text": "<b>ear</b>"})).status, 200);
+    assert_eq!(watched.control(&json!({"command": "end-recording"})).status, 200);
+    watched.live.wait_until("the recording is whole", || std::path::Path::new(&file).exists());
+    assert_eq!(watched.control(&json!({"command": "stop"})).status, 200);
+    watched.live.wait_until("the figures tell that it stopped", || watched.figures()["state"]["scanning"] == false);
+    let before = bench.counts(Stage::Cloud).passed;
+    assert_eq!(watched.control(&json!({"command": "start"})).status, 200);
+    watched.live.wait_until("there are clouds again", || bench.counts(Stage::Cloud).passed > before);
+    let remarks = bench.done(&[0], &[&"info", &file]);
+    assert!(remarks.contains("<b>ear</b>"), "{remarks}");
+    watched.live.quit().assert_balanced();
+}
+
+#[test]
+fn a_killed_monitor_comes_back_at_its_address_and_the_scan_goes_on() {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let bench =
+        Bench::with(&[("enabled = false", &format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"off\""))]);
+    let watched = Watched::start(&bench, &[]);
+    assert_eq!(watched.address, free);
+    watched.live.signal("monitor", rustix::process::Signal::KILL);
+    watched.live.wait_until("the monitor answers again", || {
+        TcpStream::connect(free).is_ok() && watched.get("/figures").body.contains("\"figures\"")
+    });
+    watched.live.wait_for_clouds(2);
+    let ended = watched.live.quit();
+    ended.assert_balanced();
+    assert_eq!(ended.summary["restarts"], 1);
+    bench.assert_nothing_left();
+}

@@ -1,0 +1,73 @@
+//! The newest of the large messages, for whoever watches.
+
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, PatternEvent};
+use fringeflow::recording::{Recordable, Topic};
+use fringeflow::transport::Received;
+use fringeflow_runtime::Host;
+
+use crate::taps::Taps;
+use crate::viewers::Viewers;
+
+/// Which messages somebody wants.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wanted {
+    pub(crate) frames: bool,
+    pub(crate) maps: bool,
+    pub(crate) clouds: bool,
+    pub(crate) patterns: bool,
+}
+
+/// What has come since the last look, the newest of each channel.
+pub(crate) struct News {
+    pub(crate) frames: [Option<Received<FrameHeader, [u8]>>; 2],
+    pub(crate) maps: Option<Received<MapsHeader, [Block]>>,
+    pub(crate) cloud: Option<Received<CloudHeader, [u8]>>,
+    pattern: Option<Received<(), PatternEvent>>,
+}
+
+impl Wanted {
+    /// What viewers have subscribed to.
+    pub(crate) fn by_viewers(viewers: &Viewers) -> Self {
+        Self {
+            frames: viewers.want(Topic::Cam1Frame) || viewers.want(Topic::Cam2Frame),
+            maps: false,
+            clouds: viewers.want(Topic::Cloud),
+            patterns: viewers.want(Topic::Pattern),
+        }
+    }
+
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self {
+            frames: self.frames || other.frames,
+            maps: self.maps || other.maps,
+            clouds: self.clouds || other.clouds,
+            patterns: self.patterns || other.patterns,
+        }
+    }
+}
+
+impl News {
+    /// Looks into the channels that are wanted.
+    pub(crate) fn gather(wanted: Wanted, taps: &mut Taps, host: &Host, now_ns: u64) -> Self {
+        let [cam1, cam2] = &mut taps.cameras;
+        Self {
+            frames: [cam1, cam2].map(|camera| wanted.frames.then(|| camera.newest(host, now_ns)).flatten()),
+            maps: wanted.maps.then(|| taps.maps.newest(host, now_ns)).flatten(),
+            cloud: wanted.clouds.then(|| taps.clouds.newest(host, now_ns)).flatten(),
+            pattern: wanted.patterns.then(|| taps.patterns.newest(host, now_ns)).flatten(),
+        }
+    }
+
+    /// Sends them to the viewers.
+    pub(crate) fn send(&self, viewers: &mut Viewers) {
+        for frame in self.frames.iter().flatten() {
+            viewers.send(&Recordable::Frame { header: frame.header(), image: frame.payload() });
+        }
+        if let Some(cloud) = &self.cloud {
+            viewers.send(&Recordable::Cloud { header: cloud.header(), records: cloud.payload() });
+        }
+        if let Some(pattern) = &self.pattern {
+            viewers.send(&Recordable::Pattern(pattern.payload()));
+        }
+    }
+}
