@@ -21,6 +21,9 @@ needed=(
     "command -v xz:xz-utils"
     "compgen -G '/usr/lib/*/libelf.so.1':libelf1"
     "command -v v4l2-ctl:v4l-utils"
+    # The page of the monitor is tried in a browser.
+    "command -v chromium:chromium"
+    "compgen -G '/usr/share/fonts/truetype/*/*.ttf':fonts-dejavu-core"
 )
 
 # Not libclang-cpp.so, the C++ interface, which bindgen cannot use.

@@ -106,24 +106,27 @@ impl Journey {
 /// Puts reports on the same window together.
 #[derive(Debug, Default)]
 pub(super) struct Journeys {
-    /// Reports of the phase and the correspondence stage, by exposure.
-    under_way: BTreeMap<u64, [Option<StageReport>; 2]>,
+    /// Reports of the phase, the correspondence and the cloud stage, by exposure.
+    under_way: BTreeMap<u64, [Option<StageReport>; 3]>,
 }
 
 impl Journeys {
-    /// Takes a report; the journey of a window whose cloud it reports.
+    /// Takes a report; the journey of the window, if it is the last of three. They come from three processes, in any order.
     pub(super) fn add(&mut self, report: &StageReport) -> Option<Journey> {
         let exposure = report.exposure_start_ns;
         let place = match Stage::of(report.stage).filter(|_| report.of_item != 0)? {
             Stage::Phase => 0,
             Stage::Correspondence => 1,
-            Stage::Cloud => {
-                let [phase, correspondence] = self.under_way.remove(&exposure)?;
-                return Some(Journey::of(&phase?, &correspondence?, report));
-            }
+            Stage::Cloud => 2,
             _ => return None,
         };
-        self.under_way.entry(exposure).or_default()[place] = Some(*report);
+        let reports = self.under_way.entry(exposure).or_default();
+        reports[place] = Some(*report);
+        if let [Some(phase), Some(correspondence), Some(cloud)] = reports {
+            let journey = Journey::of(phase, correspondence, cloud);
+            self.under_way.remove(&exposure);
+            return Some(journey);
+        }
         if self.under_way.len() > UNDER_WAY {
             self.under_way.pop_first();
         }
@@ -166,6 +169,21 @@ mod tests {
         journeys.add(&report(Stage::Phase, 1040, 1055));
         assert_eq!(journeys.add(&report(Stage::Cloud, 1110, 1150)), None);
         assert_eq!(journeys.add(&StageReport { of_item: 0, ..report(Stage::Cloud, 0, 0) }), None);
+    }
+
+    #[test]
+    fn the_order_of_the_reports_does_not_matter() {
+        let reports = [
+            report(Stage::Phase, 1040, 1055),
+            report(Stage::Correspondence, 1060, 1100),
+            report(Stage::Cloud, 1110, 1150),
+        ];
+        for order in [[0, 1, 2], [0, 2, 1], [2, 0, 1], [2, 1, 0]] {
+            let mut journeys = Journeys::default();
+            let found: Vec<_> = order.into_iter().map(|place| journeys.add(&reports[place])).collect();
+            assert_eq!(found.iter().flatten().count(), 1, "{order:?}");
+            assert_eq!((found[2].unwrap().total_ns(), journeys.under_way.len()), (150, 0), "{order:?}");
+        }
     }
 
     #[test]

@@ -330,5 +330,5 @@ class Look:
         self.__dict__.update(facts)
 
     def differs(self, other):
-        """Share of the pixels that are visibly others. The pixels of some looks are kept: those last made or compared with."""
+        """Share of the pixels that are visibly others. Only the looks last made or compared with keep their pixels."""
         return self.page.ask("difference", self.number, other.number)

@@ -178,9 +178,7 @@ class Checks:
 
     def drops_differ(self, stages):
         rows = self.page.ask("tableOf", "#drops-rows")
-        expected = sum(
-            count > 0 for stage in stages for kind in ("dropped", "incidents") for count in stage[kind].values()
-        )
+        expected = sum(count > 0 for stage in stages for kind in ("dropped", "incidents") for count in stage[kind].values())
         if len(rows) != expected:
             return f"{len(rows)} rows of drops and incidents are shown, and there are {expected}"
         lost = sum(stage["dropped"].get(reason, 0) for stage in stages for reason in stage["losses"])
@@ -414,7 +412,7 @@ class Checks:
         for width, height in SIZES:
             self.page.resize(width, height)
             wrong += [f"at {width}×{height}: {what}" for what in self.page.ask("overflows")]
-            wrong += [f"at {width}×{height}: {what} is cut" for what in self.page.ask("cutTexts")]
+            wrong += [f"at {width}×{height}: {what} is cut or covered" for what in self.page.ask("cutTexts")]
         self.page.resize(*DESKTOP)
         expect(not wrong, some(wrong))
         return ", ".join(f"{width}×{height}" for width, height in SIZES)

@@ -188,7 +188,12 @@ const isShown = (element) => element.checkVisibility({ visibilityProperty: true,
 
 /** Names of all that the keyboard should get to, by their place in the page. */
 const controlNames = () =>
-    Object.fromEntries(controls().map((control, place) => [place, nameOf(control)]).filter(([place]) => isShown(controls()[place])));
+    Object.fromEntries(
+        controls()
+            .map((control, place) => [place, control])
+            .filter(([, control]) => isShown(control))
+            .map(([place, control]) => [place, nameOf(control)]),
+    );
 
 /** What has the focus, and what is wrong with how it is seen; null where nothing has it. */
 async function focused() {
@@ -251,8 +256,20 @@ function reachesOut(element) {
     return width > 0 && (left < -0.5 || right > innerWidth + 0.5);
 }
 
-/** Texts that are cut, which nobody sees in full. */
+/** Texts that are cut or that a question mark covers, which nobody sees in full. */
 const cutTexts = () =>
-    [...document.querySelectorAll("dt, dd, h1, h2, button, .legend-label, .small-plot-label, .pill")]
-        .filter((element) => isShown(element) && element.scrollWidth > element.clientWidth + 1 && element.clientWidth > 0)
+    [...document.querySelectorAll("dt, dd, h1, h2, button, .choice, .legend-label, .small-plot-label, .pill")]
+        .filter((element) => isShown(element) && (isCut(element) || isCovered(element)))
         .map((element) => nameOf(element));
+
+const isCut = (element) => element.clientWidth > 0 && element.scrollWidth > element.clientWidth + 1;
+
+function isCovered(element) {
+    const range = document.createRange();
+    range.selectNodeContents(element);
+    const text = range.getBoundingClientRect();
+    return [...document.querySelectorAll("summary")].some((mark) => {
+        const { left, right, top, bottom } = mark.getBoundingClientRect();
+        return left < text.right && text.left < right && top < text.bottom && text.top < bottom;
+    });
+}

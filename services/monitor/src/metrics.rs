@@ -229,7 +229,62 @@ impl Out<'_> {
 }
 
 fn encode_latencies(latencies: &Latencies, mut encoder: MetricEncoder<'_>) -> Result<(), Error> {
-    let bounds_s = BUCKETS_NS.map(|bound_ns| bound_ns as f64 / 1e9).into_iter().chain([f64::MAX]);
+    let bounds_s = BUCKETS_NS.map(|bound_ns| bound_ns as f64 / 1e9).into_iter().chain([f64::INFINITY]);
     let buckets: Vec<(f64, u64)> = bounds_s.zip(latencies.buckets().iter().copied()).collect();
     encoder.encode_histogram::<NoLabelSet>(latencies.sum_ns() as f64 * 1e-9, latencies.count(), &buckets, None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    use fringeflow::config::ScannerConfiguration;
+    use fringeflow::dataset::Setup;
+    use fringeflow::message::{Counts, StageReport, WindowReport};
+
+    const MS: u64 = 1_000_000;
+
+    fn board() -> Board {
+        let text = include_str!("../../../configs/demo.toml");
+        let configuration = ScannerConfiguration::parse(text, Path::new("/configs")).unwrap();
+        let setup = Setup::parse(configuration.setup_text().unwrap(), None).unwrap();
+        Board::new(&configuration, &setup, 0)
+    }
+
+    /// Value of a series.
+    fn value<'t>(text: &'t str, series: &str) -> &'t str {
+        let line = text.lines().find_map(|line| line.strip_prefix(series)?.strip_prefix(' '));
+        line.unwrap_or_else(|| panic!("{series} is missing"))
+    }
+
+    fn series(text: &str) -> Vec<&str> {
+        let series = text.lines().filter(|line| !line.starts_with('#'));
+        series.filter_map(|line| Some(line.rsplit_once(' ')?.0)).collect()
+    }
+
+    #[test]
+    fn series_are_the_same_before_and_after_reports() {
+        let board = Arc::new(Mutex::new(board()));
+        let metrics = Metrics::new(Arc::clone(&board), Arc::default());
+        let before = metrics.text();
+        assert_eq!(value(&before, "fringeflow_delta_sd_radians"), "NaN");
+        let mut counts = Counts { taken: 9, passed: 7, ..Counts::default() };
+        counts.drop_one(DropReason::Overrun);
+        let (exposure_start_ns, taken_ns, passed_ns) = (MS, 2 * MS, 41 * MS);
+        let stage = Stage::Cloud as u32;
+        let report =
+            StageReport { stage, of_item: 1, exposure_start_ns, taken_ns, passed_ns, counts, ..StageReport::default() };
+        board.lock().unwrap().take_report(&report);
+        board.lock().unwrap().take_window(&WindowReport { delta_sd_rad: 0.25, ..WindowReport::default() });
+        let after = metrics.text();
+        assert_eq!(series(&before), series(&after));
+        assert_eq!(value(&after, "fringeflow_delta_sd_radians"), "0.25");
+        assert_eq!(value(&after, "fringeflow_stage_passed_total{stage=\"cloud\"}"), "7");
+        assert_eq!(value(&after, "fringeflow_stage_dropped_total{stage=\"cloud\",reason=\"overrun\"}"), "1");
+        assert_eq!(value(&after, "fringeflow_stage_in_work{stage=\"cloud\"}"), "1.0");
+        let bucket = |le: &str| value(&after, &format!("fringeflow_exposure_to_cloud_seconds_bucket{{le=\"{le}\"}}"));
+        assert_eq!([bucket("0.03"), bucket("0.05"), bucket("+Inf")], ["0", "1", "1"]);
+        assert!(after.ends_with("# EOF\n"));
+    }
 }

@@ -179,10 +179,10 @@ impl Watch {
             pairs.map(|(now, before)| now.dropped(reason).saturating_sub(before.dropped(reason))).sum()
         };
         let because = |reason, what| Some(new(reason)).filter(|&n| n > 0).map(|n| format!("{n} {what}"));
-        because(DropReason::Overrun, "overwritten before it took them")
-            .or_else(|| because(DropReason::QueueFull, "did not find room in the queue to the disk"))
-            .or_else(|| because(DropReason::NoSample, "found no free memory in the channel"))
-            .or_else(|| because(DropReason::NextStageBusy, "windows left out while it was busy"))
+        because(DropReason::Overrun, "items overwritten before it took them")
+            .or_else(|| because(DropReason::QueueFull, "messages without room in the queue to the disk"))
+            .or_else(|| because(DropReason::NoSample, "items without free memory in the channel"))
+            .or_else(|| because(DropReason::NextStageBusy, "left out while it was busy"))
     }
 }
 
@@ -244,7 +244,7 @@ mod tests {
         // Windows left out while correspondence was busy make that slow, not the one that left them out.
         let states = look(&mut services, &tally(own, 2 * SECOND_NS, 8), 3 * SECOND_NS);
         assert_eq!(states[0].0, ServiceState::Ok);
-        assert_eq!(states[1], (ServiceState::Slow, "8 windows left out while it was busy".to_owned()));
+        assert_eq!(states[1], (ServiceState::Slow, "8 left out while it was busy".to_owned()));
         let states = look(&mut services, &tally(own, 2 * SECOND_NS, 8), 9 * SECOND_NS);
         assert_eq!(states[1], (ServiceState::Silent, "no sign of life for 7 s".to_owned()));
         // No process has this number: it is beyond the largest that Linux gives.

@@ -14,7 +14,7 @@ export function showKeyFigures({ figures, history }) {
     set("latency-p99", short(sample?.total?.[2]), `whole run ${milliseconds(whole?.p99_ms)}`);
     set("points", fixed(window?.points), "in the last cloud");
     showLosses(figures, history);
-    set("efc", short(window?.efc), "per true candidate");
+    set("efc", short(window?.efc), "efc: per true candidate");
     markLive("panel-key-figures");
 }
 
