@@ -4,9 +4,11 @@
 //! platform: what others would download need not be here.
 
 use std::error::Error;
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 use spdx::{Expression, Licensee, ParseMode};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -52,6 +54,28 @@ fn a_misspelt_entry_of_the_list_is_an_error() {
     assert!(allowed_licences("[licenses]\nallow = ['MTI']").is_err());
     assert!(allowed_licences("[licenses]\nallow = []").is_err());
     assert!(allowed_licences("[bans]").is_err());
+}
+
+#[test]
+fn libraries_of_the_page_are_whole_and_carry_their_licence() {
+    let vendor = Path::new(env!("CARGO_MANIFEST_DIR")).join("services/monitor/page/vendor");
+    let sums = std::fs::read_to_string(vendor.join("SHA256SUMS")).unwrap();
+    let mut listed = Vec::new();
+    for line in sums.lines() {
+        let (sum, name) = line.split_once("  ").unwrap();
+        let found: String =
+            Sha256::digest(std::fs::read(vendor.join(name)).unwrap()).iter().map(|b| format!("{b:02x}")).collect();
+        assert_eq!(found, sum, "{name} is not what scripts/vendor-page.sh makes; run it again");
+        listed.push(vendor.join(name));
+    }
+    let folders = std::fs::read_dir(&vendor).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir());
+    for folder in folders {
+        let licence = std::fs::read_to_string(folder.join("LICENSE")).unwrap();
+        assert!(licence.contains("MIT License"), "{}: which licence is this?", folder.display());
+        for file in std::fs::read_dir(&folder).unwrap().flatten() {
+            assert!(listed.contains(&file.path()), "{} is not listed", file.path().display());
+        }
+    }
 }
 
 /// The entries of `[licenses] allow`.

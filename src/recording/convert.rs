@@ -263,6 +263,8 @@ impl StageReport {
             skew_sum_ns: report.skew.sum_ns,
             skew_least_ns: report.skew.least_ns,
             skew_greatest_ns: report.skew.greatest_ns,
+            latency_ms: milliseconds(report.taken_ns, report.passed_ns),
+            since_exposure_ms: milliseconds(report.exposure_start_ns, report.passed_ns),
         })
     }
 
@@ -341,6 +343,11 @@ impl WindowReport {
             delta_counts: delta_counts(&self.delta_counts)?,
         })
     }
+}
+
+/// From one time to another, milliseconds.
+fn milliseconds(from_ns: u64, to_ns: u64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-6
 }
 
 /// Counts of δ; all zero where an older recording has none.

@@ -188,6 +188,10 @@ pub struct StageReport {
     pub skew_greatest_ns: i64,
     #[prost(uint64, tag = "17")]
     pub received_ns: u64,
+    #[prost(double, tag = "18")]
+    pub latency_ms: f64,
+    #[prost(double, tag = "19")]
+    pub since_exposure_ms: f64,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WindowReport {

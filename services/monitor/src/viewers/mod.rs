@@ -96,3 +96,47 @@ impl Viewers {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    const LAYOUT: &str = include_str!("../../../../configs/foxglove-layout.json");
+    const SCHEMA: &str = include_str!("../../../../src/recording/schema/fringeflow.proto");
+
+    /// All texts of a JSON value that begin with a slash, keys included: topics, and paths into their messages.
+    fn paths(value: &Value) -> Vec<String> {
+        match value {
+            Value::String(text) if text.starts_with('/') => vec![text.clone()],
+            Value::Array(values) => values.iter().flat_map(paths).collect(),
+            Value::Object(entries) => {
+                let keys = entries.keys().filter(|key| key.starts_with('/')).cloned();
+                keys.chain(entries.values().flat_map(paths)).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_layout_shows_topics_and_fields_that_there_are() {
+        let paths = paths(&serde_json::from_str(LAYOUT).unwrap());
+        assert!(paths.len() > 10, "{paths:?}");
+        for path in paths {
+            let topic = path.split(['.', '{']).next().unwrap();
+            let known = Topic::of(topic).unwrap_or_else(|| panic!("{topic} is no topic"));
+            assert!(TOPICS.contains(&known), "{topic} is not offered live");
+            // Behind conditions in braces, the fields.
+            let fields = path[topic.len()..].rsplit('}').next().unwrap().split('.').filter(|field| !field.is_empty());
+            for field in fields {
+                assert!(SCHEMA.contains(&format!(" {field} = ")), "{path}: there is no field {field}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_wanted_without_viewers() {
+        let viewers = Viewers::new().unwrap();
+        assert!(TOPICS.into_iter().all(|topic| !viewers.want(topic)));
+    }
+}

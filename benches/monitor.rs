@@ -1,0 +1,200 @@
+//! What watching costs the scan: `cargo bench -p fringeflow-command --bench monitor [-- SECONDS ROUNDS]`.
+//!
+//! Two comparisons, each of parts of one run of this program that take turns, so that a machine which changes its mind changes
+//! it for both:
+//!
+//! 1. CPU time of whole instances of `configs/demo.toml` with the monitor on (page closed) and off;
+//! 2. rate of clouds and median from exposure to cloud of one instance, without pages and with fifty, ten of which never read.
+
+// A bench that cannot prepare its work ends.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tungstenite::{Message, WebSocket};
+
+/// Pages, and how many of them never read.
+const PAGES: usize = 50;
+const SILENT: usize = 10;
+/// Seconds after a change before anything is measured.
+const SETTLE: Duration = Duration::from_secs(3);
+
+fn main() {
+    let numbers: Vec<u64> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
+    let seconds = numbers.first().copied().unwrap_or(20);
+    let rounds = numbers.get(1).copied().unwrap_or(5);
+    let folder = tempfile::Builder::new().prefix("ffbench").tempdir_in("/tmp").unwrap();
+    cpu_of_the_monitor(folder.path(), seconds, rounds);
+    pages(folder.path(), seconds, rounds);
+}
+
+fn cpu_of_the_monitor(folder: &Path, seconds: u64, rounds: u64) {
+    println!("CPU seconds of an instance over {seconds} s, monitor off and on:");
+    let (off, on) = (configuration(folder, false), configuration(folder, true));
+    run_for(folder, &off, 1);
+    let mut ratios = Vec::new();
+    for _ in 0..rounds {
+        let [off, on] = [&off, &on].map(|configuration| cpu_s(|| run_for(folder, configuration, seconds)));
+        ratios.push(on / off);
+        println!("  off {off:.2}, on {on:.2}: {:+.1} %", 100.0 * (on / off - 1.0));
+    }
+    println!("  median {:+.1} %", 100.0 * (median(&mut ratios) - 1.0));
+}
+
+fn pages(folder: &Path, seconds: u64, rounds: u64) {
+    println!("clouds a second, and median ms from exposure to cloud, without pages and with {PAGES}:");
+    let instance = Instance::start(folder, &configuration(folder, true));
+    let (mut rates, mut latencies) = (Vec::new(), Vec::new());
+    for _ in 0..rounds {
+        let [without, with] = [0, PAGES].map(|pages| instance.measure(pages, seconds));
+        rates.push(with.0 / without.0);
+        latencies.push(with.1 / without.1);
+        println!("  without {:.2}/s {:.1} ms, with {:.2}/s {:.1} ms", without.0, without.1, with.0, with.1);
+    }
+    let [rate, latency] = [rates, latencies].map(|mut ratios| 100.0 * (median(&mut ratios) - 1.0));
+    println!("  median: rate {rate:+.1} %, latency {latency:+.1} %");
+}
+
+/// A running instance and its dashboard.
+struct Instance {
+    child: Child,
+    address: String,
+}
+
+impl Instance {
+    fn start(folder: &Path, configuration: &Path) -> Self {
+        let child = command(folder, configuration).stdout(Stdio::null()).spawn().unwrap();
+        let url = folder.join("r/bench.accounts/dashboard.url");
+        let address = loop {
+            match std::fs::read_to_string(&url) {
+                Ok(url) if url.ends_with('/') => break url.split('/').nth(2).unwrap().to_owned(),
+                _ => std::thread::sleep(Duration::from_millis(100)),
+            }
+        };
+        let instance = Self { child, address };
+        while instance.figures()["exposure_to_cloud"].is_null() {
+            std::thread::sleep(Duration::from_secs(1));
+        }
+        instance
+    }
+
+    /// Rate of clouds, and the median over seconds of the median latency, with so many pages.
+    fn measure(&self, pages: usize, seconds: u64) -> (f64, f64) {
+        let stop = Arc::new(AtomicBool::new(false));
+        let pages: Vec<_> = (0..pages).map(|number| self.page(number < SILENT, &stop)).collect();
+        std::thread::sleep(SETTLE);
+        let (begin, before) = (Instant::now(), clouds(&self.figures()));
+        let mut medians = Vec::new();
+        while begin.elapsed() < Duration::from_secs(seconds) {
+            std::thread::sleep(Duration::from_secs(1));
+            medians.extend(self.figures()["sample"]["total"][0].as_f64());
+        }
+        let rate = (clouds(&self.figures()) - before) / begin.elapsed().as_secs_f64();
+        stop.store(true, Ordering::Relaxed);
+        pages.into_iter().for_each(|page| page.join().unwrap());
+        (rate, median(&mut medians))
+    }
+
+    /// A page in a thread of its own; one that reads draws at once what it gets.
+    fn page(&self, is_silent: bool, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
+        let (address, stop) = (self.address.clone(), Arc::clone(stop));
+        std::thread::spawn(move || {
+            let stream = TcpStream::connect(&address).unwrap();
+            stream.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
+            let (mut page, _) = tungstenite::client(format!("ws://{address}/live"), stream).unwrap();
+            page.send(Message::text(r#"{"type": "want", "pictures": true, "cloud": true}"#)).unwrap();
+            while !stop.load(Ordering::Relaxed) {
+                if is_silent {
+                    std::thread::sleep(Duration::from_millis(100));
+                } else {
+                    draw(&mut page);
+                }
+            }
+        })
+    }
+
+    fn figures(&self) -> Value {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        write!(stream, "GET /figures HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap_or_default()
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Takes the next message, if one comes, and says that it is drawn.
+fn draw(page: &mut WebSocket<TcpStream>) {
+    let Ok(Message::Binary(message)) = page.read() else { return };
+    let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
+    let header: Value = serde_json::from_slice(&message[4..4 + length]).unwrap();
+    let _ = page.send(Message::text(format!(r#"{{"type": "shown", "id": {}}}"#, header["id"])));
+}
+
+fn clouds(figures: &Value) -> f64 {
+    figures["exposure_to_cloud"]["count"].as_f64().unwrap_or(0.0)
+}
+
+/// The demo under another name, with the monitor on or off.
+fn configuration(folder: &Path, is_on: bool) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    let demo = std::fs::read_to_string(root.join("configs/demo.toml")).unwrap();
+    let images = root.join("target/demo.images");
+    let text = demo
+        .replace("name = \"demo\"", "name = \"bench\"")
+        .replace("\"../target/demo.images\"", &format!("{images:?}"))
+        .replace("\"../demo-output\"", &format!("{folder:?}"))
+        .replace(
+            "enabled = true",
+            &format!("enabled = {is_on}\naddress = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\""),
+        );
+    let file = folder.join(format!("monitor-{is_on}.toml"));
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+fn command(folder: &Path, configuration: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fringeflow"));
+    command.env("FRINGEFLOW_RUNTIME_DIR", folder.join("r")).env("FRINGEFLOW_LOG", "error");
+    command.args(["run", "--config"]).arg(configuration).stdin(Stdio::null());
+    command
+}
+
+fn run_for(folder: &Path, configuration: &Path, seconds: u64) {
+    let status =
+        command(folder, configuration).args(["--seconds", &seconds.to_string()]).stdout(Stdio::null()).status();
+    assert!(status.unwrap().code().is_some_and(|code| code == 0 || code == 3));
+}
+
+/// CPU time of all processes that something starts and waits for, theirs included.
+fn cpu_s(run: impl FnOnce()) -> f64 {
+    let before = ticks_of_children();
+    run();
+    (ticks_of_children() - before) as f64 / rustix::param::clock_ticks_per_second() as f64
+}
+
+/// Fields 16 and 17 of proc_pid_stat(5).
+fn ticks_of_children() -> u64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+    let fields: Vec<&str> = stat.rsplit_once(')').unwrap().1.split_ascii_whitespace().collect();
+    fields[13..15].iter().map(|field| field.parse::<u64>().unwrap()).sum()
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
