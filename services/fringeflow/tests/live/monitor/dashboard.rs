@@ -7,10 +7,12 @@ use super::*;
 fn every_panel_is_live_and_every_button_works_in_a_browser() {
     // The page connects again where it was, so the port is stated.
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let bench = Bench::with(&[(
-        "enabled = false",
-        &format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"127.0.0.1:0\""),
-    )]);
+    let bench = Bench::with(&[
+        ("enabled = false", &format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"127.0.0.1:0\"")),
+        // Fringes so fine that the threshold is a small part of a turn, as on real rigs.
+        ("period_px = 48.0", "period_px = 16.0"),
+        ("size_px = [96, 80]", "size_px = [320, 256]"),
+    ]);
     let watched = Watched::start(&bench, &[]);
     watched.live.wait_for_clouds(1);
     let monitor = bench.pid_of("monitor").unwrap().to_string();
