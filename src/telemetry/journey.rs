@@ -96,6 +96,13 @@ impl Journey {
         self.segments().find(|(s, ..)| *s == segment).map_or(0, |(_, begin, end)| end - begin)
     }
 
+    /// The same from the moment at which its window was complete; its exposure and all before are forgotten.
+    #[must_use]
+    pub fn from_window(&self) -> Self {
+        let complete_ns = self.ends_ns[Segment::Pairing as usize];
+        Self { exposure_start_ns: complete_ns, ends_ns: self.ends_ns.map(|end_ns| end_ns.max(complete_ns)) }
+    }
+
     /// From exposure to cloud, nanoseconds.
     #[must_use]
     pub fn total_ns(&self) -> u64 {
@@ -158,6 +165,9 @@ mod tests {
         let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| journey.duration_ns(segment)).collect();
         assert_eq!(durations, [30, 10, 15, 0, 45, 10, 40]);
         assert_eq!((durations.iter().sum::<u64>(), journey.total_ns()), (150, 150));
+        let from_window = journey.from_window();
+        let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| from_window.duration_ns(segment)).collect();
+        assert_eq!((durations, from_window.total_ns()), (vec![0, 0, 15, 0, 45, 10, 40], 110));
     }
 
     #[test]
