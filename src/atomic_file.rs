@@ -27,6 +27,9 @@ pub enum WriteProblem {
     /// The path is a folder.
     #[error("is a folder; give the path of a file")]
     IsAFolder,
+    /// The path is a device, a pipe or a socket, which a file must not replace.
+    #[error("is a device or a pipe; give the path of a file")]
+    IsSpecial,
     /// The folder it should go to does not exist.
     #[error("cannot be written: the folder {} does not exist; create it first", .0.display())]
     NoFolder(PathBuf),
@@ -151,6 +154,9 @@ fn check_target(path: &Path) -> Result<&Path, WriteProblem> {
     if path.is_dir() {
         return Err(WriteProblem::IsAFolder);
     }
+    if path.exists() && !path.is_file() {
+        return Err(WriteProblem::IsSpecial);
+    }
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -209,10 +215,12 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_no_targets() {
+    fn folders_and_devices_are_no_targets() {
         let folder = tempfile::tempdir().unwrap();
         let problem = |path: &Path| write_atomically(path, |_| Ok(())).unwrap_err().problem;
         assert!(matches!(problem(folder.path()), WriteProblem::IsAFolder));
+        // Beside others: what replaced it would be missed by everybody.
+        assert!(matches!(check_writable(Path::new("/dev/null")).unwrap_err().problem, WriteProblem::IsSpecial));
         assert!(matches!(problem(&folder.path().join("missing/cloud.ply")), WriteProblem::NoFolder(_)));
     }
 }

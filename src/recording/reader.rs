@@ -154,11 +154,6 @@ impl Recording {
         self.entries.iter().filter(move |entry| entry.topic == topic).map(|entry| self.read(entry))
     }
 
-    /// Messages of some topics in the order of their times.
-    pub fn messages_of_any(&self, topics: &[Topic]) -> impl Iterator<Item = Result<Message, RecordingError>> {
-        self.entries.iter().filter(move |entry| topics.contains(&entry.topic)).map(|entry| self.read(entry))
-    }
-
     /// Headers of the images of a camera, 1 or 2, in the order of their times.
     pub fn frame_headers(&self, camera: u32) -> impl Iterator<Item = &FrameHeader> + '_ {
         self.entries.iter().filter_map(move |entry| match &entry.header {

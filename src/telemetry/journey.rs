@@ -113,24 +113,27 @@ impl Journey {
 /// Puts reports on the same window together.
 #[derive(Debug, Default)]
 pub(super) struct Journeys {
-    /// Reports of the phase and the correspondence stage, by exposure.
-    under_way: BTreeMap<u64, [Option<StageReport>; 2]>,
+    /// Reports of the phase, the correspondence and the cloud stage, by exposure.
+    under_way: BTreeMap<u64, [Option<StageReport>; 3]>,
 }
 
 impl Journeys {
-    /// Takes a report; the journey of a window whose cloud it reports.
+    /// Takes a report; the journey of a window whose last report it is. That need not be the one of the cloud: a stage puts
+    /// out first and reports then, and the next one may be faster.
     pub(super) fn add(&mut self, report: &StageReport) -> Option<Journey> {
-        let exposure = report.exposure_start_ns;
         let place = match Stage::of(report.stage).filter(|_| report.of_item != 0)? {
             Stage::Phase => 0,
             Stage::Correspondence => 1,
-            Stage::Cloud => {
-                let [phase, correspondence] = self.under_way.remove(&exposure)?;
-                return Some(Journey::of(&phase?, &correspondence?, report));
-            }
+            Stage::Cloud => 2,
             _ => return None,
         };
-        self.under_way.entry(exposure).or_default()[place] = Some(*report);
+        let reports = self.under_way.entry(report.exposure_start_ns).or_default();
+        reports[place] = Some(*report);
+        if let [Some(phase), Some(correspondence), Some(cloud)] = reports {
+            let journey = Journey::of(phase, correspondence, cloud);
+            self.under_way.remove(&report.exposure_start_ns);
+            return Some(journey);
+        }
         if self.under_way.len() > UNDER_WAY {
             self.under_way.pop_first();
         }
@@ -176,6 +179,23 @@ mod tests {
         journeys.add(&report(Stage::Phase, 1040, 1055));
         assert_eq!(journeys.add(&report(Stage::Cloud, 1110, 1150)), None);
         assert_eq!(journeys.add(&StageReport { of_item: 0, ..report(Stage::Cloud, 0, 0) }), None);
+    }
+
+    #[test]
+    fn reports_may_come_in_any_order() {
+        let reports = [
+            report(Stage::Phase, 1040, 1055),
+            report(Stage::Correspondence, 1056, 1100),
+            report(Stage::Cloud, 1099, 1150),
+        ];
+        let journeys = [[0, 1, 2], [0, 2, 1], [2, 1, 0]].map(|order| {
+            let mut journeys = Journeys::default();
+            let ended = order.map(|place| journeys.add(&reports[place]));
+            assert!(journeys.under_way.is_empty());
+            ended
+        });
+        assert!(journeys.iter().all(|[first, second, last]| first.is_none() && second.is_none() && last.is_some()));
+        assert!(journeys.iter().all(|ended| *ended == journeys[0]));
     }
 
     #[test]

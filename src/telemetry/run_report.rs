@@ -26,7 +26,7 @@ pub struct RunReport {
     worst: WorstWindows,
     window: Option<WindowFigures>,
     windows: u64,
-    incomplete: u64,
+    clouds: u64,
     /// When the first and the last cloud came.
     clouds_ns: Option<[u64; 2]>,
 }
@@ -42,7 +42,7 @@ impl RunReport {
             worst: WorstWindows::new(most),
             window: None,
             windows: 0,
-            incomplete: 0,
+            clouds: 0,
             clouds_ns: None,
         }
     }
@@ -56,7 +56,7 @@ impl RunReport {
             self.worst.add(journey);
         }
         if Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
-            self.incomplete += u64::from(journey.is_none());
+            self.clouds += 1;
             self.clouds_ns =
                 Some([self.clouds_ns.map_or(report.passed_ns, |[first_ns, _]| first_ns), report.passed_ns]);
         }
@@ -111,7 +111,7 @@ impl RunReport {
     /// Clouds of windows that lack the report of an earlier stage: they are in the latencies of the stages alone.
     #[must_use]
     pub fn incomplete(&self) -> u64 {
-        self.incomplete
+        self.clouds.saturating_sub(self.windows)
     }
 
     /// Clouds a second, from the first to the last; `None` for fewer than two.
@@ -119,7 +119,7 @@ impl RunReport {
     pub fn cloud_rate_hz(&self) -> Option<f64> {
         let [first_ns, last_ns] = self.clouds_ns?;
         let span_ns = last_ns.checked_sub(first_ns).filter(|&span_ns| span_ns > 0)?;
-        Some((self.windows + self.incomplete).saturating_sub(1) as f64 / (span_ns as f64 * 1e-9))
+        Some((self.clouds - 1) as f64 / (span_ns as f64 * 1e-9))
     }
 
     /// From the start of the last exposure to the published cloud; `None` where that cannot be told.

@@ -80,3 +80,34 @@ fn relay(log: ChildStderr) {
         line.clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn the_last_words_of_a_process_are_passed_on_before_its_end_is_told() {
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let taker = Arc::clone(&said);
+        let _diversion = log::divert(move |line| {
+            taker.lock().unwrap().push(String::from_utf8_lossy(line).into_owned());
+            Ok(())
+        });
+        let before = vec!["-c".to_owned(), "echo first >&2; printf last >&2; exit 3".to_owned(), "sh".to_owned()];
+        let launch = Launch { program: "/bin/sh".into(), before, behind: Vec::new(), is_relayed: true };
+        let mut process = Process::spawn("phase", &launch, 0).unwrap();
+        let status = loop {
+            if let Some(status) = process.try_wait().unwrap() {
+                break status;
+            }
+            thread::sleep(Duration::from_millis(5));
+        };
+        assert_eq!(
+            (status.code(), said.lock().unwrap().as_slice()),
+            (Some(3), &["first\n".to_owned(), "last\n".to_owned()][..])
+        );
+    }
+}

@@ -17,4 +17,5 @@ mod killed;
 mod projector;
 mod recorded_run;
 mod refused;
+mod reports;
 mod support;

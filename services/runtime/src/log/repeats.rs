@@ -55,8 +55,7 @@ mod tests {
     fn what_is_said_again_is_counted_until_its_time_has_come() {
         let mut repeats = Repeats::default();
         let said: Vec<_> = (0..25).map(|second| repeats.say(7, second * SECOND_NS)).collect();
-        let expected: Vec<_> =
-            (0..25).map(|second| [Some(0), Some(9), Some(9)][second / 10].filter(|_| second % 10 == 0));
+        let expected = (0..25).map(|second| [Some(0), Some(9), Some(9)][second / 10].filter(|_| second % 10 == 0));
         assert_eq!(said, expected.collect::<Vec<_>>());
         assert_eq!(repeats.say(8, 25 * SECOND_NS), Some(0));
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use fringeflow::atomic_file::{check_writable, write_atomically};
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::message::{Counts, Stage, StageReport, flags};
-use fringeflow::recording::{Content, Recording, Topic};
+use fringeflow::recording::{Content, Message, Recording, RecordingError, Topic};
 use fringeflow::telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
 
 use crate::failure::Failure;
@@ -55,17 +55,15 @@ impl Args {
             recording: Some(&self.input),
             is_recorded: true,
         };
-        let figures = RunFigures::of(about, &counts, &run);
+        let mut figures = RunFigures::of(about, &counts, &run);
         if let Some(path) = &self.html {
             write_atomically(path, |out| write_html(out, &figures))?;
         }
         if let Some(path) = &self.trace {
             self.write_trace(&recording, path)?;
         }
-        if self.json {
-            return json::print(&figures);
-        }
-        text::print(&figures, usize::from(self.worst))
+        figures.worst.truncate(usize::from(self.worst));
+        if self.json { json::print(&figures) } else { text::print(&figures) }
     }
 
     /// Gathers all reports, in the order in which they came.
@@ -73,11 +71,18 @@ impl Args {
         let exposures = if is_replayed(recording)? { Exposures::Replayed } else { Exposures::Live };
         let of_page = if self.html.is_some() { WORST_WINDOWS } else { 0 };
         let mut run = RunReport::new(exposures, usize::from(self.worst).max(of_page));
-        for message in recording.messages_of_any(&[Topic::Report, Topic::WindowReport]) {
-            match message?.content {
-                Content::Report(report) => run.add(&report),
-                Content::WindowReport(report) => run.add_window(&report),
-                _ => {}
+        let mut windows = recording.messages_of(Topic::WindowReport).peekable();
+        for report in reports(recording) {
+            let report = report?;
+            run.add(&report);
+            if Stage::of(report.stage) != Some(Stage::Correspondence) || report.of_item == 0 {
+                continue;
+            }
+            // In a recording the figures of a window stand where its images do; in a replay that is long before.
+            while let Some(window) = windows.next_if(|window| is_up_to(window, report.exposure_start_ns)) {
+                if let Content::WindowReport(figures) = window?.content {
+                    run.add_window(&figures);
+                }
             }
         }
         Ok(run)
@@ -109,6 +114,14 @@ fn is_replayed(recording: &Recording) -> Result<bool, Failure> {
         }
     }
     Ok(false)
+}
+
+/// Whether a message is about a window that ended by then, or cannot be read.
+fn is_up_to(message: &Result<Message, RecordingError>, exposure_ns: u64) -> bool {
+    match message {
+        Ok(Message { content: Content::WindowReport(figures), .. }) => figures.window.last_exposure_ns <= exposure_ns,
+        _ => true,
+    }
 }
 
 fn reports(recording: &Recording) -> impl Iterator<Item = Result<StageReport, Failure>> {

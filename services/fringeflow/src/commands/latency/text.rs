@@ -8,13 +8,13 @@ use fringeflow::telemetry::Latency;
 use crate::failure::Failure;
 use crate::report::{RunFigures, WindowLine};
 
-/// Prints the figures, with so many of the worst windows.
-pub(super) fn print(figures: &RunFigures<'_>, worst: usize) -> Result<(), Failure> {
+/// Prints the figures.
+pub(super) fn print(figures: &RunFigures<'_>) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     print_head(&mut out, figures)?;
     print_stages(&mut out, figures)?;
     print_way(&mut out, figures)?;
-    print_worst(&mut out, &figures.worst[..worst.min(figures.worst.len())])?;
+    print_worst(&mut out, &figures.worst)?;
     Ok(())
 }
 
@@ -67,7 +67,7 @@ fn print_worst(out: &mut impl Write, worst: &[WindowLine]) -> io::Result<()> {
     if worst.is_empty() {
         return Ok(());
     }
-    writeln!(out, "\n{:<24} {:>8} {:>9}  cause", "windows that took longest", "at s", "ms")?;
+    writeln!(out, "\n{:<25} {:>8} {:>9}  cause", "windows that took longest", "at s", "ms")?;
     for WindowLine { wall_ms, time_s, total_ms, cause, .. } in worst {
         writeln!(out, "{:<25} {time_s:>8.2} {total_ms:>9.1}  {cause}", wall_clock(*wall_ms))?;
     }

@@ -22,9 +22,11 @@ const milliseconds = (value) => fixed(value, value >= 100 ? 0 : value >= 1 ? 1 :
 const plural = (count, one) => `${fixed(count)} ${one}${count === 1 ? "" : "s"}`;
 
 /** A short name of the program's as words. */
-const words = (name) => name.replaceAll("_", " ");
+const words = (name) => name.replaceAll("_", " ").replace(/(\d+)$/, " $1");
 
-const titled = (name) => words(name).replace(/^./, (first) => first.toUpperCase());
+/** A stage or a part of the way as a title: a queue is where one waits. */
+const titled = (name) =>
+    words(name.replace(/^(.*)_queue$/, "wait_for_$1")).replace(/^./, (first) => first.toUpperCase());
 
 const two = (value) => String(value).padStart(2, "0");
 const day = (time) => `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())}`;

@@ -36,7 +36,7 @@ function showRemark() {
         run.replayed &&
             "The images were played from a recording: their exposures were long before. Exposure to cloud is left out; times count from the moment at which a window was complete.",
         run.windows_incomplete > 0 &&
-            `${plural(run.windows_incomplete, "window")} lack the report of an earlier stage, since the recording began in the middle or a report was lost; they are left out of the way from exposure to cloud.`,
+            `Left out of the way from exposure to cloud: ${plural(run.windows_incomplete, "window")} without the report of an earlier stage, since the recording began in the middle or a report was lost.`,
         run.time_line.length === 0 && "No stage has reported.",
     ].filter(Boolean);
     byId("remark").textContent = remarks.join(" ");
@@ -49,10 +49,11 @@ function showTiles(lost) {
     const efc = mean(run.time_line.map((at) => at.window?.efc));
     const decisions = sum(run.drops.filter(({ kind }) => kind === "decision").map(({ count }) => count));
     const clouds = run.stages.find(({ stage }) => stage === "cloud")?.passed;
+    const unknown = run.replayed ? "not known of a replay" : "no cloud";
     const tiles = [
         ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "a second")],
-        ["p50 exposure to cloud", short(total?.p50_ms), "ms", `p90 ${milliseconds(total?.p90_ms)} ms`],
-        ["p99 exposure to cloud", short(total?.p99_ms), "ms", `longest ${milliseconds(total?.max_ms)} ms`],
+        ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)} ms` : unknown],
+        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)} ms` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
@@ -73,15 +74,16 @@ function startTheme() {
     const system = matchMedia("(prefers-color-scheme: dark)");
     const current = () => root.dataset.theme ?? (system.matches ? "dark" : "light");
     const button = byId("theme");
-    const show = () => {
-        button.textContent = current() === "dark" ? "Light" : "Dark";
+    const label = () => (button.textContent = current() === "dark" ? "Light" : "Dark");
+    const changed = () => {
+        label();
         redrawPlots();
     };
     button.addEventListener("click", () => {
         root.dataset.theme = current() === "dark" ? "light" : "dark";
-        show();
+        changed();
     });
-    system.addEventListener("change", show);
+    system.addEventListener("change", changed);
     // Paper is white, and narrower than most screens.
     let before;
     addEventListener("beforeprint", () => {
@@ -99,7 +101,7 @@ function startTheme() {
         }
         redrawPlots();
     });
-    show();
+    label();
 }
 
 showAbout();
@@ -109,8 +111,8 @@ showLatency(run, times);
 showWay(run, times);
 showLatencyTables(run);
 showWorst(run);
-showRates(run, times);
 showLost(run, times);
+showRates(run, times);
 showDrops(run);
 showQuality(run, times);
 byId("foot").textContent = `Fringeflow ${run.version}. Written once, needs nothing beside itself.`;

@@ -104,9 +104,9 @@ function showRates(run, times) {
 function showLost(run, times) {
     const lost = (name) => run.time_line.map(({ dropped }) => dropped[name] ?? null);
     const names = run.stages.map(({ stage }) => stage).filter((name) => Math.max(...lost(name)) > 0);
-    const total = sum(run.drops.filter(({ kind }) => kind === "loss").map(({ count }) => count));
-    byId("lost-summary").textContent = total > 0 ? "Since the start of the instance, by stage." : "Nothing was lost.";
-    byId("lost-plot").hidden = names.length === 0;
+    // Of nothing there is no course.
+    byId("lost").hidden = names.length === 0;
+    byId("rates").classList.toggle("wide", names.length === 0);
     if (names.length > 0) {
         const series = names.map((name) => ({ label: titled(name), colour: colourOf(name) }));
         const columns = names.map(lost);
@@ -163,7 +163,7 @@ function showWorst(run) {
         byId("worst"),
         "The windows that took longest, and why",
         [
-            { title: "exposed at", text: time },
+            { title: run.replayed ? "complete at" : "exposed at", text: time },
             { title: "after, s", number: true, text: ({ time_s }) => fixed(time_s, 2) },
             { title: "took, ms", number: true, text: ({ total_ms }) => milliseconds(total_ms) },
             { title: "made of", cell: (row) => bar(run, row, longest_ms) },
@@ -207,7 +207,7 @@ const QUALITY = [
     { label: "Undecided", lines: [["series-8", (window) => window.undecided]], text: percent },
     { label: "Rejected", lines: [["series-6", (window) => window.rejected]], text: percent },
     {
-        label: "Fit residual, cameras 1 and 2",
+        label: "Fit residuals (1 · 2)",
         lines: [
             ["series-1", (window) => window.residual[0]],
             ["series-2", (window) => window.residual[1]],
