@@ -170,7 +170,7 @@ fn configuration(folder: &Path, is_on: bool) -> PathBuf {
 fn command(folder: &Path, configuration: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fringeflow"));
     command.env("FRINGEFLOW_RUNTIME_DIR", folder.join("r")).env("FRINGEFLOW_LOG", "error");
-    command.args(["run", "--config"]).arg(configuration).stdin(Stdio::null());
+    command.args(["run", "--no-report", "--config"]).arg(configuration).stdin(Stdio::null());
     command
 }
 

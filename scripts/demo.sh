@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A minute of live scanning: a virtual scanner moves over a face, and every service runs as on the scanner PC. Then the recording
 # is checked, its clouds are made again and compared byte by byte, and some are exported.
-# Leaves recording, clouds, pictures and the table of the run in demo-output/, which each run starts afresh.
+# Leaves recording, clouds, pictures, report and table of the run in demo-output/, which each run starts afresh.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -23,7 +23,7 @@ rm -rf "$out"
 mkdir "$out"
 
 echo "== run: $seconds seconds of live scanning (the images of the virtual scanner are rendered first, once)"
-fringeflow_live run --config configs/demo.toml --seconds "$seconds" --record "$out/demo.mcap" | tee "$out/run.txt"
+fringeflow_live run --config configs/demo.toml --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
 echo "== replay: every recorded cloud is made again of its images"
 fringeflow replay "$out/demo.mcap" --verify
 echo "== export: clouds, and pictures of how one of them was measured"
@@ -36,4 +36,5 @@ recording     $PWD/$out/demo.mcap   (Foxglove, Lichtblick and Rerun open it)
 clouds        $PWD/$out/clouds   (CloudCompare and MeshLab open them)
 pictures      $PWD/$out/pictures
 table above   $PWD/$out/run.txt
+report        $PWD/$out/report.html   (any browser opens it: latencies over time, where they come from, losses, quality)
 END

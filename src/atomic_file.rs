@@ -5,6 +5,8 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use tempfile::{NamedTempFile, PersistError};
+
 /// Why a file could not be written; what stood at its path before is untouched.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
@@ -19,9 +21,15 @@ pub struct WriteError {
 /// What was in the way of writing a file.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteProblem {
+    /// There is something already that must not be replaced.
+    #[error("already exists; give another name, or remove it first")]
+    Exists,
     /// The path is a folder.
     #[error("is a folder; give the path of a file")]
     IsAFolder,
+    /// The path is a device, a pipe or a socket, which a file must not replace.
+    #[error("is a device or a pipe; give the path of a file")]
+    IsSpecial,
     /// The folder it should go to does not exist.
     #[error("cannot be written: the folder {} does not exist; create it first", .0.display())]
     NoFolder(PathBuf),
@@ -42,22 +50,93 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
+    write_and_name(path, write, |temporary| temporary.persist(path))
+}
+
+/// [`write_atomically`] of a file that must not replace another.
+///
+/// # Errors
+/// As [`write_atomically`], and [`WriteProblem::Exists`].
+pub fn write_new(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> Result<(), WriteError> {
+    write_and_name(path, write, |temporary| temporary.persist_noclobber(path))
+}
+
+fn write_and_name(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+    name: impl FnOnce(NamedTempFile) -> Result<File, PersistError>,
+) -> Result<(), WriteError> {
     let fail = |problem| WriteError { path: path.to_owned(), problem };
     let folder = check_target(path).map_err(fail)?;
-    let mut builder = tempfile::Builder::new();
-    // The umask still applies; tempfile's own default would hide the result from everybody else.
-    builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o666));
     let write_to_temporary = || {
-        let temporary = builder.tempfile_in(folder)?;
+        let temporary = temporary_in(folder)?;
         let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file());
         write(&mut out)?;
         out.flush()?;
         drop(out);
         temporary.as_file().sync_all()?;
-        temporary.persist(path)?;
+        name(temporary)?;
         Ok(())
     };
     write_to_temporary().map_err(|e| fail(problem_of(e)))
+}
+
+/// A file that is written bit by bit; it gets its name when it is finished, and leaves nothing behind if it is not.
+#[derive(Debug)]
+pub struct PendingFile {
+    path: PathBuf,
+    out: BufWriter<NamedTempFile>,
+}
+
+impl PendingFile {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// As [`write_atomically`].
+    pub fn begin(path: &Path) -> Result<Self, WriteError> {
+        let fail = |problem| WriteError { path: path.to_owned(), problem };
+        let folder = check_target(path).map_err(fail)?;
+        let temporary = temporary_in(folder).map_err(|e| fail(problem_of(e)))?;
+        Ok(Self { path: path.to_owned(), out: BufWriter::new(temporary) })
+    }
+
+    /// Puts everything on the disk and gives the file its name.
+    ///
+    /// # Errors
+    /// As [`write_atomically`].
+    pub fn finish(self) -> Result<(), WriteError> {
+        let Self { path, out } = self;
+        let finish = || {
+            let temporary = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+            temporary.as_file().sync_all()?;
+            temporary.persist(&path)?;
+            Ok(())
+        };
+        finish().map_err(|e| WriteError { path: path.clone(), problem: problem_of(e) })
+    }
+
+    /// What a failed write means for the file.
+    #[must_use]
+    pub fn error(path: &Path, error: io::Error) -> WriteError {
+        WriteError { path: path.to_owned(), problem: problem_of(error) }
+    }
+}
+
+impl Write for PendingFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.out.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    // The umask still applies; tempfile's own default would hide the result from everybody else.
+    builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 /// Checks a path that is to be written, before the work whose result goes there.
@@ -75,6 +154,9 @@ fn check_target(path: &Path) -> Result<&Path, WriteProblem> {
     if path.is_dir() {
         return Err(WriteProblem::IsAFolder);
     }
+    if path.exists() && !path.is_file() {
+        return Err(WriteProblem::IsSpecial);
+    }
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -83,7 +165,11 @@ fn check_target(path: &Path) -> Result<&Path, WriteProblem> {
 }
 
 fn problem_of(error: io::Error) -> WriteProblem {
-    if error.kind() == io::ErrorKind::StorageFull { WriteProblem::DiskFull } else { WriteProblem::Io(error) }
+    match error.kind() {
+        io::ErrorKind::StorageFull => WriteProblem::DiskFull,
+        io::ErrorKind::AlreadyExists => WriteProblem::Exists,
+        _ => WriteProblem::Io(error),
+    }
 }
 
 #[cfg(test)]
@@ -105,10 +191,36 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_no_targets() {
+    fn a_new_file_replaces_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("report.html");
+        write_new(&path, |out| out.write_all(b"first")).unwrap();
+        let again = write_new(&path, |out| out.write_all(b"second"));
+        assert!(matches!(again.unwrap_err().problem, WriteProblem::Exists));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pending_file_has_its_name_at_the_end_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trace.json");
+        let mut pending = PendingFile::begin(&path).unwrap();
+        pending.write_all(b"half").unwrap();
+        assert!(!path.exists());
+        pending.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "half");
+        drop(PendingFile::begin(&path).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn folders_and_devices_are_no_targets() {
         let folder = tempfile::tempdir().unwrap();
         let problem = |path: &Path| write_atomically(path, |_| Ok(())).unwrap_err().problem;
         assert!(matches!(problem(folder.path()), WriteProblem::IsAFolder));
+        // Beside others: what replaced it would be missed by everybody.
+        assert!(matches!(check_writable(Path::new("/dev/null")).unwrap_err().problem, WriteProblem::IsSpecial));
         assert!(matches!(problem(&folder.path().join("missing/cloud.ply")), WriteProblem::NoFolder(_)));
     }
 }

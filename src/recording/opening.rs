@@ -47,6 +47,13 @@ impl Origin {
         }
     }
 
+    /// A time of `CLOCK_MONOTONIC` on the wall clock, Unix milliseconds.
+    #[must_use]
+    pub fn unix_ms(&self, time_ns: u64) -> f64 {
+        let since_start_ns = i128::from(time_ns) - i128::from(self.started_ns);
+        (i128::from(self.started_unix_ns) + since_start_ns) as f64 * 1e-6
+    }
+
     /// As metadata of a recording with this setup.
     pub(super) fn metadata(&self, setup: &Setup) -> BTreeMap<String, String> {
         let volume = setup.volume.as_ref();

@@ -109,6 +109,19 @@ impl Interval {
         self.window = Some(*report);
     }
 
+    /// Takes the span right behind this one, which began with this one `before` it: both are one then.
+    pub fn join(&mut self, next: &Self) {
+        self.total.join(&next.total);
+        for (&stage, span) in &next.stages {
+            self.stages.entry(stage).and_modify(|own| own.join(span)).or_insert_with(|| span.clone());
+        }
+        for (sum_ns, more_ns) in self.segments_ns.iter_mut().zip(next.segments_ns) {
+            *sum_ns += more_ns;
+        }
+        self.journeys += next.journeys;
+        self.window = next.window.or(self.window);
+    }
+
     /// The point of the time line, for a span that ends at these times.
     #[must_use]
     pub fn sample(&self, end_ns: u64, wall_ms: f64) -> Sample {
@@ -135,6 +148,11 @@ impl StageSpan {
     /// The span behind this one, in which nothing has happened yet.
     fn next(&self) -> Self {
         Self { passed_before: self.counts.passed, counts: self.counts, latencies: Latencies::coarse() }
+    }
+
+    fn join(&mut self, next: &Self) {
+        self.counts = next.counts;
+        self.latencies.join(&next.latencies);
     }
 }
 
@@ -190,6 +208,32 @@ mod tests {
         let sample = second.sample(3 * SECOND_NS, 7.0);
         assert_eq!((sample.rates["cloud"], sample.dropped["cloud"], sample.wall_ms), (10.0, 1, 7.0));
         assert!((sample.total.unwrap()[0] - 5.0).abs() < 0.3 && sample.segments.is_none() && sample.window.is_none());
+    }
+
+    #[test]
+    fn joined_spans_are_those_recorded_together() {
+        let (mut first, mut both) = (Interval::begin(0, None), Interval::begin(0, None));
+        let journey = |ns: u64| Journey { exposure_start_ns: 0, ends_ns: [ns; 7] };
+        let window = |published| WindowReport { published, ..WindowReport::default() };
+        for n in 1..=10 {
+            first.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
+            both.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
+        }
+        first.add_window(&window(1));
+        let mut second = Interval::begin(SECOND_NS, Some(&first));
+        for n in 11..=30 {
+            second.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
+            both.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
+        }
+        let phase = StageReport { stage: Stage::Phase as u32, of_item: 1, ..cloud(5, 0, 3) };
+        second.add(&phase, None);
+        both.add(&phase, None);
+        both.add_window(&window(1));
+        first.join(&second);
+        assert_eq!(first.sample(2 * SECOND_NS, 7.0), both.sample(2 * SECOND_NS, 7.0));
+        second.add_window(&window(2));
+        first.join(&second);
+        assert_eq!(first.window.unwrap().published, 2);
     }
 
     #[test]

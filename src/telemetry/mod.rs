@@ -2,19 +2,27 @@
 //!
 //! In: [`StageReport`](crate::message::StageReport)s and [`WindowReport`](crate::message::WindowReport)s in the order they
 //! came, live or from a recording. Out: a [`Tally`] over the whole run, [`Sample`]s of equal spans of it, [`Journey`]s of the
-//! windows, and the [`TraceWriter`]'s file for trace viewers. Nothing here reads a clock: the same reports give the same
-//! figures wherever they are asked for.
+//! windows, and the [`TraceWriter`]'s file for trace viewers; a [`RunReport`] is all of it but the trace, in bounded memory.
+//! Nothing here reads a clock: the same reports give the same figures wherever they are asked for.
 
+mod cause;
+mod history;
 mod interval;
 mod journey;
 mod latencies;
+mod run_report;
 mod tally;
 mod trace;
 mod window_figures;
+mod worst_windows;
 
+pub use cause::Cause;
+pub use history::History;
 pub use interval::{Interval, Sample, WindowSample};
 pub use journey::{Journey, Segment};
 pub use latencies::{BUCKETS_NS, Latencies, Latency};
+pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
 pub use window_figures::{DeltaCounts, Shares, WindowFigures};
+pub use worst_windows::WorstWindows;

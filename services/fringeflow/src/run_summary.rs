@@ -23,6 +23,11 @@ pub(crate) struct Summary<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    trace: Option<&'a Path>,
+    /// The page with all figures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    report: Option<&'a Path>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     compared: Option<Compared>,
     imbalances: Vec<String>,
 }
@@ -63,19 +68,23 @@ fn ended_badly(outcome: &Outcome) -> String {
 }
 
 impl<'a> Summary<'a> {
-    /// The figures of a live run.
-    pub(crate) fn of(outcome: &'a Outcome) -> Self {
-        Self { exposure_to_cloud: outcome.tally.total().brief(), ..Self::of_replay(outcome, None) }
+    /// The figures of a live run, and where the report on it lies.
+    pub(crate) fn of(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
+        let exposure_to_cloud = outcome.run.tally().total().brief();
+        Self { exposure_to_cloud, report, ..Self::of_replay(outcome, None) }
     }
 
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
     pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
-        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.tally.stage(*stage));
+        let stage =
+            |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.run.tally().stage(*stage));
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
+            trace: outcome.trace.as_deref(),
+            report: None,
             compared,
             imbalances: outcome.balance.faults().iter().map(ToString::to_string).collect(),
         }
@@ -84,22 +93,20 @@ impl<'a> Summary<'a> {
 
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<15} {:>9} {:>9}   {:>8} {:>8}   dropped", "stage", "in", "out", "p50 ms", "p99 ms")?;
+        writeln!(
+            f,
+            "{:<15} {:>8} {:>8}  {:>7} {:>7} {:>7}  dropped",
+            "stage", "in", "out", "p50 ms", "p99 ms", "max ms"
+        )?;
         for stage in &self.stages {
-            let [p50, p99] = percentiles(stage.latency);
+            let times = times(stage.latency);
             let dropped: Vec<String> = stage.dropped.iter().map(|(reason, n)| format!("{reason} {n}")).collect();
-            let line = format!(
-                "{:<15} {:>9} {:>9}   {p50:>8} {p99:>8}   {}",
-                stage.stage,
-                stage.taken,
-                stage.passed,
-                dropped.join(", ")
-            );
+            let line =
+                format!("{:<15} {:>8} {:>8}  {times}  {}", stage.stage, stage.taken, stage.passed, dropped.join(", "));
             writeln!(f, "{}", line.trim_end())?;
         }
         if self.exposure_to_cloud.is_some() {
-            let [p50, p99] = percentiles(self.exposure_to_cloud);
-            writeln!(f, "{:<35}   {p50:>8} {p99:>8}", "exposure to cloud")?;
+            writeln!(f, "{:<33}  {}", "exposure to cloud", times(self.exposure_to_cloud))?;
         }
         for StageFigures { stage, incidents, .. } in self.stages.iter().filter(|stage| !stage.incidents.is_empty()) {
             let survived: Vec<String> = incidents.iter().map(|(incident, n)| format!("{incident} {n}")).collect();
@@ -124,13 +131,17 @@ impl fmt::Display for Summary<'_> {
                 "clouds: {same} the same to the last byte, {different} differ, {missing} did not come, {new} new"
             )?;
         }
-        match self.recording {
-            Some(file) => writeln!(f, "recording: {}", file.display()),
-            None => Ok(()),
+        for (what, file) in [("recording", self.recording), ("trace", self.trace), ("report", self.report)] {
+            if let Some(file) = file {
+                writeln!(f, "{what}: {}", file.display())?;
+            }
         }
+        Ok(())
     }
 }
 
-fn percentiles(latency: Option<Latency>) -> [String; 2] {
-    latency.map_or_else(Default::default, |l| [l.p50_ms, l.p99_ms].map(|ms| format!("{ms:.1}")))
+/// Three columns, empty where nothing was measured.
+fn times(latency: Option<Latency>) -> String {
+    let times = latency.map(|l| [l.p50_ms, l.p99_ms, l.max_ms].map(|ms| format!("{ms:>7.1}")));
+    times.unwrap_or_else(|| [""; 3].map(|nothing| format!("{nothing:>7}"))).join(" ")
 }

@@ -169,6 +169,10 @@ impl Host {
 
     /// [`Self::report`] of a stage that pairs images, with the skew of the pairs since the report before.
     pub fn report_pairs(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>, skew: Skew) {
+        if let Some(ItemTimes { exposure_start_ns, taken_ns, passed_ns, .. }) = item {
+            let took_us = passed_ns.saturating_sub(taken_ns) / 1000;
+            tracing::trace!(stage = stage.name(), took_us, exposure_start_ns, "item");
+        }
         let times = item.unwrap_or_default();
         let report = StageReport {
             stage: stage as u32,

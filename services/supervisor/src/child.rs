@@ -1,9 +1,11 @@
 //! One service as a child process: started, watched, started again, stopped.
 
 use std::io;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::ExitStatus;
+
+use crate::process::Process;
 
 /// Wait before the first new start; doubled with every further one, up to the longest.
 const FIRST_WAIT_NS: u64 = 100_000_000;
@@ -22,6 +24,8 @@ pub(crate) struct Launch {
     pub(crate) before: Vec<String>,
     /// Arguments behind it.
     pub(crate) behind: Vec<String>,
+    /// Whether their log passes through this process, which draws on the terminal that they would write to.
+    pub(crate) is_relayed: bool,
 }
 
 /// A service of the instance.
@@ -36,7 +40,7 @@ pub(crate) struct Service {
 
 #[derive(Debug)]
 enum State {
-    Running(Child),
+    Running(Process),
     /// Died; is started again at a time.
     Waiting {
         until_ns: u64,
@@ -59,20 +63,20 @@ pub(crate) enum Event {
 
 impl Service {
     pub(crate) fn start(name: &'static str, launch: &Launch, now_ns: u64) -> io::Result<Self> {
-        let state = State::Running(spawn(name, launch, 0)?);
+        let state = State::Running(Process::spawn(name, launch, 0)?);
         Ok(Self { name, restarts: 0, state, wait_ns: FIRST_WAIT_NS, started_ns: now_ns })
     }
 
     /// Looks after the service: notices its death, and starts it again when its wait is over.
     pub(crate) fn tend(&mut self, launch: &Launch, now_ns: u64) -> io::Result<Option<Event>> {
         match &mut self.state {
-            State::Running(child) => match child.try_wait()? {
+            State::Running(process) => match process.try_wait()? {
                 Some(status) => Ok(Some(self.died(status, now_ns))),
                 None => Ok(None),
             },
             State::Waiting { until_ns, .. } if now_ns >= *until_ns => {
                 self.restarts += 1;
-                self.state = State::Running(spawn(self.name, launch, self.restarts)?);
+                self.state = State::Running(Process::spawn(self.name, launch, self.restarts)?);
                 self.started_ns = now_ns;
                 Ok(Some(Event::Restarted))
             }
@@ -98,7 +102,7 @@ impl Service {
     /// Asks the service to finish its work and end: closes the pipe that it listens to.
     pub(crate) fn ask_to_stop(&mut self) {
         match &mut self.state {
-            State::Running(child) => drop(child.stdin.take()),
+            State::Running(process) => process.ask_to_stop(),
             State::Waiting { how, .. } => self.state = State::Ended(Some(std::mem::take(how))),
             State::Ended(_) => {}
         }
@@ -106,8 +110,8 @@ impl Service {
 
     /// Whether it has ended, after [`Self::ask_to_stop`]; how, if not well.
     pub(crate) fn has_ended(&mut self) -> io::Result<Option<Option<String>>> {
-        if let State::Running(child) = &mut self.state {
-            let Some(status) = child.try_wait()? else { return Ok(None) };
+        if let State::Running(process) = &mut self.state {
+            let Some(status) = process.try_wait()? else { return Ok(None) };
             self.state = State::Ended((!status.success()).then(|| describe(status)));
         }
         match &self.state {
@@ -118,10 +122,8 @@ impl Service {
 
     /// Ends it at once.
     pub(crate) fn kill(&mut self) {
-        if let State::Running(child) = &mut self.state {
-            // It may have ended just now; either way it is gone after the wait.
-            let _ = child.kill();
-            let _ = child.wait();
+        if let State::Running(process) = &mut self.state {
+            process.kill();
         }
         self.state = State::Ended(None);
     }
@@ -131,15 +133,6 @@ impl Drop for Service {
     fn drop(&mut self) {
         self.kill();
     }
-}
-
-fn spawn(name: &str, launch: &Launch, restarts: u32) -> io::Result<Child> {
-    let mut command = Command::new(&launch.program);
-    command.args(&launch.before).args(["service", name]).args(&launch.behind);
-    command.args(["--restarts", &restarts.to_string(), "--supervised"]);
-    // The pipe tells the service when its supervisor is gone. A Ctrl-C in the terminal goes to the supervisor alone, which
-    // stops the services in their order.
-    command.stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0).spawn()
 }
 
 fn describe(status: ExitStatus) -> String {
@@ -157,7 +150,7 @@ mod tests {
     /// Starts `sh`, which takes the name and all further arguments as parameters of a script.
     fn launch(script: &str) -> Launch {
         let before = vec!["-c".to_owned(), script.to_owned(), "sh".to_owned()];
-        Launch { program: "/bin/sh".into(), before, behind: Vec::new() }
+        Launch { program: "/bin/sh".into(), before, behind: Vec::new(), is_relayed: false }
     }
 
     fn wait_for(service: &mut Service, launch: &Launch, now_ns: u64) -> Event {

@@ -6,6 +6,8 @@ use std::time::SystemTime;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::message::{Command, ControlRequest, ControlResponse, ScanState, Text};
 
+use crate::named_by_time;
+
 /// The state of an instance, and whether it is to end.
 #[derive(Debug)]
 pub(crate) struct Control {
@@ -72,8 +74,7 @@ impl Control {
 
     fn named_by_time(&self) -> Result<PathBuf, String> {
         std::fs::create_dir_all(&self.folder).map_err(|e| format!("{}: {e}", self.folder.display()))?;
-        let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
-        Ok(self.folder.join(format!("{}-{}.mcap", self.name, now.replace(':', "-"))))
+        Ok(named_by_time(&self.folder, &self.name, SystemTime::now(), "mcap"))
     }
 
     fn mark(&mut self, text: &str) -> Result<(), String> {

@@ -1,9 +1,10 @@
 //! What the operator sees while an instance runs: a line a stage in a terminal, a log line now and then elsewhere.
 
-use std::io::{IsTerminal, stderr};
+use std::io::{IsTerminal, Write, stderr};
 
 use fringeflow::message::{ScanState, Stage};
 use fringeflow::telemetry::{StageTally, Tally};
+use fringeflow_runtime::log::{self, Diversion};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 /// Time between two log lines, nanoseconds.
@@ -17,13 +18,24 @@ pub(crate) struct Display {
     head: ProgressBar,
     stages: Vec<(Stage, ProgressBar)>,
     logged_ns: u64,
+    /// Log lines go above those of the terminal, not into them.
+    _diversion: Option<Diversion>,
 }
 
 impl Display {
     pub(crate) fn new() -> Self {
         let lines = stderr().is_terminal().then(MultiProgress::new);
         let head = line(lines.as_ref());
-        Self { lines, head, stages: Vec::new(), logged_ns: 0 }
+        let diversion = lines.as_ref().map(|lines| {
+            let lines = lines.clone();
+            log::divert(move |line| lines.suspend(|| stderr().write_all(line)))
+        });
+        Self { lines, head, stages: Vec::new(), logged_ns: 0, _diversion: diversion }
+    }
+
+    /// Whether somebody watches in a terminal.
+    pub(crate) fn is_terminal(&self) -> bool {
+        self.lines.is_some()
     }
 
     /// Shows the present; `waiting` names services that are not ready yet.

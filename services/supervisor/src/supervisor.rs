@@ -5,21 +5,18 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use fringeflow::config::ScannerConfiguration;
-use fringeflow::dataset::Setup;
-use fringeflow::message::{DropReason, ScanState, Stage, StageReport};
-use fringeflow::recording::UNFINISHED;
-use fringeflow::telemetry::Tally;
-use fringeflow::transport::{
-    ChannelSizes, ControlServer, Instance, InstanceLock, KeptChannels, Node, Publisher, REPORT_STAGE, SCAN_STATE,
-    Subscriber, TransportError, Wake, check_shared_memory,
-};
-use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock, receive};
+use fringeflow::message::{DropReason, Stage};
+use fringeflow::recording::{Origin, UNFINISHED};
+use fringeflow::transport::{Instance, InstanceLock, Node, check_shared_memory};
+use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock};
 
 use crate::child::{Event, Launch, Service};
 use crate::control::Control;
 use crate::display::Display;
-use crate::{Balance, Progress, Source, SourceError};
+use crate::plan::{Outcome, Plan, RunError};
+use crate::ports::Ports;
+use crate::reports::Reports;
+use crate::{Balance, Progress, Source};
 
 /// Longest wait for messages.
 const TURN: Duration = Duration::from_millis(50);
@@ -32,85 +29,6 @@ const STOP_NS: u64 = 30_000_000_000;
 
 /// Time that the recorder has to begin before the scan does without it, nanoseconds.
 const RECORDER_NS: u64 = 5_000_000_000;
-
-/// What is to run.
-#[derive(Debug)]
-pub struct Plan {
-    /// Configuration of the instance.
-    pub configuration: ScannerConfiguration,
-    /// Rig, pattern and volume.
-    pub setup: Setup,
-    /// Services in the order of the pipeline.
-    pub services: Vec<ServiceKind>,
-    /// The `fringeflow` command.
-    pub program: PathBuf,
-    /// Its arguments before `service`.
-    pub before: Vec<String>,
-    /// Arguments of every service.
-    pub arguments: Vec<String>,
-    /// How long to scan, once all services are ready; without end if `None`.
-    pub duration_ns: Option<u64>,
-    /// Whether a recording is wanted from the start, and its file; an empty one is named by the time.
-    pub recording: Option<String>,
-}
-
-/// Why an instance could not be run.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The channels.
-    #[error(transparent)]
-    Transport(#[from] TransportError),
-    /// An account.
-    #[error(transparent)]
-    Account(#[from] AccountError),
-    /// A service cannot be started or watched.
-    #[error("service {service}: {source}")]
-    Service {
-        /// Its name.
-        service: &'static str,
-        /// What the system said.
-        #[source]
-        source: io::Error,
-    },
-    /// Something of the system.
-    #[error("{what}: {source}")]
-    System {
-        /// What was tried.
-        what: &'static str,
-        /// What the system said.
-        #[source]
-        source: io::Error,
-    },
-    /// The recording cannot be begun.
-    #[error("recording: {0}")]
-    Recording(String),
-    /// What stands in the place of the cameras.
-    #[error("{0}")]
-    Source(SourceError),
-    /// A service found that it cannot run as configured; it has said why.
-    #[error("service {service} cannot run ({how}); see its message above")]
-    Hopeless {
-        /// Its name.
-        service: &'static str,
-        /// How it ended.
-        how: String,
-    },
-}
-
-/// What came of a run.
-#[derive(Debug)]
-pub struct Outcome {
-    /// Accounts of all stages.
-    pub balance: Balance,
-    /// Reports of all stages.
-    pub tally: Tally,
-    /// Services that did not end well at the stop, and how.
-    pub ended_badly: Vec<(&'static str, String)>,
-    /// Restarts of all services.
-    pub restarts: u32,
-    /// The last recording.
-    pub recording: Option<PathBuf>,
-}
 
 /// Runs an instance until its time is over, its `source` is exhausted, somebody stops it, or it cannot go on.
 ///
@@ -170,7 +88,8 @@ struct Supervisor<'a, 's> {
     services: Vec<(ServiceKind, Service)>,
     stop: Stop,
     control: Control,
-    tally: Tally,
+    origin: Origin,
+    reports: Reports,
     display: Display,
     ports: Ports,
     housekeeping_ns: u64,
@@ -180,15 +99,6 @@ struct Supervisor<'a, 's> {
     scanning_since_ns: Option<u64>,
     /// What puts out images and events in this process, if anything does.
     source: Option<&'s mut (dyn Source + 's)>,
-}
-
-struct Ports {
-    kept: KeptChannels,
-    state: Publisher<(), ScanState>,
-    reports: Subscriber<(), StageReport>,
-    control: ControlServer,
-    wake: Wake,
-    sent: Option<u64>,
 }
 
 impl<'a, 's> Supervisor<'a, 's> {
@@ -203,8 +113,13 @@ impl<'a, 's> Supervisor<'a, 's> {
         let node = Node::open(instance, "supervisor")?;
         let sizes = channel_sizes(&plan.setup, plan.configuration.pixel_format());
         let ports = Ports::open(&node, &sizes)?;
-        let launch =
-            Launch { program: plan.program.clone(), before: plan.before.clone(), behind: plan.arguments.clone() };
+        let display = Display::new();
+        let launch = Launch {
+            program: plan.program.clone(),
+            before: plan.before.clone(),
+            behind: plan.arguments.clone(),
+            is_relayed: display.is_terminal(),
+        };
         let mut supervisor = Self {
             plan,
             instance,
@@ -213,8 +128,9 @@ impl<'a, 's> Supervisor<'a, 's> {
             services: Vec::new(),
             stop,
             control: Control::new(&plan.configuration),
-            tally: Tally::default(),
-            display: Display::new(),
+            origin: Origin::here(),
+            reports: Reports::new(plan.trace.as_deref()),
+            display,
             ports,
             housekeeping_ns: 0,
             ready_since_ns: None,
@@ -277,9 +193,7 @@ impl<'a, 's> Supervisor<'a, 's> {
     }
 
     fn listen(&mut self) {
-        while let Some(report) = receive(&mut self.ports.reports) {
-            self.tally.add(&report);
-        }
+        self.ports.drain(&mut self.reports);
         self.ports.answer(&mut self.control);
     }
 
@@ -333,13 +247,14 @@ impl<'a, 's> Supervisor<'a, 's> {
             Ok(_) => {}
             Err(error) => tracing::warn!("{error}"),
         }
-        self.display.show(&self.tally, &self.control.state, &self.waited_for(), now_ns);
+        self.display.show(self.reports.run.tally(), &self.control.state, &self.waited_for(), now_ns);
     }
 
     /// Services that have not reported yet.
     fn waited_for(&self) -> Vec<&'static str> {
         let is_ready = |kind: ServiceKind| {
-            kind.stages().is_empty() || kind.stages().iter().any(|&stage| self.tally.stage(stage).is_some())
+            kind.stages().is_empty()
+                || kind.stages().iter().any(|&stage| self.reports.run.tally().stage(stage).is_some())
         };
         self.services.iter().map(|(kind, _)| *kind).filter(|&kind| !is_ready(kind)).map(ServiceKind::name).collect()
     }
@@ -390,12 +305,15 @@ impl<'a, 's> Supervisor<'a, 's> {
     fn outcome(&mut self, ended_badly: Vec<(&'static str, String)>) -> Outcome {
         let account = |stage| Some((stage, Account::read(self.accounts, stage)?));
         let recording = self.control.state.recording_file.to_text();
+        let (run, trace) = std::mem::take(&mut self.reports).finish();
         Outcome {
             balance: Balance(Stage::ALL.into_iter().filter_map(account).collect()),
-            tally: std::mem::take(&mut self.tally),
+            run,
+            origin: self.origin.clone(),
             ended_badly,
             restarts: self.services.iter().map(|(_, service)| service.restarts).sum(),
             recording: (!recording.is_empty()).then(|| PathBuf::from(recording)),
+            trace,
         }
     }
 }
@@ -411,61 +329,3 @@ impl Drop for Supervisor<'_, '_> {
 
 /// How a service ends that has done its work, but lost something on the way.
 const LOSSES: &str = "exit code 3";
-
-impl Ports {
-    fn open(node: &Node, sizes: &ChannelSizes) -> Result<Self, TransportError> {
-        Ok(Self {
-            kept: KeptChannels::open(node, sizes)?,
-            state: Publisher::open(node, SCAN_STATE, sizes)?,
-            reports: Subscriber::open(node, REPORT_STAGE, sizes)?,
-            control: ControlServer::open(node)?,
-            wake: Wake::new()?,
-            sent: None,
-        })
-    }
-
-    /// Answers what is asked, and publishes the state that each answer tells: who follows it misses no mark.
-    fn answer(&mut self, control: &mut Control) {
-        let Self { control: server, state, sent, .. } = self;
-        let answered = server.answer(|request| {
-            let response = control.answer(request);
-            publish(state, sent, &control.state);
-            response
-        });
-        if let Err(error) = answered {
-            tracing::warn!("{error}");
-        }
-    }
-
-    /// Publishes the state if it has changed.
-    fn publish_state(&mut self, state: &ScanState) {
-        publish(&mut self.state, &mut self.sent, state);
-    }
-
-    fn wait(&self, rest: Duration) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.reports, &self.control], rest)
-    }
-
-    fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
-        self.kept.ensure_connected()?;
-        if self.state.ensure_connected()? {
-            // Whoever comes now is to hear the state as well.
-            self.sent = None;
-        }
-        self.reports.ensure_connected(now_ns)?;
-        self.control.ensure_connected()?;
-        Ok(())
-    }
-}
-
-/// Publishes a state that was not yet; if that fails, the port is opened anew at the next look at the connections, and it is
-/// tried again.
-fn publish(states: &mut Publisher<(), ScanState>, sent: &mut Option<u64>, state: &ScanState) {
-    if *sent == Some(state.revision) {
-        return;
-    }
-    match states.send_message(state) {
-        Ok(()) => *sent = Some(state.revision),
-        Err(error) => tracing::warn!("{error}"),
-    }
-}

@@ -7,6 +7,7 @@ mod evaluate;
 mod export;
 mod import;
 mod info;
+mod latency;
 mod reconstruct;
 mod recover;
 mod replay;
@@ -18,6 +19,7 @@ mod simulate;
 mod status;
 
 use crate::failure::Failure;
+use crate::globals::Globals;
 
 /// The subcommands.
 #[derive(clap::Subcommand)]
@@ -38,6 +40,8 @@ pub(crate) enum Command {
     Import(import::Args),
     /// Say what is in a recording.
     Info(info::Args),
+    /// Say where the time went in a recorded run: latency of every stage, the way from exposure to cloud, the worst windows.
+    Latency(latency::Args),
     /// Reconstruct a dataset folder or a recording: images to a point cloud.
     Reconstruct(reconstruct::Args),
     /// Make a whole recording of what can be read of a cut, damaged or unfinished one.
@@ -62,9 +66,7 @@ pub(crate) enum Command {
 
 impl Command {
     /// Runs the subcommand.
-    ///
-    /// `threads`: what the services of an instance are to use.
-    pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
+    pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         match self {
             Self::Cameras(args) => args.run(),
             Self::Control(args) => args.run(),
@@ -73,12 +75,13 @@ impl Command {
             Self::Export(args) => args.run(),
             Self::Import(args) => args.run(),
             Self::Info(args) => args.run(),
+            Self::Latency(args) => args.run(),
             Self::Reconstruct(args) => args.run(),
             Self::Recover(args) => args.run(),
-            Self::Replay(args) => args.run(threads),
+            Self::Replay(args) => args.run(globals),
             Self::Rig(args) => args.run(),
-            Self::Run(args) => args.run(threads),
-            Self::Service(args) => args.run(),
+            Self::Run(args) => args.run(globals),
+            Self::Service(args) => args.run(globals),
             Self::Status(args) => args.run(),
             Self::Simulate(args) => args.run(),
         }

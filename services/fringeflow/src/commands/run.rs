@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
-use fringeflow_runtime::{ServiceArgs, ServiceKind, live_services, log};
+use fringeflow::atomic_file::check_writable;
+use fringeflow_runtime::{ServiceArgs, ServiceKind, live_services};
 use fringeflow_supervisor::{Plan, run};
 
 use crate::failure::Failure;
+use crate::globals::Globals;
+use crate::report::RunPage;
 use crate::run_summary::{self, Summary};
 
 use super::scanner_check;
@@ -25,10 +28,19 @@ pub(crate) struct Args {
     /// Record to this file from the start; it must not exist.
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
+    /// Write the report on the run to this file; else it goes to the folder of the recordings, named by the time.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Write no report on the run.
+    #[arg(long, conflicts_with = "report")]
+    no_report: bool,
+    /// Write a trace of every item in every stage, to be opened in Perfetto (ui.perfetto.dev) or chrome://tracing.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// Only look whether everything is there and as the configuration says: cameras, calibration, memory, folders.
     ///
     /// Exit code 2: something is wrong. The cameras are set as configured and let go again.
-    #[arg(long, conflicts_with_all = ["seconds", "record"])]
+    #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
     check: bool,
     /// Print the summary, or what was checked, as one JSON object.
     #[arg(long)]
@@ -36,8 +48,8 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
-        log::start();
+    pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
+        globals.start_log("run");
         let arguments = ServiceArgs {
             config: self.config.clone(),
             setup: None,
@@ -48,13 +60,17 @@ impl Args {
         if self.check {
             return scanner_check::check(&arguments, self.json);
         }
+        [&self.report, &self.trace].into_iter().flatten().try_for_each(|path| check_writable(path))?;
         let configuration = arguments.configuration()?;
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
         let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
-        let plan = plan(&arguments, threads, live_services(&configuration), recording)?;
+        let plan = plan(&arguments, globals, live_services(&configuration), recording)?;
         scanner_check::refuse_settings(&plan.configuration, &plan.setup)?;
-        let outcome = run(&Plan { duration_ns: self.duration_ns()?, ..plan }, None)?;
-        run_summary::print(&Summary::of(&outcome), self.json)?;
+        let plan = Plan { duration_ns: self.duration_ns()?, trace: self.trace.clone(), ..plan };
+        let outcome = run(&plan, None)?;
+        let page = RunPage { plan: &plan, outcome: &outcome };
+        let report = if self.no_report { None } else { page.write(self.report.as_deref()) };
+        run_summary::print(&Summary::of(&outcome, report.as_deref()), self.json)?;
         run_summary::judge(&outcome)
     }
 
@@ -71,7 +87,7 @@ impl Args {
 /// What an instance is to be run with, without end.
 pub(super) fn plan(
     arguments: &ServiceArgs,
-    threads: Option<usize>,
+    globals: &Globals,
     services: Vec<ServiceKind>,
     recording: Option<String>,
 ) -> Result<Plan, Failure> {
@@ -84,9 +100,10 @@ pub(super) fn plan(
         setup,
         services,
         program: std::env::current_exe()?,
-        before: threads.map_or_else(Vec::new, |n| vec!["--threads".to_owned(), n.to_string()]),
+        before: globals.to_command_line(),
         arguments: arguments.to_command_line(),
         duration_ns: None,
         recording,
+        trace: None,
     })
 }

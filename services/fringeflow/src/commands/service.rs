@@ -2,9 +2,10 @@
 
 use fringeflow::dataset::CameraId;
 use fringeflow_recorder::Outcome;
-use fringeflow_runtime::{ServiceArgs, ServiceError, log};
+use fringeflow_runtime::{ServiceArgs, ServiceError, ServiceKind};
 
 use crate::failure::Failure;
+use crate::globals::Globals;
 
 /// Arguments of `fringeflow service`.
 #[derive(clap::Args)]
@@ -36,13 +37,27 @@ enum Service {
 }
 
 impl Args {
-    pub(crate) fn run(&self) -> Result<(), Failure> {
-        log::start();
+    pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
+        globals.start_log(self.service.kind().name());
         self.service.run().map_err(Failure::Service)?.map_or(Ok(()), |losses| Err(Failure::Losses(losses)))
     }
 }
 
 impl Service {
+    fn kind(&self) -> ServiceKind {
+        match self {
+            Self::VirtualProjector(_) => ServiceKind::VirtualProjector,
+            Self::VirtualCameras(_) => ServiceKind::VirtualCameras,
+            Self::Camera1(_) => ServiceKind::Camera1,
+            Self::Camera2(_) => ServiceKind::Camera2,
+            Self::Phase(_) => ServiceKind::Phase,
+            Self::Correspondence(_) => ServiceKind::Correspondence,
+            Self::Cloud(_) => ServiceKind::Cloud,
+            Self::Monitor(_) => ServiceKind::Monitor,
+            Self::Recorder(_) => ServiceKind::Recorder,
+        }
+    }
+
     /// Runs until the service is to end; what was lost, if that is for the service to say.
     fn run(&self) -> Result<Option<String>, ServiceError> {
         let done = match self {

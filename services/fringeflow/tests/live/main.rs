@@ -18,4 +18,5 @@ mod monitor;
 mod projector;
 mod recorded_run;
 mod refused;
+mod reports;
 mod support;

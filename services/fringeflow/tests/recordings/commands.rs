@@ -43,6 +43,19 @@ fn what_a_recording_has_not_is_asked_for_by_name() {
 }
 
 #[test]
+fn latencies_are_told_of_runs_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = imported(&folder);
+    let says = &["plane.mcap", "has no reports of stages", "fringeflow run --record"];
+    assert_ended(&fringeflow(&[&"latency", &recording]), 2, says);
+    let page = folder.path().join("page.html");
+    assert_ended(&fringeflow(&[&"latency", &recording, &"--html", &page]), 2, says);
+    let nowhere = folder.path().join("nowhere/page.html");
+    assert_ended(&fringeflow(&[&"latency", &recording, &"--html", &nowhere]), 1, &["nowhere", "does not exist"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
 fn a_recording_says_what_is_in_it_and_that_it_is_whole() {
     let folder = tempfile::tempdir().unwrap();
     let recording = imported(&folder);

@@ -5,22 +5,23 @@ use std::path::Path;
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
-use fringeflow_runtime::{ServiceArgs, ServiceKind, WORKERS, log};
+use fringeflow_runtime::{ServiceArgs, ServiceKind, WORKERS};
 use fringeflow_supervisor::{Plan, run};
 
 use super::{Args, no_clouds};
 use crate::failure::Failure;
+use crate::globals::Globals;
 use crate::run_summary::{self, Summary};
 
 impl Args {
     /// Plays a recording onto the channels.
-    pub(super) fn play(&self, recording: &Recording, threads: Option<usize>) -> Result<(), Failure> {
+    pub(super) fn play(&self, recording: &Recording, globals: &Globals) -> Result<(), Failure> {
         if self.verify && recording.count(Topic::Cloud) == 0 {
             return Err(no_clouds(&self.input));
         }
-        log::start();
+        globals.start_log("replay");
         let folder = tempfile::tempdir()?;
-        let plan = self.plan(recording, folder.path(), threads)?;
+        let plan = self.plan(recording, folder.path(), globals)?;
         let comparison = if self.verify { Comparison::of(recording)? } else { Comparison::default() };
         let mut player = Player::new(recording, self.pace(), comparison);
         let outcome = run(&plan, Some(&mut player))?;
@@ -37,7 +38,7 @@ impl Args {
     }
 
     /// Writes configuration and setup of the recording to a folder, where the services find them.
-    fn plan(&self, recording: &Recording, folder: &Path, threads: Option<usize>) -> Result<Plan, Failure> {
+    fn plan(&self, recording: &Recording, folder: &Path, globals: &Globals) -> Result<Plan, Failure> {
         let name = self.instance.clone().unwrap_or_else(|| format!("replay-{}", std::process::id()));
         let configuration = replay_configuration(recording, &name, self.pace());
         let configuration = configuration.map_err(|e| Failure::Usage(format!("{}: {e}", self.input.display())))?;
@@ -57,7 +58,7 @@ impl Args {
         };
         let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
-        super::super::run::plan(&arguments, threads, WORKERS.into_iter().chain(recorder).collect(), recording)
+        super::super::run::plan(&arguments, globals, WORKERS.into_iter().chain(recorder).collect(), recording)
     }
 
     fn judge(&self, compared: &Compared) -> Result<(), Failure> {

@@ -9,6 +9,7 @@ use fringeflow::recording::Recording;
 use fringeflow_replayer::Pace;
 
 use crate::failure::Failure;
+use crate::globals::Globals;
 
 /// Arguments of `fringeflow replay`.
 #[derive(clap::Args)]
@@ -34,12 +35,12 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    pub(crate) fn run(&self, threads: Option<usize>) -> Result<(), Failure> {
+    pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         let recording = Recording::open(&self.input)?;
         if self.verify && self.rate.is_none() && self.record.is_none() {
             return self.verify(&recording);
         }
-        self.play(&recording, threads)
+        self.play(&recording, globals)
     }
 }
 

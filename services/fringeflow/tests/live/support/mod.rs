@@ -133,9 +133,14 @@ impl Bench {
 
     /// A command that must be refused: with exit code 2, and a message on standard error that holds all of `says`.
     pub(crate) fn refused(&self, arguments: Arguments<'_>, says: &[&str]) {
+        self.refused_with(2, arguments, says);
+    }
+
+    /// [`Self::refused`] with another exit code.
+    pub(crate) fn refused_with(&self, code: i32, arguments: Arguments<'_>, says: &[&str]) {
         let output = self.fringeflow(arguments);
         let error = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert_eq!(output.status.code(), Some(code), "{error}");
         assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
         // Log lines may stand before it.
         let message = error.find("fringeflow: ").map_or("", |start| &error[start..]);

@@ -1,0 +1,143 @@
+//! `fringeflow latency`: where the time went in a recorded run.
+
+mod text;
+
+use std::path::{Path, PathBuf};
+
+use fringeflow::atomic_file::{check_writable, write_atomically};
+use fringeflow::config::ScannerConfiguration;
+use fringeflow::message::{Counts, Stage, StageReport, flags};
+use fringeflow::recording::{Content, Message, Recording, RecordingError, Topic};
+use fringeflow::telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
+
+use crate::failure::Failure;
+use crate::json;
+use crate::report::{About, RunFigures, write_html};
+
+/// Nothing live comes this long after its exposure, nanoseconds.
+const LONG_AGO_NS: u64 = 60_000_000_000;
+
+/// Arguments of `fringeflow latency`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording of a run.
+    input: PathBuf,
+    /// Tell of so many of the windows that took longest.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(..=1000))]
+    worst: u16,
+    /// Print one JSON object, the time line among it.
+    #[arg(long)]
+    json: bool,
+    /// Write a page with all figures and their course over time, to be opened in any browser.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Write a trace of every item in every stage, to be opened in Perfetto (ui.perfetto.dev) or chrome://tracing.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        [&self.html, &self.trace].into_iter().flatten().try_for_each(|path| check_writable(path))?;
+        let recording = Recording::open(&self.input)?;
+        if recording.count(Topic::Report) == 0 {
+            return Err(no_reports(&self.input));
+        }
+        let run = self.gather(&recording)?;
+        let counts: Vec<(Stage, Counts)> = run.tally().stages().map(|(stage, tally)| (stage, tally.counts)).collect();
+        let configuration = ScannerConfiguration::parse(recording.configuration_text(), Path::new(".")).ok();
+        let about = About {
+            instance: configuration.as_ref().map(|configuration| configuration.name.as_str()),
+            version: recording.writer_version(),
+            origin: recording.origin(),
+            image_size_px: recording.setup().image_size_px,
+            steps: recording.setup().steps,
+            recording: Some(&self.input),
+            is_recorded: true,
+        };
+        let mut figures = RunFigures::of(about, &counts, &run);
+        if let Some(path) = &self.html {
+            write_atomically(path, |out| write_html(out, &figures))?;
+        }
+        if let Some(path) = &self.trace {
+            self.write_trace(&recording, path)?;
+        }
+        figures.worst.truncate(usize::from(self.worst));
+        if self.json { json::print(&figures) } else { text::print(&figures) }
+    }
+
+    /// Gathers all reports, in the order in which they came.
+    fn gather(&self, recording: &Recording) -> Result<RunReport, Failure> {
+        let exposures = if is_replayed(recording)? { Exposures::Replayed } else { Exposures::Live };
+        let of_page = if self.html.is_some() { WORST_WINDOWS } else { 0 };
+        let mut run = RunReport::new(exposures, usize::from(self.worst).max(of_page));
+        let mut windows = recording.messages_of(Topic::WindowReport).peekable();
+        for report in reports(recording) {
+            let report = report?;
+            run.add(&report);
+            if Stage::of(report.stage) != Some(Stage::Correspondence) || report.of_item == 0 {
+                continue;
+            }
+            // In a recording the figures of a window stand where its images do; in a replay that is long before.
+            while let Some(window) = windows.next_if(|window| is_up_to(window, report.exposure_start_ns)) {
+                if let Content::WindowReport(figures) = window?.content {
+                    run.add_window(&figures);
+                }
+            }
+        }
+        Ok(run)
+    }
+
+    fn write_trace(&self, recording: &Recording, path: &Path) -> Result<(), Failure> {
+        // Read before anything is written: what is wrong with a recording is no fault of the trace.
+        let reports: Vec<StageReport> = reports(recording).collect::<Result<_, _>>()?;
+        write_atomically(path, |out| {
+            let mut trace = TraceWriter::begin(out)?;
+            reports.iter().try_for_each(|report| trace.add(report))?;
+            trace.finish().map(drop)
+        })?;
+        Ok(())
+    }
+}
+
+/// Whether the images came from another recording, as they or the times of the windows say.
+fn is_replayed(recording: &Recording) -> Result<bool, Failure> {
+    let mut frames = [1, 2].into_iter().flat_map(|camera| recording.frame_headers(camera));
+    if frames.any(|header| header.flags & flags::REPLAYED != 0) {
+        return Ok(true);
+    }
+    for report in reports(recording) {
+        let report = report?;
+        let is_cloud = Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0;
+        if is_cloud && report.passed_ns.saturating_sub(report.exposure_start_ns) > LONG_AGO_NS {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Whether a message is about a window that ended by then, or cannot be read.
+fn is_up_to(message: &Result<Message, RecordingError>, exposure_ns: u64) -> bool {
+    match message {
+        Ok(Message { content: Content::WindowReport(figures), .. }) => figures.window.last_exposure_ns <= exposure_ns,
+        _ => true,
+    }
+}
+
+fn reports(recording: &Recording) -> impl Iterator<Item = Result<StageReport, Failure>> {
+    recording.messages_of(Topic::Report).filter_map(|message| match message {
+        Ok(message) => match message.content {
+            Content::Report(report) => Some(Ok(*report)),
+            _ => None,
+        },
+        Err(error) => Some(Err(error.into())),
+    })
+}
+
+fn no_reports(input: &Path) -> Failure {
+    Failure::Usage(format!(
+        "{}: has no reports of stages, so nothing is known of its latencies; `fringeflow run --record` and `fringeflow \
+         replay --record` make recordings that have them",
+        input.display()
+    ))
+}

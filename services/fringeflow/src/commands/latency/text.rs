@@ -1,0 +1,91 @@
+//! The latencies of a run as tables in a terminal.
+
+use std::io::{self, Write};
+use std::time::{Duration, UNIX_EPOCH};
+
+use fringeflow::telemetry::Latency;
+
+use crate::failure::Failure;
+use crate::report::{RunFigures, WindowLine};
+
+/// Prints the figures.
+pub(super) fn print(figures: &RunFigures<'_>) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    print_head(&mut out, figures)?;
+    print_stages(&mut out, figures)?;
+    print_way(&mut out, figures)?;
+    print_worst(&mut out, &figures.worst)?;
+    Ok(())
+}
+
+fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
+    let about = &figures.about;
+    let instance = about.instance.unwrap_or("an instance without a name");
+    let (start, duration_s) = (wall_clock(figures.started_wall_ms), figures.duration_s);
+    writeln!(out, "{instance}: {duration_s:.1} s from {start}, fringeflow {}", about.version)?;
+    if figures.replayed {
+        writeln!(
+            out,
+            "made from a replay: the exposures were long before, so exposure to cloud is left out, and times"
+        )?;
+        writeln!(out, "count from the moment at which a window was complete")?;
+    }
+    if figures.windows_incomplete > 0 {
+        let (left_out, windows) = (figures.windows_incomplete, figures.windows + figures.windows_incomplete);
+        writeln!(
+            out,
+            "{left_out} of {windows} windows are left out below: reports of their earlier stages are missing"
+        )?;
+    }
+    Ok(())
+}
+
+fn print_stages(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
+    writeln!(out, "\n{:<21} {:>8}  {}", "stage", "count", titles())?;
+    for stage in &figures.stages {
+        let count = stage.latency.map_or(0, |latency| latency.count);
+        writeln!(out, "{}", format!("{:<21} {count:>8}  {}", stage.stage, times(stage.latency)).trim_end())?;
+    }
+    Ok(())
+}
+
+fn print_way(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
+    if figures.windows == 0 {
+        return writeln!(out, "\nno window was followed from exposure to cloud");
+    }
+    writeln!(out, "\n{:<21} {:>8}  {}", "way to the cloud", "share %", titles())?;
+    for line in &figures.segments {
+        writeln!(out, "{:<21} {:>8.1}  {}", line.segment, line.share, times(line.latency))?;
+    }
+    if let Some(total) = figures.exposure_to_cloud {
+        writeln!(out, "{:<21} {:>8}  {}", "exposure to cloud", "", times(Some(total)))?;
+    }
+    Ok(())
+}
+
+fn print_worst(out: &mut impl Write, worst: &[WindowLine]) -> io::Result<()> {
+    if worst.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\n{:<25} {:>8} {:>9}  cause", "windows that took longest", "at s", "ms")?;
+    for WindowLine { wall_ms, time_s, total_ms, cause, .. } in worst {
+        writeln!(out, "{:<25} {time_s:>8.2} {total_ms:>9.1}  {cause}", wall_clock(*wall_ms))?;
+    }
+    Ok(())
+}
+
+fn titles() -> String {
+    format!("{:>9} {:>9} {:>9} {:>9}", "p50 ms", "p90 ms", "p99 ms", "max ms")
+}
+
+fn times(latency: Option<Latency>) -> String {
+    let times = latency.map(|l| [l.p50_ms, l.p90_ms, l.p99_ms, l.max_ms].map(|ms| format!("{ms:>9.2}")).join(" "));
+    times.unwrap_or_default()
+}
+
+/// Unix milliseconds as a time of UTC.
+fn wall_clock(unix_ms: f64) -> String {
+    // What no clock shows counts as the beginning of all time.
+    let since = Duration::try_from_secs_f64(unix_ms * 1e-3).unwrap_or_default();
+    UNIX_EPOCH.checked_add(since).map_or_else(String::new, |time| humantime::format_rfc3339_millis(time).to_string())
+}

@@ -1,0 +1,107 @@
+//! The page: a template, style and script of this folder, the plots' library, and the figures.
+
+use std::io::{self, Write};
+
+use super::RunFigures;
+
+/// Its places to fill in are names between double `@`.
+const TEMPLATE: &str = include_str!("page/page.html");
+const STYLE: &[&str] =
+    &[include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"), include_str!("page/page.css")];
+const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");
+/// One script, whose parts stand in this order: each names only what stands before it.
+const SCRIPT: &[&str] = &[
+    include_str!("../../../monitor/page/vendor/uplot/uPlot.min.js"),
+    include_str!("page/format.js"),
+    include_str!("page/colours.js"),
+    include_str!("page/plots.js"),
+    include_str!("page/tables.js"),
+    include_str!("page/panels.js"),
+    include_str!("page/main.js"),
+];
+
+/// Writes the page on a run.
+pub(crate) fn write_html(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
+    let data = serde_json::to_string(figures)?;
+    // What is filled in is not looked at again, so nothing in it can stand for something else.
+    for (number, part) in TEMPLATE.split("@@").enumerate() {
+        let is_name = number % 2 == 1;
+        match part {
+            "licence" if is_name => out.write_all(LICENCE.as_bytes())?,
+            "style" if is_name => write_parts(out, STYLE)?,
+            "script" if is_name => write_parts(out, SCRIPT)?,
+            // The escape means the same to JSON, and no tag begins with it.
+            "data" if is_name => out.write_all(data.replace('<', "\\u003c").as_bytes())?,
+            text => out.write_all(text.as_bytes())?,
+        }
+    }
+    Ok(())
+}
+
+fn write_parts(out: &mut impl Write, parts: &[&str]) -> io::Result<()> {
+    parts.iter().try_for_each(|part| writeln!(out, "{part}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use fringeflow::message::{Counts, DropReason, Stage, StageReport};
+    use fringeflow::recording::Origin;
+    use fringeflow::telemetry::{Exposures, RunReport};
+    use serde_json::Value;
+
+    use super::*;
+    use crate::report::About;
+
+    const HOSTILE: &str = "</script><script>alert(1)</script><!-- @@data@@ \u{2028} \"'&";
+
+    fn page() -> String {
+        let mut counts = Counts { taken: 3, passed: 2, ..Counts::default() };
+        counts.drop_one(DropReason::Overrun);
+        let mut run = RunReport::new(Exposures::Live, 3);
+        run.add(&StageReport { stage: Stage::Cloud as u32, of_item: 1, counts, ..StageReport::default() });
+        let about = About {
+            instance: Some(HOSTILE),
+            version: "0",
+            origin: Origin { host: HOSTILE.to_owned(), ..Origin::default() },
+            image_size_px: [4, 3],
+            steps: 4,
+            recording: Some(Path::new(HOSTILE)),
+            is_recorded: true,
+        };
+        let mut page = Vec::new();
+        write_html(&mut page, &RunFigures::of(about, &[(Stage::Cloud, counts)], &run)).unwrap();
+        String::from_utf8(page).unwrap()
+    }
+
+    #[test]
+    fn names_stay_data() {
+        let page = page();
+        assert_eq!((page.matches("<script").count(), page.matches("</script>").count()), (2, 2));
+        let data = page.split_once("type=\"application/json\">").unwrap().1.split_once("</script>").unwrap().0;
+        let data: Value = serde_json::from_str(data).unwrap();
+        assert_eq!((&data["instance"], &data["origin"]["host"]), (&HOSTILE.into(), &HOSTILE.into()));
+        assert_eq!((&data["drops"][0]["kind"], &data["drops"][0]["count"]), (&"loss".into(), &1.into()));
+        assert_eq!(data["windows_incomplete"], 1);
+    }
+
+    #[test]
+    fn nothing_is_left_to_fill_in_and_nothing_is_loaded() {
+        let page = page();
+        let without_data = page.split_once("type=\"application/json\">").unwrap().0;
+        assert!(!without_data.contains("@@"));
+        assert!(page.contains("Permission is hereby granted"), "the licence of uPlot");
+        for loading in [" src=", "<link", "@import", "url(", "fetch(", "import ", "import(", "XMLHttpRequest"] {
+            assert!(!page.contains(loading), "{loading}");
+        }
+    }
+
+    #[test]
+    fn colours_are_those_of_the_dashboard() {
+        let dashboard = include_str!("../../../monitor/page/style.css");
+        let properties = include_str!("page/page.css").lines().map(str::trim).filter(|line| line.starts_with("--"));
+        let own: Vec<&str> = properties.filter(|line| !dashboard.contains(line)).collect();
+        assert!(own.is_empty(), "{own:?}");
+    }
+}

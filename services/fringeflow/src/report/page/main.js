@@ -1,0 +1,119 @@
+// What the page says first, and everything set in motion.
+
+const run = JSON.parse(byId("data").textContent);
+const times = run.time_line.map(({ wall_ms }) => wall_ms / 1000);
+
+function showHead() {
+    const lost = sum(run.drops.filter(({ kind }) => kind === "loss").map(({ count }) => count));
+    byId("instance").textContent = run.instance ?? "";
+    document.title = `${run.instance ?? "Fringeflow"}: report on a run`;
+    byId("losses").textContent = lost > 0 ? `${plural(lost, "item")} lost` : "Nothing lost";
+    byId("losses").dataset.level = lost > 0 ? "error" : "ok";
+    byId("replayed").hidden = !run.replayed;
+    return lost;
+}
+
+function showAbout() {
+    const start = new Date(run.started_wall_ms);
+    const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+    const [width, height] = run.image_size_px;
+    const { host, cpu, kernel } = run.origin;
+    const facts = [
+        [run.is_recorded ? "First report" : "Start", `${day(start)} ${second(start)}`, `times of ${zone}`],
+        ["Duration", duration(run.duration_s), `a point every ${duration(run.span_s)}`],
+        ["Images", `${width} × ${height}`, `${run.steps} steps`],
+        ["Fringeflow", run.version, run.is_recorded ? "that recorded it" : ""],
+        ["Machine", host || MISSING, [cpu, kernel && `Linux ${kernel}`].filter(Boolean).join(", ")],
+        [run.is_recorded ? "From the recording" : "Recording", run.recording ?? "none", ""],
+    ];
+    const entry = ([name, value, note]) =>
+        element("div", {}, element("dt", {}, name), element("dd", {}, value), element("dd", { class: "note" }, note));
+    byId("about").append(...facts.map(entry));
+}
+
+function showRemark() {
+    const remarks = [
+        run.replayed &&
+            "The images were played from a recording: their exposures were long before. Exposure to cloud is left out; times count from the moment at which a window was complete.",
+        run.windows_incomplete > 0 &&
+            `Left out of the way from exposure to cloud: ${plural(run.windows_incomplete, "window")} without the report of an earlier stage, since the recording began in the middle or a report was lost.`,
+        run.time_line.length === 0 && "No stage has reported.",
+    ].filter(Boolean);
+    byId("remark").textContent = remarks.join(" ");
+    byId("remark").hidden = remarks.length === 0;
+}
+
+function showTiles(lost) {
+    const total = run.exposure_to_cloud;
+    const window = run.last_window;
+    const efc = mean(run.time_line.map((at) => at.window?.efc));
+    const decisions = sum(run.drops.filter(({ kind }) => kind === "decision").map(({ count }) => count));
+    const clouds = run.stages.find(({ stage }) => stage === "cloud")?.passed;
+    const unknown = run.replayed ? "not known of a replay" : "no cloud";
+    const tiles = [
+        ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "a second")],
+        ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)} ms` : unknown],
+        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)} ms` : unknown],
+        ["Points", fixed(window?.points), "", "in the last cloud"],
+        ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
+        ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
+    ];
+    const tile = ([name, value, unit, note, level]) =>
+        element(
+            "div",
+            { class: "tile", "data-level": level },
+            element("dt", {}, name),
+            element("dd", {}, element("span", { class: "tile-value" }, value), " ", element("span", { class: "unit" }, value === MISSING ? "" : unit)),
+            element("dd", { class: "tile-note" }, note),
+        );
+    byId("tiles").append(...tiles.map(tile));
+}
+
+function startTheme() {
+    const root = document.documentElement;
+    const system = matchMedia("(prefers-color-scheme: dark)");
+    const current = () => root.dataset.theme ?? (system.matches ? "dark" : "light");
+    const button = byId("theme");
+    const label = () => (button.textContent = current() === "dark" ? "Light" : "Dark");
+    const changed = () => {
+        label();
+        redrawPlots();
+    };
+    button.addEventListener("click", () => {
+        root.dataset.theme = current() === "dark" ? "light" : "dark";
+        changed();
+    });
+    system.addEventListener("change", changed);
+    // Paper is white, and narrower than most screens.
+    let before;
+    addEventListener("beforeprint", () => {
+        before = root.dataset.theme;
+        root.dataset.theme = "light";
+        root.dataset.printing = "";
+        redrawPlots();
+    });
+    addEventListener("afterprint", () => {
+        delete root.dataset.printing;
+        if (before === undefined) {
+            delete root.dataset.theme;
+        } else {
+            root.dataset.theme = before;
+        }
+        redrawPlots();
+    });
+    label();
+}
+
+showAbout();
+showRemark();
+showTiles(showHead());
+showLatency(run, times);
+showWay(run, times);
+showLatencyTables(run);
+showWorst(run);
+showLost(run, times);
+showRates(run, times);
+showDrops(run);
+showQuality(run, times);
+byId("foot").textContent = `Fringeflow ${run.version}. Written once, needs nothing beside itself.`;
+startTheme();

@@ -1,0 +1,100 @@
+//! What the services report: gathered, and traced where that is wanted.
+
+use std::path::{Path, PathBuf};
+
+use fringeflow::atomic_file::{PendingFile, WriteError};
+use fringeflow::message::StageReport;
+use fringeflow::telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
+
+/// The reports of a run.
+#[derive(Debug)]
+pub(crate) struct Reports {
+    pub(crate) run: RunReport,
+    trace: Option<Trace>,
+}
+
+/// A trace that is being written.
+#[derive(Debug)]
+struct Trace {
+    path: PathBuf,
+    writer: TraceWriter<PendingFile>,
+}
+
+impl Default for Reports {
+    fn default() -> Self {
+        Self { run: RunReport::new(Exposures::Live, WORST_WINDOWS), trace: None }
+    }
+}
+
+impl Reports {
+    /// None yet; each goes to a trace, if one is wanted.
+    pub(crate) fn new(trace: Option<&Path>) -> Self {
+        let trace = trace.and_then(|path| Trace::begin(path).inspect_err(tell).ok());
+        Self { trace, ..Self::default() }
+    }
+
+    /// Takes the report of a stage.
+    pub(crate) fn add(&mut self, report: &StageReport) {
+        self.run.add(report);
+        let Some(trace) = &mut self.trace else { return };
+        if let Err(error) = trace.writer.add(report) {
+            tell(&PendingFile::error(&trace.path, error));
+            // What was written so far goes with it; the run goes on.
+            self.trace = None;
+        }
+    }
+
+    /// The reports, and the trace if it could be written.
+    pub(crate) fn finish(self) -> (RunReport, Option<PathBuf>) {
+        let trace = self.trace.and_then(|trace| trace.finish().inspect_err(tell).ok());
+        (self.run, trace)
+    }
+}
+
+impl Trace {
+    fn begin(path: &Path) -> Result<Self, WriteError> {
+        let writer = TraceWriter::begin(PendingFile::begin(path)?).map_err(|e| PendingFile::error(path, e))?;
+        Ok(Self { path: path.to_owned(), writer })
+    }
+
+    fn finish(self) -> Result<PathBuf, WriteError> {
+        let file = self.writer.finish().map_err(|e| PendingFile::error(&self.path, e))?;
+        file.finish()?;
+        Ok(self.path)
+    }
+}
+
+fn tell(error: &WriteError) {
+    tracing::warn!("no trace: {error}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fringeflow::message::Stage;
+
+    fn report() -> StageReport {
+        StageReport { stage: Stage::Phase as u32, of_item: 1, ..StageReport::default() }
+    }
+
+    #[test]
+    fn a_trace_that_cannot_be_written_costs_nothing_but_itself() {
+        let mut reports = Reports::new(Some(Path::new("/nowhere/trace.json")));
+        reports.add(&report());
+        let (run, trace) = reports.finish();
+        assert_eq!((run.tally().stages().count(), trace), (1, None));
+    }
+
+    #[test]
+    fn a_trace_has_its_name_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trace.json");
+        let mut reports = Reports::new(Some(&path));
+        reports.add(&report());
+        assert!(!path.exists());
+        assert_eq!(reports.finish().1, Some(path.clone()));
+        assert!(std::fs::read_to_string(&path).unwrap().trim_end().ends_with("]}"));
+        drop(Reports::new(Some(&folder.path().join("other.json"))));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

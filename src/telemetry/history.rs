@@ -1,0 +1,175 @@
+//! The time line of a run of any length, in bounded memory.
+
+use crate::message::{StageReport, WindowReport};
+
+use super::{Interval, Journey, Sample};
+
+/// Most spans that are kept: about 15 MB, with all stages at work in each.
+const MOST: usize = 600;
+/// How long a span is until there are too many, nanoseconds.
+const FIRST_SPAN_NS: u64 = 1_000_000_000;
+
+/// Spans of equal length without gaps. When there are too many, each two neighbours become one of twice the length: an hour
+/// is told in spans of eight seconds, a day in spans of four minutes.
+#[derive(Clone, Debug)]
+pub struct History {
+    span_ns: u64,
+    intervals: Vec<Interval>,
+    last_ns: u64,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self { span_ns: FIRST_SPAN_NS, intervals: Vec::new(), last_ns: 0 }
+    }
+}
+
+impl History {
+    /// Takes a report, and the journey that it ended. It counts in the span of its time; one that comes late, in the present
+    /// span.
+    pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
+        self.reach(report.time_ns);
+        if let Some(interval) = self.intervals.last_mut() {
+            interval.add(report, journey);
+        }
+    }
+
+    /// Takes the figures of a window: they tell no time, and count in the present span.
+    pub fn add_window(&mut self, report: &WindowReport) {
+        if let Some(interval) = self.intervals.last_mut() {
+            interval.add_window(report);
+        }
+    }
+
+    /// Length of the spans, nanoseconds.
+    #[must_use]
+    pub fn span_ns(&self) -> u64 {
+        self.span_ns
+    }
+
+    /// Times of the first and of the last report, if there was one.
+    #[must_use]
+    pub fn ends_ns(&self) -> Option<[u64; 2]> {
+        Some([self.intervals.first()?.begin_ns(), self.last_ns])
+    }
+
+    /// The points of the time line; `wall_ms` tells the wall clock, Unix milliseconds, at a time.
+    #[must_use]
+    pub fn samples(&self, wall_ms: impl Fn(u64) -> f64) -> Vec<Sample> {
+        let mut samples = Vec::with_capacity(self.intervals.len());
+        let mut rest = &self.intervals[..];
+        while let [interval, next @ ..] = rest {
+            let end_ns = next.first().map_or(self.last_ns, Interval::begin_ns);
+            // A rate over the short end of a run would be an accident.
+            if let [last] = next
+                && self.last_ns.saturating_sub(last.begin_ns()) < self.span_ns / 2
+            {
+                let mut both = interval.clone();
+                both.join(last);
+                samples.push(both.sample(self.last_ns, wall_ms(self.last_ns)));
+                break;
+            }
+            samples.push(interval.sample(end_ns, wall_ms(end_ns)));
+            rest = next;
+        }
+        samples
+    }
+
+    /// Makes the last span the one of a time, unless that lies before it.
+    fn reach(&mut self, time_ns: u64) {
+        let begin_ns = self.intervals.first().map_or(time_ns, Interval::begin_ns);
+        self.last_ns = self.last_ns.max(time_ns);
+        let since_ns = time_ns.saturating_sub(begin_ns);
+        while since_ns / self.span_ns >= MOST as u64 {
+            self.halve();
+        }
+        while self.intervals.len() as u64 <= since_ns / self.span_ns {
+            let begin_ns = begin_ns + self.intervals.len() as u64 * self.span_ns;
+            self.intervals.push(Interval::begin(begin_ns, self.intervals.last()));
+        }
+    }
+
+    fn halve(&mut self) {
+        self.span_ns = self.span_ns.saturating_mul(2);
+        let mut intervals = std::mem::take(&mut self.intervals).into_iter();
+        while let Some(mut interval) = intervals.next() {
+            if let Some(next) = intervals.next() {
+                interval.join(&next);
+            }
+            self.intervals.push(interval);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{Counts, Stage};
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    fn report(passed: u64, time_ns: u64) -> StageReport {
+        let counts = Counts { taken: passed, passed, ..Counts::default() };
+        let (stage, taken_ns) = (Stage::Cloud as u32, time_ns.saturating_sub(7_000_000));
+        StageReport { stage, of_item: 1, time_ns, taken_ns, passed_ns: time_ns, counts, ..StageReport::default() }
+    }
+
+    /// Ten clouds a second from a time on.
+    fn history(seconds: u64) -> History {
+        let mut history = History::default();
+        for n in 0..10 * seconds {
+            history.add(&report(n + 1, 5 * SECOND_NS + n * SECOND_NS / 10), None);
+        }
+        history
+    }
+
+    #[test]
+    fn rates_are_those_of_the_spans_however_long_these_became() {
+        for (seconds, spans, span_s) in [(20, 20, 1), (600, 600, 1), (601, 301, 2), (5000, 313, 16)] {
+            let history = history(seconds);
+            assert_eq!((history.intervals.len(), history.span_ns()), (spans, span_s * SECOND_NS));
+            let samples = history.samples(|ns| ns as f64 * 1e-6);
+            // The first report of a stage counts nothing, and the last span is as long as the reports reach.
+            for sample in &samples[1..samples.len() - 1] {
+                assert_eq!(sample.rates["cloud"], 10.0);
+                assert!((sample.stages["cloud"].unwrap()[0] - 7.0).abs() < 0.5);
+            }
+            assert!(samples.windows(2).all(|pair| pair[0].wall_ms < pair[1].wall_ms));
+            assert_eq!(history.ends_ns(), Some([5 * SECOND_NS, 5 * SECOND_NS + (10 * seconds - 1) * SECOND_NS / 10]));
+            assert_eq!(samples.last().unwrap().wall_ms, history.last_ns as f64 * 1e-6);
+        }
+    }
+
+    #[test]
+    fn times_that_cannot_be_and_long_silence_keep_it_bounded() {
+        let mut history = history(3);
+        history.add(&report(31, 90_000 * SECOND_NS), None);
+        assert!(history.intervals.len() <= MOST);
+        // Late: counted in the present span.
+        history.add(&report(32, 0), None);
+        history.add(&report(33, u64::MAX), None);
+        history.add(&report(34, u64::MAX), None);
+        assert!(history.intervals.len() <= MOST);
+        let samples = history.samples(|_| 0.0);
+        assert_eq!(samples.iter().filter(|sample| sample.stages["cloud"].is_some()).count(), 2);
+    }
+
+    #[test]
+    fn the_short_end_of_a_run_belongs_to_the_span_before() {
+        let mut history = history(2);
+        history.add(&report(21, 7 * SECOND_NS + 1), None);
+        let samples = history.samples(|_| 0.0);
+        assert_eq!((history.intervals.len(), samples.len()), (3, 2));
+        assert!((samples[1].rates["cloud"] - 11.0).abs() < 1e-6);
+        assert!(History::default().samples(|_| 0.0).is_empty());
+    }
+
+    #[test]
+    fn windows_count_in_the_present_span() {
+        let mut history = History::default();
+        history.add_window(&WindowReport::default());
+        history.add(&report(1, 0), None);
+        history.add_window(&WindowReport { delta_sd_rad: 0.25, ..WindowReport::default() });
+        assert_eq!(history.samples(|_| 0.0)[0].window.unwrap().sd_rad, 0.25);
+    }
+}

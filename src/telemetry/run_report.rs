@@ -1,0 +1,232 @@
+//! A whole run, gathered from its reports in bounded memory: the same type live and for a recording.
+
+use crate::message::{Stage, StageReport, WindowReport};
+
+use super::{Cause, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
+
+/// How many of the windows that took longest a report on a run tells of.
+pub const WORST_WINDOWS: usize = 20;
+
+/// What the times of exposures are worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exposures {
+    /// They were just then.
+    #[default]
+    Live,
+    /// They were long before: what a replay worked on. Nothing before the window was complete can be told.
+    Replayed,
+}
+
+/// The reports of a run: totals, time line, and the windows that took longest.
+#[derive(Debug)]
+pub struct RunReport {
+    exposures: Exposures,
+    tally: Tally,
+    history: History,
+    worst: WorstWindows,
+    window: Option<WindowFigures>,
+    windows: u64,
+    clouds: u64,
+    /// When the first and the last cloud came.
+    clouds_ns: Option<[u64; 2]>,
+}
+
+impl RunReport {
+    /// Nothing yet; keeps the `most` windows that take longest.
+    #[must_use]
+    pub fn new(exposures: Exposures, most: usize) -> Self {
+        Self {
+            exposures,
+            tally: Tally::default(),
+            history: History::default(),
+            worst: WorstWindows::new(most),
+            window: None,
+            windows: 0,
+            clouds: 0,
+            clouds_ns: None,
+        }
+    }
+
+    /// Takes a report.
+    pub fn add(&mut self, report: &StageReport) {
+        let journey = self.tally.add(report).map(|journey| self.trusted(journey));
+        self.history.add(report, journey.as_ref());
+        if let Some(journey) = &journey {
+            self.windows += 1;
+            self.worst.add(journey);
+        }
+        if Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
+            self.clouds += 1;
+            self.clouds_ns =
+                Some([self.clouds_ns.map_or(report.passed_ns, |[first_ns, _]| first_ns), report.passed_ns]);
+        }
+    }
+
+    /// Takes the figures of a window.
+    pub fn add_window(&mut self, report: &WindowReport) {
+        self.history.add_window(report);
+        self.window = Some(WindowFigures::of(report));
+    }
+
+    /// What the times of exposures are worth.
+    #[must_use]
+    pub fn exposures(&self) -> Exposures {
+        self.exposures
+    }
+
+    /// Counts and latencies of the stages.
+    #[must_use]
+    pub fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// The time line.
+    #[must_use]
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The points of the time line, without what cannot be told; `wall_ms` as for [`History::samples`].
+    #[must_use]
+    pub fn samples(&self, wall_ms: impl Fn(u64) -> f64) -> Vec<Sample> {
+        let mut samples = self.history.samples(wall_ms);
+        if self.exposures == Exposures::Replayed {
+            samples.iter_mut().for_each(|sample| sample.total = None);
+        }
+        samples
+    }
+
+    /// The last window.
+    #[must_use]
+    pub fn window(&self) -> Option<&WindowFigures> {
+        self.window.as_ref()
+    }
+
+    /// Windows that were followed from exposure to cloud.
+    #[must_use]
+    pub fn windows(&self) -> u64 {
+        self.windows
+    }
+
+    /// Clouds of windows that lack the report of an earlier stage: they are in the latencies of the stages alone.
+    #[must_use]
+    pub fn incomplete(&self) -> u64 {
+        self.clouds.saturating_sub(self.windows)
+    }
+
+    /// Clouds a second, from the first to the last; `None` for fewer than two.
+    #[must_use]
+    pub fn cloud_rate_hz(&self) -> Option<f64> {
+        let [first_ns, last_ns] = self.clouds_ns?;
+        let span_ns = last_ns.checked_sub(first_ns).filter(|&span_ns| span_ns > 0)?;
+        Some((self.clouds - 1) as f64 / (span_ns as f64 * 1e-9))
+    }
+
+    /// From the start of the last exposure to the published cloud; `None` where that cannot be told.
+    #[must_use]
+    pub fn exposure_to_cloud(&self) -> Option<&Latencies> {
+        (self.exposures == Exposures::Live).then(|| self.tally.total())
+    }
+
+    /// The parts of the way that can be told, in their order.
+    pub fn segments(&self) -> impl Iterator<Item = (Segment, &Latencies)> + '_ {
+        let first = match self.exposures {
+            Exposures::Live => Segment::Camera,
+            Exposures::Replayed => Segment::Phase,
+        };
+        let told = Segment::ALL.into_iter().filter(move |&segment| segment >= first);
+        told.map(|segment| (segment, self.tally.segment(segment)))
+    }
+
+    /// The windows that took longest, the longest first, as far as their way can be told.
+    #[must_use]
+    pub fn worst(&self) -> &[Journey] {
+        self.worst.journeys()
+    }
+
+    /// Why a window took long; `None` where no part took longer than usual.
+    #[must_use]
+    pub fn cause(&self, journey: &Journey) -> Option<Cause> {
+        let causes = self.segments().filter_map(|(segment, latencies)| {
+            let ms = journey.duration_ns(segment) as f64 * 1e-6;
+            Some(Cause { segment, ms, median_ms: latencies.brief()?.p50_ms })
+        });
+        let excess = |cause: &Cause| cause.ms - cause.median_ms;
+        causes.filter(|cause| excess(cause) > 0.0).max_by(|a, b| excess(a).total_cmp(&excess(b)))
+    }
+
+    fn trusted(&self, journey: Journey) -> Journey {
+        match self.exposures {
+            Exposures::Live => journey,
+            Exposures::Replayed => journey.from_window(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// Reports of the three working stages on a window that takes 10 ms in the camera, waits for `queue_ms` and is searched
+    /// for `search_ms`.
+    fn window(run: &mut RunReport, exposure_ms: u64, queue_ms: u64, search_ms: u64) {
+        let received_ms = exposure_ms + 10;
+        let phase_ms = received_ms + 4;
+        let found_ms = phase_ms + queue_ms + search_ms;
+        for (stage, taken_ms, passed_ms) in [
+            (Stage::Phase, received_ms + 1, phase_ms),
+            (Stage::Correspondence, phase_ms + queue_ms, found_ms),
+            (Stage::Cloud, found_ms, found_ms + 5),
+        ] {
+            run.add(&StageReport {
+                stage: stage as u32,
+                of_item: 1,
+                time_ns: passed_ms * MS,
+                exposure_start_ns: exposure_ms * MS,
+                received_ns: received_ms * MS,
+                taken_ns: taken_ms * MS,
+                passed_ns: passed_ms * MS,
+                ..StageReport::default()
+            });
+        }
+    }
+
+    fn run(exposures: Exposures) -> RunReport {
+        let mut run = RunReport::new(exposures, 2);
+        (0..50).for_each(|n| window(&mut run, 1000 + 100 * n, 0, 30));
+        window(&mut run, 7000, 0, 90);
+        window(&mut run, 8000, 70, 30);
+        run
+    }
+
+    #[test]
+    fn the_cause_is_what_took_longer_than_usual() {
+        let run = run(Exposures::Live);
+        let totals: Vec<u64> = run.worst().iter().map(|journey| journey.total_ns() / MS).collect();
+        assert_eq!((run.windows(), run.incomplete(), totals), (52, 0, vec![119, 109]));
+        let causes: Vec<_> = run.worst().iter().map(|journey| run.cause(journey).unwrap()).collect();
+        assert_eq!([causes[0].segment, causes[1].segment], [Segment::CorrespondenceQueue, Segment::Correspondence]);
+        assert!((causes[1].ms - 90.0).abs() < 1e-9 && (causes[1].median_ms / 30.0 - 1.0).abs() < 0.02);
+        let sums: u64 = run.segments().map(|(_, latencies)| latencies.sum_ns()).sum();
+        assert_eq!(sums, run.exposure_to_cloud().unwrap().sum_ns());
+        assert!((run.cloud_rate_hz().unwrap() - 51.0 / 7.07).abs() < 1e-2);
+    }
+
+    #[test]
+    fn a_replay_tells_nothing_of_what_came_before_the_window() {
+        let run = run(Exposures::Replayed);
+        assert!(run.exposure_to_cloud().is_none() && run.samples(|_| 0.0).iter().all(|sample| sample.total.is_none()));
+        assert_eq!(run.segments().next().unwrap().0, Segment::Phase);
+        assert_eq!(run.worst()[0].total_ns(), 108 * MS);
+        assert_eq!(run.samples(|_| 0.0)[0].segments.unwrap()[..3], [0.0, 0.0, 3.0]);
+    }
+
+    #[test]
+    fn windows_without_their_beginning_are_counted() {
+        let mut run = RunReport::new(Exposures::Live, 3);
+        run.add(&StageReport { stage: Stage::Cloud as u32, of_item: 1, ..StageReport::default() });
+        assert_eq!((run.windows(), run.incomplete(), run.worst().len(), run.cloud_rate_hz()), (0, 1, 0, None));
+    }
+}
