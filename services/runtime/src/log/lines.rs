@@ -145,17 +145,12 @@ mod tests {
             for second in 0..12 {
                 NOW_NS.set(second * SECOND_NS);
                 tracing::warn!(camera = 1, "no image");
-                tracing::warn!(camera = second, "no image");
+                tracing::warn!(frame = second, "no image");
             }
         };
         let said = lines(LogFormat::Text, repeated);
-        let of_one: Vec<_> =
-            said.iter().filter(|line| line.contains("camera=1") && !line.contains("camera=11")).collect();
-        // Both places in the source say it of camera 1.
-        assert_eq!(
-            of_one,
-            [" WARN no image camera=1", " WARN no image camera=1", " WARN no image camera=1 (9 times more since)"]
-        );
+        let of_one: Vec<_> = said.iter().filter(|line| line.contains("camera")).collect();
+        assert_eq!(of_one, [" WARN no image camera=1", " WARN no image camera=1 (9 times more since)"]);
         assert_eq!(said.len(), 2 + 12);
         let said = lines(LogFormat::Json, repeated);
         let numbers = said.iter().filter_map(|line| serde_json::from_str::<Value>(line).unwrap()["repeated"].as_u64());
