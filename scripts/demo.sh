@@ -22,7 +22,8 @@ cargo build --release --locked --package fringeflow-command
 rm -rf "$out"
 mkdir "$out"
 
-echo "== run: $seconds seconds of live scanning (the images of the virtual scanner are rendered first, once)"
+echo "== run: $seconds seconds of live scanning (the images of the virtual scanner are rendered first, once);"
+echo "   the line \"dashboard\" below says where to watch it"
 fringeflow_live run --config configs/demo.toml --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
 echo "== replay: every recorded cloud is made again of its images"
 fringeflow replay "$out/demo.mcap" --verify

@@ -18,6 +18,6 @@ if command -v cargo-deny >/dev/null; then
     step cargo deny --locked check bans licenses sources
 fi
 if command -v shellcheck >/dev/null; then
-    step shellcheck scripts/*.sh tests/v4l2/*.sh .ci/run
+    step shellcheck scripts/*.sh tests/v4l2/*.sh tests/monitoring/*.sh .ci/run
 fi
 echo "== all checks passed"
