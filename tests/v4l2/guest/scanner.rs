@@ -8,7 +8,7 @@ use crate::support::NAME;
 pub(crate) fn configuration(scene: &Scene, cameras: &str, rest: &str) -> String {
     format!(
         "[instance]\nname = \"{NAME}\"\n[projector]\ndriver = \"cycle\"\n[cameras]\nsource = \"v4l2\"\n{cameras}\n\
-         {}\n[recorder]\nmin_free_mb = 0\n{rest}\n[monitor]\nenabled = false\n",
+         {}\n[monitor]\nenabled = false\n[recorder]\nmin_free_mb = 0\n{rest}\n",
         scene.rig()
     )
 }
