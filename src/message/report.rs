@@ -180,6 +180,11 @@ impl Counts {
         self.dropped[reason as usize]
     }
 
+    /// The losses that occurred, with their numbers.
+    pub fn losses(&self) -> impl Iterator<Item = (DropReason, u64)> + '_ {
+        self.reasons().filter(|(reason, _)| reason.is_loss())
+    }
+
     /// Items dropped for any reason.
     #[must_use]
     pub fn all_dropped(&self) -> u64 {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::message::{Counts, DropReason, Stage, StageReport, WindowReport};
+use crate::message::{Counts, Stage, StageReport, WindowReport};
 
 use super::{Journey, Latencies, Latency, Segment, WindowFigures};
 
@@ -178,12 +178,13 @@ fn percentiles(latencies: &Latencies) -> Option<[f64; 3]> {
 }
 
 fn losses(counts: &Counts) -> u64 {
-    counts.reasons().filter(|&(reason, _): &(DropReason, u64)| reason.is_loss()).map(|(_, n)| n).sum()
+    counts.losses().map(|(_, n)| n).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::DropReason;
 
     const SECOND_NS: u64 = 1_000_000_000;
 

@@ -57,9 +57,7 @@ pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
 }
 
 fn losses(outcome: &Outcome) -> u64 {
-    let of_stage =
-        |counts: &Counts| counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(_, n)| n).sum::<u64>();
-    outcome.balance.0.iter().map(|(_, counts)| of_stage(counts)).sum()
+    outcome.balance.0.iter().flat_map(|(_, counts)| counts.losses()).map(|(_, n)| n).sum()
 }
 
 fn ended_badly(outcome: &Outcome) -> String {

@@ -177,7 +177,7 @@ impl Board {
             in_work: self.in_work(stage),
             waiting: self.waiting(stage),
             dropped: counts.reasons().map(|(reason, n)| (reason.name().to_owned(), n.into())).collect(),
-            losses: counts.reasons().filter(|(reason, _)| reason.is_loss()).map(|(reason, _)| reason.name()).collect(),
+            losses: counts.losses().map(|(reason, _)| reason.name()).collect(),
             incidents: counts.incidents().map(|(incident, n)| (incident.name().to_owned(), n.into())).collect(),
             latency: of_stage.latencies.brief(),
         })

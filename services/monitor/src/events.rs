@@ -66,7 +66,7 @@ impl EventLog {
     fn look_at_stage(&mut self, stage: Stage, counts: &Counts, wall_ms: f64) {
         // Losses from before the monitor began are told as well.
         let before = self.counts.insert(stage, *counts).unwrap_or_default();
-        for (reason, count) in counts.reasons().filter(|(reason, _)| reason.is_loss()) {
+        for (reason, count) in counts.losses() {
             let new = count.saturating_sub(before.dropped(reason));
             if new > 0 {
                 self.tell(

@@ -150,7 +150,7 @@ impl Recorder {
     }
 
     fn outcome(&self) -> Outcome {
-        let is_lost = self.outside.reasons().any(|(reason, _)| reason.is_loss());
+        let is_lost = self.outside.losses().next().is_some();
         if is_lost || self.has_failed { Outcome::Incomplete } else { Outcome::Complete }
     }
 }

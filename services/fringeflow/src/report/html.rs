@@ -9,11 +9,12 @@ const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &[&str] =
     &[include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"), include_str!("page/page.css")];
 const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");
-/// One script, whose parts stand in this order: each names only what stands before it.
+/// One module, whose parts stand in this order: each names only what stands before it. Some are those of the dashboard.
 const SCRIPT: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.js"),
     include_str!("page/format.js"),
-    include_str!("page/colours.js"),
+    include_str!("../../../monitor/page/app/colours.js"),
+    include_str!("../../../monitor/page/app/axis.js"),
     include_str!("page/plots.js"),
     include_str!("page/tables.js"),
     include_str!("page/panels.js"),

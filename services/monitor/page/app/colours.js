@@ -1,4 +1,5 @@
-// Colours of the style sheet for canvases, which know nothing of custom properties. A stage has one colour everywhere.
+// Colours of the style sheet for canvases, which know nothing of custom properties. A stage has one colour everywhere:
+// the report on a run holds this file too, so it imports nothing.
 
 const ofStages = {
     total: "ink",

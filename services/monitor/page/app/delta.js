@@ -2,11 +2,12 @@
 // neighbourhood, or the whole turn where that is asked for.
 
 import uPlot from "../vendor/uplot/uPlot.min.js";
+import { roundAbove } from "./axis.js";
 import { colour } from "./colours.js";
 import { byId, setText } from "./elements.js";
 import { fixed } from "./format.js";
 import { markLive } from "./panels.js";
-import { axisStyle, makePlot, roundAbove } from "./plot.js";
+import { axisStyle, makePlot } from "./plot.js";
 
 // So much to both sides of zero is shown at least, and so many times thr: the hill, and the ground it stands on.
 const LEAST_REACH_RAD = 0.6;

@@ -1,6 +1,7 @@
 // Plots over the last ten minutes, all with the same axes, and a cursor that they share.
 
 import uPlot from "../vendor/uplot/uPlot.min.js";
+import { digitsOf, fromZero } from "./axis.js";
 import { colour } from "./colours.js";
 import { fixed, timeOfDay } from "./format.js";
 
@@ -110,24 +111,4 @@ function timeRange(_, first, last) {
         return [Date.now() / 1000 - LEAST_SPAN_S, Date.now() / 1000];
     }
     return [Math.min(last - LEAST_SPAN_S, Math.max(first, last - SPAN_S)), last];
-}
-
-/** From zero to a round number above the greatest value, so that the axis seldom changes. */
-export function fromZero(_, greatest) {
-    return [0, roundAbove(greatest ?? 1)];
-}
-
-export function roundAbove(value) {
-    if (!(value > 0)) {
-        return 1;
-    }
-    const power = 10 ** Math.floor(Math.log10(value));
-    const steps = [1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
-    return power * (steps.find((step) => step * power >= 1.05 * value) ?? 15);
-}
-
-// As many digits as it takes to tell labels of this distance apart: 2.5 asks for one.
-function digitsOf(step) {
-    const exact = (digits) => Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) < 1e-6;
-    return [0, 1, 2, 3].find(exact) ?? 4;
 }

@@ -1,9 +1,10 @@
 // Quality of the windows over time: one small plot a figure, since each has its own unit and size.
 
+import { aroundZero, fromZero } from "./axis.js";
 import { byId, element, setText } from "./elements.js";
 import { fixed, short, withUnit } from "./format.js";
 import { markLive } from "./panels.js";
-import { TimePlot, fromZero, roundAbove } from "./plot.js";
+import { TimePlot } from "./plot.js";
 
 const radians = (value) => withUnit(fixed(value, 4), "rad");
 const percent = (value) => withUnit(fixed(value, 1), "%");
@@ -98,9 +99,4 @@ function makeSmallPlot(holder, { label, hint, lines, text, range = fromZero }) {
         plot.show(history.times(), columns);
         showValue();
     };
-}
-
-function aroundZero(least, greatest) {
-    const reach = roundAbove(Math.max(Math.abs(least ?? 0), Math.abs(greatest ?? 0), 0.01));
-    return [-reach, reach];
 }

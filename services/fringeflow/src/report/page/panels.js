@@ -37,7 +37,7 @@ function showLatency(run, times) {
     const names = run.exposure_to_cloud ? ["total", ...stages] : stages;
     const series = names.map((name) => ({
         label: titled(name),
-        colour: colourOf(name),
+        colour: stageColour(name),
         shown: SHOWN_STAGES.includes(name),
         ...(name === "total" && { width: 2.5, fill: "ink-wash" }),
     }));
@@ -64,7 +64,7 @@ function showLatency(run, times) {
 function showWay(run, times) {
     const told = run.segments.map(({ segment }) => segment);
     const places = told.map((name) => run.segment_names.indexOf(name));
-    const series = told.map((name) => ({ label: titled(name), colour: colourOf(name) }));
+    const series = told.map((name) => ({ label: titled(name), colour: stageColour(name) }));
     const means = places.map((place) => run.time_line.map(({ segments }) => segments?.[place] ?? null));
     // Each area reaches from zero to the top of its segment; those drawn later cover the lower part.
     const tops = told.map((_, index) =>
@@ -95,7 +95,7 @@ const RATES = [
 ];
 
 function showRates(run, times) {
-    const series = RATES.map((entry) => ({ ...entry, colour: colourOf(entry.stage) }));
+    const series = RATES.map((entry) => ({ ...entry, colour: stageColour(entry.stage) }));
     const columns = RATES.map(({ stage }) => run.time_line.map(({ rates }) => rates[stage] ?? null));
     const text = (value) => withUnit(fixed(value, 1), "/s");
     showPlot("rates", { times, series, columns, unit: " /s", text, rest: (index) => mean(columns[index]) });
@@ -108,7 +108,7 @@ function showLost(run, times) {
     byId("lost").hidden = names.length === 0;
     byId("rates").classList.toggle("wide", names.length === 0);
     if (names.length > 0) {
-        const series = names.map((name) => ({ label: titled(name), colour: colourOf(name) }));
+        const series = names.map((name) => ({ label: titled(name), colour: stageColour(name) }));
         const columns = names.map(lost);
         showPlot("lost", { times, series, columns, text: (value) => fixed(value), rest: (index) => columns[index].at(-1) });
     }
@@ -147,7 +147,7 @@ function showLatencyTables(run) {
 function bar(run, row, longest_ms) {
     const parts = row.segments_ms.map((ms, index) => {
         const name = run.segment_names[index];
-        const style = `width: ${(100 * ms) / longest_ms}%; background: var(--${colourOf(name)})`;
+        const style = `width: ${(100 * ms) / longest_ms}%; background: var(--${stageColour(name)})`;
         return element("span", { style, title: `${titled(name)}: ${milliseconds(ms)} ms` });
     });
     return element("span", { class: "bar", "aria-hidden": "true" }, ...parts);

@@ -39,7 +39,7 @@ function showTable(holder, caption, columns, rows, emphasized = () => false) {
 const swatch = (name) => element("span", { class: "swatch", style: `--swatch: var(--${name})` });
 
 /** A name with its colour. */
-const coloured = (name) => element("span", { class: "coloured" }, swatch(colourOf(name)), titled(name));
+const coloured = (name) => element("span", { class: "coloured" }, swatch(stageColour(name)), titled(name));
 
 /**
  * Name, colour and value of each series. With `toggled(index, shown)` each is a button that shows or hides it. Returns a
