@@ -21,7 +21,7 @@ mod views;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use fringeflow::message::{ScanState, StageReport, WindowReport};
+use fringeflow::message::{ScanState, Stage, StageReport, WindowReport};
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
@@ -83,7 +83,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             viewing.turn(&shared, &news, host.setup.image_size_px, now_ns, wall_ms);
             news.send(&mut viewers);
         }
-        host.tend(|_, now_ns| channels.ensure_connected(now_ns));
+        host.tend(|host, now_ns| channels.ensure_connected(host, now_ns));
         std::thread::sleep(REST);
         channels.wait()?;
     }
@@ -110,6 +110,8 @@ fn wall_ms() -> f64 {
 struct Channels {
     reports: Subscriber<(), StageReport>,
     windows: Subscriber<(), WindowReport>,
+    /// Number of the report of a window that comes next.
+    next_window: u64,
     states: Subscriber<(), ScanState>,
     wake: Wake,
 }
@@ -119,6 +121,7 @@ impl Channels {
         Ok(Self {
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             windows: Subscriber::open(&host.node, REPORT_WINDOW, &host.sizes)?,
+            next_window: 0,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
             wake: Wake::new()?,
         })
@@ -132,6 +135,7 @@ impl Channels {
         }
         while let Some(report) = receive(&mut self.windows) {
             board.take_window(report.payload());
+            self.next_window = report.published + 1;
             viewers.send(&Recordable::WindowReport(report.payload()));
         }
         while let Some(state) = receive(&mut self.states) {
@@ -143,7 +147,11 @@ impl Channels {
         self.wake.wait(&[&self.reports, &self.windows, &self.states], BEAT)
     }
 
-    fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+    fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
+        // A window may take longer than a silence is borne, and what is sent while the port opens anew is lost.
+        if host.has_put_out_only(Stage::Correspondence, self.next_window) {
+            self.windows.forgive_silence();
+        }
         self.reports.ensure_connected(now_ns)?;
         self.windows.ensure_connected(now_ns)?;
         self.states.ensure_connected(now_ns).map(|_| ())

@@ -1,7 +1,7 @@
 //! All channels that are recorded, and the numbers of their messages.
 
 use fringeflow::message::{
-    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, Stage, StageReport,
     WindowReport,
 };
 use fringeflow::recording::Recordable;
@@ -18,7 +18,7 @@ pub(crate) struct Channels {
     maps: Option<Numbered<MapsHeader, [Block]>>,
     correspondences: Option<Numbered<CorrespondenceHeader, [Block]>>,
     clouds: Numbered<CloudHeader, [u8]>,
-    reports: Numbered<(), StageReport>,
+    reports: Subscriber<(), StageReport>,
     window_reports: Numbered<(), WindowReport>,
     wake: Wake,
 }
@@ -26,6 +26,8 @@ pub(crate) struct Channels {
 /// A channel whose messages are numbered.
 struct Numbered<H: Header, P: Payload + ?Sized> {
     port: Subscriber<H, P>,
+    /// Who sends them.
+    from: Stage,
     /// `None` until the first message: what was sent before it was not for this recorder.
     arrivals: Option<Arrivals>,
 }
@@ -34,13 +36,19 @@ impl Channels {
     pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
         let settings = &host.configuration.recorder;
         Ok(Self {
-            cameras: [Numbered::open(host, CAM1_FRAME)?, Numbered::open(host, CAM2_FRAME)?],
-            events: Numbered::open(host, PROJECTOR_PATTERN)?,
-            maps: settings.phase_maps.then(|| Numbered::open(host, PHASE_MAPS)).transpose()?,
-            correspondences: settings.correspondences.then(|| Numbered::open(host, CORRESPONDENCE_MAP)).transpose()?,
-            clouds: Numbered::open(host, CLOUD)?,
-            reports: Numbered::open(host, REPORT_STAGE)?,
-            window_reports: Numbered::open(host, REPORT_WINDOW)?,
+            cameras: [
+                Numbered::open(host, CAM1_FRAME, Stage::Camera1)?,
+                Numbered::open(host, CAM2_FRAME, Stage::Camera2)?,
+            ],
+            events: Numbered::open(host, PROJECTOR_PATTERN, Stage::Projector)?,
+            maps: settings.phase_maps.then(|| Numbered::open(host, PHASE_MAPS, Stage::Phase)).transpose()?,
+            correspondences: settings
+                .correspondences
+                .then(|| Numbered::open(host, CORRESPONDENCE_MAP, Stage::Correspondence))
+                .transpose()?,
+            clouds: Numbered::open(host, CLOUD, Stage::Cloud)?,
+            reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
+            window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
             wake: Wake::new()?,
         })
     }
@@ -53,7 +61,7 @@ impl Channels {
             &self.cameras[1].port,
             &self.events.port,
             &self.clouds.port,
-            &self.reports.port,
+            &self.reports,
             &self.window_reports.port,
         ];
         ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
@@ -106,7 +114,11 @@ impl Channels {
                     take(&Recordable::WindowReport(report), missing);
                 },
             );
-            any |= self.reports.unnumbered(|report| take(&Recordable::Report(report), 0));
+            // Of many senders, whose messages have no common number.
+            if let Some(report) = receive(&mut self.reports) {
+                take(&Recordable::Report(&report), 0);
+                any = true;
+            }
             if !any {
                 return;
             }
@@ -114,20 +126,20 @@ impl Channels {
     }
 
     /// Opens ports again that lost their other side.
-    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
-        self.cameras.iter_mut().try_for_each(|camera| camera.port.ensure_connected(now_ns).map(|_| ()))?;
-        self.events.port.ensure_connected(now_ns)?;
-        self.maps.iter_mut().try_for_each(|maps| maps.port.ensure_connected(now_ns).map(|_| ()))?;
-        self.correspondences.iter_mut().try_for_each(|found| found.port.ensure_connected(now_ns).map(|_| ()))?;
-        self.clouds.port.ensure_connected(now_ns)?;
-        self.window_reports.port.ensure_connected(now_ns)?;
-        self.reports.port.ensure_connected(now_ns).map(|_| ())
+    pub(crate) fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
+        self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(host, now_ns))?;
+        self.events.ensure_connected(host, now_ns)?;
+        self.maps.iter_mut().try_for_each(|maps| maps.ensure_connected(host, now_ns))?;
+        self.correspondences.iter_mut().try_for_each(|found| found.ensure_connected(host, now_ns))?;
+        self.clouds.ensure_connected(host, now_ns)?;
+        self.window_reports.ensure_connected(host, now_ns)?;
+        self.reports.ensure_connected(now_ns).map(|_| ())
     }
 }
 
 impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
-    fn open(host: &Host, channel: Channel<H, P>) -> Result<Self, TransportError> {
-        Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, arrivals: None })
+    fn open(host: &Host, channel: Channel<H, P>, from: Stage) -> Result<Self, TransportError> {
+        Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, from, arrivals: None })
     }
 
     /// Takes the next message, if there is one.
@@ -140,10 +152,12 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
         true
     }
 
-    /// Takes the next message of a channel with many publishers, whose messages have no common number.
-    fn unnumbered(&mut self, mut take: impl FnMut(&P)) -> bool {
-        let Some(message) = receive(&mut self.port) else { return false };
-        take(message.payload());
-        true
+    /// Opens the port again if it lost its other side. Silence is a sign of that only while the sender has put out more than
+    /// has come: what is sent during the change is lost, and a window may well take longer than a silence is borne.
+    fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
+        if host.has_put_out_only(self.from, self.arrivals.map_or(0, |arrivals| arrivals.next)) {
+            self.port.forgive_silence();
+        }
+        self.port.ensure_connected(now_ns).map(|_| ())
     }
 }

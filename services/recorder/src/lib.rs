@@ -44,9 +44,9 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
             recorder.tell();
             host.report(Stage::Recorder, recorder.account.counts(), None);
         }
-        host.tend(|_, now_ns| {
+        host.tend(|host, now_ns| {
             state.ensure_connected(now_ns)?;
-            channels.ensure_connected(now_ns)
+            channels.ensure_connected(host, now_ns)
         });
         channels.wait(&state)?;
     }

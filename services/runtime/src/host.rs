@@ -148,6 +148,12 @@ impl Host {
         account.is_behind(&self.accounts)
     }
 
+    /// Whether a stage keeps an account and has put out nothing beyond the items below this number.
+    #[must_use]
+    pub fn has_put_out_only(&self, stage: Stage, below: u64) -> bool {
+        self.counts_of(stage).is_some_and(|counts| counts.passed <= below)
+    }
+
     /// Whether the next stage has finished all that this one put out; true where there is none.
     #[must_use]
     pub fn is_free(&self, next: Stage, account: &Account) -> bool {

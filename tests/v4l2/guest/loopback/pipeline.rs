@@ -152,7 +152,8 @@ fn assert_clouds(bench: &Bench, recorded: &Recording) {
         assert!(cloud == scenes[scene].cloud(NAME), "cloud {number}, of {:?}", scenes[scene]);
         seen.insert(scene);
     }
-    assert_eq!(seen.len(), scenes.len());
+    let windows: Vec<_> = recorded.cloud_headers().map(|header| header.window.cam1_sequence[0]).collect();
+    assert_eq!(seen.len(), scenes.len(), "windows with these first images became clouds: {windows:?}");
 }
 
 fn exported(folder: &Path, number: usize) -> std::path::PathBuf {
