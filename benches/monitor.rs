@@ -153,10 +153,10 @@ fn clouds(figures: &Value) -> f64 {
 fn configuration(folder: &Path, is_on: bool) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     let demo = std::fs::read_to_string(root.join("configs/demo.toml")).unwrap();
-    let images = root.join("target/demo.images");
+    let images = root.join("demo-output/demo.images");
     let text = demo
         .replace("name = \"demo\"", "name = \"bench\"")
-        .replace("\"../target/demo.images\"", &format!("{images:?}"))
+        .replace("\"../demo-output/demo.images\"", &format!("{images:?}"))
         .replace("\"../demo-output\"", &format!("{folder:?}"))
         .replace(
             "enabled = true",

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # A minute of live scanning: a virtual scanner moves over a face, and every service runs as on the scanner PC. Then the recording
 # is checked, its clouds are made again and compared byte by byte, and some are exported.
-# Leaves recording, clouds, pictures, report and table of the run in demo-output/, which each run starts afresh.
+# Leaves recording, clouds, pictures, report and table of the run in demo-output/, which each run starts afresh but for the
+# images of the virtual scanner, which take longest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -19,12 +20,12 @@ fringeflow_live() {
 
 echo "== build"
 cargo build --release --locked --package fringeflow-command
-rm -rf "$out"
-mkdir "$out"
+mkdir -p "$out"
+find "$out" -mindepth 1 -maxdepth 1 ! -name demo.images -exec rm -rf {} +
 
 echo "== run: $seconds seconds of live scanning (the images of the virtual scanner are rendered first, once);"
 echo "   the line \"dashboard\" below says where to watch it"
-fringeflow_live run --config configs/demo.toml --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
+fringeflow_live demo --output "$out" --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
 echo "== replay: every recorded cloud is made again of its images"
 fringeflow replay "$out/demo.mcap" --verify
 echo "== export: clouds, and pictures of how one of them was measured"

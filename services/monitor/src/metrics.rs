@@ -287,4 +287,16 @@ mod tests {
         assert_eq!([bucket("0.03"), bucket("0.05"), bucket("+Inf")], ["0", "1", "1"]);
         assert!(after.ends_with("# EOF\n"));
     }
+
+    #[test]
+    fn the_alerts_mean_the_same_by_a_loss() {
+        let rules = include_str!("../../../configs/alerts.yml");
+        let (_, after) = rules.split_once("reason=~\"").unwrap();
+        let mut listed: Vec<&str> = after.split_once('"').unwrap().0.split('|').collect();
+        let losses = DropReason::ALL.into_iter().filter(|reason| reason.is_loss());
+        let mut losses: Vec<&str> = losses.map(DropReason::name).collect();
+        listed.sort_unstable();
+        losses.sort_unstable();
+        assert_eq!(listed, losses);
+    }
 }

@@ -4,7 +4,6 @@ use std::io::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::{WriteError, WriteProblem};
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::{CloudExport, CloudFormat};
 use fringeflow::dataset::check_new;
@@ -12,7 +11,7 @@ use fringeflow::recording::{Recording, Topic, export_images};
 
 use crate::failure::Failure;
 use crate::proposed::frames;
-use crate::{json, progress};
+use crate::{json, output_folder, progress};
 
 /// Arguments of `fringeflow export`.
 #[derive(clap::Args)]
@@ -97,8 +96,7 @@ impl Args {
     }
 
     fn write_clouds(&self, recording: &Recording, range: Range<usize>) -> Result<usize, Failure> {
-        let fail = |e| WriteError { path: self.output.clone(), problem: WriteProblem::Io(e) };
-        std::fs::create_dir_all(&self.output).map_err(fail)?;
+        output_folder::prepare(&self.output)?;
         let bar = progress::bar("clouds", range.len() as u64);
         let mut points = 0;
         for number in range {

@@ -3,6 +3,7 @@
 mod cameras;
 mod check;
 mod control;
+mod demo;
 mod evaluate;
 mod export;
 mod import;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     ///
     /// Exit code 1: it is damaged; 3: it is whole, but something was lost when it was made.
     Check(check::Args),
+    /// Scan live with a virtual scanner: all services, the dashboard, the live cloud; no camera and no configuration needed.
+    Demo(demo::Args),
     /// Compare a reconstruction with the truth or with Gray code: com, miss, fpc, 3D error.
     Evaluate(evaluate::Args),
     /// Export a recording: its clouds as PLY, PCD or NPZ, or its images as a dataset folder.
@@ -71,6 +74,7 @@ impl Command {
             Self::Cameras(args) => args.run(),
             Self::Control(args) => args.run(),
             Self::Check(args) => args.run(),
+            Self::Demo(args) => args.run(globals),
             Self::Evaluate(args) => args.run(),
             Self::Export(args) => args.run(),
             Self::Import(args) => args.run(),

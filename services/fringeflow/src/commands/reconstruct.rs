@@ -10,8 +10,8 @@ use fringeflow::cloud::{CloudExport, CloudFormat};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Made, Method};
+use crate::output_folder;
 use crate::pictures;
-use crate::preview_folder;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 
@@ -54,7 +54,7 @@ impl Args {
         CloudFormat::of_path(&self.output)?;
         check_writable(&self.output)?;
         if let Some(folder) = &self.preview {
-            preview_folder::prepare(folder)?;
+            output_folder::prepare(folder)?;
         }
         let input = Input::open(&self.input, self.units)?;
         let made = self.method.run(&input, &self.proposed)?;

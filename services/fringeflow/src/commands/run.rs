@@ -22,6 +22,18 @@ pub(crate) struct Args {
     /// File of the segment table: read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
+    #[command(flatten)]
+    scan: Scan,
+    /// Only look whether everything is there and as the configuration says: cameras, calibration, memory, folders.
+    ///
+    /// Exit code 2: something is wrong. The cameras are set as configured and let go again.
+    #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
+    check: bool,
+}
+
+/// How long a scan lasts and what is kept of it.
+#[derive(clap::Args)]
+pub(super) struct Scan {
     /// Scan for so many seconds, then stop; else until Ctrl-C.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
@@ -37,12 +49,7 @@ pub(crate) struct Args {
     /// Write a trace of every item in every stage, to be opened in Perfetto (ui.perfetto.dev) or chrome://tracing.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Only look whether everything is there and as the configuration says: cameras, calibration, memory, folders.
-    ///
-    /// Exit code 2: something is wrong. The cameras are set as configured and let go again.
-    #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
-    check: bool,
-    /// Print the summary, or what was checked, as one JSON object.
+    /// Print the result as one JSON object.
     #[arg(long)]
     json: bool,
 }
@@ -57,14 +64,18 @@ impl Args {
             restarts: 0,
             supervised: false,
         };
-        if self.check {
-            return scanner_check::check(&arguments, self.json);
-        }
+        if self.check { scanner_check::check(&arguments, self.scan.json) } else { self.scan.run(&arguments, globals) }
+    }
+}
+
+impl Scan {
+    /// Runs the instance that the arguments describe, from beginning to end.
+    pub(super) fn run(&self, arguments: &ServiceArgs, globals: &Globals) -> Result<(), Failure> {
         [&self.report, &self.trace].into_iter().flatten().try_for_each(|path| check_writable(path))?;
         let configuration = arguments.configuration()?;
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
         let recording = recording.or_else(|| configuration.recorder.from_start.then(String::new));
-        let plan = plan(&arguments, globals, live_services(&configuration), recording)?;
+        let plan = plan(arguments, globals, live_services(&configuration), recording)?;
         scanner_check::refuse_settings(&plan.configuration, &plan.setup)?;
         let plan = Plan { duration_ns: self.duration_ns()?, trace: self.trace.clone(), ..plan };
         let outcome = run(&plan, None)?;

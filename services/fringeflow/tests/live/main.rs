@@ -10,6 +10,7 @@ mod check;
 mod control;
 mod dataset;
 mod deep_images;
+mod demo;
 mod faults;
 mod frozen;
 mod full_disk;

@@ -12,8 +12,8 @@ use fringeflow::evaluation::{Evaluation, against_cloud, egc};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Made, Method};
+use crate::output_folder;
 use crate::pictures;
-use crate::preview_folder;
 use crate::proposed::ProposedArgs;
 use crate::truth;
 
@@ -58,7 +58,7 @@ pub(crate) struct Args {
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(folder) = &self.preview {
-            preview_folder::prepare(folder)?;
+            output_folder::prepare(folder)?;
         }
         let Some(input) = &self.input else {
             return paper::run(self.json);

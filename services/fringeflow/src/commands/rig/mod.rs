@@ -12,7 +12,7 @@ use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose};
 use fringeflow::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 
 use crate::failure::Failure;
-use crate::preview_folder;
+use crate::output_folder;
 
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
@@ -63,7 +63,7 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let (setup, steps) = self.setup()?;
         if let Some(folder) = &self.preview {
-            preview_folder::prepare(folder)?;
+            output_folder::prepare(folder)?;
         }
         let report = report(&setup, &self.assumptions(steps), usize::from(self.grid)).map_err(Failure::unusable)?;
         if let Some(folder) = &self.preview {

@@ -1,4 +1,4 @@
-//! The folder that a command writes its pictures to.
+//! The folder that a command writes several files to.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use fringeflow::atomic_file::{WriteError, WriteProblem};
 
 use crate::failure::Failure;
 
-/// Makes the folder if it is missing, before the work that the pictures show.
+/// Makes the folder if it is missing, before the work whose results go there.
 pub(crate) fn prepare(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)
         .map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })?;
