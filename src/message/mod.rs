@@ -23,6 +23,7 @@ mod control;
 mod frame;
 mod incident;
 mod maps;
+mod meaning;
 mod pattern;
 mod report;
 mod window;

@@ -6,22 +6,26 @@
 //! Nothing here reads a clock: the same reports give the same figures wherever they are asked for.
 
 mod cause;
+mod drop_lines;
 mod history;
 mod interval;
 mod journey;
 mod latencies;
 mod run_report;
+mod stage_figures;
 mod tally;
 mod trace;
 mod window_figures;
 mod worst_windows;
 
 pub use cause::Cause;
+pub use drop_lines::{DropKind, DropLine};
 pub use history::History;
 pub use interval::{Interval, Sample, WindowSample};
 pub use journey::{Journey, Segment};
 pub use latencies::{BUCKETS_NS, Latencies, Latency};
 pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
+pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
 pub use window_figures::{DeltaCounts, Shares, WindowFigures};

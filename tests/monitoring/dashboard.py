@@ -137,7 +137,7 @@ class Checks:
     def tables_hold_what_the_monitor_says(self):
         services = self.as_the_monitor_says("services", self.services_differ)
         stages = self.as_the_monitor_says("stages", self.flow_differs)
-        self.as_the_monitor_says("stages", self.drops_differ)
+        self.as_the_monitor_says("drops", self.drops_differ)
         self.wait_for_change("#services-rows")
         self.wait_for_change("#flow-rows")
         for selector in ("#skew", "#disk-free", "#memory-free"):
@@ -176,12 +176,11 @@ class Checks:
                 return f"{row[0]} has rate {row[1]} and not {stage['rate_hz']:.1f} /s"
         return None
 
-    def drops_differ(self, stages):
+    def drops_differ(self, drops):
         rows = self.page.ask("tableOf", "#drops-rows")
-        expected = sum(count > 0 for stage in stages for kind in ("dropped", "incidents") for count in stage[kind].values())
-        if len(rows) != expected:
-            return f"{len(rows)} rows of drops and incidents are shown, and there are {expected}"
-        lost = sum(stage["dropped"].get(reason, 0) for stage in stages for reason in stage["losses"])
+        if len(rows) != len(drops):
+            return f"{len(rows)} rows of drops and incidents are shown, and there are {len(drops)}"
+        lost = sum(drop["count"] for drop in drops if drop["kind"] == "loss")
         shown = sum(number(row[3], "count of a loss") for row in rows if row[0] == "Loss")
         if shown != lost:
             return f"{shown:g} losses are shown, and there are {lost}"

@@ -12,7 +12,6 @@ mod progress;
 mod proposed;
 mod report;
 mod run_summary;
-mod stage_figures;
 mod statistics;
 mod truth;
 

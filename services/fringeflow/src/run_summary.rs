@@ -5,13 +5,12 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::Latency;
+use fringeflow::telemetry::{Latency, SkewFigures, StageFigures};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
 
 use crate::failure::Failure;
 use crate::json;
-use crate::stage_figures::{SkewFigures, StageFigures};
 
 /// A run in figures.
 #[derive(serde::Serialize)]

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{ScanState, Skew, Stage, StageReport, WindowReport};
-use fringeflow::telemetry::{Interval, Latency, Sample, Segment, Tally, WindowFigures};
+use fringeflow::telemetry::{DropLine, Interval, Sample, Segment, SkewFigures, StageFigures, Tally, WindowFigures};
 use fringeflow_runtime::{live_services, sources};
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::events::EventLog;
 use crate::room::Room;
@@ -46,16 +46,11 @@ pub(crate) struct Board {
 /// What a stage has done, as the page is told.
 #[derive(Serialize)]
 struct StageEntry {
-    stage: &'static str,
+    #[serde(flatten)]
+    figures: StageFigures,
     rate_hz: f64,
-    taken: u64,
-    passed: u64,
     in_work: u64,
     waiting: u64,
-    dropped: Map<String, Value>,
-    losses: Vec<&'static str>,
-    incidents: Map<String, Value>,
-    latency: Option<Latency>,
 }
 
 impl Board {
@@ -151,6 +146,7 @@ impl Board {
     }
 
     fn figures(&self, sample: &Sample, clients: usize) -> Value {
+        let counts: Vec<_> = self.tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect();
         json!({
             "type": "figures",
             "wall_ms": sample.wall_ms,
@@ -159,7 +155,8 @@ impl Board {
             "services": self.statuses,
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
-            "skew_ms": skew_entry(&self.skew),
+            "drops": DropLine::all_of(&counts),
+            "skew": SkewFigures::of(&self.skew),
             "window": self.window,
             "room": self.room,
             "clients": clients,
@@ -168,18 +165,11 @@ impl Board {
 
     fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {
         let of_stage = self.tally.stage(stage)?;
-        let counts = &of_stage.counts;
         Some(StageEntry {
-            stage: stage.name(),
+            figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
             rate_hz: of_stage.rate_hz,
-            taken: counts.taken,
-            passed: counts.passed,
             in_work: self.in_work(stage),
             waiting: self.waiting(stage),
-            dropped: counts.reasons().map(|(reason, n)| (reason.name().to_owned(), n.into())).collect(),
-            losses: counts.losses().map(|(reason, _)| reason.name()).collect(),
-            incidents: counts.incidents().map(|(incident, n)| (incident.name().to_owned(), n.into())).collect(),
-            latency: of_stage.latencies.brief(),
         })
     }
 }
@@ -192,10 +182,4 @@ pub(crate) fn state_entry(state: &ScanState) -> Value {
         "recordings": state.recordings,
         "marks": state.marks,
     })
-}
-
-fn skew_entry(skew: &Skew) -> Option<Value> {
-    let ms = |ns: i64| ns as f64 * 1e-6;
-    let mean_ms = skew.mean_ns()? * 1e-6;
-    Some(json!({"mean": mean_ms, "least": ms(skew.least_ns), "greatest": ms(skew.greatest_ns)}))
 }

@@ -4,14 +4,13 @@ use std::io::Write as _;
 use std::time::Duration;
 
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{Latency, StageTally, Tally};
+use fringeflow::telemetry::{Latency, StageFigures, StageTally, Tally};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::{clock, dashboard_file};
 use fringeflow_supervisor::{headline, observe, stage_line};
 
 use crate::failure::Failure;
 use crate::json;
-use crate::stage_figures::StageFigures;
 
 /// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
 const SPAN_NS: u64 = 2_500_000_000;

@@ -4,11 +4,10 @@ use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
 use fringeflow::recording::Origin;
-use fringeflow::telemetry::{Exposures, Journey, Latency, RunReport, Sample, Segment, WindowFigures};
+use fringeflow::telemetry::{
+    DropLine, Exposures, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
+};
 use serde::Serialize;
-
-use super::words;
-use crate::stage_figures::StageFigures;
 
 /// Which run it was.
 #[derive(Serialize)]
@@ -83,27 +82,6 @@ pub(crate) struct WindowLine {
     segments_ms: [f64; Segment::ALL.len()],
 }
 
-/// What a stage dropped or survived.
-#[derive(Serialize)]
-struct DropLine {
-    kind: DropKind,
-    stage: &'static str,
-    reason: &'static str,
-    meaning: &'static str,
-    count: u64,
-}
-
-#[derive(Serialize, PartialEq, Eq, PartialOrd, Ord)]
-#[serde(rename_all = "lowercase")]
-enum DropKind {
-    /// Something went that should not have.
-    Loss,
-    /// Left out on purpose, or there was nothing to see.
-    Decision,
-    /// A fault that was survived.
-    Incident,
-}
-
 impl<'a> RunFigures<'a> {
     /// The figures of a run whose stages ended with these counts.
     pub(crate) fn of(about: About<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
@@ -122,7 +100,7 @@ impl<'a> RunFigures<'a> {
             stages: counts.iter().map(stage).collect(),
             segments: segment_lines(run),
             worst: run.worst().iter().map(|journey| WindowLine::of(journey, run, wall_ms, first_ns)).collect(),
-            drops: drop_lines(counts),
+            drops: DropLine::all_of(counts),
             last_window: run.window(),
             segment_names: Segment::ALL.map(Segment::name),
             span_s: seconds(run.history().span_ns()),
@@ -155,31 +133,6 @@ fn segment_lines(run: &RunReport) -> Vec<SegmentLine> {
         share: 100.0 * latencies.sum_ns() as f64 / total_ns.max(1) as f64,
     };
     run.segments().map(line).collect()
-}
-
-/// Losses first, then decisions, then incidents; of each the most frequent first.
-fn drop_lines(counts: &[(Stage, Counts)]) -> Vec<DropLine> {
-    let of_stage = |(stage, counts): &(Stage, Counts)| {
-        let stage = stage.name();
-        let dropped = counts.reasons().map(move |(reason, count)| DropLine {
-            kind: if reason.is_loss() { DropKind::Loss } else { DropKind::Decision },
-            stage,
-            reason: reason.name(),
-            meaning: words::of_reason(reason),
-            count,
-        });
-        let survived = counts.incidents().map(move |(incident, count)| DropLine {
-            kind: DropKind::Incident,
-            stage,
-            reason: incident.name(),
-            meaning: words::of_incident(incident),
-            count,
-        });
-        dropped.chain(survived).collect::<Vec<_>>()
-    };
-    let mut lines: Vec<DropLine> = counts.iter().flat_map(of_stage).collect();
-    lines.sort_by(|a, b| a.kind.cmp(&b.kind).then(b.count.cmp(&a.count)));
-    lines
 }
 
 fn seconds(ns: u64) -> f64 {

@@ -6,7 +6,6 @@
 mod figures;
 mod html;
 mod run_page;
-mod words;
 
 pub(crate) use figures::{About, RunFigures, WindowLine};
 pub(crate) use html::write_html;

@@ -2,9 +2,9 @@
 
 import { byId, setState, setText } from "./elements.js";
 import { fixed, megabytes, milliseconds, withUnit } from "./format.js";
+import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
-import { stageName } from "./words.js";
 
 // Below these a scan of some minutes may no longer fit.
 const LITTLE_DISK_MB = 2000;
@@ -12,7 +12,7 @@ const LITTLE_MEMORY_MB = 64;
 
 export function showFlow({ figures }) {
     showRows(byId("flow-rows"), (figures.stages ?? []).map(cellsOf));
-    showSkew(figures.skew_ms);
+    showSkew(figures.skew);
     showRoom("disk-free", figures.room?.disk_free_mb, LITTLE_DISK_MB);
     showRoom("memory-free", figures.room?.shared_memory_free_mb, LITTLE_MEMORY_MB);
     setText(byId("about-clients"), `${fixed(figures.clients)} watching`);
@@ -22,7 +22,7 @@ export function showFlow({ figures }) {
 function cellsOf({ stage, rate_hz: rate, waiting, in_work: inWork, latency }) {
     const number = (text) => ({ number: true, text });
     return [
-        { head: true, text: stageName(stage) },
+        { head: true, text: titled(stage) },
         number(withUnit(fixed(rate, 1), "/s")),
         number(fixed(waiting)),
         number(fixed(inWork)),
@@ -32,8 +32,8 @@ function cellsOf({ stage, rate_hz: rate, waiting, in_work: inWork, latency }) {
 }
 
 function showSkew(skew) {
-    setText(byId("skew"), withUnit(fixed(skew?.mean, 3), "ms"));
-    setText(byId("skew-ends"), skew ? `${fixed(skew.least, 3)} to ${fixed(skew.greatest, 3)} ms` : "no pairs now");
+    setText(byId("skew"), withUnit(fixed(skew?.mean_ms, 3), "ms"));
+    setText(byId("skew-ends"), skew ? `${fixed(skew.least_ms, 3)} to ${fixed(skew.greatest_ms, 3)} ms` : "no pairs now");
 }
 
 function showRoom(id, free, little) {

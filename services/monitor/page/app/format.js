@@ -1,4 +1,5 @@
-// Numbers and times as text. What is missing is a dash, never a zero.
+// Numbers and times as text. What is missing is a dash, never a zero. The report on a run holds this file too, so it imports
+// nothing.
 
 export const MISSING = "–";
 // Digit groups of one width and the same decimal point for everyone who reads over the operator's shoulder.
@@ -7,7 +8,7 @@ const formats = Array.from(
     (_, digits) => new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }),
 );
 
-const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
 export function fixed(value, digits = 0) {
     return isNumber(value) ? formats[digits].format(value).replace("-", "−") : MISSING;
@@ -35,7 +36,7 @@ export function megabytes(value) {
 
 export const plural = (count, one, many = `${one}s`) => `${fixed(count)} ${count === 1 ? one : many}`;
 
-const two = (value) => String(value).padStart(2, "0");
+export const two = (value) => String(value).padStart(2, "0");
 
 /** Time of day here, in 24 hours. */
 export function timeOfDay(wallMs) {

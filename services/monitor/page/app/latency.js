@@ -4,9 +4,9 @@ import { stageColour } from "./colours.js";
 import { byId } from "./elements.js";
 import { milliseconds } from "./format.js";
 import { Legend } from "./legend.js";
+import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { TimePlot } from "./plot.js";
-import { stageName } from "./words.js";
 
 // The others take microseconds, or are hidden in these; one click shows them.
 const SHOWN = ["total", "phase", "correspondence", "cloud"];
@@ -15,7 +15,7 @@ const PERCENTILES = { p50: 0, p90: 1, p99: 2 };
 export function makeLatency(hello) {
     const names = ["total", ...(hello.stages ?? [])];
     const series = names.map((name) => ({
-        label: name === "total" ? "Total" : stageName(name),
+        label: titled(name),
         colour: stageColour(name),
         shown: SHOWN.includes(name),
         ...(name === "total" && { width: 2.5, fill: "ink-wash" }),

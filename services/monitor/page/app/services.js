@@ -2,9 +2,9 @@
 
 import { byId } from "./elements.js";
 import { fixed, megabytes, withUnit } from "./format.js";
+import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
-import { stageName } from "./words.js";
 
 const LEVELS = { ok: "ok", slow: "warning", silent: "error", restarting: "warning" };
 
@@ -26,5 +26,5 @@ function cellsOf({ name, state, why, pid, restarts, cpu_percent: cpu, memory_mb:
 
 function describe(pid, stages) {
     const process = pid ? `Process ${pid}` : "No process";
-    return stages?.length ? `${process}, holds ${stages.map(stageName).join(", ")}` : process;
+    return stages?.length ? `${process}, holds ${stages.map(titled).join(", ")}` : process;
 }

@@ -4,13 +4,13 @@ import { stageColour } from "./colours.js";
 import { byId } from "./elements.js";
 import { fixed, milliseconds } from "./format.js";
 import { Legend } from "./legend.js";
+import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { TimePlot } from "./plot.js";
-import { segmentName } from "./words.js";
 
 export function makeShares(hello) {
     const names = hello.segments ?? [];
-    const series = names.map((name) => ({ label: segmentName(name), colour: stageColour(name) }));
+    const series = names.map((name) => ({ label: titled(name), colour: stageColour(name) }));
     let samples = [];
 
     const showLegend = () => {

@@ -52,8 +52,8 @@ function showTiles(lost) {
     const unknown = run.replayed ? "not known of a replay" : "no cloud";
     const tiles = [
         ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "a second")],
-        ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)} ms` : unknown],
-        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)} ms` : unknown],
+        ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)}` : unknown],
+        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)}` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "a true one, in the mean"],

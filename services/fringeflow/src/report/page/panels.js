@@ -52,7 +52,7 @@ function showLatency(run, times) {
         series,
         columns: columns(),
         unit: " ms",
-        text: (value) => withUnit(milliseconds(value), "ms"),
+        text: (value) => milliseconds(value),
         rest: (index) => whole(names[index])?.[["p50_ms", "p90_ms", "p99_ms"][select.value]],
     });
     select.addEventListener("change", () => plot.show(columns()));
@@ -82,7 +82,7 @@ function showWay(run, times) {
         text: (value, index, place) =>
             place === null
                 ? `${fixed(run.segments[index].share, 1)} %`
-                : withUnit(milliseconds(value), "ms"),
+                : milliseconds(value),
         rest: () => undefined,
     });
 }
@@ -119,7 +119,7 @@ const percentileColumns = [
     ["p90", "p90_ms"],
     ["p99", "p99_ms"],
     ["max", "max_ms"],
-].map(([title, key]) => ({ title, number: true, text: ({ latency }) => milliseconds(latency?.[key]) }));
+].map(([title, key]) => ({ title, number: true, text: ({ latency }) => inMilliseconds(latency?.[key]) }));
 
 function showLatencyTables(run) {
     const name = (key, title) => ({ title, cell: (row) => coloured(row[key]) });
@@ -148,7 +148,7 @@ function bar(run, row, longest_ms) {
     const parts = row.segments_ms.map((ms, index) => {
         const name = run.segment_names[index];
         const style = `width: ${(100 * ms) / longest_ms}%; background: var(--${stageColour(name)})`;
-        return element("span", { style, title: `${titled(name)}: ${milliseconds(ms)} ms` });
+        return element("span", { style, title: `${titled(name)}: ${milliseconds(ms)}` });
     });
     return element("span", { class: "bar", "aria-hidden": "true" }, ...parts);
 }
@@ -165,7 +165,7 @@ function showWorst(run) {
         [
             { title: run.replayed ? "complete at" : "exposed at", text: time },
             { title: "after, s", number: true, text: ({ time_s }) => fixed(time_s, 2) },
-            { title: "took, ms", number: true, text: ({ total_ms }) => milliseconds(total_ms) },
+            { title: "took, ms", number: true, text: ({ total_ms }) => inMilliseconds(total_ms) },
             { title: "made of", cell: (row) => bar(run, row, longest_ms) },
             { title: "cause", wide: true, text: ({ cause }) => cause },
         ],
@@ -173,14 +173,9 @@ function showWorst(run) {
     );
 }
 
-const KINDS = {
-    loss: ["Loss", "error"],
-    decision: ["Decision", "idle"],
-    incident: ["Incident", "warning"],
-};
-
 function showDrops(run) {
-    const badge = ({ kind }) => element("span", { class: "badge", "data-level": KINDS[kind][1] }, KINDS[kind][0]);
+    const badge = ({ kind }) =>
+        element("span", { class: "badge", "data-level": DROP_KINDS[kind].level }, DROP_KINDS[kind].title);
     showTable(
         byId("drops"),
         "What each stage dropped or survived, by reason",

@@ -1,0 +1,88 @@
+//! What was dropped, where and why, in the order in which it matters.
+
+use serde::Serialize;
+
+use crate::message::{Counts, Stage};
+
+/// What a stage dropped for one reason, or what happened to it beside its items.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DropLine {
+    /// How much it matters.
+    pub kind: DropKind,
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Name of the reason or the incident.
+    pub reason: &'static str,
+    /// What the name means.
+    pub meaning: &'static str,
+    /// How often.
+    pub count: u64,
+}
+
+/// How much it matters, the most first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DropKind {
+    /// Something is missing that should be there.
+    Loss,
+    /// Left out on purpose, or there was nothing to see.
+    Decision,
+    /// It happened, and nothing need be lost by it.
+    Incident,
+}
+
+impl DropLine {
+    /// Of these stages: losses first, then decisions, then incidents; of each the most frequent first.
+    #[must_use]
+    pub fn all_of(counts: &[(Stage, Counts)]) -> Vec<Self> {
+        let mut lines: Vec<Self> =
+            counts.iter().flat_map(|(stage, counts)| Self::of_stage(stage.name(), counts)).collect();
+        lines.sort_by(|a, b| a.kind.cmp(&b.kind).then(b.count.cmp(&a.count)));
+        lines
+    }
+
+    fn of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
+        let dropped = counts.reasons().map(move |(reason, count)| Self {
+            kind: if reason.is_loss() { DropKind::Loss } else { DropKind::Decision },
+            stage,
+            reason: reason.name(),
+            meaning: reason.meaning(),
+            count,
+        });
+        let survived = counts.incidents().map(move |(incident, count)| Self {
+            kind: DropKind::Incident,
+            stage,
+            reason: incident.name(),
+            meaning: incident.meaning(),
+            count,
+        });
+        dropped.chain(survived)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{DropReason, Incident};
+
+    #[test]
+    fn losses_come_first_then_what_is_frequent() {
+        let mut cloud = Counts::default();
+        cloud.drop_many(DropReason::EmptyCloud, 9);
+        cloud.drop_many(DropReason::Overrun, 1);
+        let mut camera = Counts::default();
+        camera.drop_many(DropReason::CameraLost, 2);
+        camera.incidents[Incident::TimeOut as usize] = 30;
+        let lines = DropLine::all_of(&[(Stage::Camera1, camera), (Stage::Cloud, cloud)]);
+        let told: Vec<_> = lines.iter().map(|line| (line.kind, line.stage, line.reason, line.count)).collect();
+        assert_eq!(
+            told,
+            [
+                (DropKind::Loss, "camera1", "camera_lost", 2),
+                (DropKind::Loss, "cloud", "overrun", 1),
+                (DropKind::Decision, "cloud", "empty_cloud", 9),
+                (DropKind::Incident, "camera1", "time_out", 30),
+            ]
+        );
+    }
+}

@@ -1,0 +1,65 @@
+//! What a stage has done, in figures, as they are told everywhere.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Latency, StageTally};
+use crate::message::{Counts, Skew, Stage};
+
+/// Figures of a stage.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageFigures {
+    /// Its name.
+    pub stage: &'static str,
+    /// Items that it took.
+    pub taken: u64,
+    /// Items that it put out.
+    pub passed: u64,
+    /// Items that it dropped, by the name of the reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// What happened beside the items.
+    pub incidents: BTreeMap<&'static str, u64>,
+    /// From taking an item to putting it out; `None` where there is none.
+    pub latency: Option<Latency>,
+    /// Of the images that it paired, if it pairs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew: Option<SkewFigures>,
+}
+
+/// By how much images of camera 2 begin later than those of camera 1, milliseconds.
+#[derive(Clone, Debug, Serialize)]
+pub struct SkewFigures {
+    /// Mean.
+    pub mean_ms: f64,
+    /// Least.
+    pub least_ms: f64,
+    /// Greatest.
+    pub greatest_ms: f64,
+}
+
+impl StageFigures {
+    /// Of a stage with these counts; `tally` is what it reported, if it did.
+    #[must_use]
+    pub fn of(stage: Stage, counts: &Counts, tally: Option<&StageTally>) -> Self {
+        Self {
+            stage: stage.name(),
+            taken: counts.taken,
+            passed: counts.passed,
+            dropped: counts.reasons().map(|(reason, n)| (reason.name(), n)).collect(),
+            incidents: counts.incidents().map(|(incident, n)| (incident.name(), n)).collect(),
+            latency: tally.and_then(|tally| tally.latencies.brief()),
+            skew: tally.and_then(|tally| SkewFigures::of(&tally.skew)),
+        }
+    }
+}
+
+impl SkewFigures {
+    /// `None` without a pair.
+    #[must_use]
+    pub fn of(skew: &Skew) -> Option<Self> {
+        let ms = |ns: i64| ns as f64 * 1e-6;
+        let mean_ms = skew.mean_ns()? * 1e-6;
+        Some(Self { mean_ms, least_ms: ms(skew.least_ns), greatest_ms: ms(skew.greatest_ns) })
+    }
+}
