@@ -1,14 +1,15 @@
-//! What watching costs the scan: `cargo bench -p fringeflow-command --bench monitor [-- SECONDS ROUNDS]`.
+//! What watching costs the scan: `cargo bench -p fringeflow-command --bench monitor [-- [cpu | pages] SECONDS ROUNDS]`.
 //!
 //! Two comparisons, each of parts of one run of this program that take turns, so that a machine which changes its mind changes
 //! it for both:
 //!
-//! 1. CPU time of whole instances of `configs/demo.toml` with the monitor on (page closed) and off;
-//! 2. rate of clouds and median from exposure to cloud of one instance, without pages and with fifty, ten of which never read.
+//! 1. `cpu`: CPU time of whole instances of `configs/demo.toml` with the monitor on (page closed) and off;
+//! 2. `pages`: rate of clouds and median from exposure to cloud of one instance, without pages and with fifty, ten of which never read.
 
 // A bench that cannot prepare its work ends.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
+use std::fmt;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -16,8 +17,10 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use fringeflow::transport::Instance;
+use fringeflow_supervisor::observe;
 use serde_json::Value;
 use tungstenite::{Message, WebSocket};
 
@@ -32,8 +35,17 @@ fn main() {
     let seconds = numbers.first().copied().unwrap_or(20);
     let rounds = numbers.get(1).copied().unwrap_or(5);
     let folder = tempfile::Builder::new().prefix("ffbench").tempdir_in("/tmp").unwrap();
-    cpu_of_the_monitor(folder.path(), seconds, rounds);
-    pages(folder.path(), seconds, rounds);
+    let is_asked_for = |part: &str, other: &str| part_is_named(part) || !part_is_named(other);
+    if is_asked_for("cpu", "pages") {
+        cpu_of_the_monitor(folder.path(), seconds, rounds);
+    }
+    if is_asked_for("pages", "cpu") {
+        pages(folder.path(), seconds, rounds);
+    }
+}
+
+fn part_is_named(part: &str) -> bool {
+    std::env::args().any(|argument| argument == part)
 }
 
 fn cpu_of_the_monitor(folder: &Path, seconds: u64, rounds: u64) {
@@ -51,25 +63,41 @@ fn cpu_of_the_monitor(folder: &Path, seconds: u64, rounds: u64) {
 
 fn pages(folder: &Path, seconds: u64, rounds: u64) {
     println!("clouds a second, and median ms from exposure to cloud, without pages and with {PAGES}:");
-    let instance = Instance::start(folder, &configuration(folder, true));
+    let instance = Running::start(folder, &configuration(folder, true));
     let (mut rates, mut latencies) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
         let [without, with] = [0, PAGES].map(|pages| instance.measure(pages, seconds));
-        rates.push(with.0 / without.0);
-        latencies.push(with.1 / without.1);
-        println!("  without {:.2}/s {:.1} ms, with {:.2}/s {:.1} ms", without.0, without.1, with.0, with.1);
+        rates.push(with.clouds_hz / without.clouds_hz);
+        latencies.push(with.p50_ms / without.p50_ms);
+        println!("  without {without}; with {with}");
     }
     let [rate, latency] = [rates, latencies].map(|mut ratios| 100.0 * (median(&mut ratios) - 1.0));
     println!("  median: rate {rate:+.1} %, latency {latency:+.1} %");
 }
 
+/// What comes of a scan.
+struct Measured {
+    clouds_hz: f64,
+    p50_ms: f64,
+    /// Of a core.
+    monitor_percent: f64,
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { clouds_hz, p50_ms, monitor_percent } = self;
+        write!(f, "{clouds_hz:.2}/s {p50_ms:.1} ms, monitor {monitor_percent:.1} % of a core")
+    }
+}
+
 /// A running instance and its dashboard.
-struct Instance {
+struct Running {
     child: Child,
+    instance: Instance,
     address: String,
 }
 
-impl Instance {
+impl Running {
     fn start(folder: &Path, configuration: &Path) -> Self {
         let child = command(folder, configuration).stdout(Stdio::null()).spawn().unwrap();
         let url = folder.join("r/bench.accounts/dashboard.url");
@@ -79,34 +107,37 @@ impl Instance {
                 _ => std::thread::sleep(Duration::from_millis(100)),
             }
         };
-        let instance = Self { child, address };
+        let instance = Instance::under(&folder.join("r"), "bench").unwrap();
+        let instance = Self { child, instance, address };
         while instance.figures()["exposure_to_cloud"].is_null() {
             std::thread::sleep(Duration::from_secs(1));
         }
         instance
     }
 
-    /// Rate of clouds, and the median over seconds of the median latency, with so many pages.
-    fn measure(&self, pages: usize, seconds: u64) -> (f64, f64) {
+    /// What comes of the scan with so many pages.
+    fn measure(&self, pages: usize, seconds: u64) -> Measured {
         let stop = Arc::new(AtomicBool::new(false));
         let pages: Vec<_> = (0..pages).map(|number| self.page(number < SILENT, &stop)).collect();
         std::thread::sleep(SETTLE);
-        let (begin, before) = (Instant::now(), clouds(&self.figures()));
-        let mut medians = Vec::new();
-        while begin.elapsed() < Duration::from_secs(seconds) {
-            std::thread::sleep(Duration::from_secs(1));
-            medians.extend(self.figures()["sample"]["total"][0].as_f64());
-        }
-        let rate = (clouds(&self.figures()) - before) / begin.elapsed().as_secs_f64();
+        let total = *observe(&self.instance, seconds * 1_000_000_000).unwrap().total().brief().as_ref().unwrap();
+        let services = self.figures()["services"].take();
+        let monitor = services.as_array().unwrap().iter().find(|service| service["name"] == "monitor").unwrap();
         stop.store(true, Ordering::Relaxed);
         pages.into_iter().for_each(|page| page.join().unwrap());
-        (rate, median(&mut medians))
+        Measured {
+            clouds_hz: total.count as f64 / seconds as f64,
+            p50_ms: total.p50_ms,
+            monitor_percent: monitor["cpu_percent"].as_f64().unwrap_or_default(),
+        }
     }
 
-    /// A page in a thread of its own; one that reads draws at once what it gets.
+    /// A page in a thread of its own; one that reads draws at once what it gets. Pages are on other machines: here their work
+    /// gives way to that of the scan.
     fn page(&self, is_silent: bool, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
         let (address, stop) = (self.address.clone(), Arc::clone(stop));
         std::thread::spawn(move || {
+            let _ = rustix::process::nice(19);
             let stream = TcpStream::connect(&address).unwrap();
             stream.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
             let (mut page, _) = tungstenite::client(format!("ws://{address}/live"), stream).unwrap();
@@ -130,7 +161,7 @@ impl Instance {
     }
 }
 
-impl Drop for Instance {
+impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -143,10 +174,6 @@ fn draw(page: &mut WebSocket<TcpStream>) {
     let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
     let header: Value = serde_json::from_slice(&message[4..4 + length]).unwrap();
     let _ = page.send(Message::text(format!(r#"{{"type": "shown", "id": {}}}"#, header["id"])));
-}
-
-fn clouds(figures: &Value) -> f64 {
-    figures["exposure_to_cloud"]["count"].as_f64().unwrap_or(0.0)
 }
 
 /// The demo under another name, with the monitor on or off.
