@@ -88,18 +88,19 @@ impl EventLog {
 
     fn look_at_state(&mut self, state: &ScanState, wall_ms: f64) {
         let before = self.state.replace(*state).unwrap_or_default();
-        let mut tell = |text: String| self.tell(wall_ms, Level::Info, "instance", text);
+        let mut tell = |source: &'static str, text: String| self.tell(wall_ms, Level::Info, source, text);
         if state.scanning != before.scanning {
-            tell(if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
+            tell("instance", if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
         }
         if before.recording != 0 && (state.recording == 0 || state.recordings != before.recordings) {
-            tell(format!("recording ended: {}", before.recording_file.to_text()));
+            tell("instance", format!("recording ended: {}", before.recording_file.to_text()));
         }
         if state.recording != 0 && state.recordings != before.recordings {
-            tell(format!("recording: {}", state.recording_file.to_text()));
+            tell("instance", format!("recording: {}", state.recording_file.to_text()));
         }
         if state.marks != before.marks {
-            tell(format!("mark: {}", state.mark.to_text()));
+            // As it stands in recordings.
+            tell("mark", state.mark.to_text());
         }
     }
 
@@ -181,7 +182,7 @@ mod tests {
                 "instance: recording: /a.mcap",
                 "instance: recording ended: /a.mcap",
                 "instance: recording: /b.mcap",
-                "instance: mark: <ear>"
+                "mark: <ear>"
             ]
         );
     }
