@@ -288,7 +288,8 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
         value.map(|v| v << 20)
     };
     Ok(RecorderConfiguration {
-        folder: raw.folder.as_ref().map_or_else(|| folder.to_owned(), |path| folder.join(path)),
+        // Without the `.` of a folder that is this one: people read the path.
+        folder: raw.folder.as_ref().map_or_else(|| folder.to_owned(), |path| folder.join(path).components().collect()),
         from_start: raw.from_start.unwrap_or(false),
         queue_bytes: megabytes("recorder.queue_mb", raw.queue_mb.unwrap_or(256), 1)?,
         min_free_bytes: megabytes("recorder.min_free_mb", raw.min_free_mb.unwrap_or(1024), 0)?,
