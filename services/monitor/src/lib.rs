@@ -148,12 +148,8 @@ impl Channels {
     }
 
     fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
-        // A window may take longer than a silence is borne, and what is sent while the port opens anew is lost.
-        if host.has_put_out_only(Stage::Correspondence, self.next_window) {
-            self.windows.forgive_silence();
-        }
         self.reports.ensure_connected(now_ns)?;
-        self.windows.ensure_connected(now_ns)?;
+        host.ensure_connected(&mut self.windows, Stage::Correspondence, self.next_window, now_ns)?;
         self.states.ensure_connected(now_ns).map(|_| ())
     }
 }

@@ -152,12 +152,9 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
         true
     }
 
-    /// Opens the port again if it lost its other side. Silence is a sign of that only while the sender has put out more than
-    /// has come: what is sent during the change is lost, and a window may well take longer than a silence is borne.
+    /// Opens the port again if it lost its other side.
     fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
-        if host.has_put_out_only(self.from, self.arrivals.map_or(0, |arrivals| arrivals.next)) {
-            self.port.forgive_silence();
-        }
-        self.port.ensure_connected(now_ns).map(|_| ())
+        let next = self.arrivals.map_or(0, |arrivals| arrivals.next);
+        host.ensure_connected(&mut self.port, self.from, next, now_ns)
     }
 }

@@ -7,7 +7,9 @@ use fringeflow::cloud::RECORD_BYTES;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, PixelFormat, Skew, Stage, StageReport};
-use fringeflow::transport::{ChannelSizes, Instance, Node, Publisher, REPORT_STAGE, TransportError};
+use fringeflow::transport::{
+    ChannelSizes, Header, Instance, Node, Payload, Publisher, REPORT_STAGE, Subscriber, TransportError,
+};
 use fringeflow::wire;
 
 use crate::clock::now_ns;
@@ -148,10 +150,18 @@ impl Host {
         account.is_behind(&self.accounts)
     }
 
-    /// Whether a stage keeps an account and has put out nothing beyond the items below this number.
-    #[must_use]
-    pub fn has_put_out_only(&self, stage: Stage, below: u64) -> bool {
-        self.counts_of(stage).is_some_and(|counts| counts.passed <= below)
+    /// [`ensure_connected`](crate::ensure_connected) by the accounts of this instance.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn ensure_connected<H: Header, P: Payload + ?Sized>(
+        &self,
+        port: &mut Subscriber<H, P>,
+        from: Stage,
+        next: u64,
+        now_ns: u64,
+    ) -> Result<(), TransportError> {
+        crate::ensure_connected(port, &self.accounts, from, next, now_ns)
     }
 
     /// Whether the next stage has finished all that this one put out; true where there is none.

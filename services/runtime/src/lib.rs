@@ -15,7 +15,7 @@ mod transform;
 pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
 pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes, dashboard_file};
-pub use receive::receive;
+pub use receive::{ensure_connected, receive};
 pub use services::{ServiceKind, WORKERS, live_services};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};

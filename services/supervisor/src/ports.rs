@@ -1,13 +1,14 @@
 //! What the supervisor says and hears: the state goes out, reports and requests come in.
 
+use std::path::Path;
 use std::time::Duration;
 
-use fringeflow::message::{ScanState, StageReport, WindowReport};
+use fringeflow::message::{ScanState, Stage, StageReport, WindowReport};
 use fringeflow::transport::{
     ChannelSizes, ControlServer, KeptChannels, Node, Publisher, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber,
     TransportError, Wake,
 };
-use fringeflow_runtime::receive;
+use fringeflow_runtime::{ensure_connected, receive};
 
 use crate::control::Control;
 use crate::reports::Reports;
@@ -18,6 +19,8 @@ pub(crate) struct Ports {
     state: Publisher<(), ScanState>,
     reports: Subscriber<(), StageReport>,
     windows: Subscriber<(), WindowReport>,
+    /// Number of the report of a window that comes next.
+    next_window: u64,
     control: ControlServer,
     wake: Wake,
     sent: Option<u64>,
@@ -30,6 +33,7 @@ impl Ports {
             state: Publisher::open(node, SCAN_STATE, sizes)?,
             reports: Subscriber::open(node, REPORT_STAGE, sizes)?,
             windows: Subscriber::open(node, REPORT_WINDOW, sizes)?,
+            next_window: 0,
             control: ControlServer::open(node)?,
             wake: Wake::new()?,
             sent: None,
@@ -40,6 +44,7 @@ impl Ports {
     pub(crate) fn drain(&mut self, reports: &mut Reports) {
         while let Some(report) = receive(&mut self.windows) {
             reports.run.add_window(&report);
+            self.next_window = report.published + 1;
         }
         while let Some(report) = receive(&mut self.reports) {
             reports.add(&report);
@@ -68,14 +73,14 @@ impl Ports {
         self.wake.wait(&[&self.reports, &self.windows, &self.control], rest)
     }
 
-    pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
+    pub(crate) fn ensure_connected(&mut self, accounts: &Path, now_ns: u64) -> Result<(), TransportError> {
         self.kept.ensure_connected()?;
         if self.state.ensure_connected()? {
             // Whoever comes now is to hear the state as well.
             self.sent = None;
         }
         self.reports.ensure_connected(now_ns)?;
-        self.windows.ensure_connected(now_ns)?;
+        ensure_connected(&mut self.windows, accounts, Stage::Correspondence, self.next_window, now_ns)?;
         self.control.ensure_connected()?;
         Ok(())
     }

@@ -240,7 +240,7 @@ impl<'a, 's> Supervisor<'a, 's> {
     }
 
     fn keep_house(&mut self, now_ns: u64) {
-        if let Err(error) = self.ports.ensure_connected(now_ns) {
+        if let Err(error) = self.ports.ensure_connected(self.accounts, now_ns) {
             tracing::warn!("{error}");
         }
         match self.instance.clean_dead() {
