@@ -25,8 +25,6 @@ pub struct RunReport {
     history: History,
     worst: WorstWindows,
     window: Option<WindowFigures>,
-    windows: u64,
-    clouds: u64,
     /// When the first and the last cloud came.
     clouds_ns: Option<[u64; 2]>,
 }
@@ -41,8 +39,6 @@ impl RunReport {
             history: History::default(),
             worst: WorstWindows::new(most),
             window: None,
-            windows: 0,
-            clouds: 0,
             clouds_ns: None,
         }
     }
@@ -52,11 +48,9 @@ impl RunReport {
         let journey = self.tally.add(report).map(|journey| self.trusted(journey));
         self.history.add(report, journey.as_ref());
         if let Some(journey) = &journey {
-            self.windows += 1;
             self.worst.add(journey);
         }
         if Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
-            self.clouds += 1;
             self.clouds_ns =
                 Some([self.clouds_ns.map_or(report.passed_ns, |[first_ns, _]| first_ns), report.passed_ns]);
         }
@@ -105,13 +99,13 @@ impl RunReport {
     /// Windows that were followed from exposure to cloud.
     #[must_use]
     pub fn windows(&self) -> u64 {
-        self.windows
+        self.tally.segment(Segment::Cloud).count()
     }
 
     /// Clouds of windows that lack the report of an earlier stage: they are in the latencies of the stages alone.
     #[must_use]
     pub fn incomplete(&self) -> u64 {
-        self.clouds.saturating_sub(self.windows)
+        self.tally.total().count().saturating_sub(self.windows())
     }
 
     /// Clouds a second, from the first to the last; `None` for fewer than two.
@@ -119,7 +113,7 @@ impl RunReport {
     pub fn cloud_rate_hz(&self) -> Option<f64> {
         let [first_ns, last_ns] = self.clouds_ns?;
         let span_ns = last_ns.checked_sub(first_ns).filter(|&span_ns| span_ns > 0)?;
-        Some((self.clouds - 1) as f64 / (span_ns as f64 * 1e-9))
+        Some((self.tally.total().count() - 1) as f64 / (span_ns as f64 * 1e-9))
     }
 
     /// From the start of the last exposure to the published cloud; `None` where that cannot be told.

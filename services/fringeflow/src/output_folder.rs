@@ -1,14 +1,10 @@
-//! The folder that a command writes several files to.
+//! The folder that a command writes its files to.
 
 use std::path::Path;
 
 use fringeflow::atomic_file::{WriteError, WriteProblem};
 
-use crate::failure::Failure;
-
 /// Makes the folder if it is missing, before the work whose results go there.
-pub(crate) fn prepare(folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })?;
-    Ok(())
+pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {
+    std::fs::create_dir_all(folder).map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })
 }

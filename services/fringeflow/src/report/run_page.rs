@@ -7,6 +7,7 @@ use fringeflow::atomic_file::{WriteError, WriteProblem, write_atomically, write_
 use fringeflow_supervisor::{Outcome, Plan, named_by_time};
 
 use super::{About, RunFigures, write_html};
+use crate::output_folder;
 
 /// Most pages that begin in the same second.
 const SAME_NAMES: u32 = 100;
@@ -45,8 +46,7 @@ impl RunPage<'_> {
 
     fn write_named_by_time(&self, figures: &RunFigures<'_>) -> Result<PathBuf, WriteError> {
         let folder = &self.plan.configuration.recorder.folder;
-        let fail = |e| WriteError { path: folder.clone(), problem: WriteProblem::Io(e) };
-        std::fs::create_dir_all(folder).map_err(fail)?;
+        output_folder::prepare(folder)?;
         let start = UNIX_EPOCH + Duration::from_nanos(self.outcome.origin.started_unix_ns);
         let path = named_by_time(folder, &self.plan.configuration.name, start, "html");
         let names = (2..SAME_NAMES).map(|number| path.with_extension(format!("{number}.html")));
