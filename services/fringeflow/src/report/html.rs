@@ -12,7 +12,8 @@ const STYLE: &[&str] = &[
     include_str!("page/page.css"),
 ];
 const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");
-/// One module, whose parts stand in this order: each names only what stands before it. Some are those of the dashboard.
+/// One module, whose parts stand in this order: each names only what stands before it. Some are those of the dashboard; what
+/// these import stands before them, so that their imports are left out.
 const SCRIPT: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.js"),
     include_str!("../../../monitor/page/app/format.js"),
@@ -20,6 +21,7 @@ const SCRIPT: &[&str] = &[
     include_str!("page/format.js"),
     include_str!("../../../monitor/page/app/colours.js"),
     include_str!("../../../monitor/page/app/axis.js"),
+    include_str!("../../../monitor/page/app/plot-style.js"),
     include_str!("page/plots.js"),
     include_str!("page/tables.js"),
     include_str!("page/panels.js"),
@@ -35,7 +37,7 @@ pub(crate) fn write_html(out: &mut impl Write, figures: &RunFigures<'_>) -> io::
         match part {
             "licence" if is_name => out.write_all(LICENCE.as_bytes())?,
             "style" if is_name => write_parts(out, STYLE)?,
-            "script" if is_name => write_parts(out, SCRIPT)?,
+            "script" if is_name => write_module(out)?,
             // The escape means the same to JSON, and no tag begins with it.
             "data" if is_name => out.write_all(data.replace('<', "\\u003c").as_bytes())?,
             text => out.write_all(text.as_bytes())?,
@@ -46,6 +48,11 @@ pub(crate) fn write_html(out: &mut impl Write, figures: &RunFigures<'_>) -> io::
 
 fn write_parts(out: &mut impl Write, parts: &[&str]) -> io::Result<()> {
     parts.iter().try_for_each(|part| writeln!(out, "{part}"))
+}
+
+fn write_module(out: &mut impl Write) -> io::Result<()> {
+    let lines = SCRIPT.iter().flat_map(|part| part.lines());
+    lines.filter(|line| !line.starts_with("import ")).try_for_each(|line| writeln!(out, "{line}"))
 }
 
 #[cfg(test)]

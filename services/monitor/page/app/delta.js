@@ -7,7 +7,8 @@ import { colour } from "./colours.js";
 import { byId, setText } from "./elements.js";
 import { fixed } from "./format.js";
 import { markLive } from "./panels.js";
-import { axisStyle, makePlot } from "./plot.js";
+import { axisStyle } from "./plot-style.js";
+import { makePlot } from "./plot.js";
 
 // So much to both sides of zero is shown at least, and so many times thr: the hill, and the ground it stands on.
 const LEAST_REACH_RAD = 0.6;

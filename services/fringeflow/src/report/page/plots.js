@@ -1,6 +1,5 @@
 // Plots over the whole run, all with the same time axis, and a cursor that they share.
 
-const FONT = "13px system-ui, sans-serif";
 const DAY_S = 86_400;
 // Where there are fewer points than this, each is marked: a line needs two.
 const FEW = 40;
@@ -10,8 +9,8 @@ const plots = new Set();
 /** Every plot in the size of its place and in the colours of now. */
 function redrawPlots() {
     forgetColours();
-    plots.forEach(({ plot, size }) => {
-        plot.setSize(size());
+    plots.forEach(({ plot, holder }) => {
+        plot.setSize(sizeOf(holder));
         plot.redraw();
     });
 }
@@ -22,49 +21,29 @@ function redrawPlots() {
  * in the columns that the cursor points to, or null.
  */
 function makePlot(holder, { times, series, columns, range = fromZero, unit = "", small = false, hovered }) {
-    const size = () => ({ width: Math.max(holder.clientWidth, 50), height: Math.max(holder.clientHeight, 40) });
     const options = {
-        ...size(),
+        ...sizeOf(holder),
         legend: { show: false },
-        padding: [10, small ? 12 : 30, small ? 6 : 0, 0],
-        cursor: {
-            y: false,
-            drag: { x: false, y: false },
-            points: { size: 7, width: 0 },
-            sync: { key: "time", scales: ["x", null], setSeries: false },
-        },
+        ...timePlotOptions(small),
         scales: {
             x: { range: (_, first, last) => (last > first ? [first, last] : [(first ?? 0) - 1, (last ?? 0) + 1]) },
             y: { range: (_, least, greatest) => range(least, greatest) },
         },
-        axes: [timeAxis(times, small), valueAxis(small, unit)],
-        series: [{}, ...series.map((entry) => lineStyle(entry, times.length))],
+        axes: [timeAxis(times, small), valueAxis(small, unit, small ? 50 : 72)],
+        series: [{}, ...series.map((entry) => markedLineStyle(entry, times.length))],
         hooks: { setCursor: [(plot) => hovered?.(plot.cursor.left >= 0 ? (plot.cursor.idx ?? null) : null)] },
     };
     const plot = new uPlot(options, [times, ...columns], holder);
-    plots.add({ plot, size });
-    new ResizeObserver(() => plot.setSize(size())).observe(holder);
+    plots.add({ plot, holder });
+    new ResizeObserver(() => plot.setSize(sizeOf(holder))).observe(holder);
     return plot;
 }
 
-function lineStyle({ label, colour: name, width = 1.5, fill, shown = true }, count) {
-    return {
-        label,
-        show: shown,
-        width,
-        stroke: () => colour(name),
-        fill: fill && (() => colour(fill)),
-        points: { show: count < FEW && width > 0, size: 5, width: 0, fill: () => colour(name) },
-    };
+function markedLineStyle(entry, count) {
+    const style = lineStyle(entry);
+    const show = count < FEW && style.width > 0;
+    return { ...style, points: { show, size: 5, width: 0, fill: style.stroke } };
 }
-
-const axisStyle = () => ({
-    stroke: () => colour("ink-soft"),
-    font: FONT,
-    grid: { stroke: () => colour("line"), width: 1 },
-    ticks: { show: false },
-    gap: 6,
-});
 
 function timeAxis(times, small) {
     const isLong = times.at(-1) - times[0] > DAY_S;
@@ -81,13 +60,3 @@ function timeAxis(times, small) {
         values: (_, splits, _axis, _space, step) => splits.map((seconds) => text(seconds, step)),
     };
 }
-
-const valueAxis = (small, unit) => ({
-    ...axisStyle(),
-    size: small ? 50 : 72,
-    space: small ? 24 : 36,
-    values: (_, splits) => {
-        const places = digitsOf(splits[1] - splits[0]);
-        return splits.map((value) => fixed(value, places) + unit);
-    },
-});
