@@ -12,7 +12,7 @@ mod virtual_scanner;
 use std::path::{Path, PathBuf};
 
 use crate::calibration::Unit;
-use crate::correspondence::{MatchSettings, ResolutionSettings};
+use crate::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
 use crate::geometry::MeasurementVolume;
 use crate::phase::Validity;
 use crate::reconstruction::Settings;
@@ -163,6 +163,7 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
     });
     Ok(MatchSettings {
         delta_sd_rad: sd.transpose()?,
+        method: method(raw.resolution.as_deref())?,
         resolution: ResolutionSettings {
             max_rounds: count("correspondence.max_rounds", raw.max_rounds.unwrap_or(default.max_rounds))?,
             max_sweeps: count("correspondence.max_sweeps", raw.max_sweeps.unwrap_or(default.max_sweeps))?,
@@ -174,6 +175,15 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
             )?,
             min_region_px: raw.min_region_px.unwrap_or(default.min_region_px),
         },
+    })
+}
+
+fn method(name: Option<&str>) -> Result<ResolutionMethod, ConfigurationProblem> {
+    let Some(name) = name else { return Ok(ResolutionMethod::default()) };
+    ResolutionMethod::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| ConfigurationProblem::Value {
+        key: "correspondence.resolution",
+        value: format!("{name:?}"),
+        expected: "it must be \"semi-global\" or \"paper\"",
     })
 }
 

@@ -91,16 +91,15 @@ pub(super) fn check_scatter(
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
-/// Refuses a result of which hardly anything agrees: `found` correspondences of so many `pixels` with candidates. An sd that
-/// was given instead of `measured` is no ground for doubt.
+/// Refuses a result of which hardly anything agrees: `found` correspondences of so many `pixels` with candidates, where what
+/// was measured gives reason to doubt.
 pub(super) fn check_share(
     delta: &DeltaStatistics,
-    measured: bool,
+    doubtful: bool,
     found: usize,
     pixels: usize,
 ) -> Result<(), MatchError> {
     let sd_rad = delta.sd_rad;
-    let doubtful = measured && delta.is_suspicious();
     let few = found == 0 || (doubtful && (found as f64) < MIN_FOUND_SHARE * pixels as f64);
     if few { Err(MatchError::FewAgree { found, pixels, sd_rad }) } else { Ok(()) }
 }

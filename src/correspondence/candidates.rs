@@ -8,7 +8,7 @@
 
 use std::ops::ControlFlow;
 
-use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::row_view::RowView;
 use super::segment_table::Segment;
 
 /// A point q of a segment with the phase of the pixel p.
@@ -45,9 +45,6 @@ impl DeltaGate {
     }
 }
 
-/// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
-/// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
-const MAX_COLUMN_STEP: i32 = 30000;
 /// Crossings closer together than this are one: no camera resolves fringes of so short a period.
 const SAME_PLACE_PX: f32 = 2.0;
 /// Turns by which the test is widened where columns are sought, against rounding.
@@ -56,48 +53,6 @@ const PHASE_MARGIN_TURNS: f32 = 1e-3;
 const FLAT_TURNS: f32 = 2e-3;
 /// Columns by which an interval of the projector-side search is widened against rounding.
 const COLUMN_MARGIN_PX: f32 = 0.02;
-
-/// One epipolar row as a pixel of C1 sees it: two rows of the image, mixed by the fractional row.
-pub(super) struct RowView<'a> {
-    upper: &'a [u16],
-    lower: &'a [u16],
-    upper_valid: &'a [bool],
-    lower_valid: &'a [bool],
-    /// Share of the lower row, 1/65536.
-    below: i32,
-}
-
-impl<'a> RowView<'a> {
-    /// The row of a segment.
-    #[inline]
-    pub(super) fn new(image: &'a EpipolarImage, row_px: f32) -> Self {
-        let last = image.phase.len() / image.width - 1;
-        let upper = (row_px as usize).min(last);
-        let lower = (upper + 1).min(last);
-        let row = |r: usize| r * image.width..(r + 1) * image.width;
-        Self {
-            upper: &image.phase[row(upper)],
-            lower: &image.phase[row(lower)],
-            upper_valid: &image.valid[row(upper)],
-            lower_valid: &image.valid[row(lower)],
-            below: ((row_px - upper as f32) * 65536.0) as i32,
-        }
-    }
-
-    /// Phase at a column, if there is one; rows of different surfaces are not mixed.
-    #[inline]
-    fn at(&self, column: usize) -> Option<u16> {
-        let (upper, lower) = (self.upper[column], self.lower[column]);
-        let step = i32::from(lower.wrapping_sub(upper) as i16);
-        match (self.upper_valid[column], self.lower_valid[column]) {
-            (true, true) if step.abs() <= MAX_NEIGHBOUR_STEP => {
-                Some(upper.wrapping_add(((i64::from(step) * i64::from(self.below) + 32768) >> 16) as u16))
-            }
-            (upper_valid, _) if self.below < 32768 => upper_valid.then_some(upper),
-            (_, lower_valid) => lower_valid.then_some(lower),
-        }
-    }
-}
 
 /// All candidates of a pixel, by the plain scan of its whole segment.
 pub(super) fn plain_scan(
@@ -166,7 +121,7 @@ fn clamp_column(column_px: f32, segment: &Segment) -> f32 {
 /// Whether the phase occurs on the segment at all.
 pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16) -> bool {
     let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
-    crossings(row, segment, phase, begin, end, |_, _| ControlFlow::Break(())).is_break()
+    row.crossings(segment.limits_px(), phase, begin..=end, |_, _| ControlFlow::Break(())).is_break()
 }
 
 /// Candidates between the columns `begin..=end` that pass the gate; `first` is where this pixel's candidates begin.
@@ -181,49 +136,13 @@ fn scan_columns(
     first: usize,
     found: &mut Vec<Candidate>,
 ) {
-    let _ = crossings(row, segment, phase, begin, end, |column_px, slope| {
+    let _ = row.crossings(segment.limits_px(), phase, begin..=end, |column_px, slope| {
         let candidate = back_project(segment, phase, column_px, slope);
         if gate.passes(candidate.delta) {
             keep_best_of_place(candidate, first, found);
         }
         ControlFlow::Continue(())
     });
-}
-
-/// Tells of each place between the columns `begin..=end` that has the phase: its column and the slope of the phase there,
-/// turns · 65536 a pixel, until told to break.
-#[inline]
-fn crossings(
-    row: &RowView<'_>,
-    segment: &Segment,
-    phase: u16,
-    begin: usize,
-    end: usize,
-    mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
-) -> ControlFlow<()> {
-    let mut previous: Option<i32> = None;
-    for column in begin..=end.min(row.upper.len() - 1) {
-        let current = row.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16));
-        if let (Some(before), Some(after)) = (previous, current)
-            && let Some(column_px) = crossing(column - 1, before, after)
-            && column_px >= segment.begin_px
-            && column_px <= segment.end_px
-        {
-            tell(column_px, after - before)?;
-        }
-        previous = current;
-    }
-    ControlFlow::Continue(())
-}
-
-/// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
-#[inline]
-fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
-    let changes_sign = (before <= 0 && after > 0) || (before > 0 && after <= 0);
-    if !changes_sign || (after - before).abs() > MAX_COLUMN_STEP {
-        return None;
-    }
-    Some(column as f32 + before as f32 / (before - after) as f32)
 }
 
 /// Order and δ of the point of a segment at a column.

@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{DeltaGate, RowView, plain_scan};
+use super::candidates::{DeltaGate, plain_scan};
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
+use super::row_view::RowView;
 use super::segment_table::SegmentTable;
 
 /// Pixels of C1, along either axis, of which one is examined for the histogram.

@@ -6,8 +6,12 @@ use crate::phase::PhaseMap;
 
 use super::segment_table::{SegmentTable, SourcePixel};
 
-/// Largest phase difference between neighbours that are taken for one surface, turns · 65536 (a quarter turn).
-pub(super) const MAX_NEIGHBOUR_STEP: i32 = 16384;
+/// Largest phase difference between neighbours that are taken for one surface, turns · 65536: three eighths of a turn, the
+/// phase of fringes of little more than two and a half pixels.
+pub(super) const MAX_NEIGHBOUR_STEP: i32 = 24576;
+/// Largest difference of the steps along opposite sides of four pixels that are taken for one surface (33°). Where
+/// surfaces meet, the wrapped phase jumps by anything, and few jumps are alike on both sides.
+const MAX_TWIST: i32 = 6000;
 
 /// Wrapped phase of C2 in the epipolar frame, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,7 +28,8 @@ impl EpipolarImage {
     /// Resamples a phase map of C2; `None` if it has another size than the table was built for.
     ///
     /// The four neighbours are mixed bilinearly where all are valid and of one surface, else the nearest one is taken:
-    /// mixing across a jump would invent phases that no surface has.
+    /// mixing across a jump would invent phases that no surface has. On a steep surface, where opposite sides show the
+    /// same large step, the nearest one alone would err by half of it.
     #[must_use]
     pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
         if [map.width, map.height] != table.cam2_size_px {
@@ -55,18 +60,23 @@ fn mix(map: &PhaseMap, source: &SourcePixel) -> Option<u16> {
     let corners = [first, first + 1, first + map.width, first + map.width + 1];
     let (right, below) = (i64::from(source.right), i64::from(source.below));
     let nearest = corners[usize::from(right >= 32768) + 2 * usize::from(below >= 32768)];
-    let base = map.phase[nearest];
-    let weights = [(65536 - right) * (65536 - below), right * (65536 - below), (65536 - right) * below, right * below];
-    let (mut sum, mut smooth) = (0, true);
-    for (corner, weight) in corners.into_iter().zip(weights) {
-        let step = map.phase[corner].wrapping_sub(base) as i16;
-        smooth &= map.valid[corner] && i32::from(step).abs() <= MAX_NEIGHBOUR_STEP;
-        sum += weight * i64::from(step);
-    }
+    let [upper_left, upper_right, lower_left, lower_right] = corners.map(|corner| map.phase[corner]);
+    let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
+    let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
+    let (at_left, at_right) = (step(upper_left, lower_left), step(upper_right, lower_right));
+    let is_small = |step: i32| step.abs() <= MAX_NEIGHBOUR_STEP;
+    let smooth = corners.into_iter().all(|corner| map.valid[corner])
+        && [top, bottom, at_left, at_right].into_iter().all(is_small)
+        && (top - bottom).abs() <= MAX_TWIST
+        && (at_left - at_right).abs() <= MAX_TWIST;
     if smooth {
-        return Some(base.wrapping_add(((sum + (1 << 31)) >> 32) as u16));
+        // Unwrapped from the upper left corner, the phase of all four runs on.
+        let upper = i64::from(top) * right;
+        let lower = (i64::from(at_left) << 16) + i64::from(bottom) * right;
+        let sum = upper * (65536 - below) + lower * below;
+        return Some(upper_left.wrapping_add(((sum + (1 << 31)) >> 32) as u16));
     }
-    map.valid[nearest].then_some(base)
+    map.valid[nearest].then_some(map.phase[nearest])
 }
 
 #[cfg(test)]
@@ -81,6 +91,14 @@ mod tests {
     fn phases_are_mixed_across_the_wrap() {
         let middle = SourcePixel { index: 0, right: 32768, below: 0 };
         assert_eq!(mix(&map([65000, 536, 65000, 536], [true; 4]), &middle), Some(0));
+    }
+
+    #[test]
+    fn short_fringes_of_a_steep_surface_are_mixed() {
+        let middle = SourcePixel { index: 0, right: 32768, below: 32768 };
+        // 0.31 and 0.15 turns from pixel to pixel: the far corners are half a turn apart.
+        assert_eq!(mix(&map([0, 20000, 10000, 30000], [true; 4]), &middle), Some(15000));
+        assert_eq!(mix(&map([0, 20000, 10000, 40000], [true; 4]), &middle), Some(40000));
     }
 
     #[test]

@@ -5,27 +5,52 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 
 use super::agreement::{MatchError, check_scatter, check_share};
-use super::candidates::{Candidate, DeltaGate, RowView, occurs};
+use super::candidates::{Candidate, occurs};
+use super::delta_histogram::DeltaHistogram;
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
+use super::drift::{Drift, estimate_drift};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
-use super::resolution::{Resolution, ResolutionSettings, resolve};
-use super::search::{CandidateLists, SearchForm, find_candidates};
+use super::resolution::{Pass, ResolutionSettings};
+use super::row_view::RowView;
 use super::segment_table::SegmentTable;
+use super::semi_global;
 
-/// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
-const READMISSION: f32 = 1.67;
-/// Least such bound, turns (0.19 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
-const MIN_READMISSION_TURNS: f32 = 0.03;
-/// Relative change of sd after the resolution that calls for another pass with the better threshold.
+/// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
+
+/// How pixels with several candidates are decided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResolutionMethod {
+    /// The orders of the whole image together, δ about the drift of the calibration.
+    #[default]
+    SemiGlobal,
+    /// Pixel by pixel from decided neighbours, δ about its mean (paper, section 2.2).
+    Paper,
+}
+
+impl ResolutionMethod {
+    /// Both, the usual one first.
+    pub const ALL: [Self; 2] = [Self::SemiGlobal, Self::Paper];
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SemiGlobal => "semi-global",
+            Self::Paper => "paper",
+        }
+    }
+}
 
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MatchSettings {
     /// Standard deviation of δ, rad, where it is not to be measured.
     pub delta_sd_rad: Option<f64>,
-    /// Resolution of ambiguous pixels.
+    /// How pixels with several candidates are decided.
+    pub method: ResolutionMethod,
+    /// How the paper's method weighs and when it stops, and the smallest region of either.
     pub resolution: ResolutionSettings,
 }
 
@@ -44,6 +69,8 @@ pub struct Matches {
     pub delta_counts: Vec<u32>,
     /// Mean and sd of δ over the chosen candidates, rad.
     pub chosen_delta_rad: (f64, f64),
+    /// The drift of the calibration that δ was judged about, where the method knows one.
+    pub drift: Option<Drift>,
 }
 
 /// Finds the correspondence of every pixel of C1.
@@ -61,88 +88,104 @@ pub fn match_phases(
     if found != expected {
         return Err(size_error);
     }
-    let exchanged = || {
-        let image = EpipolarImage::resample(cam1, table)?;
-        let is_of_size = [cam2.width, cam2.height] == expected;
-        is_of_size.then(|| measure_delta(cam2, &image, table, &settings.resolution))?.map(|(delta, _)| delta)
-    };
+    let raw = [cam1, cam2];
     let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
     let measured = measure_delta(cam1, &cam2, table, &settings.resolution);
     let (mut delta, histogram) = measured.ok_or(MatchError::NothingInCommon)?;
-    match settings.delta_sd_rad {
-        Some(sd_rad) => delta.sd_rad = sd_rad,
-        None => check_scatter(&delta, exchanged)?,
+    if let Some(sd_rad) = settings.delta_sd_rad {
+        delta.sd_rad = sd_rad;
     }
-    let mut pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
-    let mut chosen_delta_rad = pass.delta_rad();
-    let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
-    if changed && settings.delta_sd_rad.is_none() && pass.found() > 0 {
-        (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
-        check_scatter(&delta, exchanged)?;
-        pass = Pass::run(cam1, &cam2, table, &delta, &settings.resolution);
-        chosen_delta_rad = pass.delta_rad();
-    }
-    check_share(&delta, settings.delta_sd_rad.is_none(), pass.found(), pass.with_candidates())?;
-    let passing = pass.passing(&delta.gate());
-    let mut matches = Matches {
-        chosen: pass.chosen().collect(),
-        outcomes: pass.resolution.outcomes,
-        passing,
-        delta,
-        delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
-        chosen_delta_rad,
-    };
+    let matching = Matching { raw, cam2: &cam2, table, settings };
+    let mut matches = match settings.method {
+        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram),
+        ResolutionMethod::Paper => matching.by_paper(delta, &histogram),
+    }?;
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
     Ok(matches)
 }
 
-/// Candidates and decisions with one threshold.
-struct Pass {
-    candidates: CandidateLists,
-    resolution: Resolution,
+/// One pair of phase maps, to be matched by either method.
+struct Matching<'a> {
+    /// Phase of C1 and of C2 as they were seen.
+    raw: [&'a PhaseMap; 2],
+    /// Phase of C2 in the epipolar frame.
+    cam2: &'a EpipolarImage,
+    table: &'a SegmentTable,
+    settings: &'a MatchSettings,
 }
 
-impl Pass {
-    fn run(
-        cam1: &PhaseMap,
-        cam2: &EpipolarImage,
-        table: &SegmentTable,
-        delta: &DeltaStatistics,
-        settings: &ResolutionSettings,
-    ) -> Self {
-        let gate = delta.gate();
-        let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
-        let readmission = DeltaGate { threshold_turns, ..gate };
-        let candidates = find_candidates(cam1, cam2, table, &readmission, SearchForm::ProjectorSide);
-        let evidence = delta.evidence(cam1, &candidates, &gate, &readmission, table);
-        let resolution = resolve(evidence, settings);
-        Self { candidates, resolution }
-    }
-
-    /// The chosen candidate of each pixel that found one.
-    fn chosen(&self) -> impl Iterator<Item = Option<Candidate>> + '_ {
-        self.resolution.outcomes.iter().enumerate().map(|(i, outcome)| {
-            outcome.is_found().then(|| self.candidates.of(i)[usize::from(self.resolution.chosen[i])])
+impl Matching<'_> {
+    fn semi_global(&self, delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
+        let [cam1, _] = self.raw;
+        let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
+        let rest = drift.rest(&delta);
+        self.check_scatter(&rest)?;
+        let scene = semi_global::Scene { cam1, cam2: self.cam2, table: self.table, drift: &drift };
+        let decisions = semi_global::resolve(&scene, self.settings.resolution.min_region_px);
+        let found = decisions.chosen.iter().flatten().count();
+        let with_candidates = decisions.passing.iter().filter(|&&passing| passing > 0).count();
+        let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
+        check_share(&rest, doubtful, found, with_candidates)?;
+        Ok(Matches {
+            chosen_delta_rad: delta_rad(&decisions.chosen),
+            outcomes: decisions.outcomes,
+            chosen: decisions.chosen,
+            passing: decisions.passing,
+            delta,
+            delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
+            drift: Some(drift),
         })
     }
 
-    fn found(&self) -> usize {
-        self.resolution.outcomes.iter().filter(|o| o.is_found()).count()
+    fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
+        let [cam1, _] = self.raw;
+        self.check_scatter(&delta)?;
+        let run = |delta: &DeltaStatistics| Pass::run(cam1, self.cam2, self.table, delta, &self.settings.resolution);
+        let mut pass = run(&delta);
+        let mut chosen: Vec<Option<Candidate>> = pass.chosen().collect();
+        let mut chosen_delta_rad = delta_rad(&chosen);
+        let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
+        if changed && self.is_measured() && pass.found() > 0 {
+            (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
+            self.check_scatter(&delta)?;
+            pass = run(&delta);
+            chosen = pass.chosen().collect();
+            chosen_delta_rad = delta_rad(&chosen);
+        }
+        check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found(), pass.with_candidates())?;
+        Ok(Matches {
+            chosen,
+            chosen_delta_rad,
+            passing: pass.passing(&delta.gate()),
+            outcomes: pass.resolution.outcomes,
+            delta,
+            delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
+            drift: None,
+        })
     }
 
-    fn with_candidates(&self) -> usize {
-        self.resolution.outcomes.iter().filter(|&&o| o != Outcome::NoCandidate).count()
+    fn is_measured(&self) -> bool {
+        self.settings.delta_sd_rad.is_none()
     }
 
-    fn delta_rad(&self) -> (f64, f64) {
-        let deltas: Vec<i16> = self.chosen().flatten().map(|c| c.delta).collect();
-        mean_and_sd_rad(&deltas)
+    /// Refuses a measured δ that tells nothing.
+    fn check_scatter(&self, delta: &DeltaStatistics) -> Result<(), MatchError> {
+        if self.is_measured() { check_scatter(delta, || self.exchanged()) } else { Ok(()) }
     }
 
-    fn passing(&self, gate: &DeltaGate) -> Vec<u8> {
-        let count = |i: usize| self.candidates.of(i).iter().filter(|c| gate.passes(c.delta)).count() as u8;
-        (0..self.resolution.outcomes.len()).into_par_iter().map(count).collect()
+    /// δ with the images of the cameras exchanged, if they are of one size.
+    fn exchanged(&self) -> Option<DeltaStatistics> {
+        let [cam1, cam2] = self.raw;
+        let image = EpipolarImage::resample(cam1, self.table)?;
+        let is_of_size = [cam2.width, cam2.height] == self.table.size_px();
+        is_of_size.then(|| measure_delta(cam2, &image, self.table, &self.settings.resolution))?.map(|(delta, _)| delta)
     }
+}
+
+/// Mean and sd of δ of candidates, rad.
+fn delta_rad(chosen: &[Option<Candidate>]) -> (f64, f64) {
+    let deltas: Vec<i16> = chosen.iter().flatten().map(|c| c.delta).collect();
+    mean_and_sd_rad(&deltas)
 }
 
 /// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes.

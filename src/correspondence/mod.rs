@@ -5,32 +5,37 @@
 //!
 //! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
 //!    a rig;
-//! 2. *epipolar image*: the phase of C2, resampled so that segments are parts of rows;
+//! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
-//! 4. *delta statistics*: sd from the images themselves;
-//! 5. *neighbourhood*, *resolution*: reference correspondences, Eq. (2), contradictions;
+//! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
+//! 5. *semi-global*: the orders of the whole image decided together, or
+//!    *neighbourhood*, *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions;
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;
 mod candidates;
 mod delta_histogram;
 mod delta_statistics;
+mod drift;
 mod epipolar_image;
 mod matching;
 mod neighbourhood;
 mod outcome;
 pub mod reference_methods;
 mod resolution;
+mod row_view;
 mod search;
 mod segment_file;
 mod segment_table;
+mod semi_global;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
 pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
+pub use drift::{Drift, DriftModes, estimate_drift};
 pub use epipolar_image::EpipolarImage;
-pub use matching::{MatchSettings, Matches, match_phases};
+pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};

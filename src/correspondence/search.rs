@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{Candidate, DeltaGate, RowView, plain_scan, projector_side_search};
+use super::candidates::{Candidate, DeltaGate, plain_scan, projector_side_search};
 use super::epipolar_image::EpipolarImage;
+use super::row_view::RowView;
 use super::segment_table::SegmentTable;
 
 /// How candidates are searched; all forms yield the same bits.

@@ -1,7 +1,7 @@
 //! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
 //!
 //! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, the direction
-//! of the base, then the segments and the source pixels as they stand in memory.
+//! of the base, then the modes of the drift, the segments and the source pixels as they stand in memory.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -10,10 +10,11 @@ use std::path::{Path, PathBuf};
 use crate::atomic_file::{WriteError, write_atomically};
 use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 
+use super::drift::DriftModes;
 use super::segment_table::{Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Largest side of an image, pixels; larger ones in a header are damage.
 const MAX_SIDE_PX: u32 = 65535;
 
@@ -100,7 +101,9 @@ impl SegmentTable {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), SegmentFileError> {
-        let payload: [&[u8]; 2] = [bytemuck::cast_slice(&self.segments), bytemuck::cast_slice(&self.sources)];
+        let modes = self.modes.as_ref().map_or_else(|| vec![0.0; DriftModes::NUMBERS], DriftModes::to_numbers);
+        let payload: [&[u8]; 3] =
+            [bytemuck::cast_slice(&modes), bytemuck::cast_slice(&self.segments), bytemuck::cast_slice(&self.sources)];
         let sizes_px = [self.size_px(), self.cam2_size_px, self.epipolar_size_px()].map(|size| size.map(|s| s as u32));
         let mut crc = crc32fast::Hasher::new();
         crc.update(bytemuck::bytes_of(&sizes_px));
@@ -150,7 +153,11 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     let header = read_header(&mut file, expected)?;
     let [cam1_px, cam2_px, epipolar_px] = header.sizes_px.map(|size| size.map(|s| s as usize));
     let (segments, sources) = (cam1_px[0] * cam1_px[1], epipolar_px[0] * epipolar_px[1]);
-    let promised = size_of::<Header>() + segments * size_of::<Segment>() + sources * size_of::<SourcePixel>();
+    let mut modes = vec![0.0_f64; DriftModes::NUMBERS];
+    let promised = size_of::<Header>()
+        + size_of_val(modes.as_slice())
+        + segments * size_of::<Segment>()
+        + sources * size_of::<SourcePixel>();
     if length != promised as u64 {
         return Err(SegmentFileProblem::Length { found: length, expected: promised as u64 });
     }
@@ -160,21 +167,36 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
         cam2_size_px: cam2_px,
         epipolar_width: epipolar_px[0],
         base: header.base,
+        modes: None,
         segments: vec![bytemuck::Zeroable::zeroed(); segments],
         sources: vec![bytemuck::Zeroable::zeroed(); sources],
     };
     let mut crc = crc32fast::Hasher::new();
     crc.update(bytemuck::bytes_of(&header.sizes_px));
     crc.update(bytemuck::bytes_of(&header.base));
-    for part in [bytemuck::cast_slice_mut::<_, u8>(&mut table.segments), bytemuck::cast_slice_mut(&mut table.sources)] {
+    let parts: [&mut [u8]; 3] = [
+        bytemuck::cast_slice_mut(&mut modes),
+        bytemuck::cast_slice_mut(&mut table.segments),
+        bytemuck::cast_slice_mut(&mut table.sources),
+    ];
+    for part in parts {
         file.read_exact(part).map_err(SegmentFileProblem::Unreadable)?;
         crc.update(part);
     }
     if crc.finalize() != header.crc {
         return Err(SegmentFileProblem::Damaged { field: "checksum" });
     }
+    table.modes = read_modes(&modes)?;
     check_content(&table)?;
     Ok(table)
+}
+
+/// Modes as they were saved; all zero where there are none.
+fn read_modes(numbers: &[f64]) -> Result<Option<DriftModes>, SegmentFileProblem> {
+    if numbers.iter().all(|&n| n == 0.0) {
+        return Ok(None);
+    }
+    DriftModes::from_numbers(numbers).map(Some).ok_or(SegmentFileProblem::Damaged { field: "drift modes" })
 }
 
 fn read_header(file: &mut File, expected: Fingerprint) -> Result<Header, SegmentFileProblem> {
@@ -247,6 +269,7 @@ mod tests {
             cam2_size_px: [5, 4],
             epipolar_width: 6,
             base: [1.0, 0.0, 0.0],
+            modes: None,
             segments: (0..12).map(segment).collect(),
             sources: (0..18).map(|i| SourcePixel { index: i % 3, right: 100, below: 200 }).collect(),
         }

@@ -1,8 +1,8 @@
 //! The segment table: for every pixel of C1 its epipolar segment in C2, as far as the measurement volume leaves it, and
 //! the back-projection phase along it (paper, sections 2.1 and 2.3).
 //!
-//! In: rig, measurement volume, fringe pattern. Out: 32 bytes a pixel of C1, and a map that resamples an image of C2 into
-//! the epipolar frame. Everything that depends on the calibration alone is done here, once, in `f64`.
+//! In: rig, measurement volume, fringe pattern. Out: 32 bytes a pixel of C1, a map that resamples an image of C2 into the
+//! epipolar frame, and the fields of δ that calibration errors cause. Everything that depends on the calibration alone is done here, once, in `f64`.
 
 use nalgebra::Point2;
 use rayon::prelude::*;
@@ -11,6 +11,8 @@ use sha2::{Digest, Sha256};
 use crate::geometry::{
     EpipolarError, EpipolarFrame, EpipolarLine, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3,
 };
+
+use super::drift::DriftModes;
 
 /// Share of a segment that is added at either end: the place of the volume is known no better than the calibration.
 const VOLUME_MARGIN: f64 = 0.02;
@@ -51,6 +53,13 @@ impl Segment {
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.begin_px > self.end_px
+    }
+
+    /// First and last column, pixels.
+    #[must_use]
+    #[inline]
+    pub fn limits_px(&self) -> [f32; 2] {
+        [self.begin_px, self.end_px]
     }
 
     /// Back-projection phase Φ in turns of the point seen at a column: `(a + b·t) / (1 + d·t)`, t the column from
@@ -106,6 +115,7 @@ pub struct SegmentTable {
     pub(super) epipolar_width: usize,
     /// Direction from the centre of C1 to the centre of C2 in the frame of C1, of length 1.
     pub(super) base: [f32; 3],
+    pub(super) modes: Option<DriftModes>,
     pub(super) segments: Vec<Segment>,
     pub(super) sources: Vec<SourcePixel>,
 }
@@ -159,7 +169,8 @@ impl SegmentTable {
         let fingerprint = Fingerprint::of(rig, volume, pattern);
         let cam2_size_px = [rig.cam2.width_px(), rig.cam2.height_px()];
         let base = rig.centre_of_cam2().coords.normalize().cast::<f32>().into();
-        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), base, segments, sources })
+        let modes = DriftModes::of(rig, volume, pattern, &frame, &segments);
+        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), base, modes, segments, sources })
     }
 
     /// Segments of all pixels of C1, row by row.
@@ -212,6 +223,12 @@ impl SegmentTable {
         let [x, y] = self.segments[pixel].ray;
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
+    }
+
+    /// The fields of δ that errors of the calibration can cause; `None` where the volume is too small to tell.
+    #[must_use]
+    pub fn drift_modes(&self) -> Option<&DriftModes> {
+        self.modes.as_ref()
     }
 
     /// What the table was computed for.

@@ -153,7 +153,8 @@ mod tests {
             DeltaStatistics { mean_rad: 0.1, sd_rad: 0.04, noise_sd_rad: 0.01, mean_periods: 5.5, references: 12 };
         let passing = (0..35).map(|i| i as u8 % 4).collect();
         let delta_counts = (0..DELTA_PARTS as u32).collect();
-        let matches = Matches { outcomes, chosen, passing, delta, delta_counts, chosen_delta_rad: (0.02, 0.03) };
+        let matches =
+            Matches { outcomes, chosen, passing, delta, delta_counts, chosen_delta_rad: (0.02, 0.03), drift: None };
         Correspondences {
             width: 7,
             matches,

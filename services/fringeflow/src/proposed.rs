@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{SegmentFileError, SegmentTable};
+use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
 use fringeflow::grey::GreyLevels;
 use fringeflow::phase::PhaseShifts;
@@ -26,6 +26,9 @@ pub(crate) struct ProposedArgs {
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// How pixels with several candidates are decided; by default as configured, else semi-global.
+    #[arg(long, value_name = "METHOD", value_parser = resolution)]
+    resolution: Option<ResolutionMethod>,
     /// File of the segment table: read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
@@ -34,10 +37,13 @@ pub(crate) struct ProposedArgs {
 impl ProposedArgs {
     /// Reconstructs an input.
     pub(crate) fn reconstruct(&self, input: &Input) -> Result<Reconstruction, Failure> {
-        let configuration = match &self.config {
+        let mut configuration = match &self.config {
             Some(path) => Configuration::read(path)?,
             None => input.configuration()?,
         };
+        if let Some(method) = self.resolution {
+            configuration.settings.matching.method = method;
+        }
         let numbers = self.images(input)?;
         let shifts: Vec<f64> = numbers.iter().filter_map(|&n| input.shift_rad(n)).collect();
         let shifts = PhaseShifts::new(&shifts).map_err(|e| input.unusable(&e))?;
@@ -93,6 +99,12 @@ impl ProposedArgs {
 
 fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
     images.iter().map(GreyImage::levels).collect()
+}
+
+/// A resolution by its name.
+fn resolution(name: &str) -> Result<ResolutionMethod, String> {
+    let known = ResolutionMethod::ALL.into_iter().find(|method| method.name() == name);
+    known.ok_or_else(|| format!("{name:?} is no resolution; use semi-global or paper"))
 }
 
 /// `A..B` as a range.

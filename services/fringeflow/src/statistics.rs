@@ -24,6 +24,9 @@ pub(crate) struct Statistics {
     pub(crate) threshold_rad: f64,
     /// Expected false candidates per true one by Eq. (1): efc.
     pub(crate) efc_predicted: f64,
+    /// The drift that δ was judged about; none by the paper's resolution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) drift: Option<DriftFigures>,
     /// Candidates beyond the chosen one that passed the test, per point.
     pub(crate) efc_measured: f64,
     /// Share of the points whose pixel had one candidate only, percent.
@@ -34,6 +37,19 @@ pub(crate) struct Statistics {
     pub(crate) noise_grey: [f32; 2],
     /// Pixels of C1 by what became of them.
     pub(crate) pixels: BTreeMap<&'static str, u64>,
+}
+
+/// What the calibration error amounts to, as the images show it.
+#[derive(Serialize)]
+pub(crate) struct DriftFigures {
+    /// Root mean square over the measurement volume of δ that it causes, rad.
+    pub(crate) rms_rad: f64,
+    /// Errors of the parameters that explain it, pixels at the border of an image, root of the sum of squares.
+    pub(crate) error_px: f64,
+    /// Standard deviation of δ about it, rad: what is left for noise.
+    pub(crate) residual_sd_rad: f64,
+    /// efc of Eq. (1) with that sd.
+    pub(crate) efc: f64,
 }
 
 impl Statistics {
@@ -51,6 +67,12 @@ impl Statistics {
             delta_suspicious: matches.delta.is_suspicious(),
             threshold_rad: matches.delta.threshold_rad(),
             efc_predicted: matches.delta.expected_false_candidates(),
+            drift: matches.drift.as_ref().map(|drift| DriftFigures {
+                rms_rad: drift.rms_rad,
+                error_px: drift.error_px,
+                residual_sd_rad: drift.residual_sd_rad,
+                efc: drift.rest(&matches.delta).expected_false_candidates(),
+            }),
             efc_measured: passing as f64 / points,
             unique_percent: 100.0 * unique as f64 / points,
             fit_residual_share: [made.cam1.fit.residual_share, made.cam2.fit.residual_share],
@@ -76,6 +98,13 @@ impl fmt::Display for Statistics {
                 f,
                 "warning: δ scatters over three times as widely as on calibrated rigs; do images and calibration belong \
                  together, is the calibration out of date?"
+            )?;
+        }
+        if let Some(drift) = &self.drift {
+            writeln!(
+                f,
+                "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}",
+                drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc
             )?;
         }
         writeln!(

@@ -14,6 +14,7 @@
 
 mod changed_tiles;
 mod decision;
+mod pass;
 mod region_delta;
 mod regions;
 mod steepness;
@@ -31,6 +32,7 @@ use super::segment_table::SegmentTable;
 
 use changed_tiles::ChangedTiles;
 use decision::{Stand, VoteRule};
+pub(super) use pass::Pass;
 use region_delta::level_regions;
 use regions::Regions;
 use uniqueness::Precedence;

@@ -1,0 +1,189 @@
+//! The drift of one pair of images.
+
+use std::f64::consts::TAU;
+
+use crate::phase::PhaseMap;
+
+use super::super::delta_statistics::DeltaStatistics;
+use super::super::epipolar_image::EpipolarImage;
+use super::super::segment_table::SegmentTable;
+use super::mixture::{Guess, Sample};
+use super::modes::DriftModes;
+use super::place::{DepthPolynomial, Places, Polynomial, TERMS};
+
+/// Pixels that the estimate rests on, and those on which starts are tried.
+const PIXELS: usize = 3000;
+const PIXELS_OF_STARTS: usize = 500;
+/// Steps of expectation maximization from a start, and from the best of them.
+const STEPS: usize = 40;
+const LAST_STEPS: usize = 20;
+/// Starts that are drawn when the one without drift leads nowhere, and those that are followed.
+const DRAWN_STARTS: usize = 1000;
+const FOLLOWED_STARTS: usize = 20;
+/// Modes in which the starts differ: the others follow.
+const LEADING_MODES: usize = 6;
+/// Improbability, nats, and share of pixels with a true candidate, by which an estimate from no drift is believed.
+const PLAUSIBLE_NATS: f64 = 1.0;
+const PLAUSIBLE_SHARE: f64 = 0.6;
+/// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
+const IMPROBABLE_PX: f64 = 4.0;
+const IMPROBABLE_SHARE: f64 = 0.5;
+/// sd of a drawn start, in that of all candidates near zero.
+const START_SD: f64 = 0.3;
+/// Distance of two followed starts, in that sd.
+const START_DISTANCE: f64 = 0.6;
+/// sd of the best estimate before its last refinement, in its own.
+const LAST_WIDENING: f64 = 1.5;
+
+/// The field of δ that the calibration error of a rig causes, as one pair of images shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drift {
+    places: Places,
+    field: Polynomial,
+    /// sd of δ of true candidates about the field, rad: what is left for noise.
+    pub residual_sd_rad: f64,
+    /// Root mean square of the field about its mean over the sampled volume, rad.
+    pub rms_rad: f64,
+    /// Calibration errors that explain it, root of the sum of their squares, pixels.
+    pub error_px: f64,
+    /// Share of pixels with a true candidate among theirs.
+    pub share: f64,
+}
+
+impl Drift {
+    /// No drift but a constant: δ of true candidates has one mean everywhere.
+    fn constant(delta: &DeltaStatistics) -> Self {
+        let mut field = [0.0; TERMS];
+        field[0] = delta.mean_rad / TAU;
+        let places = Places::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        Self { places, field, residual_sd_rad: delta.sd_rad, rms_rad: 0.0, error_px: 0.0, share: 1.0 }
+    }
+
+    fn new(modes: &DriftModes, guess: &Guess) -> Self {
+        let mut field = [0.0; TERMS];
+        field[0] = guess.coefficients[0];
+        let (mut squares, mut errors) = (0.0, 0.0);
+        for ((mode, rms), c) in modes.fields.iter().zip(&modes.rms_turns).zip(&guess.coefficients[1..]) {
+            field.iter_mut().zip(mode).for_each(|(f, m)| *f += c * m);
+            squares += (c * rms).powi(2);
+            errors += c * c;
+        }
+        Self {
+            places: modes.places,
+            field,
+            residual_sd_rad: guess.sd_turns * TAU,
+            rms_rad: squares.sqrt() * TAU,
+            error_px: errors.sqrt(),
+            share: guess.share,
+        }
+    }
+
+    /// What is left of δ about the field: no mean, and the sd of noise.
+    #[must_use]
+    pub fn rest(&self, delta: &DeltaStatistics) -> DeltaStatistics {
+        DeltaStatistics { mean_rad: 0.0, sd_rad: self.residual_sd_rad, ..*delta }
+    }
+
+    /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it.
+    pub(in super::super) fn is_improbable(&self) -> bool {
+        self.error_px > IMPROBABLE_PX || self.share < IMPROBABLE_SHARE
+    }
+
+    /// δ that a true candidate of a pixel of C1 has, along its segment, turns.
+    pub(in super::super) fn along_segment(&self, u: usize, v: usize) -> DepthPolynomial {
+        self.places.along_segment(&self.field, u as f64, v as f64)
+    }
+}
+
+/// Estimates the drift from the candidates of one pair of images; `delta` is what is known of δ without it.
+///
+/// The estimate begins without drift. Where that leads to a field that no likely calibration error causes, or explains
+/// few pixels, it begins anew from fields that likely errors cause: a wrong order may look consistent from one start.
+#[must_use]
+pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
+    let Some((modes, sample)) = table.drift_modes().zip(Sample::take(cam1, cam2, table, PIXELS)) else {
+        return Drift::constant(delta);
+    };
+    let mut best = best_start(&sample.thinned(PIXELS_OF_STARTS), modes, delta);
+    best.sd_turns *= LAST_WIDENING;
+    sample.refine(&mut best, LAST_STEPS);
+    Drift::new(modes, &best)
+}
+
+fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
+    let mut coefficients = vec![0.0; 1 + modes.fields.len()];
+    coefficients[0] = delta.mean_rad / TAU;
+    let still = Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 };
+    let mut best = still.clone();
+    sample.refine(&mut best, STEPS);
+    if best.improbability() < PLAUSIBLE_NATS && best.share > PLAUSIBLE_SHARE {
+        return best;
+    }
+    let mut best_score = sample.score(&best);
+    for mut guess in followed_starts(sample, modes, &still) {
+        sample.refine(&mut guess, STEPS);
+        let score = sample.score(&guess);
+        if score > best_score {
+            (best, best_score) = (guess, score);
+        }
+    }
+    best
+}
+
+/// The best of the drawn starts that differ enough from each other.
+fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Guess> {
+    let spread_px = modes.rms_turns.first().map_or(0.0, |rms| still.sd_turns / rms);
+    let drawn = draws(modes.fields.len().min(LEADING_MODES)).take(DRAWN_STARTS).map(|normal| {
+        let mut guess = Guess { sd_turns: START_SD * still.sd_turns, ..still.clone() };
+        guess.coefficients[1..].iter_mut().zip(normal).for_each(|(c, n)| *c = n * spread_px);
+        (sample.score(&guess), guess)
+    });
+    let mut drawn: Vec<(f64, Guess)> = drawn.collect();
+    drawn.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let distance = |a: &Guess, b: &Guess| {
+        let steps = a.coefficients[1..].iter().zip(&b.coefficients[1..]).zip(&modes.rms_turns);
+        steps.map(|((a, b), rms)| ((a - b) * rms).powi(2)).sum::<f64>().sqrt()
+    };
+    let mut followed: Vec<Guess> = Vec::new();
+    for (_, guess) in drawn {
+        let differs = |other: &Guess| distance(&guess, other) > START_DISTANCE * still.sd_turns;
+        if followed.len() < FOLLOWED_STARTS && followed.iter().all(differs) {
+            followed.push(guess);
+        }
+    }
+    followed
+}
+
+/// Points that fill a space evenly (additive recurrence of the generalized golden ratio), each coordinate distributed
+/// logistically, nearly as a normal number: the same at every call.
+fn draws(dimensions: usize) -> impl Iterator<Item = Vec<f64>> {
+    /// Scale that gives the logistic distribution a standard deviation of 1.
+    const UNIT: f64 = 0.551_328_895;
+    let mut ratio = 2.0_f64;
+    for _ in 0..60 {
+        ratio = (1.0 + ratio).powf(1.0 / (dimensions as f64 + 1.0));
+    }
+    (1_u32..).map(move |i| {
+        let coordinate = |k: usize| {
+            let place = (0.5 + f64::from(i) * ratio.powi(-(k as i32 + 1))).fract().clamp(1e-3, 1.0 - 1e-3);
+            UNIT * (place / (1.0 - place)).ln()
+        };
+        (0..dimensions).map(coordinate).collect()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_have_mean_zero_and_unit_spread_and_repeat() {
+        let drawn: Vec<Vec<f64>> = draws(3).take(2000).collect();
+        for k in 0..3 {
+            let mean = drawn.iter().map(|d| d[k]).sum::<f64>() / 2000.0;
+            let sd = (drawn.iter().map(|d| d[k] * d[k]).sum::<f64>() / 2000.0).sqrt();
+            assert!(mean.abs() < 0.05 && (sd - 1.0).abs() < 0.05, "{k}: {mean} {sd}");
+        }
+        assert_eq!(drawn[..10], draws(3).take(10).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,209 @@
+//! Candidates of a sample of pixels as a mixture: one of a pixel is true, its δ normally distributed about the field of
+//! the drift; the others are false, their δ anywhere; or all are false.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::phase::PhaseMap;
+
+use super::super::candidates::{Candidate, DeltaGate, plain_scan};
+use super::super::epipolar_image::EpipolarImage;
+use super::super::row_view::RowView;
+use super::super::segment_table::SegmentTable;
+
+/// Share of pixels that may have no true candidate.
+const NONE_TRUE: f64 = 0.2;
+/// Candidates that are certainly false are left out of the sums.
+const MIN_WEIGHT: f64 = 0.01;
+/// How many pixels tell something of their own about the drift: neighbours err alike.
+const INDEPENDENT_PIXELS: f64 = 20.0;
+/// Calibration error that is expected of a mode, pixels.
+const PRIOR_PX: f64 = 0.5;
+/// Least sd that is believed, turns: rounding alone makes more.
+const MIN_SD_TURNS: f64 = 0.0006;
+/// Largest step by which sd shrinks; a faster one would settle on whatever is near.
+const FASTEST_SHRINK: f64 = 0.6;
+/// Relative change of sd at which the steps end.
+const SETTLED: f64 = 0.98;
+
+/// A field of δ and how far true candidates scatter about it: the mean in turns, then a coefficient a mode in pixels.
+#[derive(Clone, Debug)]
+pub(super) struct Guess {
+    pub(super) coefficients: Vec<f64>,
+    pub(super) sd_turns: f64,
+    /// Share of pixels whose true candidate is among theirs.
+    pub(super) share: f64,
+}
+
+impl Guess {
+    /// How unlikely such an error of the calibration is, nats.
+    pub(super) fn improbability(&self) -> f64 {
+        self.coefficients[1..].iter().map(|c| c * c).sum::<f64>() / (2.0 * PRIOR_PX * PRIOR_PX)
+    }
+}
+
+/// A sample of pixels with all their candidates.
+pub(super) struct Sample {
+    /// Candidates of pixel i are those from `first[i]` to `first[i + 1]`.
+    first: Vec<usize>,
+    delta_turns: Vec<f64>,
+    /// 1, then δ of every mode a pixel of error, candidate by candidate.
+    design: Vec<f64>,
+    columns: usize,
+}
+
+impl Sample {
+    /// Pixels of C1, evenly spread, not many more than `pixels`; `None` without a mode or a candidate.
+    pub(super) fn take(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, pixels: usize) -> Option<Self> {
+        let modes = table.drift_modes()?;
+        let usable = |i: usize| cam1.valid[i] && !table.segments()[i].is_none();
+        let all = (0..cam1.phase.len()).filter(|&i| usable(i)).count();
+        // A stride that shares no factor with the width spreads the pixels over both axes.
+        let stride = (all / pixels.max(1)).max(1) | 1;
+        let columns = 1 + modes.fields.len();
+        let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns };
+        let mut found = Vec::new();
+        for i in (0..cam1.phase.len()).filter(|&i| usable(i)).step_by(stride) {
+            found.clear();
+            let segment = &table.segments()[i];
+            plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, &mut found);
+            let (u, v) = (i % cam1.width, i / cam1.width);
+            for &Candidate { column_px, delta, .. } in &found {
+                sample.delta_turns.push(f64::from(delta) / 65536.0);
+                sample.design.push(1.0);
+                sample.design.extend(modes.at(u, v, column_px));
+            }
+            if !found.is_empty() {
+                sample.first.push(sample.delta_turns.len());
+            }
+        }
+        (sample.pixels() > 0).then_some(sample)
+    }
+
+    /// Number of pixels.
+    pub(super) fn pixels(&self) -> usize {
+        self.first.len() - 1
+    }
+
+    /// About so many of its pixels, evenly spread.
+    pub(super) fn thinned(&self, pixels: usize) -> Self {
+        let step = (self.pixels() / pixels.max(1)).max(1);
+        let mut thinned = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns: self.columns };
+        for pixel in (0..self.pixels()).step_by(step) {
+            let range = self.first[pixel]..self.first[pixel + 1];
+            thinned.design.extend(&self.design[range.start * self.columns..range.end * self.columns]);
+            thinned.delta_turns.extend(&self.delta_turns[range]);
+            thinned.first.push(thinned.delta_turns.len());
+        }
+        thinned
+    }
+
+    fn mean_candidates(&self) -> f64 {
+        self.delta_turns.len() as f64 / self.pixels() as f64
+    }
+
+    fn row(&self, candidate: usize) -> &[f64] {
+        &self.design[candidate * self.columns..(candidate + 1) * self.columns]
+    }
+
+    /// What a field leaves of δ, wrapped to half a turn.
+    fn residual_turns(&self, candidate: usize, coefficients: &[f64]) -> f64 {
+        let field: f64 = self.row(candidate).iter().zip(coefficients).map(|(d, c)| d * c).sum();
+        let residual = self.delta_turns[candidate] - field;
+        residual - residual.round()
+    }
+
+    /// How well a guess explains the candidates, nats, less how improbable it is by itself.
+    pub(super) fn score(&self, guess: &Guess) -> f64 {
+        let peak = 1.0 / (TAU.sqrt() * guess.sd_turns);
+        let of_pixel = |ends: &[usize]| {
+            let density = |j: usize| {
+                let z = self.residual_turns(j, &guess.coefficients) / guess.sd_turns;
+                peak * (-0.5 * z * z).exp()
+            };
+            let mean = (ends[0]..ends[1]).map(density).sum::<f64>() / (ends[1] - ends[0]) as f64;
+            (NONE_TRUE + (1.0 - NONE_TRUE) * mean).ln()
+        };
+        let mean = self.first.windows(2).map(of_pixel).sum::<f64>() / self.pixels() as f64;
+        INDEPENDENT_PIXELS * mean - guess.improbability()
+    }
+
+    /// Improves a guess by expectation maximization until it settles, at most so many steps.
+    pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize) {
+        for _ in 0..max_steps {
+            let sums = self.weighted_sums(guess);
+            let Some(change) = sums.solve(guess, self.pixels()) else { return };
+            guess.coefficients.iter_mut().zip(change.iter()).for_each(|(c, d)| *c += d);
+            let before = guess.sd_turns;
+            let sd_turns = (sums.squares / sums.weight).sqrt().max(MIN_SD_TURNS);
+            guess.share = sums.weight / self.pixels() as f64;
+            guess.sd_turns = sd_turns.max(FASTEST_SHRINK * before).min(before);
+            if sd_turns / before > SETTLED {
+                return;
+            }
+        }
+    }
+
+    /// Sums of the least squares of all candidates, each weighted by how probably it is the true one of its pixel.
+    fn weighted_sums(&self, guess: &Guess) -> Sums {
+        let mut sums = Sums::new(self.columns);
+        // Density of false candidates where a true one has density 1.
+        let false_density = TAU.sqrt() * guess.sd_turns * self.mean_candidates() / 2.0;
+        let mut likely = Vec::new();
+        for ends in self.first.windows(2) {
+            likely.clear();
+            likely.extend((ends[0]..ends[1]).map(|j| {
+                let residual = self.residual_turns(j, &guess.coefficients);
+                (residual, (-0.5 * (residual / guess.sd_turns).powi(2)).exp())
+            }));
+            let total = false_density + likely.iter().map(|l| l.1).sum::<f64>();
+            for (j, &(residual, density)) in (ends[0]..ends[1]).zip(&likely) {
+                let weight = density / total;
+                if weight >= MIN_WEIGHT {
+                    sums.add(self.row(j), residual, weight);
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// Sums of a weighted least squares.
+struct Sums {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+    weight: f64,
+    squares: f64,
+}
+
+impl Sums {
+    fn new(columns: usize) -> Self {
+        Self { normal: DMatrix::zeros(columns, columns), right: DVector::zeros(columns), weight: 0.0, squares: 0.0 }
+    }
+
+    fn add(&mut self, row: &[f64], residual: f64, weight: f64) {
+        self.weight += weight;
+        self.squares += weight * residual * residual;
+        for (i, a) in row.iter().enumerate() {
+            self.right[i] += weight * a * residual;
+            for (j, b) in row[..=i].iter().enumerate() {
+                self.normal[(i, j)] += weight * a * b;
+            }
+        }
+    }
+
+    /// The change of the coefficients, drawn towards no error at all as strongly as errors are improbable.
+    fn solve(&self, guess: &Guess, pixels: usize) -> Option<DVector<f64>> {
+        let dependence = (pixels as f64 / INDEPENDENT_PIXELS).max(1.0);
+        let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
+        // The lower triangle is all that the decomposition reads.
+        let (mut normal, mut right) = (self.normal.clone(), self.right.clone());
+        normal[(0, 0)] += f64::EPSILON;
+        for i in 1..right.len() {
+            normal[(i, i)] += prior;
+            right[i] -= prior * guess.coefficients[i];
+        }
+        (self.weight > 0.0).then(|| normal.cholesky().map(|c| c.solve(&right)))?
+    }
+}

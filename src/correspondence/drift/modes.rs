@@ -1,0 +1,238 @@
+//! The fields of δ that errors of a rig's calibration can cause.
+//!
+//! In: rig, measurement volume, pattern. Every parameter of the calibration is moved by what moves the image of its device
+//! by a pixel at its border; how δ changes over the volume is a field. These fields are far from independent: their
+//! principal components, a dozen or two, are the modes. A mode's coefficient is a calibration error in pixels.
+
+use nalgebra::{DMatrix, SymmetricEigen, Translation3, UnitQuaternion};
+
+use crate::geometry::{
+    Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
+};
+
+use super::super::segment_table::Segment;
+use super::place::{Places, Polynomial, TERMS, evaluate, monomials};
+
+/// Most modes that are kept.
+const MAX_MODES: usize = 20;
+/// Root mean square of a mode, turns a pixel (0.0006 rad), below which no realistic error shows.
+const MIN_RMS_TURNS: f64 = 1e-4;
+/// Points along x, y and z of the volume in which the fields are sampled.
+const SAMPLES: [usize; 3] = [11, 9, 7];
+/// How far the samples reach beyond the volume in depth, shares of it: candidates are sought there too.
+const DEPTH_MARGIN: f64 = 0.3;
+/// Pixels beyond an image in which its distortion is still trusted.
+const IMAGE_MARGIN_PX: f64 = 30.0;
+/// By what a parameter is moved, pixels at the border of the image.
+const STEP_PX: f64 = 0.3;
+/// Parameters of a device: scale of both axes and of one, principal point, distortion k1, k2, p1, p2; then its pose.
+const INTRINSIC: usize = 8;
+const EXTRINSIC: usize = 6;
+
+/// Principal fields of calibration errors of a rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriftModes {
+    pub(super) places: Places,
+    /// Mode by mode δ in turns a pixel of calibration error.
+    pub(super) fields: Vec<Polynomial>,
+    /// Root mean square of each over the volume, turns a pixel.
+    pub(super) rms_turns: Vec<f64>,
+}
+
+impl DriftModes {
+    /// Numbers that hold the modes of any rig.
+    pub(in super::super) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
+
+    /// The modes of a rig whose segments are known; none where the geometry leaves nothing to sample.
+    pub(in super::super) fn of(
+        rig: &Rig,
+        volume: &MeasurementVolume,
+        pattern: &FringePattern,
+        frame: &EpipolarFrame,
+        segments: &[Segment],
+    ) -> Option<Self> {
+        let places = Places::fit(segments, rig.cam1.width_px())?;
+        let samples = Samples::new(rig, volume, pattern, frame, &places);
+        let (fields, rms_turns) = samples.principal_fields()?;
+        Some(Self { places, fields, rms_turns })
+    }
+
+    /// As numbers for a file.
+    pub(in super::super) fn to_numbers(&self) -> Vec<f64> {
+        let mut numbers = self.places.to_numbers().to_vec();
+        for (rms, field) in self.rms_turns.iter().zip(&self.fields) {
+            numbers.push(*rms);
+            numbers.extend(field);
+        }
+        numbers.resize(Self::NUMBERS, 0.0);
+        numbers
+    }
+
+    /// From the numbers of a file; `None` if they are not those of modes.
+    pub(in super::super) fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (places, modes) = numbers.split_first_chunk::<{ Places::NUMBERS }>()?;
+        let used = modes.chunks_exact(1 + TERMS).take_while(|mode| mode[0] > 0.0);
+        let (rms_turns, fields) = used.map(|mode| (mode[0], std::array::from_fn(|i| mode[1 + i]))).unzip();
+        let sound = numbers.len() == Self::NUMBERS && numbers.iter().all(|n| n.is_finite());
+        let places = Places::from_numbers(*places);
+        (sound && places.scale_px() >= 1.0).then_some(Self { places, fields, rms_turns })
+    }
+
+    /// δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
+    pub(super) fn at(&self, u: usize, v: usize, column_px: f32) -> impl Iterator<Item = f64> + '_ {
+        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
+        self.fields.iter().map(move |field| evaluate(field, &monomials))
+    }
+
+    /// Mean half length of a segment, pixels of the epipolar frame.
+    pub(in super::super) fn half_segment_px(&self) -> f64 {
+        self.places.scale_px()
+    }
+}
+
+/// Points over the volume: where the devices have them, and where the fields are smooth.
+struct Samples<'a> {
+    rig: &'a Rig,
+    pattern: &'a FringePattern,
+    /// Pixel of C1, of C2, and absolute phase in turns.
+    seen: Vec<(Pixel, Pixel, f64)>,
+    monomials: DMatrix<f64>,
+    /// Distance of the volume from C1, metres.
+    distance_m: f64,
+}
+
+impl<'a> Samples<'a> {
+    fn new(
+        rig: &'a Rig,
+        volume: &MeasurementVolume,
+        pattern: &'a FringePattern,
+        frame: &EpipolarFrame,
+        places: &Places,
+    ) -> Self {
+        let mut seen = Vec::new();
+        let mut rows = Vec::new();
+        for point in points(volume) {
+            let Some((p, q, lit)) = seen_by_all(rig, &point) else { continue };
+            let Some(line) = rig.cam1.ray(&p).and_then(|ray| frame.line(&ray)) else { continue };
+            rows.push(monomials(places.place(p.x, p.y, line.column_of_depth(point.z))));
+            seen.push((p, q, pattern.phase_turns(lit.x)));
+        }
+        let monomials = DMatrix::from_fn(rows.len(), TERMS, |i, j| rows[i][j]);
+        let distance_m = (volume.cam1_from_volume() * nalgebra::center(volume.min(), volume.max())).coords.norm();
+        Self { rig, pattern, seen, monomials, distance_m }
+    }
+
+    /// The field of a rig that differs from the calibrated one, turns; `None` where a point is lost.
+    fn field(&self, changed: &Rig) -> Option<Vec<f64>> {
+        let delta = |(p, q, phase_turns): &(Pixel, Pixel, f64)| {
+            let point = triangulate(changed, p, q)?.point_cam1;
+            Some(self.pattern.phase_turns(changed.project_projector(&point)?.x) - phase_turns)
+        };
+        self.seen.iter().map(delta).collect()
+    }
+
+    /// Modes and their root mean squares, the strongest first.
+    fn principal_fields(&self) -> Option<(Vec<Polynomial>, Vec<f64>)> {
+        let count = self.seen.len();
+        if count < 2 * TERMS {
+            return None;
+        }
+        let centred = |mut field: Vec<f64>| {
+            let mean = field.iter().sum::<f64>() / count as f64;
+            // The mean of δ is known by itself; what moves it alone is no drift.
+            field.iter_mut().for_each(|d| *d = (*d - mean) / STEP_PX);
+            field
+        };
+        let fields: Vec<Vec<f64>> =
+            changed_rigs(self.rig, self.distance_m).iter().filter_map(|rig| self.field(rig)).map(centred).collect();
+        let fields = DMatrix::from_fn(count, fields.len(), |i, j| fields[j][i]);
+        let transposed = self.monomials.transpose();
+        let normal = &transposed * &self.monomials + DMatrix::identity(TERMS, TERMS) * 1e-6;
+        let polynomials = normal.cholesky()?.solve(&(transposed * fields));
+        let smooth = &self.monomials * &polynomials;
+        let eigen = SymmetricEigen::new(smooth.transpose() * &smooth / count as f64);
+        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let rms = |&k: &usize| eigen.eigenvalues[k].max(0.0).sqrt();
+        let kept = order.iter().filter(|k| rms(k) >= MIN_RMS_TURNS).take(MAX_MODES);
+        let mode = |k: &usize| {
+            let coefficients = &polynomials * eigen.eigenvectors.column(*k);
+            (std::array::from_fn(|i| coefficients[i]), rms(k))
+        };
+        Some(kept.map(mode).unzip())
+    }
+}
+
+/// Points all over a volume and somewhat before and behind it, frame of C1, metres.
+fn points(volume: &MeasurementVolume) -> impl Iterator<Item = Point3> + '_ {
+    let extent = volume.max() - volume.min();
+    let [nx, ny, nz] = SAMPLES;
+    (0..nx * ny * nz).map(move |i| {
+        let share = |place: usize, count: usize| (place as f64 + 0.5) / count as f64;
+        let depth = share(i / (nx * ny), nz) * (1.0 + 2.0 * DEPTH_MARGIN) - DEPTH_MARGIN;
+        let shares = Vector3::new(share(i % nx, nx), share(i / nx % ny, ny), depth);
+        volume.cam1_from_volume() * (volume.min() + extent.component_mul(&shares))
+    })
+}
+
+/// Where C1, C2 and P have a point, if all do.
+fn seen_by_all(rig: &Rig, point: &Point3) -> Option<(Pixel, Pixel, Pixel)> {
+    let near = |camera: &Camera, pixel: &Pixel| {
+        let (right, bottom) = (camera.width_px() as f64, camera.height_px() as f64);
+        let range = |limit: f64| -IMAGE_MARGIN_PX..limit + IMAGE_MARGIN_PX;
+        range(right).contains(&pixel.x) && range(bottom).contains(&pixel.y)
+    };
+    let (p, q, lit) = (rig.cam1.project(point)?, rig.project_cam2(point)?, rig.project_projector(point)?);
+    let all = near(&rig.cam1, &p) && near(&rig.cam2, &q) && near(&rig.projector, &lit);
+    all.then_some((p, q, lit))
+}
+
+/// The rig with one parameter of one device moved, for all of them. The pose of C1 is that of the frame.
+fn changed_rigs(rig: &Rig, distance_m: f64) -> Vec<Rig> {
+    let mut rigs = Vec::new();
+    for parameter in 0..INTRINSIC {
+        rigs.push(Rig { cam1: changed_camera(&rig.cam1, parameter), ..rig.clone() });
+        rigs.push(Rig { cam2: changed_camera(&rig.cam2, parameter), ..rig.clone() });
+        rigs.push(Rig { projector: changed_camera(&rig.projector, parameter), ..rig.clone() });
+    }
+    for parameter in 0..EXTRINSIC {
+        let cam2_from_cam1 = changed_pose(&rig.cam2_from_cam1, &rig.cam2, parameter, distance_m);
+        rigs.push(Rig { cam2_from_cam1, ..rig.clone() });
+        let projector_from_cam1 = changed_pose(&rig.projector_from_cam1, &rig.projector, parameter, distance_m);
+        rigs.push(Rig { projector_from_cam1, ..rig.clone() });
+    }
+    rigs
+}
+
+fn changed_camera(camera: &Camera, parameter: usize) -> Camera {
+    let (mut focal_px, mut principal_px) = (camera.focal_px(), camera.principal_px());
+    let mut lens: Distortion = *camera.distortion();
+    let border_px = camera.width_px() as f64 / 2.0;
+    let border = border_px / focal_px[0];
+    let step = STEP_PX / focal_px[0];
+    match parameter {
+        0 => focal_px = focal_px.map(|f| f * (1.0 + STEP_PX / border_px)),
+        1 => focal_px[1] *= 1.0 + STEP_PX / border_px,
+        2 => principal_px[0] += STEP_PX,
+        3 => principal_px[1] += STEP_PX,
+        4 => lens.radial[0] += step / border.powi(3),
+        5 => lens.radial[1] += step / border.powi(5),
+        6 => lens.tangential[0] += step / border.powi(2),
+        _ => lens.tangential[1] += step / border.powi(2),
+    }
+    let size_px = [camera.width_px(), camera.height_px()];
+    Camera::new(focal_px, principal_px, lens, size_px).with_skew(camera.skew_px())
+}
+
+fn changed_pose(pose: &Pose, camera: &Camera, parameter: usize, distance_m: f64) -> Pose {
+    let step = STEP_PX / camera.focal_px()[0];
+    let at_border = STEP_PX / (camera.width_px() as f64 / 2.0);
+    let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
+    match parameter {
+        0 | 1 => turn[parameter] = step,
+        2 => turn.z = at_border,
+        3 | 4 => shift[parameter - 3] = step * distance_m,
+        _ => shift.z = at_border * distance_m,
+    }
+    Pose::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn)) * pose
+}

@@ -1,0 +1,197 @@
+//! Where a candidate lies, in coordinates in which fields of calibration errors are smooth, and polynomials in them.
+//!
+//! x and y are the pixel of C1, d is how far the column in C2 lies from where the middle of the measurement volume would
+//! be seen: inverse depth, linearly. Within image and volume each runs over about −1 to 1.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::super::segment_table::Segment;
+
+/// Highest total degree of the polynomials.
+const DEGREE: usize = 5;
+/// Their terms: all monomials in x, y and d up to the degree.
+pub(super) const TERMS: usize = 56;
+/// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
+const STRIDE: usize = 8;
+
+/// A polynomial in x, y and d.
+pub(super) type Polynomial = [f64; TERMS];
+
+/// The coordinates of one rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Places {
+    /// Half the width of C1's image, pixels.
+    half_px: f64,
+    /// Half its height, pixels.
+    half_height_px: f64,
+    /// Column of the middle of the volume: constant, change with x, change with y; pixels.
+    middle_px: [f64; 3],
+    /// Mean half length of a segment, pixels.
+    scale_px: f64,
+}
+
+impl Places {
+    /// Numbers that make up the coordinates.
+    pub(super) const NUMBERS: usize = 6;
+
+    /// The coordinates that fit the segments of an image of C1 `width` pixels wide; `None` if there are too few.
+    pub(super) fn fit(segments: &[Segment], width: usize) -> Option<Self> {
+        let height = segments.len() / width.max(1);
+        let (half_px, half_height_px) = (width as f64 / 2.0, height as f64 / 2.0);
+        let mut places = Self { half_px, half_height_px, middle_px: [0.0; 3], scale_px: 1.0 };
+        let (mut normal, mut right, mut halves, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0, 0.0);
+        for (v, u) in (0..height).step_by(STRIDE).flat_map(|v| (0..width).step_by(STRIDE).map(move |u| (v, u))) {
+            let segment = &segments[v * width + u];
+            if segment.is_none() {
+                continue;
+            }
+            let [x, y] = places.image(u as f64, v as f64);
+            let row = Vector3::new(1.0, x, y);
+            normal += row * row.transpose();
+            right += row * (0.5 * f64::from(segment.begin_px + segment.end_px));
+            halves += 0.5 * f64::from(segment.end_px - segment.begin_px);
+            count += 1.0;
+        }
+        // A volume seen in a line of pixels alone leaves the plane undetermined: it stays level there.
+        normal += Matrix3::identity() * (1e-9 * (count + 1.0));
+        let middle = normal.cholesky()?.solve(&right);
+        (count > 0.0).then_some(())?;
+        places.middle_px = middle.into();
+        places.scale_px = (halves / count).max(1.0);
+        Some(places)
+    }
+
+    pub(super) fn to_numbers(self) -> [f64; Self::NUMBERS] {
+        let [a, b, c] = self.middle_px;
+        [self.half_px, self.half_height_px, a, b, c, self.scale_px]
+    }
+
+    pub(super) fn from_numbers([half_px, half_height_px, a, b, c, scale_px]: [f64; Self::NUMBERS]) -> Self {
+        Self { half_px, half_height_px, middle_px: [a, b, c], scale_px }
+    }
+
+    /// Mean half length of a segment, pixels.
+    pub(super) fn scale_px(&self) -> f64 {
+        self.scale_px
+    }
+
+    /// x and y of a pixel of C1.
+    fn image(&self, u_px: f64, v_px: f64) -> [f64; 2] {
+        [u_px / self.half_px - 1.0, (v_px - self.half_height_px) / self.half_px]
+    }
+
+    /// x, y and d of a pixel of C1 and a column of the epipolar frame.
+    pub(super) fn place(&self, u_px: f64, v_px: f64, column_px: f64) -> [f64; 3] {
+        let [x, y] = self.image(u_px, v_px);
+        [x, y, (column_px - self.middle_at([x, y])) / self.scale_px]
+    }
+
+    fn middle_at(&self, [x, y]: [f64; 2]) -> f64 {
+        let [a, b, c] = self.middle_px;
+        a + b * x + c * y
+    }
+
+    /// A polynomial along the segment of a pixel of C1.
+    pub(super) fn along_segment(&self, polynomial: &Polynomial, u_px: f64, v_px: f64) -> DepthPolynomial {
+        let [x, y] = self.image(u_px, v_px);
+        let (px, py) = (powers(x), powers(y));
+        let mut coefficients = [0.0_f64; DEGREE + 1];
+        for (&coefficient, [i, j, k]) in polynomial.iter().zip(exponents()) {
+            coefficients[k] += coefficient * px[i] * py[j];
+        }
+        DepthPolynomial {
+            coefficients: coefficients.map(|c| c as f32),
+            middle_px: self.middle_at([x, y]) as f32,
+            per_px: (1.0 / self.scale_px) as f32,
+        }
+    }
+}
+
+/// A field along one segment.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct DepthPolynomial {
+    coefficients: [f32; DEGREE + 1],
+    middle_px: f32,
+    per_px: f32,
+}
+
+impl DepthPolynomial {
+    /// Its value at a column of the epipolar frame.
+    #[inline]
+    pub(in super::super) fn at(&self, column_px: f32) -> f32 {
+        let d = (column_px - self.middle_px) * self.per_px;
+        self.coefficients.iter().rev().fold(0.0, |sum, &c| sum * d + c)
+    }
+}
+
+/// The monomials at a place.
+pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
+    let (px, py, pd) = (powers(x), powers(y), powers(d));
+    let mut values = [0.0; TERMS];
+    for (value, [i, j, k]) in values.iter_mut().zip(exponents()) {
+        *value = px[i] * py[j] * pd[k];
+    }
+    values
+}
+
+/// Value of a polynomial, of the monomials at a place.
+pub(super) fn evaluate(polynomial: &Polynomial, monomials: &Polynomial) -> f64 {
+    polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum()
+}
+
+fn powers(value: f64) -> [f64; DEGREE + 1] {
+    let mut powers = [1.0; DEGREE + 1];
+    (1..=DEGREE).for_each(|i| powers[i] = powers[i - 1] * value);
+    powers
+}
+
+/// Exponents of x, y and d of every term, the constant first.
+fn exponents() -> impl Iterator<Item = [usize; 3]> {
+    (0..=DEGREE).flat_map(|degree| {
+        (0..=degree).rev().flat_map(move |i| (0..=degree - i).rev().map(move |j| [i, j, degree - i - j]))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places() -> Places {
+        let segment = |i: usize| {
+            let (u, v) = ((i % 64) as f32, (i / 64) as f32);
+            let middle = 100.0 + 2.0 * u - v;
+            Segment { ray: [0.0; 2], row_px: v, begin_px: middle - 20.0, end_px: middle + 20.0, phase: [0.0; 3] }
+        };
+        Places::fit(&(0..64 * 48).map(segment).collect::<Vec<_>>(), 64).unwrap()
+    }
+
+    #[test]
+    fn the_middle_of_every_segment_is_zero_and_its_ends_are_one() {
+        for (u, v) in [(0.0, 0.0), (63.0, 10.0), (20.0, 47.0)] {
+            let middle = 100.0 + 2.0 * u - v;
+            assert!(places().place(u, v, middle)[2].abs() < 1e-6);
+            assert!((places().place(u, v, middle + 20.0)[2] - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn there_are_as_many_terms_as_exponents_and_the_first_is_constant() {
+        assert_eq!(exponents().count(), TERMS);
+        assert_eq!(monomials([0.3, -0.2, 0.9])[0], 1.0);
+    }
+
+    #[test]
+    fn along_a_segment_a_polynomial_has_its_values() {
+        let polynomial: Polynomial = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 10.0);
+        let along = places().along_segment(&polynomial, 17.0, 30.0);
+        for column_px in [80.0, 104.0, 130.0] {
+            let exact = evaluate(&polynomial, &monomials(places().place(17.0, 30.0, column_px)));
+            assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn numbers_make_the_same_coordinates() {
+        assert_eq!(Places::from_numbers(places().to_numbers()), places());
+    }
+}

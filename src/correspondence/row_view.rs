@@ -1,0 +1,164 @@
+//! An epipolar row of C2 as a pixel of C1 sees it, and where it has a phase.
+
+use std::ops::{ControlFlow, RangeInclusive};
+
+use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+
+/// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
+/// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
+const MAX_COLUMN_STEP: i32 = 30000;
+/// Slopes with which a surface is continued beyond its rim, turns · 65536 a pixel: flatter ones would lead anywhere.
+const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
+/// Change of slope up to which a neighbour continues a surface, so that it has no rim there.
+const MAX_RIM_BEND: i32 = 5000;
+/// How far a surface is continued beyond its rim, pixels: the rim of a surface lies within the next pixel.
+const RIM_REACH_PX: f32 = 1.0;
+
+/// One epipolar row as a pixel of C1 sees it: two rows of the image, mixed by the fractional row.
+pub(super) struct RowView<'a> {
+    upper: &'a [u16],
+    lower: &'a [u16],
+    upper_valid: &'a [bool],
+    lower_valid: &'a [bool],
+    /// Share of the lower row, 1/65536.
+    below: i32,
+}
+
+impl<'a> RowView<'a> {
+    /// The row of a segment.
+    #[inline]
+    pub(super) fn new(image: &'a EpipolarImage, row_px: f32) -> Self {
+        let last = image.phase.len() / image.width - 1;
+        let upper = (row_px as usize).min(last);
+        let lower = (upper + 1).min(last);
+        let row = |r: usize| r * image.width..(r + 1) * image.width;
+        Self {
+            upper: &image.phase[row(upper)],
+            lower: &image.phase[row(lower)],
+            upper_valid: &image.valid[row(upper)],
+            lower_valid: &image.valid[row(lower)],
+            below: ((row_px - upper as f32) * 65536.0) as i32,
+        }
+    }
+
+    /// Phase at a column, if there is one; rows of different surfaces are not mixed.
+    #[inline]
+    fn at(&self, column: usize) -> Option<u16> {
+        let (upper, lower) = (self.upper[column], self.lower[column]);
+        let step = i32::from(lower.wrapping_sub(upper) as i16);
+        match (self.upper_valid[column], self.lower_valid[column]) {
+            (true, true) if step.abs() <= MAX_NEIGHBOUR_STEP => {
+                Some(upper.wrapping_add(((i64::from(step) * i64::from(self.below) + 32768) >> 16) as u16))
+            }
+            (upper_valid, _) if self.below < 32768 => upper_valid.then_some(upper),
+            (_, lower_valid) => lower_valid.then_some(lower),
+        }
+    }
+
+    /// Phase at a column less another phase, wrapped, turns · 65536.
+    #[inline]
+    fn difference(&self, column: usize, phase: u16) -> Option<i32> {
+        self.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16))
+    }
+
+    /// Tells of each place between `columns` and within `limits_px` that has the phase: its column and the slope of the
+    /// phase there, turns · 65536 a pixel, until told to break.
+    #[inline]
+    pub(super) fn crossings(
+        &self,
+        limits_px: [f32; 2],
+        phase: u16,
+        columns: RangeInclusive<usize>,
+        mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let [first_px, last_px] = limits_px;
+        let mut previous: Option<i32> = None;
+        for column in *columns.start()..=(*columns.end()).min(self.upper.len() - 1) {
+            let current = self.difference(column, phase);
+            if let (Some(before), Some(after)) = (previous, current)
+                && let Some(column_px) = crossing(column - 1, before, after)
+                && column_px >= first_px
+                && column_px <= last_px
+            {
+                tell(column_px, after - before)?;
+            }
+            previous = current;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Tells of each place, at most a pixel beyond the rim of a surface, where the surface would have the phase if it went
+    /// on: a pixel of C1 on the rim has its point between two columns of which only one sees the surface.
+    pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut tell: impl FnMut(f32, i32)) {
+        let last = self.upper.len() - 1;
+        for column in *columns.start()..=(*columns.end()).min(last) {
+            let Some(here) = self.difference(column, phase) else { continue };
+            let left = column.checked_sub(1).and_then(|c| self.difference(c, phase));
+            let right = if column < last { self.difference(column + 1, phase) } else { None };
+            let mut tell_beyond = |outer: Option<i32>, inner: Option<i32>, sense: f32| {
+                if let Some((offset_px, slope)) = beyond_rim(here, outer, inner, sense) {
+                    tell(column as f32 + offset_px, slope);
+                }
+            };
+            tell_beyond(left, right, -1.0);
+            tell_beyond(right, left, 1.0);
+        }
+    }
+}
+
+/// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
+#[inline]
+fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
+    let changes_sign = (before <= 0 && after > 0) || (before > 0 && after <= 0);
+    if !changes_sign || (after - before).abs() > MAX_COLUMN_STEP {
+        return None;
+    }
+    Some(column as f32 + before as f32 / (before - after) as f32)
+}
+
+/// Where a surface whose last column lies `here` from the wanted phase would have it beyond: offset in the direction
+/// `sense` (−1 or 1) and slope. `outer` and `inner` are its neighbours; the outer one must not continue it.
+#[inline]
+fn beyond_rim(here: i32, outer: Option<i32>, inner: Option<i32>, sense: f32) -> Option<(f32, i32)> {
+    let wrapped = |step: i32| i32::from(step as i16);
+    let outwards = wrapped(here - inner?);
+    let continued = outer.is_some_and(|outer| (wrapped(outer - here) - outwards).abs() <= MAX_RIM_BEND);
+    if continued || !RIM_SLOPES.contains(&outwards.abs()) {
+        return None;
+    }
+    let distance_px = -here as f32 / outwards as f32;
+    let within = distance_px > 0.0 && distance_px <= RIM_REACH_PX;
+    within.then(|| (sense * distance_px, (sense * outwards as f32) as i32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row whose columns 2 to 5 see a surface with 0.1 turn a column.
+    fn image() -> EpipolarImage {
+        let phase = (0..8).map(|c| if (2..=5).contains(&c) { 6554 * c } else { 0 }).collect();
+        EpipolarImage { width: 8, phase, valid: (0..8).map(|c| (2..=5).contains(&c)).collect() }
+    }
+
+    fn rims(phase: u16) -> Vec<(f32, i32)> {
+        let image = image();
+        let mut found = Vec::new();
+        RowView::new(&image, 0.0).rims(phase, 0..=7, |column_px, slope| found.push((column_px, slope)));
+        found
+    }
+
+    #[test]
+    fn a_surface_goes_on_for_a_pixel_beyond_either_rim() {
+        let [(column_px, slope)] = rims(36047)[..] else { panic!() };
+        assert!((column_px - 5.5).abs() < 1e-3 && slope == 6554);
+        let [(column_px, slope)] = rims(8192)[..] else { panic!() };
+        assert!((column_px - 1.25).abs() < 1e-3 && slope == 6554);
+    }
+
+    #[test]
+    fn within_a_surface_and_far_beyond_it_there_are_no_rims() {
+        assert_eq!(rims(6554 * 3 + 100), []);
+        assert_eq!(rims(42601), []);
+    }
+}

@@ -1,0 +1,70 @@
+//! Semi-global resolution: all fringe orders of the image decided together.
+//!
+//! The paper decides pixel by pixel from neighbours that are decided already, which fails where too few are. Here every
+//! pixel holds evidence for every order that its segment allows, and orders are chosen so that the evidence and Eq. (2),
+//! by which neighbours of one surface share the absolute phase, agree best over the whole image: the energy of stereo
+//! matching, minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
+//! Information"). An order is free to continue wherever the wrapped phase runs on, at a price to change there, and where
+//! the wrapped phase jumps neighbours say nothing to each other.
+//!
+//! 1. *windows*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
+//!    explained by a wrong order within;
+//! 2. *evidence*: how well the best candidate of each order passes the back-projection test, about the drift;
+//! 3. *paths*: sums of the least energies along eight directions;
+//! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
+//! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; one place of C2
+//!    serves one order.
+//!
+//! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
+
+mod evidence;
+mod paths;
+mod regions;
+mod selection;
+mod verification;
+mod windows;
+
+use crate::phase::PhaseMap;
+
+use super::candidates::Candidate;
+use super::drift::Drift;
+use super::epipolar_image::EpipolarImage;
+use super::outcome::Outcome;
+use super::segment_table::SegmentTable;
+
+use evidence::DeltaScale;
+use windows::Windows;
+
+/// Evidence and energies are whole numbers: so many a nat.
+const UNITS_PER_NAT: f32 = 20.0;
+
+/// What the resolution reads.
+#[derive(Clone, Copy)]
+pub(super) struct Scene<'a> {
+    pub(super) cam1: &'a PhaseMap,
+    pub(super) cam2: &'a EpipolarImage,
+    pub(super) table: &'a SegmentTable,
+    pub(super) drift: &'a Drift,
+}
+
+/// Decisions about all pixels of C1, row by row.
+pub(super) struct Decisions {
+    pub(super) outcomes: Vec<Outcome>,
+    pub(super) chosen: Vec<Option<Candidate>>,
+    /// Orders of each pixel that pass the back-projection test about the drift.
+    pub(super) passing: Vec<u8>,
+}
+
+/// Decides every pixel that has a segment; regions smaller than `min_region_px` are left out.
+///
+/// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
+pub(super) fn resolve(scene: &Scene<'_>, min_region_px: u32) -> Decisions {
+    let windows = Windows::of(scene);
+    let scale = DeltaScale::of(scene);
+    let evidence = evidence::gather(scene, &windows, &scale);
+    let passing = evidence::count_passing(&evidence, &windows);
+    let verdicts = paths::least_energies(scene.cam1, &windows, &evidence);
+    let selected = selection::select(scene, &windows, &scale, &verdicts);
+    let (outcomes, chosen) = verification::verify(scene, &selected, &verdicts, &passing, min_region_px);
+    Decisions { outcomes, chosen, passing }
+}

@@ -1,0 +1,213 @@
+//! Which of the selected candidates stay.
+//!
+//! - A region of true candidates has z like a normal error, and every pixel of it stands out against the other orders. Over
+//!   a region whose true candidates are missing, hidden from C2 or outside the search, δ of whatever was selected runs
+//!   through anything, and another order would have done nearly as well.
+//! - Pixels at borders err by more than the noise of the rest and fall out of their regions; they are readmitted beside
+//!   those that stand.
+//! - One place of C2 serves one order (paper, 2.2.3). Between regions that stand the point nearer to C2 hides the other.
+
+use rayon::prelude::*;
+
+use super::super::candidates::Candidate;
+use super::super::neighbourhood::TURN;
+use super::super::outcome::Outcome;
+use super::paths::{MAX_STEP, PATHS, Verdict};
+use super::regions::{Regions, absolute};
+use super::selection::Selected;
+use super::{Scene, UNITS_PER_NAT};
+
+/// Difference of z between neighbours of one region.
+const MAX_Z_STEP: f32 = 5.0;
+/// Largest z² that counts towards the mean of a region.
+const MAX_Z_SQUARE: f32 = 9.0;
+/// A region needs this lead over other orders, nats a path; then its mean z² may be 1, that of a normal error, and 1 more for
+/// every so many nats beyond, up to a bound: a region apart from the others may be off by an error of the drift.
+const MIN_LEAD_NATS: f32 = 3.1;
+const LEAD_NATS_PER_SQUARE: f32 = 2.5;
+const MAX_MEAN_SQUARE: f32 = 3.5;
+/// z of the back-projection test.
+const PASSING_Z: f32 = 3.0;
+/// Neighbours, of eight, that readmit a pixel.
+const MIN_SUPPORTERS: usize = 3;
+/// Absolute phases in one place of C2 that differ by more than this are different orders.
+const SAME_ORDER: i32 = TURN / 2;
+
+/// The outcome of every pixel and the candidate of those that found one; `passing` is how many orders of each pixel pass the
+/// back-projection test.
+pub(super) fn verify(
+    scene: &Scene<'_>,
+    selected: &[Option<Selected>],
+    verdicts: &[Verdict],
+    passing: &[u8],
+    min_region_px: u32,
+) -> (Vec<Outcome>, Vec<Option<Candidate>>) {
+    let mut verification = Verification {
+        scene,
+        selected,
+        standing: selected.to_vec(),
+        outcomes: vec![Outcome::NoCandidate; selected.len()],
+    };
+    verification.judge_regions(verdicts, min_region_px);
+    verification.readmit();
+    verification.contradict_by_place();
+    verification.drop_small_regions(min_region_px);
+    verification.finish(passing)
+}
+
+struct Verification<'a> {
+    scene: &'a Scene<'a>,
+    selected: &'a [Option<Selected>],
+    /// Those that stay so far.
+    standing: Vec<Option<Selected>>,
+    outcomes: Vec<Outcome>,
+}
+
+impl Verification<'_> {
+    fn judge_regions(&mut self, verdicts: &[Verdict], min_region_px: u32) {
+        for region in Regions::of(self.scene.cam1, &self.standing, MAX_Z_STEP).iter() {
+            let outcome = if region.len() < min_region_px as usize {
+                Outcome::Ambiguous
+            } else {
+                match judge(region, self.selected, verdicts) {
+                    Some(outcome) => outcome,
+                    None => continue,
+                }
+            };
+            self.drop_all(region, outcome);
+        }
+    }
+
+    fn drop_all(&mut self, pixels: &[u32], outcome: Outcome) {
+        for &pixel in pixels {
+            self.standing[pixel as usize] = None;
+            self.outcomes[pixel as usize] = outcome;
+        }
+    }
+
+    /// Readmits candidates that continue what stands around them.
+    fn readmit(&mut self) {
+        let (width, cam1) = (self.scene.cam1.width, self.scene.cam1);
+        let supported = |&pixel: &u32| {
+            let pixel = pixel as usize;
+            let Some(candidate) = self.selected[pixel].filter(|_| self.standing[pixel].is_none()) else { return false };
+            let supports = |&neighbour: &usize| {
+                self.standing[neighbour].is_some_and(|standing| {
+                    let step = absolute(cam1, neighbour, &standing) - absolute(cam1, pixel, &candidate);
+                    step.abs() <= MAX_STEP
+                })
+            };
+            around(pixel, width, self.standing.len()).filter(supports).count() >= MIN_SUPPORTERS
+        };
+        let readmitted: Vec<u32> = (0..self.standing.len() as u32).into_par_iter().filter(supported).collect();
+        for pixel in readmitted {
+            self.standing[pixel as usize] = self.selected[pixel as usize];
+        }
+    }
+
+    /// Drops those whose place of C2 a point nearer to C2 takes for another order.
+    fn contradict_by_place(&mut self) {
+        let claims = Claims::new(self.scene, &self.standing);
+        let lost: Vec<u32> =
+            (0..self.standing.len() as u32).into_par_iter().filter(|&p| claims.is_lost(p as usize)).collect();
+        self.drop_all(&lost, Outcome::Contradicted);
+    }
+
+    fn drop_small_regions(&mut self, min_region_px: u32) {
+        for region in Regions::of(self.scene.cam1, &self.standing, f32::INFINITY).iter() {
+            if region.len() < min_region_px as usize {
+                self.drop_all(region, Outcome::Ambiguous);
+            }
+        }
+    }
+
+    fn finish(mut self, passing: &[u8]) -> (Vec<Outcome>, Vec<Option<Candidate>>) {
+        let mut chosen = vec![None; self.standing.len()];
+        for (pixel, standing) in self.standing.iter().enumerate() {
+            let Some(standing) = standing else { continue };
+            self.outcomes[pixel] = match (standing.in_volume, passing[pixel]) {
+                (false, _) => Outcome::OutsideVolume,
+                (true, 1) if standing.z.abs() < PASSING_Z => Outcome::Reference,
+                (true, 0 | 1) => Outcome::Unique,
+                (true, _) => Outcome::AcrossEpipolar,
+            };
+            chosen[pixel] = standing.in_volume.then_some(standing.candidate);
+        }
+        (self.outcomes, chosen)
+    }
+}
+
+/// Why a region does not stand; `None` if it does.
+fn judge(region: &[u32], selected: &[Option<Selected>], verdicts: &[Verdict]) -> Option<Outcome> {
+    let (mut squares, mut margins) = (0.0_f64, 0_u64);
+    for &pixel in region {
+        let z = selected[pixel as usize].map_or(0.0, |s| s.z);
+        squares += f64::from((z * z).min(MAX_Z_SQUARE));
+        margins += u64::from(verdicts[pixel as usize].margin);
+    }
+    let count = region.len() as f64;
+    let mean_square = (squares / count) as f32;
+    let lead_nats = (margins as f64 / count) as f32 / (PATHS as f32 * UNITS_PER_NAT);
+    if lead_nats < MIN_LEAD_NATS {
+        return Some(Outcome::Ambiguous);
+    }
+    let allowed = (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_SQUARE).min(MAX_MEAN_SQUARE);
+    (mean_square > allowed).then_some(Outcome::RejectedByDelta)
+}
+
+/// The eight neighbours of a pixel, as far as they lie in the image.
+fn around(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
+    let (u, v) = ((pixel % width) as isize, (pixel / width) as isize);
+    let height = (pixels / width) as isize;
+    (-1..=1).flat_map(move |dv| (-1..=1).map(move |du| (du, dv))).filter_map(move |(du, dv)| {
+        let (x, y) = (u + du, v + dv);
+        let inside = (du, dv) != (0, 0) && x >= 0 && y >= 0 && x < width as isize && y < height;
+        inside.then(|| y as usize * width + x as usize)
+    })
+}
+
+/// Who claims which place of C2.
+struct Claims<'a> {
+    scene: &'a Scene<'a>,
+    standing: &'a [Option<Selected>],
+    /// For each place of the epipolar frame how near to C2 its nearest point lies, and its absolute phase.
+    nearest: Vec<(f32, i32)>,
+    width: usize,
+    height: usize,
+}
+
+impl<'a> Claims<'a> {
+    fn new(scene: &'a Scene<'a>, standing: &'a [Option<Selected>]) -> Self {
+        let [width, height] = scene.table.epipolar_size_px();
+        let mut claims = Self { scene, standing, nearest: vec![(f32::NEG_INFINITY, 0); width * height], width, height };
+        for (pixel, selected) in standing.iter().enumerate() {
+            let Some(selected) = selected else { continue };
+            let place = claims.place(pixel, selected);
+            let nearness = scene.table.nearness_to_cam2(pixel);
+            if nearness > claims.nearest[place].0 {
+                claims.nearest[place] = (nearness, absolute(scene.cam1, pixel, selected));
+            }
+        }
+        claims
+    }
+
+    fn place(&self, pixel: usize, selected: &Selected) -> usize {
+        let row = (self.scene.table.segments()[pixel].row_px + 0.5) as usize;
+        let column = (selected.candidate.column_px + 0.5) as usize;
+        row.min(self.height - 1) * self.width + column.min(self.width - 1)
+    }
+
+    fn is_lost(&self, pixel: usize) -> bool {
+        let Some(selected) = &self.standing[pixel] else { return false };
+        let nearness = self.scene.table.nearness_to_cam2(pixel);
+        let own = absolute(self.scene.cam1, pixel, selected);
+        let loses = |place: usize| {
+            self.nearest
+                .get(place)
+                .is_some_and(|&(nearest, other)| nearest > nearness && (other - own).abs() > SAME_ORDER)
+        };
+        let place = self.place(pixel, selected);
+        // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.
+        loses(place) || (loses(place.wrapping_sub(1)) && loses(place + 1))
+    }
+}
