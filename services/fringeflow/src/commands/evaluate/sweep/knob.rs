@@ -30,14 +30,14 @@ pub(super) struct Place {
 }
 
 /// Depths that lead to an efc of about 0.1, 0.2, 0.5, 1 and 2 with the period beside them, millimetres.
-const DEPTHS_MM: [f64; 5] = [25.0, 42.0, 95.0, 170.0, 280.0];
+const DEPTHS_MM: [f64; 5] = [25.0, 40.0, 90.0, 168.0, 285.0];
 const DEPTH_SERIES_PERIOD_PX: f64 = 24.0;
 /// Errors that lead there with the depth and period beside them, rad.
-const SDS_RAD: [f64; 5] = [0.0095, 0.019, 0.048, 0.095, 0.19];
+const SDS_RAD: [f64; 5] = [0.01, 0.02, 0.05, 0.1, 0.2];
 const SD_SERIES: (f64, f64) = (50.0, 16.0);
 /// Periods that lead there with the depth beside them, projector pixels.
 const PERIODS_PX: [f64; 5] = [128.0, 64.0, 32.0, 16.0, 8.0];
-const PERIOD_SERIES_DEPTH_MM: f64 = 100.0;
+const PERIOD_SERIES_DEPTH_MM: f64 = 118.0;
 
 /// All places, series by series.
 pub(super) fn places() -> Vec<Place> {
