@@ -53,6 +53,12 @@ impl Simulated {
         let evaluation = truth::evaluate(&self.input, &made.cloud)?.ok_or_else(missing)?;
         Ok(Measurement { scores: evaluation.scores, statistics: Statistics::of(&made), duration })
     }
+
+    /// Why a measurement failed, without the temporary folder that nobody will find.
+    pub(super) fn reason(&self, failure: &Failure) -> String {
+        let (text, folder) = (failure.to_string(), format!("{}: ", self.input.path().display()));
+        text.strip_prefix(&folder).unwrap_or(&text).to_owned()
+    }
 }
 
 /// The paper's situation: n about 6, sd 0.041, 7 images of Gray code.

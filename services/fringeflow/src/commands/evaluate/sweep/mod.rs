@@ -88,7 +88,7 @@ fn measure(object: Object, place: &Place) -> Vec<Row> {
     let simulated = Simulated::new(options);
     let row = |(resolution, proposed): (&'static str, ProposedArgs)| {
         let measured = match &simulated {
-            Ok(simulated) => simulated.measure(&proposed).map_err(|e| e.to_string()),
+            Ok(simulated) => simulated.measure(&proposed).map_err(|e| simulated.reason(&e)),
             Err(e) => Err(e.to_string()),
         };
         Row {

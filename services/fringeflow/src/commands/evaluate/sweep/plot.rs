@@ -7,45 +7,37 @@ use super::{Figures, Knob, Row};
 
 const WIDTH_PX: f64 = 880.0;
 const HEIGHT_PX: f64 = 760.0;
-const EFC: Axis = Axis {
-    low: 0.05,
-    high: 4.0,
-    from_px: 70.0,
-    to_px: 640.0,
-    is_logarithmic: true,
-    ticks: &[0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0],
-};
+const EFC: Axis =
+    Axis { low: 0.05, high: 4.0, from_px: 70.0, to_px: 640.0, ticks: &[0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0] };
 const LEGEND_X_PX: f64 = 665.0;
 
 /// One of the figures against efc.
 struct Panel {
     title: &'static str,
+    /// What is drawn, percent.
     figure: fn(&Figures) -> f64,
+    /// What is written of it.
+    label: fn(f64) -> f64,
     axis: Axis,
 }
 
 const PANELS: [Panel; 2] = [
     Panel {
-        title: "com: found correctly, %",
-        figure: |f| f.com_percent,
-        axis: Axis {
-            low: 0.0,
-            high: 100.0,
-            from_px: 320.0,
-            to_px: 50.0,
-            is_logarithmic: false,
-            ticks: &[0.0, 20.0, 40.0, 60.0, 80.0, 100.0],
-        },
+        title: "com: found correctly, %; 99.99 or more stand at the top",
+        // What lacks of 100 % is what differs, by orders of magnitude.
+        figure: |f| 100.0 - f.com_percent,
+        label: |shortfall| 100.0 - shortfall,
+        axis: Axis { low: 0.01, high: 100.0, from_px: 50.0, to_px: 320.0, ticks: &[0.01, 0.1, 1.0, 10.0, 100.0] },
     },
     Panel {
         title: "fpc: false positives, %; 0.001 or less stand at the bottom",
         figure: |f| f.fpc_percent,
+        label: |percent| percent,
         axis: Axis {
             low: 0.001,
             high: 100.0,
             from_px: 690.0,
             to_px: 400.0,
-            is_logarithmic: true,
             ticks: &[0.001, 0.01, 0.1, 1.0, 10.0, 100.0],
         },
     },
@@ -68,7 +60,8 @@ const DASHES: [&str; 4] = ["none", "7 4", "2 3", "9 3 2 3"];
 pub(super) fn svg(rows: &[Row]) -> String {
     let resolutions = resolutions(rows);
     let panels = PANELS.iter().map(|panel| draw_panel(panel, rows, &resolutions));
-    let [panels, legend] = [panels.collect(), draw_legend(&resolutions)].map(|parts: Vec<String>| parts.concat());
+    let legend = draw_legend(&resolutions, rows);
+    let [panels, legend] = [panels.collect(), legend].map(|parts: Vec<String>| parts.concat());
     let paper: String = PAPER.iter().map(|&(efc, fpc)| draw_paper(efc, fpc)).collect();
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\">\n\
@@ -99,14 +92,15 @@ fn draw_panel(panel: &Panel, rows: &[Row], resolutions: &[&str]) -> String {
 
 /// Grid, numbers and titles.
 fn draw_frame(panel: &Panel) -> String {
-    let Axis { from_px: bottom, to_px: top, .. } = panel.axis;
+    let (top, bottom) = (panel.axis.from_px.min(panel.axis.to_px), panel.axis.from_px.max(panel.axis.to_px));
     let Axis { from_px: left, to_px: right, .. } = EFC;
     let across = panel.axis.ticks.iter().map(|&tick| {
         let y = panel.axis.place_px(tick);
         format!(
-            "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>\n",
+            "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
             left - 8.0,
-            y + 4.0
+            y + 4.0,
+            (panel.label)(tick)
         )
     });
     let up = EFC.ticks.iter().map(|&tick| {
@@ -149,7 +143,7 @@ fn draw_series(panel: &Panel, rows: &[&Row], knob: Knob, dash: &str) -> String {
             knob.name(),
             row.value,
             point.efc,
-            point.figure
+            (panel.label)(point.figure)
         );
         points.push(point);
     }
@@ -186,7 +180,7 @@ fn draw_paper(efc: f64, fpc_percent: f64) -> String {
     )
 }
 
-fn draw_legend(resolutions: &[&str]) -> Vec<String> {
+fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
     let entry = |row: usize, stroke: &str, dash: &str, name: &str| {
         let y = 60.0 + 24.0 * row as f64;
         format!(
@@ -204,7 +198,13 @@ fn draw_legend(resolutions: &[&str]) -> Vec<String> {
         let name = format!("resolution: {name}");
         entry(Knob::ALL.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
     });
-    knobs.chain(resolutions).collect()
+    let refused = rows.iter().filter(|row| row.figures.is_none()).count();
+    let note = format!(
+        "<text x=\"{LEGEND_X_PX}\" y=\"340\">{refused} of {} not measured,</text><text x=\"{LEGEND_X_PX}\" y=\"358\">see \
+         sweep.csv</text>\n",
+        rows.len()
+    );
+    knobs.chain(resolutions).chain([note]).collect()
 }
 
 /// Class of the colour of a knob.
@@ -240,6 +240,7 @@ mod tests {
         assert_eq!(svg.matches("<circle").count(), 2 * 5);
         assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::ALL.len());
         assert_eq!(svg.matches(">paper</text>").count(), PAPER.len());
+        assert!(svg.contains("1 of 6 not measured"), "{svg}");
         assert!(svg.contains("resolution: other") && !svg.contains("<script") && !svg.contains("NaN"));
     }
 
