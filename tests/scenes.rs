@@ -55,7 +55,7 @@ fn clutter_hides_shadows_swallows_and_reflects() {
     let seen = |i: usize| truth.cam2_px[i][0].is_finite() && truth.in_volume[i];
     let pixels = 0..SIZE_PX[0] * SIZE_PX[1];
     let hidden = count(pixels.clone().map(|i| seen(i) && truth.lit[i] && !truth.seen_by_cam2[i]));
-    let shadowed = count(pixels.clone().map(|i| seen(i) && truth.seen_by_cam2[i] && !truth.lit[i]));
+    let shadowed = count(pixels.map(|i| seen(i) && truth.seen_by_cam2[i] && !truth.lit[i]));
     let samples = simulation.views()[0].centres.iter().map(|centre| centre.sample);
     let dark = count(samples.map(|s| s.reflected > 0.0 && (0.05..0.15).contains(&s.albedo)));
     let saturated = CameraId::BOTH.map(|camera| count(white(&simulation, camera).into_iter().map(|grey| grey == 255)));
