@@ -9,12 +9,14 @@
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
 //! any pattern, or with [`Simulation`] a whole dataset folder. Rays are traced once per pose: a view of 640 × 512 pixels
-//! costs one to four seconds of one core, by object. Objects, sizes and knobs are those of the paper's section 3.
+//! costs one to four seconds of one core, by object. Objects, sizes and knobs are those of the paper's section 3, and
+//! harder ones: see [`Object`] and [`Staging`].
 //!
 //! Everything is a function of its options and seeds; the number of threads changes no byte.
 
 mod alignment;
 mod calibration_error;
+mod cover;
 mod faults;
 mod image_loop;
 mod loop_file;
@@ -26,6 +28,7 @@ mod schedule;
 mod sensor;
 mod sequence;
 mod solid;
+mod staging;
 mod sweep;
 mod trace;
 mod tracking;
@@ -44,7 +47,8 @@ pub use scene::{Board, Scene, Surface};
 pub use schedule::{Schedule, Tick};
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};
 pub use sequence::{Simulation, SimulationOptions, SimulationSummary};
-pub use solid::{PointMm, Solid};
+pub use solid::{Material, PointMm, Solid};
+pub use staging::Staging;
 pub use sweep::{Sweep, SweepOptions, SweepSpeed};
 pub use trace::Hit;
 pub use truth::truth;
@@ -73,7 +77,7 @@ pub enum SimulationError {
         max: f64,
     },
     /// An object of that name does not exist.
-    #[error("object {name:?} is not known; use plane, prism, machine, teeth, tooth, nose or elephant")]
+    #[error("object {name:?} is not known; use {}", Object::names())]
     UnknownObject {
         /// The name.
         name: String,
@@ -85,7 +89,7 @@ pub enum SimulationError {
         name: String,
     },
     /// A board of that name does not exist.
-    #[error("board {name:?} is not known; use none, dark or visible")]
+    #[error("board {name:?} is not known; use none, dark, visible or behind")]
     UnknownBoard {
         /// The name.
         name: String,

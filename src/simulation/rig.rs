@@ -100,7 +100,7 @@ impl VirtualRig {
         for size in options.size_px {
             check_range("image size", size as f64, 64.0, 4096.0, "px")?;
         }
-        check_range("depth", options.depth_m * 1e3, 1.0, 150.0, "mm")?;
+        check_range("depth", options.depth_m * 1e3, 1.0, 300.0, "mm")?;
         check_range("period", options.period_px, 4.0, 256.0, "px")?;
         check_range("sd", options.sd_rad, 0.0, 1.0, "rad")?;
         let (exact, exact_volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;

@@ -14,7 +14,10 @@ use crate::phase::GrayCode;
 use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
-use super::{Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, VirtualRig, check_range, truth};
+use super::{
+    Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, Staging, VirtualRig, check_range, cover,
+    truth,
+};
 
 /// What is simulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +66,7 @@ pub struct SimulationSummary {
 /// A simulated sequence, rays traced and ready to be imaged.
 pub struct Simulation {
     options: SimulationOptions,
+    staging: Staging,
     rig: VirtualRig,
     views: [View; 2],
     truth: RenderedTruth,
@@ -77,14 +81,29 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError`]: an option out of its range.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
+        Self::staged(options, Staging::default())
+    }
+
+    /// As [`Self::new`], with the object elsewhere or a camera half covered.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn staged(options: SimulationOptions, staging: Staging) -> Result<Self, SimulationError> {
+        staging.check()?;
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
         let rig = VirtualRig::new(&options.rig)?;
-        let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
-        let view = |camera| View::trace(&rig.exact, &scene, camera, options.supersampling);
+        let scene = Scene::of_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
+        let view = |camera| {
+            let view = View::trace(&rig.exact, &scene, camera, options.supersampling)?;
+            Ok::<_, SimulationError>(if staging.covered == Some(camera) { view.half_covered() } else { view })
+        };
         let views = [view(CameraId::Cam1)?, view(CameraId::Cam2)?];
-        let truth = truth(&rig.exact, &rig.exact_volume, &scene, &views[0], UNIT);
-        Ok(Self { options, rig, views, truth })
+        let mut truth = truth(&rig.exact, &rig.exact_volume, &scene, &views[0], UNIT);
+        if let Some(camera) = staging.covered {
+            cover::hide(&mut truth, camera, options.rig.size_px[0]);
+        }
+        Ok(Self { options, staging, rig, views, truth })
     }
 
     /// The rig.
@@ -207,6 +226,7 @@ impl Simulation {
     fn remarks(&self) -> serde_json::Map<String, serde_json::Value> {
         let options = &self.options;
         let mut remarks = remarks(&self.rig, options.noise, options.format, options.gamma, options.seed);
+        remarks.extend(self.staging.remarks());
         remarks.insert("truth".to_owned(), json!("truth.npz in the frame of C1 (exact calibration)"));
         remarks
     }

@@ -14,6 +14,30 @@ pub trait Solid: Send + Sync {
 
     /// Corners (least, largest) of a box that encloses the body.
     fn bounds_mm(&self) -> (PointMm, PointMm);
+
+    /// What the surface next to a point is made of.
+    fn material(&self, _point: &PointMm) -> Material {
+        Material::PLASTER
+    }
+}
+
+/// How a surface sends light back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Share of plaster's albedo.
+    pub brightness: f64,
+    /// Light in the mirrored direction, as a share of what a white surface scatters that faces the projector; 0 for a
+    /// matt surface. From about 1 the camera saturates there.
+    pub gloss: f64,
+}
+
+impl Material {
+    /// Bright and matt.
+    pub const PLASTER: Self = Self { brightness: 1.0, gloss: 0.0 };
+    /// Matt, an albedo of about 0.1.
+    pub const DARK: Self = Self { brightness: 0.125, gloss: 0.0 };
+    /// Grey, with highlights that saturate the camera.
+    pub const GLOSSY: Self = Self { brightness: 0.45, gloss: 3.0 };
 }
 
 /// Ball about `centre`.
@@ -115,7 +139,7 @@ pub(super) fn cut(body: f64, tool: f64) -> f64 {
 }
 
 /// Turns a point about the z axis through the origin, which turns a body the other way.
-fn turned(p: &PointMm, angle_rad: f64) -> PointMm {
+pub(super) fn turned(p: &PointMm, angle_rad: f64) -> PointMm {
     let (sin, cos) = angle_rad.sin_cos();
     PointMm::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
 }

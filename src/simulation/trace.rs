@@ -48,7 +48,7 @@ impl Ray {
 /// The first place where a ray meets the scene.
 pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     let solid = scene.solid.as_ref();
-    let board = board_distance(scene.board, ray);
+    let board = board_distance(scene, ray);
     let object = march(solid, ray, board.unwrap_or(f64::INFINITY));
     if let Some(distance) = object {
         let point = ray.at(distance);
@@ -64,7 +64,7 @@ const REACH_MM: f64 = 0.02;
 /// may stand in its way.
 pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     if close.surface == Surface::Board {
-        let distance = board_distance(scene.board, ray)?;
+        let distance = board_distance(scene, ray)?;
         return Some(Hit { point: ray.at(distance), ..*close });
     }
     let solid = scene.solid.as_ref();
@@ -81,16 +81,16 @@ pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;
     let way = target - origin;
-    if way.dot(&hit.normal) <= 0.0 || (scene.board != Board::None && target.z <= 0.0) {
+    if way.dot(&hit.normal) <= 0.0 || (scene.board != Board::None && target.z <= scene.board_z_mm) {
         return false;
     }
     let length = way.norm();
     march(scene.solid.as_ref(), &Ray { origin, direction: way / length }, length).is_none()
 }
 
-fn board_distance(board: Board, ray: &Ray) -> Option<f64> {
-    let distance = -ray.origin.z / ray.direction.z;
-    (board != Board::None && ray.direction.z < 0.0 && distance > 0.0).then_some(distance)
+fn board_distance(scene: &Scene, ray: &Ray) -> Option<f64> {
+    let distance = (scene.board_z_mm - ray.origin.z) / ray.direction.z;
+    (scene.board != Board::None && ray.direction.z < 0.0 && distance > 0.0).then_some(distance)
 }
 
 /// Distance along the ray at which it enters the body before `limit`.

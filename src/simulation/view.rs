@@ -10,7 +10,7 @@ use crate::dataset::CameraId;
 use crate::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
 
 use super::scene::Scene;
-use super::solid::PointMm;
+use super::solid::{Material, PointMm};
 use super::trace::{Hit, Ray, first_hit, is_free};
 use super::{SimulationError, check_range};
 
@@ -21,7 +21,7 @@ pub struct Sample {
     pub column_px: f32,
     /// Row of that projector pixel, pixels; 0 in shadow.
     pub row_px: f32,
-    /// Share of the projector's light that comes back: albedo, cosine and distance; 0 in shadow.
+    /// Share of the projector's light that comes back: albedo, cosine, gloss and distance; 0 in shadow.
     pub reflected: f32,
     /// Share of the ambient light that comes back; 0 where there is nothing.
     pub albedo: f32,
@@ -54,6 +54,8 @@ pub struct Centre {
 /// Differences to the linear course up to which samples are not traced: projector pixels, and share of the brightness.
 const SMOOTH_PX: f32 = 0.08;
 const SMOOTH_SHARE: f32 = 0.1;
+/// How sharp highlights are: the exponent of Blinn's lobe, half as bright 9° off the mirrored direction.
+const GLOSS_EXPONENT: i32 = 60;
 /// Distance from the projector at which `reflected` is albedo times cosine, metres.
 const REFERENCE_DISTANCE_M: f64 = 0.31;
 
@@ -171,17 +173,29 @@ impl<'a> Eye<'a> {
 
     /// A place that the projector does not light.
     pub(super) fn dark_sample(&self, hit: &Hit) -> Sample {
-        Sample { albedo: self.scene.albedo(hit.surface, &hit.point) as f32, ..Sample::default() }
+        let material = self.scene.material(hit.surface, &hit.point);
+        Sample { albedo: self.scene.albedo(hit.surface, material, &hit.point) as f32, ..Sample::default() }
     }
 
     /// A place that a pixel of the projector lights.
     pub(super) fn sample_at(&self, hit: &Hit, pixel: &Pixel) -> Sample {
-        let albedo = self.scene.albedo(hit.surface, &hit.point);
+        let material = self.scene.material(hit.surface, &hit.point);
+        let albedo = self.scene.albedo(hit.surface, material, &hit.point);
         let way = self.light - hit.point;
         let distance_m = way.norm() * 1e-3;
         let cosine = way.dot(&hit.normal).max(0.0) / way.norm();
-        let reflected = albedo * cosine * (REFERENCE_DISTANCE_M / distance_m).powi(2);
+        let reflected = (albedo * cosine + self.highlight(hit, material)) * (REFERENCE_DISTANCE_M / distance_m).powi(2);
         Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, albedo: albedo as f32 }
+    }
+
+    /// What a glossy place mirrors towards the camera (Blinn 1977).
+    fn highlight(&self, hit: &Hit, material: Material) -> f64 {
+        if material.gloss == 0.0 {
+            return 0.0;
+        }
+        let [to_light, to_camera] = [self.light, self.centre].map(|target| (target - hit.point).normalize());
+        let between = (to_light + to_camera).normalize();
+        material.gloss * between.dot(&hit.normal).max(0.0).powi(GLOSS_EXPONENT)
     }
 }
 

@@ -1,5 +1,8 @@
-//! The seven objects of the paper (section 3), built as signed distance functions; sizes as there.
+//! What is measured, built as signed distance functions: the seven objects of the paper (section 3), sizes as there, and
+//! scenes that are harder than these.
 
+mod clutter;
+mod crumbs;
 mod elephant;
 mod machine;
 mod nose;
@@ -10,8 +13,8 @@ mod tooth;
 
 use std::str::FromStr;
 
-use super::SimulationError;
 use super::solid::Solid;
+use super::{Board, SimulationError};
 
 /// Which object is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,12 +33,36 @@ pub enum Object {
     Nose,
     /// A toy elephant lying on its side.
     Elephant,
+    /// Bodies at many heights that hide and shadow each other, some dark, some glossy.
+    Clutter,
+    /// Separate pieces of about 50 pixels each, at any height.
+    Crumbs,
 }
 
 impl Object {
-    /// All objects, in the order of the paper's Table 1.
-    pub const ALL: [Self; 7] =
+    /// The paper's objects, in the order of its Table 1.
+    pub const PAPER: [Self; 7] =
         [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
+
+    /// All objects, those of the paper first.
+    pub const ALL: [Self; 9] = [
+        Self::Plane,
+        Self::Prism,
+        Self::Machine,
+        Self::Teeth,
+        Self::Tooth,
+        Self::Nose,
+        Self::Elephant,
+        Self::Clutter,
+        Self::Crumbs,
+    ];
+
+    /// The names of all objects, for who may choose one.
+    #[must_use]
+    pub fn names() -> String {
+        let [names @ .., last] = Self::ALL.map(Self::name);
+        format!("{} or {last}", names.join(", "))
+    }
 
     /// Its name on the command line and in files.
     #[must_use]
@@ -48,6 +75,8 @@ impl Object {
             Self::Tooth => "tooth",
             Self::Nose => "nose",
             Self::Elephant => "elephant",
+            Self::Clutter => "clutter",
+            Self::Crumbs => "crumbs",
         }
     }
 
@@ -57,6 +86,15 @@ impl Object {
         match self {
             Self::Nose => 0.045,
             _ => 0.025,
+        }
+    }
+
+    /// What it lies on where nothing else is asked for.
+    #[must_use]
+    pub fn usual_board(self) -> Board {
+        match self {
+            Self::Crumbs => Board::None,
+            _ => Board::Visible,
         }
     }
 
@@ -71,6 +109,8 @@ impl Object {
             Self::Tooth => Box::new(tooth::Tooth),
             Self::Nose => Box::new(nose::Nose),
             Self::Elephant => Box::new(elephant::Elephant::new()),
+            Self::Clutter => Box::new(clutter::Clutter),
+            Self::Crumbs => Box::new(crumbs::Crumbs::new()),
         }
     }
 }

@@ -4,11 +4,11 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use fringeflow::dataset::check_new;
+use fringeflow::dataset::{CameraId, check_new};
 use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
     Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
-    SimulationSummary,
+    SimulationSummary, Staging,
 };
 
 use crate::failure::Failure;
@@ -20,12 +20,19 @@ pub(crate) struct Args {
     /// Dataset folder to write; it must not exist, or be empty.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant.
+    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
     object: Object,
-    /// What it lies on: visible, dark or none.
-    #[arg(long, value_name = "KIND", default_value = "visible", value_parser = Board::from_str)]
-    board: Board,
+    /// What it lies on: visible, dark or none; behind stands 15 mm beyond the measurement volume. Visible by default, for
+    /// crumbs none.
+    #[arg(long, value_name = "KIND", value_parser = Board::from_str)]
+    board: Option<Board>,
+    /// Shift of the object from the middle of the measurement volume, right, down and away from the sensor.
+    #[arg(long, value_name = "X,Y,Z mm", default_value = "0,0,0", value_parser = shift, allow_hyphen_values = true)]
+    shift: [f64; 3],
+    /// Cover the right half of a camera with a dark flap: cam1 or cam2.
+    #[arg(long, value_name = "CAMERA", value_parser = camera)]
+    cover: Option<CameraId>,
     /// Phase images a direction, 3 to 16.
     #[arg(long, value_name = "N", default_value_t = 8)]
     steps: usize,
@@ -81,7 +88,8 @@ struct Report<'a> {
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         check_new(&self.output)?;
-        let simulation = Simulation::new(self.options())?;
+        let staging = Staging { shift_mm: self.shift, covered: self.cover };
+        let simulation = Simulation::staged(self.options(), staging)?;
         let bar = progress::bar("taking images", simulation.images().len() as u64);
         simulation.write(&self.output, || bar.inc(1))?;
         bar.finish_and_clear();
@@ -93,7 +101,7 @@ impl Args {
         let arrangement = if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP };
         SimulationOptions {
             object: self.object,
-            board: self.board,
+            board: self.board.unwrap_or(self.object.usual_board()),
             rig: RigOptions {
                 arrangement,
                 size_px: self.size,
@@ -144,6 +152,19 @@ impl Args {
 fn format(name: &str) -> Result<PixelFormat, String> {
     let known = PixelFormat::ALL.into_iter().find(|format| format.name() == name);
     known.ok_or_else(|| format!("{name:?} is no format; use GREY, Y10, Y12, Y14 or Y16"))
+}
+
+/// `X,Y,Z` as three numbers.
+fn shift(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let wrong = || format!("{text:?} is no shift; write three lengths in millimetres as in 30,0,-5");
+    numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)
+}
+
+/// A camera by the name of its folder.
+fn camera(name: &str) -> Result<CameraId, String> {
+    let known = CameraId::BOTH.into_iter().find(|camera| camera.folder() == name);
+    known.ok_or_else(|| format!("{name:?} is no camera; use cam1 or cam2"))
 }
 
 /// `WxH` as width and height.

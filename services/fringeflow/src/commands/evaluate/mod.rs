@@ -1,13 +1,17 @@
 //! `fringeflow evaluate`: reconstructs a dataset or a recording and compares the cloud with what is known of the scene.
 
+mod measurement;
 mod paper;
 mod report;
+mod sweep;
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use fringeflow::calibration::Unit;
 use fringeflow::dataset::TRUTH_FILE;
 use fringeflow::evaluation::{Evaluation, against_cloud, egc};
+use fringeflow::simulation::Object;
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -31,7 +35,7 @@ pub(crate) enum Against {
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Dataset folder, or recording.
-    #[arg(required_unless_present = "paper")]
+    #[arg(required_unless_present_any = ["paper", "sweep"])]
     input: Option<PathBuf>,
     /// What to compare with.
     #[arg(long, value_enum, default_value_t = Against::Truth)]
@@ -42,6 +46,23 @@ pub(crate) struct Args {
     /// Measure the paper's seven objects with the virtual scanner, and print its tables beside ours.
     #[arg(long, conflicts_with = "input")]
     paper: bool,
+    /// Measure the virtual scanner with more and more false candidates, by depth of the volume, error of the calibration
+    /// and fringe period, and write sweep.csv and sweep.svg.
+    #[arg(long, conflicts_with_all = ["input", "paper"], requires = "output")]
+    sweep: bool,
+    /// Folder for what --sweep writes.
+    #[arg(short, long, value_name = "FOLDER", requires = "sweep")]
+    output: Option<PathBuf>,
+    /// What --sweep measures.
+    #[arg(
+        long,
+        value_name = "NAME,NAME",
+        value_delimiter = ',',
+        default_values = ["elephant", "machine", "clutter"],
+        value_parser = Object::from_str,
+        requires = "sweep"
+    )]
+    objects: Vec<Object>,
     /// Unit of the calibration, where the dataset does not state it.
     #[arg(long, value_name = "mm|m")]
     units: Option<Unit>,
@@ -59,6 +80,10 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(folder) = &self.preview {
             output_folder::prepare(folder)?;
+        }
+        if let Some(folder) = &self.output {
+            output_folder::prepare(folder)?;
+            return sweep::run(folder, &self.objects, self.json);
         }
         let Some(input) = &self.input else {
             return paper::run(self.json);

@@ -3,26 +3,19 @@
 use std::io::Write as _;
 
 use fringeflow::evaluation::{CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table};
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{
-    Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, SimulationSummary,
-};
+use fringeflow::simulation::{Object, SimulationSummary};
 use serde::Serialize;
 
+use super::measurement::{Measurement, Simulated, options};
 use crate::failure::Failure;
-use crate::input::Input;
-use crate::method::Method;
 use crate::progress;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
-use crate::truth;
 
 /// Phase steps of the paper's Table 2, in its order.
 const STEPS: [usize; 3] = [16, 8, 4];
 /// Steps with which Table 1 was measured.
 const TABLE_1_STEPS: usize = 16;
-/// Standard deviation of δ in the paper, rad.
-const SD_RAD: f64 = 0.041;
 
 #[derive(Serialize)]
 struct Row {
@@ -37,9 +30,9 @@ struct Row {
 
 /// Simulates and measures every object with every number of steps, and prints the tables.
 pub(super) fn run(json: bool) -> Result<(), Failure> {
-    let bar = progress::bar("objects", (Object::ALL.len() * STEPS.len()) as u64);
+    let bar = progress::bar("objects", (Object::PAPER.len() * STEPS.len()) as u64);
     let mut rows = Vec::new();
-    for object in Object::ALL {
+    for object in Object::PAPER {
         for steps in STEPS {
             bar.set_message(object.name());
             rows.push(measure(object, steps)?);
@@ -80,40 +73,9 @@ pub(super) fn run(json: bool) -> Result<(), Failure> {
 }
 
 fn measure(object: Object, steps: usize) -> Result<Row, Failure> {
-    let folder = tempfile::tempdir()?;
-    let simulation = Simulation::new(options(object, steps))?;
-    let target = folder.path().join(object.name());
-    simulation.write(&target, || {})?;
-    let input = Input::open(&target, None)?;
-    let made = Method::Pa.run(&input, &ProposedArgs::default())?;
-    let missing = || Failure::Usage(format!("{}: the simulated dataset has no truth", target.display()));
-    let evaluation = truth::evaluate(&input, &made.cloud)?.ok_or_else(missing)?;
-    let statistics = made.reconstruction.as_ref().map(Statistics::of).ok_or_else(missing)?;
-    Ok(Row { object: object.name(), steps, scores: evaluation.scores, statistics, simulated: simulation.summary() })
-}
-
-/// The paper's situation: n about 6, sd 0.041, 7 images of Gray code.
-fn options(object: Object, steps: usize) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board: Board::Visible,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: [640, 512],
-            depth_m: object.usual_depth_m(),
-            period_px: 16.0,
-            sd_rad: SD_RAD,
-            seed: 1,
-        },
-        steps,
-        two_directions: false,
-        gray: true,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 2,
-        seed: 1,
-    }
+    let simulated = Simulated::new(options(object, steps))?;
+    let Measurement { scores, statistics, .. } = simulated.measure(&ProposedArgs::default())?;
+    Ok(Row { object: object.name(), steps, scores, statistics, simulated: simulated.summary })
 }
 
 fn table_1(rows: &[Row]) -> Vec<CompletenessRow> {

@@ -1,0 +1,165 @@
+//! `fringeflow evaluate --sweep`: how completeness and false correspondences depend on the expected false candidates.
+
+mod axis;
+mod knob;
+mod plot;
+mod table;
+
+use std::io::Write as _;
+use std::path::Path;
+
+use fringeflow::atomic_file::write_atomically;
+use fringeflow::simulation::{Object, SimulationSummary};
+use serde::Serialize;
+
+use self::knob::{Knob, Place};
+use super::measurement::{Measurement, Simulated};
+use crate::failure::Failure;
+use crate::progress;
+use crate::proposed::ProposedArgs;
+
+/// The ways to resolve ambiguities that are compared: their names and settings.
+fn resolutions() -> Vec<(&'static str, ProposedArgs)> {
+    vec![("paper", ProposedArgs::default())]
+}
+
+/// One measurement, or why there is none.
+#[derive(Clone, Serialize)]
+struct Row {
+    knob: Knob,
+    /// The knob's value, in its unit.
+    value: f64,
+    object: &'static str,
+    resolution: &'static str,
+    #[serde(flatten)]
+    rig: Option<RigFigures>,
+    #[serde(flatten)]
+    figures: Option<Figures>,
+    failure: Option<String>,
+}
+
+/// What the rig lets expect.
+#[derive(Clone, Copy, Serialize)]
+struct RigFigures {
+    /// Mean number of periods on a segment.
+    mean_periods: f64,
+    /// Standard deviation of δ that the calibration error causes, rad.
+    sd_rad: f64,
+    /// Expected false candidates by Eq. (1), from these two.
+    efc: f64,
+}
+
+/// What a reconstruction yielded.
+#[derive(Clone, Copy, Serialize)]
+struct Figures {
+    /// By Eq. (1) from the sd that the reconstruction measured, noise included.
+    efc_predicted: f64,
+    efc_measured: f64,
+    com_percent: f64,
+    miss_percent: f64,
+    fpc_percent: f64,
+    outliers_percent: Option<f64>,
+    points: u64,
+    /// Of the whole reconstruction, segment table and reading the images included.
+    reconstruction_ms: f64,
+}
+
+/// Measures every object at every place of every series, and writes the table and the plot.
+pub(super) fn run(folder: &Path, objects: &[Object], json: bool) -> Result<(), Failure> {
+    let places = knob::places();
+    let bar = progress::bar("scenes", (places.len() * objects.len()) as u64);
+    let mut rows = Vec::new();
+    for &object in objects {
+        for place in &places {
+            bar.set_message(object.name());
+            rows.extend(measure(object, place));
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    write_atomically(&folder.join("sweep.csv"), |out| table::write(out, &rows))?;
+    write_atomically(&folder.join("sweep.svg"), |out| out.write_all(plot::svg(&rows).as_bytes()))?;
+    print(folder, &rows, json)
+}
+
+/// The rows of one scene, one a resolution; none where the volume is shallower than the object.
+fn measure(object: Object, place: &Place) -> Vec<Row> {
+    let Some(options) = place.options(object) else { return Vec::new() };
+    let simulated = Simulated::new(options);
+    let row = |(resolution, proposed): (&'static str, ProposedArgs)| {
+        let measured = match &simulated {
+            Ok(simulated) => simulated.measure(&proposed).map_err(|e| simulated.reason(&e)),
+            Err(e) => Err(e.to_string()),
+        };
+        Row {
+            knob: place.knob,
+            value: place.value(),
+            object: object.name(),
+            resolution,
+            rig: simulated.as_ref().ok().map(|s| RigFigures::of(&s.summary)),
+            figures: measured.as_ref().ok().map(Figures::of),
+            failure: measured.err(),
+        }
+    };
+    resolutions().into_iter().map(row).collect()
+}
+
+impl RigFigures {
+    fn of(summary: &SimulationSummary) -> Self {
+        Self {
+            mean_periods: summary.mean_periods,
+            sd_rad: summary.calibration_error.delta_rms,
+            efc: summary.expected_false_candidates,
+        }
+    }
+}
+
+impl Figures {
+    fn of(measured: &Measurement) -> Self {
+        let Measurement { scores, statistics, duration } = measured;
+        Self {
+            efc_predicted: statistics.efc_predicted,
+            efc_measured: statistics.efc_measured,
+            com_percent: scores.com_percent,
+            miss_percent: scores.miss_percent,
+            fpc_percent: scores.fpc_percent,
+            outliers_percent: scores.outliers_percent,
+            points: scores.points,
+            reconstruction_ms: duration.as_secs_f64() * 1e3,
+        }
+    }
+}
+
+fn print(folder: &Path, rows: &[Row], json: bool) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    if json {
+        serde_json::to_writer(&mut out, rows).map_err(std::io::Error::from)?;
+        return Ok(writeln!(out)?);
+    }
+    let failed = rows.iter().filter(|row| row.failure.is_some()).count();
+    let (folder, count) = (folder.display(), rows.len());
+    Ok(writeln!(out, "{folder}: sweep.csv and sweep.svg of {count} measurements, {failed} of which failed")?)
+}
+
+/// Made-up rows for tests.
+#[cfg(test)]
+fn made_up(knob: Knob, object: &'static str, efc: f64, fpc_percent: f64) -> Row {
+    Row {
+        knob,
+        value: 25.0,
+        object,
+        resolution: "paper",
+        rig: Some(RigFigures { mean_periods: 6.0, sd_rad: 0.041, efc }),
+        figures: Some(Figures {
+            efc_predicted: efc * 1.1,
+            efc_measured: efc,
+            com_percent: 99.5,
+            miss_percent: 0.5,
+            fpc_percent,
+            outliers_percent: Some(0.25),
+            points: 1234,
+            reconstruction_ms: 321.0,
+        }),
+        failure: None,
+    }
+}

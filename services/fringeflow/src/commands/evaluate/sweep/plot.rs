@@ -1,0 +1,253 @@
+//! The plot of a sweep: com and fpc against efc, an SVG file without scripts that is readable on light and dark pages.
+//!
+//! A line is one knob and resolution, through the means over the objects; each measurement is a point.
+
+use super::axis::Axis;
+use super::{Figures, Knob, Row};
+
+const WIDTH_PX: f64 = 880.0;
+const HEIGHT_PX: f64 = 760.0;
+const EFC: Axis =
+    Axis { low: 0.05, high: 4.0, from_px: 70.0, to_px: 640.0, ticks: &[0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0] };
+const LEGEND_X_PX: f64 = 665.0;
+
+/// One of the figures against efc.
+struct Panel {
+    title: &'static str,
+    /// What is drawn, percent.
+    figure: fn(&Figures) -> f64,
+    /// What is written of it.
+    label: fn(f64) -> f64,
+    axis: Axis,
+}
+
+const PANELS: [Panel; 2] = [
+    Panel {
+        title: "com: found correctly, %; 99.99 or more stand at the top",
+        // What lacks of 100 % is what differs, by orders of magnitude.
+        figure: |f| 100.0 - f.com_percent,
+        label: |shortfall| 100.0 - shortfall,
+        axis: Axis { low: 0.01, high: 100.0, from_px: 50.0, to_px: 320.0, ticks: &[0.01, 0.1, 1.0, 10.0, 100.0] },
+    },
+    Panel {
+        title: "fpc: false positives, %; 0.001 or less stand at the bottom",
+        figure: |f| f.fpc_percent,
+        label: |percent| percent,
+        axis: Axis {
+            low: 0.001,
+            high: 100.0,
+            from_px: 690.0,
+            to_px: 400.0,
+            ticks: &[0.001, 0.01, 0.1, 1.0, 10.0, 100.0],
+        },
+    },
+];
+/// What the paper states (efc, fpc in percent), and where in [`PANELS`] it belongs.
+const PAPER: [(f64, f64); 2] = [(0.2, 0.1), (0.5, 2.0)];
+const PAPER_PANEL: usize = 1;
+
+/// Colours by class, the knobs' in their order; a page that asks for dark gets the second set.
+const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:var(--ink)}.title{font-weight:600}\
+    svg{--ink:#1b1f24;--page:#fff;--grid:#d8dee4;--k0:#0b62c4;--k1:#b3400a;--k2:#1a7f37}\
+    @media(prefers-color-scheme:dark){svg{--ink:#e6edf3;--page:#0d1117;--grid:#30363d;--k0:#6cb6ff;--k1:#ffa657;\
+    --k2:#7ee787}}\
+    .page{fill:var(--page)}.grid{stroke:var(--grid)}.line{fill:none;stroke-width:2}.paper{fill:var(--ink)}\
+    .k0{stroke:var(--k0)}.k1{stroke:var(--k1)}.k2{stroke:var(--k2)}circle{fill:var(--page);stroke-width:1.5}";
+/// How the lines of a resolution are dashed, by its place among the resolutions.
+const DASHES: [&str; 4] = ["none", "7 4", "2 3", "9 3 2 3"];
+
+/// The plot.
+pub(super) fn svg(rows: &[Row]) -> String {
+    let resolutions = resolutions(rows);
+    let panels = PANELS.iter().map(|panel| draw_panel(panel, rows, &resolutions));
+    let legend = draw_legend(&resolutions, rows);
+    let [panels, legend] = [panels.collect(), legend].map(|parts: Vec<String>| parts.concat());
+    let paper: String = PAPER.iter().map(|&(efc, fpc)| draw_paper(efc, fpc)).collect();
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\">\n\
+         <title>com and fpc against the expected false candidates</title>\n<style>{STYLE}</style>\n\
+         <rect class=\"page\" width=\"100%\" height=\"100%\"/>\n{panels}{paper}{legend}</svg>\n"
+    )
+}
+
+/// Names of the resolutions, in the order in which they first appear.
+fn resolutions(rows: &[Row]) -> Vec<&'static str> {
+    let mut names = Vec::new();
+    for row in rows {
+        if !names.contains(&row.resolution) {
+            names.push(row.resolution);
+        }
+    }
+    names
+}
+
+fn draw_panel(panel: &Panel, rows: &[Row], resolutions: &[&str]) -> String {
+    let series = resolutions.iter().enumerate().flat_map(|(i, name)| Knob::ALL.map(|knob| (i, *name, knob)));
+    let drawn = series.map(|(i, name, knob)| {
+        let rows = rows.iter().filter(|row| row.resolution == name && row.knob == knob);
+        draw_series(panel, &rows.collect::<Vec<_>>(), knob, DASHES[i % DASHES.len()])
+    });
+    draw_frame(panel) + &drawn.collect::<String>()
+}
+
+/// Grid, numbers and titles.
+fn draw_frame(panel: &Panel) -> String {
+    let (top, bottom) = (panel.axis.from_px.min(panel.axis.to_px), panel.axis.from_px.max(panel.axis.to_px));
+    let Axis { from_px: left, to_px: right, .. } = EFC;
+    let across = panel.axis.ticks.iter().map(|&tick| {
+        let y = panel.axis.place_px(tick);
+        format!(
+            "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
+            left - 8.0,
+            y + 4.0,
+            (panel.label)(tick)
+        )
+    });
+    let up = EFC.ticks.iter().map(|&tick| {
+        let x = EFC.place_px(tick);
+        format!(
+            "<path class=\"grid\" d=\"M{x:.1} {bottom}V{top}\"/><text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{tick}</text>\n",
+            bottom + 18.0
+        )
+    });
+    format!(
+        "{}{}<text class=\"title\" x=\"{left}\" y=\"{}\">{}</text><text x=\"{right}\" y=\"{}\" text-anchor=\"end\">efc by \
+         Eq. (1)</text>\n",
+        across.collect::<String>(),
+        up.collect::<String>(),
+        top - 14.0,
+        panel.title,
+        bottom + 36.0
+    )
+}
+
+/// A measurement of a series: the knob's value, efc and the figure of the panel.
+struct Point {
+    value: f64,
+    efc: f64,
+    figure: f64,
+}
+
+/// The points of a series and the line through their means.
+fn draw_series(panel: &Panel, rows: &[&Row], knob: Knob, dash: &str) -> String {
+    let class = class(knob);
+    let (mut points, mut circles) = (Vec::new(), String::new());
+    for row in rows {
+        let (Some(rig), Some(figures)) = (&row.rig, &row.figures) else { continue };
+        let point = Point { value: row.value, efc: rig.efc, figure: (panel.figure)(figures) };
+        circles += &format!(
+            "<circle class=\"{class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}, {} {}: efc {:.3}, {:.3} %</title></circle>\n",
+            EFC.place_px(point.efc),
+            panel.axis.place_px(point.figure),
+            row.object,
+            knob.name(),
+            row.value,
+            point.efc,
+            (panel.label)(point.figure)
+        );
+        points.push(point);
+    }
+    let places = means(&points)
+        .into_iter()
+        .map(|(efc, figure)| format!("{:.1},{:.1}", EFC.place_px(efc), panel.axis.place_px(figure)));
+    let places = places.collect::<Vec<_>>().join(" ");
+    format!("<polyline class=\"line {class}\" stroke-dasharray=\"{dash}\" points=\"{places}\"/>\n{circles}")
+}
+
+/// Mean efc and figure over the objects at each value, by growing efc.
+fn means(points: &[Point]) -> Vec<(f64, f64)> {
+    let mut values: Vec<f64> = points.iter().map(|p| p.value).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let at = |value: f64| {
+        let here: Vec<&Point> = points.iter().filter(|p| p.value == value).collect();
+        let mean = |figure: fn(&Point) -> f64| here.iter().map(|&p| figure(p)).sum::<f64>() / here.len() as f64;
+        (mean(|p| p.efc), mean(|p| p.figure))
+    };
+    let mut means: Vec<_> = values.into_iter().map(at).collect();
+    means.sort_by(|a, b| a.0.total_cmp(&b.0));
+    means
+}
+
+/// A figure of the paper, as a diamond with its name.
+fn draw_paper(efc: f64, fpc_percent: f64) -> String {
+    let (x, y) = (EFC.place_px(efc), PANELS[PAPER_PANEL].axis.place_px(fpc_percent));
+    format!(
+        "<path class=\"paper\" d=\"M{:.1} {y:.1}l7 -7l7 7l-7 7z\"/><text x=\"{:.1}\" y=\"{:.1}\">paper</text>\n",
+        x - 7.0,
+        x + 10.0,
+        y - 6.0
+    )
+}
+
+fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
+    let entry = |row: usize, stroke: &str, dash: &str, name: &str| {
+        let y = 60.0 + 24.0 * row as f64;
+        format!(
+            "<path class=\"line\" {stroke} stroke-dasharray=\"{dash}\" d=\"M{LEGEND_X_PX} {y}h30\"/><text x=\"{}\" \
+             y=\"{}\">{name}</text>\n",
+            LEGEND_X_PX + 38.0,
+            y + 4.0
+        )
+    };
+    let knobs = Knob::ALL
+        .into_iter()
+        .enumerate()
+        .map(|(i, knob)| entry(i, &format!("style=\"stroke:var(--{})\"", class(knob)), "none", knob.title()));
+    let resolutions = resolutions.iter().enumerate().map(|(i, name)| {
+        let name = format!("resolution: {name}");
+        entry(Knob::ALL.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
+    });
+    let refused = rows.iter().filter(|row| row.figures.is_none()).count();
+    let note = format!(
+        "<text x=\"{LEGEND_X_PX}\" y=\"340\">{refused} of {} not measured,</text><text x=\"{LEGEND_X_PX}\" y=\"358\">see \
+         sweep.csv</text>\n",
+        rows.len()
+    );
+    knobs.chain(resolutions).chain([note]).collect()
+}
+
+/// Class of the colour of a knob.
+fn class(knob: Knob) -> &'static str {
+    match knob {
+        Knob::Depth => "k0",
+        Knob::Sd => "k1",
+        Knob::Period => "k2",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::made_up;
+    use super::*;
+
+    fn rows() -> Vec<Row> {
+        let mut rows = vec![
+            made_up(Knob::Depth, "elephant", 0.2, 0.02),
+            made_up(Knob::Depth, "machine", 0.2, 0.04),
+            made_up(Knob::Depth, "elephant", 2.0, 4.0),
+            made_up(Knob::Sd, "elephant", 0.5, 0.0),
+        ];
+        rows[2].value = 50.0;
+        rows.push(Row { resolution: "other", ..rows[0].clone() });
+        rows.push(Row { figures: None, failure: Some("<&".to_owned()), ..rows[0].clone() });
+        rows
+    }
+
+    #[test]
+    fn every_measurement_is_a_point_and_every_series_a_line() {
+        let svg = svg(&rows());
+        assert_eq!(svg.matches("<circle").count(), 2 * 5);
+        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::ALL.len());
+        assert_eq!(svg.matches(">paper</text>").count(), PAPER.len());
+        assert!(svg.contains("1 of 6 not measured"), "{svg}");
+        assert!(svg.contains("resolution: other") && !svg.contains("<script") && !svg.contains("NaN"));
+    }
+
+    #[test]
+    fn a_line_runs_through_the_means_of_the_objects() {
+        let point = |value, efc, figure| Point { value, efc, figure };
+        let points = [point(8.0, 2.0, 5.0), point(16.0, 1.0, 3.0), point(16.0, 1.0, 1.0)];
+        assert_eq!(means(&points), [(1.0, 2.0), (2.0, 5.0)]);
+    }
+}

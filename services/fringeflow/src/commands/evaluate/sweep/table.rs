@@ -1,0 +1,75 @@
+//! The rows of a sweep as comma-separated values (RFC 4180).
+
+use std::io::{self, Write};
+
+use super::Row;
+
+const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,efc_measured,com_percent,miss_percent,\
+                      fpc_percent,outliers_percent,points,reconstruction_ms,failure";
+
+/// Writes the table; what was not measured is empty.
+pub(super) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
+    writeln!(out, "{HEADER}")?;
+    rows.iter().try_for_each(|row| writeln!(out, "{}", line(row)))
+}
+
+fn line(row: &Row) -> String {
+    let rig = |figure: fn(&super::RigFigures) -> f64| number(row.rig.as_ref().map(figure));
+    let made = |figure: fn(&super::Figures) -> f64| number(row.figures.as_ref().map(figure));
+    [
+        row.knob.name().to_owned(),
+        row.value.to_string(),
+        row.object.to_owned(),
+        row.resolution.to_owned(),
+        rig(|f| f.mean_periods),
+        rig(|f| f.sd_rad),
+        rig(|f| f.efc),
+        made(|f| f.efc_predicted),
+        made(|f| f.efc_measured),
+        made(|f| f.com_percent),
+        made(|f| f.miss_percent),
+        made(|f| f.fpc_percent),
+        number(row.figures.as_ref().and_then(|f| f.outliers_percent)),
+        row.figures.as_ref().map(|f| f.points.to_string()).unwrap_or_default(),
+        made(|f| f.reconstruction_ms),
+        row.failure.as_deref().map(quoted).unwrap_or_default(),
+    ]
+    .join(",")
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map(|value| format!("{value:.5}")).unwrap_or_default()
+}
+
+/// A text that may hold commas, quotes and line breaks.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Knob, made_up};
+    use super::*;
+
+    fn written(rows: &[Row]) -> Vec<String> {
+        let mut out = Vec::new();
+        write(&mut out, rows).unwrap();
+        String::from_utf8(out).unwrap().lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn a_measurement_is_a_line_of_as_many_fields_as_the_header() {
+        let lines = written(&[made_up(Knob::Depth, "elephant", 0.2, 0.125)]);
+        let fields: Vec<&str> = lines[1].split(',').collect();
+        assert_eq!(fields.len(), lines[0].split(',').count());
+        assert_eq!(fields[..7], ["depth", "25", "elephant", "paper", "6.00000", "0.04100", "0.20000"]);
+        assert_eq!(fields[9..], ["99.50000", "0.50000", "0.12500", "0.25000", "1234", "321.00000", ""]);
+    }
+
+    #[test]
+    fn a_failure_is_a_line_that_says_so() {
+        let failure = Some("no \"δ\", no cloud".to_owned());
+        let rows = [Row { rig: None, figures: None, failure, ..made_up(Knob::Sd, "nose", 2.0, 1.0) }];
+        assert_eq!(written(&rows)[1], "sd,25,nose,paper,,,,,,,,,,,,\"no \"\"δ\"\", no cloud\"");
+    }
+}

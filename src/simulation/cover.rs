@@ -1,0 +1,39 @@
+//! A dark flap before the right half of a camera's image: black there in every image, and no correspondence.
+
+use crate::dataset::{CameraId, RenderedTruth};
+
+use super::view::{Centre, Sample, View};
+
+/// Column of the first covered pixel.
+fn first_covered(width: usize) -> usize {
+    width.div_ceil(2)
+}
+
+impl View {
+    /// What the camera sees with the flap: nothing in the right half.
+    #[must_use]
+    pub(super) fn half_covered(mut self) -> Self {
+        let first = first_covered(self.width);
+        for centres in self.centres.chunks_exact_mut(self.width) {
+            centres[first..].fill(Centre::default());
+        }
+        for samples in self.samples.chunks_exact_mut(self.width * self.per_pixel) {
+            samples[first * self.per_pixel..].fill(Sample::default());
+        }
+        self
+    }
+}
+
+/// Takes from a truth what C2 does not see behind its flap; behind that of C1 the view has nothing, and so the truth.
+pub(super) fn hide(truth: &mut RenderedTruth, covered: CameraId, cam2_width_px: usize) {
+    if covered == CameraId::Cam1 {
+        return;
+    }
+    // Pixel centres are at integers, so a pixel begins half a pixel before.
+    let border_px = first_covered(cam2_width_px) as f32 - 0.5;
+    for (i, _) in truth.cam2_px.iter().enumerate().filter(|(_, cam2_px)| cam2_px[0] >= border_px) {
+        truth.seen_by_cam2[i] = false;
+        truth.measurable[i] = false;
+        truth.reference[i] = false;
+    }
+}

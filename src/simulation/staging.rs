@@ -1,0 +1,32 @@
+//! What makes a scene harder than an object in the middle before two free cameras.
+
+use crate::dataset::CameraId;
+
+use super::{SimulationError, check_range};
+
+/// Where the object is, and what stands before a camera; by default in the middle, and nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Staging {
+    /// Shift of the object, and of the board under it, from the middle of the measurement volume in the volume's frame,
+    /// millimetres; what leaves the volume is seen, but not to be measured.
+    pub shift_mm: [f64; 3],
+    /// The camera whose right half a dark flap covers.
+    pub covered: Option<CameraId>,
+}
+
+/// Furthest shift along an axis, millimetres.
+const MAX_SHIFT_MM: f64 = 150.0;
+
+impl Staging {
+    pub(super) fn check(&self) -> Result<(), SimulationError> {
+        let check = |&shift_mm: &f64| check_range("shift", shift_mm, -MAX_SHIFT_MM, MAX_SHIFT_MM, "mm");
+        self.shift_mm.iter().try_for_each(check)
+    }
+
+    /// What a description says about it, beyond a usual scene.
+    pub(super) fn remarks(&self) -> impl Iterator<Item = (String, serde_json::Value)> {
+        let shift = (self.shift_mm != [0.0; 3]).then(|| ("shift_mm".to_owned(), self.shift_mm.as_slice().into()));
+        let covered = self.covered.map(|camera| ("covered".to_owned(), camera.folder().into()));
+        shift.into_iter().chain(covered)
+    }
+}
