@@ -35,6 +35,11 @@ pub(crate) struct ProposedArgs {
 }
 
 impl ProposedArgs {
+    /// Nothing but a resolution.
+    pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
+        Self { resolution: Some(method), ..Self::default() }
+    }
+
     /// Reconstructs an input.
     pub(crate) fn reconstruct(&self, input: &Input) -> Result<Reconstruction, Failure> {
         let mut configuration = match &self.config {

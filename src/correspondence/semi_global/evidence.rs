@@ -1,7 +1,8 @@
 //! Evidence: how badly the best candidate of each order fits, in whole numbers.
 //!
 //! The energy of a candidate with z = (δ − drift)/sd is −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, and no more than five
-//! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that energy.
+//! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that energy. What
+//! lies outside the volume was seldom meant: its candidates must fit somewhat better.
 
 use std::ops::ControlFlow;
 
@@ -17,6 +18,9 @@ use super::{Scene, UNITS_PER_NAT};
 const MISSING_NATS: f32 = 5.0;
 /// The same in whole numbers.
 pub(super) const MISSING: u8 = (MISSING_NATS * UNITS_PER_NAT) as u8;
+/// Energy that a candidate outside the measurement volume has on top, nats.
+const OUTSIDE_NATS: f32 = 0.2;
+const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
 /// Largest z with an energy of its own; beyond it the candidate counts as missing.
 const MAX_Z: f32 = 5.0;
 /// Steps of the table of energies, in z.
@@ -90,6 +94,12 @@ impl<'a> Outlook<'a> {
         (order, turns - order as f32)
     }
 
+    /// Whether the point seen at a column lies in the measurement volume, as far as its place is known.
+    #[inline]
+    pub(super) fn is_in_volume(&self, column_px: f32) -> bool {
+        column_px >= self.segment.begin_px && column_px <= self.segment.end_px
+    }
+
     /// The columns in which a candidate of an order can lie whose δ is off by no more than `reach_turns`.
     pub(super) fn columns_of(&self, order: i32, reach_turns: f32) -> Option<[f32; 2]> {
         let [first_px, last_px] = self.limits_px;
@@ -153,7 +163,8 @@ fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &[u8]
         let (found, rest) = outlook.order_and_rest(column_px);
         if found == order {
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
-            best = best.min(energies.get(step).copied().unwrap_or(MISSING));
+            let outside = if outlook.is_in_volume(column_px) { 0 } else { OUTSIDE };
+            best = best.min(energies.get(step).map_or(MISSING, |&energy| energy + outside));
         }
     });
     best

@@ -69,7 +69,6 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<Sel
         }
     });
     let (rest, column_px, slope) = best?;
-    let [begin_px, end_px] = outlook.segment.limits_px();
     let delta_turns = rest + outlook.drift.at(column_px);
     Some(Selected {
         candidate: Candidate {
@@ -79,7 +78,7 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<Sel
             slope: slope.clamp(-32768, 32767) as i16,
         },
         z: rest / sd_turns,
-        in_volume: column_px >= begin_px && column_px <= end_px,
+        in_volume: outlook.is_in_volume(column_px),
     })
 }
 

@@ -5,7 +5,8 @@
 //!   through anything, and another order would have done nearly as well.
 //! - Pixels at borders err by more than the noise of the rest and fall out of their regions; they are readmitted beside
 //!   those that stand.
-//! - One place of C2 serves one order (paper, 2.2.3). Between regions that stand the point nearer to C2 hides the other.
+//! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded ones is
+//!   wrong: where it lies, C2 sees them. Between regions that stand the point nearer to C2 hides the other.
 
 use rayon::prelude::*;
 
@@ -19,17 +20,21 @@ use super::{Scene, UNITS_PER_NAT};
 
 /// Difference of z between neighbours of one region.
 const MAX_Z_STEP: f32 = 5.0;
-/// Largest z² that counts towards the mean of a region.
-const MAX_Z_SQUARE: f32 = 9.0;
-/// A region needs this lead over other orders, nats a path; then its mean z² may be 1, that of a normal error, and 1 more for
-/// every so many nats beyond, up to a bound: a region apart from the others may be off by an error of the drift.
+/// A region needs this lead over other orders, nats a path; then the variance of its z may be 1, that of a normal error, and
+/// 1 more for every so many nats beyond, up to a bound: a region apart from the others may be off by an error of the drift.
 const MIN_LEAD_NATS: f32 = 3.1;
-const LEAD_NATS_PER_SQUARE: f32 = 2.5;
-const MAX_MEAN_SQUARE: f32 = 3.5;
+const LEAD_NATS_PER_VARIANCE: f32 = 2.5;
+const MAX_VARIANCE: f32 = 3.5;
+/// Median of the square of a normal number of variance 1.
+const MEDIAN_SQUARE: f32 = 0.455;
 /// z of the back-projection test.
 const PASSING_Z: f32 = 3.0;
 /// Neighbours, of eight, that readmit a pixel.
 const MIN_SUPPORTERS: usize = 3;
+/// Lead, nats a path, by which a region is better founded than another. One surface that hides another has about its lead.
+const BETTER_FOUNDED_NATS: f32 = 3.0;
+/// Share of a region's places that better founded ones may take.
+const MAX_LOST_SHARE: f64 = 0.3;
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
@@ -50,7 +55,8 @@ pub(super) fn verify(
     };
     verification.judge_regions(verdicts, min_region_px);
     verification.readmit();
-    verification.contradict_by_place();
+    verification.contradict_by_foundation(verdicts);
+    verification.contradict_by_nearness();
     verification.drop_small_regions(min_region_px);
     verification.finish(passing)
 }
@@ -105,9 +111,26 @@ impl Verification<'_> {
         }
     }
 
+    /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
+    fn contradict_by_foundation(&mut self, verdicts: &[Verdict]) {
+        let regions = Regions::of(self.scene.cam1, &self.standing, MAX_Z_STEP);
+        let mut leads_nats = vec![0.0; self.standing.len()];
+        for region in regions.iter() {
+            let lead_nats = lead_nats(region, verdicts);
+            region.iter().for_each(|&pixel| leads_nats[pixel as usize] = lead_nats);
+        }
+        let claims = Claims::new(self.scene, &self.standing, |pixel| leads_nats[pixel], BETTER_FOUNDED_NATS);
+        let loses_much = |region: &&[u32]| {
+            let lost = region.iter().filter(|&&pixel| claims.is_lost(pixel as usize)).count();
+            lost as f64 > MAX_LOST_SHARE * region.len() as f64
+        };
+        let fallen: Vec<&[u32]> = regions.iter().filter(loses_much).collect();
+        fallen.into_iter().for_each(|region| self.drop_all(region, Outcome::Contradicted));
+    }
+
     /// Drops those whose place of C2 a point nearer to C2 takes for another order.
-    fn contradict_by_place(&mut self) {
-        let claims = Claims::new(self.scene, &self.standing);
+    fn contradict_by_nearness(&mut self) {
+        let claims = Claims::new(self.scene, &self.standing, |pixel| self.scene.table.nearness_to_cam2(pixel), 0.0);
         let lost: Vec<u32> =
             (0..self.standing.len() as u32).into_par_iter().filter(|&p| claims.is_lost(p as usize)).collect();
         self.drop_all(&lost, Outcome::Contradicted);
@@ -139,20 +162,23 @@ impl Verification<'_> {
 
 /// Why a region does not stand; `None` if it does.
 fn judge(region: &[u32], selected: &[Option<Selected>], verdicts: &[Verdict]) -> Option<Outcome> {
-    let (mut squares, mut margins) = (0.0_f64, 0_u64);
-    for &pixel in region {
-        let z = selected[pixel as usize].map_or(0.0, |s| s.z);
-        squares += f64::from((z * z).min(MAX_Z_SQUARE));
-        margins += u64::from(verdicts[pixel as usize].margin);
-    }
-    let count = region.len() as f64;
-    let mean_square = (squares / count) as f32;
-    let lead_nats = (margins as f64 / count) as f32 / (PATHS as f32 * UNITS_PER_NAT);
+    let lead_nats = lead_nats(region, verdicts);
     if lead_nats < MIN_LEAD_NATS {
         return Some(Outcome::Ambiguous);
     }
-    let allowed = (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_SQUARE).min(MAX_MEAN_SQUARE);
-    (mean_square > allowed).then_some(Outcome::RejectedByDelta)
+    // The median: of a small region half the pixels lie at its border.
+    let mut squares: Vec<f32> =
+        region.iter().filter_map(|&pixel| selected[pixel as usize]).map(|s| s.z * s.z).collect();
+    let middle = squares.len() / 2;
+    let (_, median, _) = squares.select_nth_unstable_by(middle, f32::total_cmp);
+    let allowed = (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE);
+    (*median / MEDIAN_SQUARE > allowed).then_some(Outcome::RejectedByDelta)
+}
+
+/// Mean lead of the decided orders of a region over the next best ones, nats a path.
+fn lead_nats(region: &[u32], verdicts: &[Verdict]) -> f32 {
+    let margins: u64 = region.iter().map(|&pixel| u64::from(verdicts[pixel as usize].margin)).sum();
+    (margins as f64 / region.len() as f64) as f32 / (PATHS as f32 * UNITS_PER_NAT)
 }
 
 /// The eight neighbours of a pixel, as far as they lie in the image.
@@ -166,26 +192,29 @@ fn around(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usi
     })
 }
 
-/// Who claims which place of C2.
-struct Claims<'a> {
+/// Who claims which place of C2, and with what precedence: the greater by more than a handicap takes it.
+struct Claims<'a, P> {
     scene: &'a Scene<'a>,
     standing: &'a [Option<Selected>],
-    /// For each place of the epipolar frame how near to C2 its nearest point lies, and its absolute phase.
-    nearest: Vec<(f32, i32)>,
+    precedence: P,
+    handicap: f32,
+    /// For each place of the epipolar frame the greatest precedence, and the absolute phase that has it.
+    owners: Vec<(f32, i32)>,
     width: usize,
     height: usize,
 }
 
-impl<'a> Claims<'a> {
-    fn new(scene: &'a Scene<'a>, standing: &'a [Option<Selected>]) -> Self {
+impl<'a, P: Fn(usize) -> f32> Claims<'a, P> {
+    fn new(scene: &'a Scene<'a>, standing: &'a [Option<Selected>], precedence: P, handicap: f32) -> Self {
         let [width, height] = scene.table.epipolar_size_px();
-        let mut claims = Self { scene, standing, nearest: vec![(f32::NEG_INFINITY, 0); width * height], width, height };
+        let owners = vec![(f32::NEG_INFINITY, 0); width * height];
+        let mut claims = Self { scene, standing, precedence, handicap, owners, width, height };
         for (pixel, selected) in standing.iter().enumerate() {
             let Some(selected) = selected else { continue };
             let place = claims.place(pixel, selected);
-            let nearness = scene.table.nearness_to_cam2(pixel);
-            if nearness > claims.nearest[place].0 {
-                claims.nearest[place] = (nearness, absolute(scene.cam1, pixel, selected));
+            let precedence = (claims.precedence)(pixel);
+            if precedence > claims.owners[place].0 {
+                claims.owners[place] = (precedence, absolute(scene.cam1, pixel, selected));
             }
         }
         claims
@@ -197,14 +226,16 @@ impl<'a> Claims<'a> {
         row.min(self.height - 1) * self.width + column.min(self.width - 1)
     }
 
+    /// Whether another order takes the place of a pixel.
     fn is_lost(&self, pixel: usize) -> bool {
         let Some(selected) = &self.standing[pixel] else { return false };
-        let nearness = self.scene.table.nearness_to_cam2(pixel);
+        let precedence = (self.precedence)(pixel);
         let own = absolute(self.scene.cam1, pixel, selected);
         let loses = |place: usize| {
-            self.nearest
-                .get(place)
-                .is_some_and(|&(nearest, other)| nearest > nearness && (other - own).abs() > SAME_ORDER)
+            let owner = self.owners.get(place);
+            owner.is_some_and(|&(greatest, other)| {
+                greatest > precedence + self.handicap && (other - own).abs() > SAME_ORDER
+            })
         };
         let place = self.place(pixel, selected);
         // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.

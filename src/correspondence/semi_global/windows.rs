@@ -5,8 +5,14 @@ use rayon::prelude::*;
 use super::super::segment_table::Segment;
 use super::Scene;
 
-/// How far segments reach beyond the volume on either side, mean lengths of a segment.
+/// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
+/// these, but no more than their length. What stands behind a shallow volume is few orders away. Where a segment has hardly
+/// more than one order, none is to be told from it.
 const BEYOND_VOLUME: f32 = 0.5;
+const ORDERS_BEYOND: f32 = 9.0;
+const FEW_ORDERS: f32 = 2.0;
+/// Pixels of C1 of which one is asked for the mean number of orders on a segment.
+const STRIDE: usize = 97;
 /// Turns of δ by which a window is wider than its segment, so that a candidate at its end has its order.
 const DELTA_MARGIN_TURNS: f32 = 0.25;
 /// Orders are handled so many at a time.
@@ -30,8 +36,10 @@ pub(super) struct Windows {
 
 impl Windows {
     pub(super) fn of(scene: &Scene<'_>) -> Self {
-        let half_px = scene.table.drift_modes().map_or(0.0, |modes| modes.half_segment_px() as f32);
-        let beyond_px = BEYOND_VOLUME * 2.0 * half_px;
+        let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
+        let orders = mean_orders(scene);
+        let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
+        let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         let mut windows = Self { first: Vec::new(), count: Vec::new(), lanes: 0, beyond_px, last_column_px };
         let ranges: Vec<(i16, u8)> =
@@ -68,4 +76,12 @@ impl Windows {
         let first = if fits { first } else { within - (MAX_LANES / 4) as f32 };
         (first as i16, count.clamp(1.0, MAX_LANES as f32) as u8)
     }
+}
+
+/// Mean rise of Φ over a segment, turns; at least one.
+fn mean_orders(scene: &Scene<'_>) -> f32 {
+    let segments = scene.table.segments().iter().step_by(STRIDE).filter(|segment| !segment.is_none());
+    let rises = segments.map(|segment| (segment.phase_turns(segment.end_px) - segment.phase[0]).abs());
+    let (sum, count) = rises.fold((0.0_f32, 0.0_f32), |(sum, count), rise| (sum + rise, count + 1.0));
+    (sum / count.max(1.0)).max(1.0)
 }

@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::atomic_file::write_atomically;
+use fringeflow::correspondence::ResolutionMethod;
 use fringeflow::simulation::{Object, SimulationSummary};
 use serde::Serialize;
 
@@ -19,8 +20,8 @@ use crate::progress;
 use crate::proposed::ProposedArgs;
 
 /// The ways to resolve ambiguities that are compared: their names and settings.
-fn resolutions() -> Vec<(&'static str, ProposedArgs)> {
-    vec![("paper", ProposedArgs::default())]
+fn resolutions() -> [(&'static str, ProposedArgs); 2] {
+    ResolutionMethod::ALL.map(|method| (method.name(), ProposedArgs::with_resolution(method)))
 }
 
 /// One measurement, or why there is none.
