@@ -9,19 +9,22 @@ use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
 use super::mixture::{Guess, Sample};
 use super::modes::DriftModes;
-use super::place::{DepthPolynomial, Places, Polynomial, TERMS};
+use super::place::{Places, Polynomial, RowPolynomial, TERMS};
 
-/// Pixels that the estimate rests on, and those on which starts are tried.
+/// Pixels that the estimate rests on, those on which starts are followed, and those by which drawn ones are compared.
 const PIXELS: usize = 3000;
 const PIXELS_OF_STARTS: usize = 500;
+const PIXELS_OF_DRAWS: usize = 250;
 /// Steps of expectation maximization from a start, and from the best of them.
-const STEPS: usize = 40;
-const LAST_STEPS: usize = 20;
+const STEPS: usize = 60;
+const LAST_STEPS: usize = 60;
 /// Starts that are drawn when the one without drift leads nowhere, and those that are followed.
 const DRAWN_STARTS: usize = 1000;
 const FOLLOWED_STARTS: usize = 20;
 /// Modes in which the starts differ: the others follow.
 const LEADING_MODES: usize = 6;
+/// efc (paper, Eq. 1) up to which wrong candidates are too few to lead an estimate astray.
+const FEW_FALSE_CANDIDATES: f64 = 0.3;
 /// Improbability, nats, and share of pixels with a true candidate, by which an estimate from no drift is believed.
 const PLAUSIBLE_NATS: f64 = 1.0;
 const PLAUSIBLE_SHARE: f64 = 0.6;
@@ -89,9 +92,9 @@ impl Drift {
         self.error_px > IMPROBABLE_PX || self.share < IMPROBABLE_SHARE
     }
 
-    /// δ that a true candidate of a pixel of C1 has, along its segment, turns.
-    pub(in super::super) fn along_segment(&self, u: usize, v: usize) -> DepthPolynomial {
-        self.places.along_segment(&self.field, u as f64, v as f64)
+    /// δ that true candidates of the pixels of a row of C1 have, turns.
+    pub(in super::super) fn along_row(&self, v: usize) -> RowPolynomial {
+        self.places.along_row(&self.field, v as f64)
     }
 }
 
@@ -116,7 +119,8 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
     let still = Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 };
     let mut best = still.clone();
     sample.refine(&mut best, STEPS);
-    if best.improbability() < PLAUSIBLE_NATS && best.share > PLAUSIBLE_SHARE {
+    let plausible = best.improbability() < PLAUSIBLE_NATS && best.share > PLAUSIBLE_SHARE;
+    if plausible || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
     let mut best_score = sample.score(&best);
@@ -133,10 +137,11 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
 /// The best of the drawn starts that differ enough from each other.
 fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Guess> {
     let spread_px = modes.rms_turns.first().map_or(0.0, |rms| still.sd_turns / rms);
+    let few = sample.thinned(PIXELS_OF_DRAWS);
     let drawn = draws(modes.fields.len().min(LEADING_MODES)).take(DRAWN_STARTS).map(|normal| {
         let mut guess = Guess { sd_turns: START_SD * still.sd_turns, ..still.clone() };
         guess.coefficients[1..].iter_mut().zip(normal).for_each(|(c, n)| *c = n * spread_px);
-        (sample.score(&guess), guess)
+        (few.score(&guess), guess)
     });
     let mut drawn: Vec<(f64, Guess)> = drawn.collect();
     drawn.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -19,4 +19,4 @@ mod place;
 
 pub use estimate::{Drift, estimate_drift};
 pub use modes::DriftModes;
-pub(super) use place::DepthPolynomial;
+pub(super) use place::{DepthPolynomial, RowPolynomial};

@@ -91,18 +91,41 @@ impl Places {
         a + b * x + c * y
     }
 
-    /// A polynomial along the segment of a pixel of C1.
-    pub(super) fn along_segment(&self, polynomial: &Polynomial, u_px: f64, v_px: f64) -> DepthPolynomial {
-        let [x, y] = self.image(u_px, v_px);
-        let (px, py) = (powers(x), powers(y));
-        let mut coefficients = [0.0_f64; DEGREE + 1];
+    /// A polynomial over the pixels of one row of C1.
+    pub(super) fn along_row(&self, polynomial: &Polynomial, v_px: f64) -> RowPolynomial {
+        let [_, y] = self.image(0.0, v_px);
+        let py = powers(y);
+        let mut coefficients = [[0.0; DEGREE + 1]; DEGREE + 1];
         for (&coefficient, [i, j, k]) in polynomial.iter().zip(exponents()) {
-            coefficients[k] += coefficient * px[i] * py[j];
+            coefficients[i][k] += coefficient * py[j];
+        }
+        RowPolynomial { places: *self, v_px, coefficients }
+    }
+}
+
+/// A field over the pixels of one row of C1 and their segments.
+#[derive(Clone, Debug)]
+pub(in super::super) struct RowPolynomial {
+    places: Places,
+    v_px: f64,
+    /// Factor of xⁱ·dᵏ at `[i][k]`.
+    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
+}
+
+impl RowPolynomial {
+    /// The field along the segment of one of the pixels.
+    pub(in super::super) fn along_segment(&self, u: usize) -> DepthPolynomial {
+        let [x, y] = self.places.image(u as f64, self.v_px);
+        let mut sums = [0.0; DEGREE + 1];
+        for powers_of_d in self.coefficients.iter().rev() {
+            for (sum, coefficient) in sums.iter_mut().zip(powers_of_d) {
+                *sum = *sum * x + coefficient;
+            }
         }
         DepthPolynomial {
-            coefficients: coefficients.map(|c| c as f32),
-            middle_px: self.middle_at([x, y]) as f32,
-            per_px: (1.0 / self.scale_px) as f32,
+            coefficients: sums.map(|c| c as f32),
+            middle_px: self.places.middle_at([x, y]) as f32,
+            per_px: (1.0 / self.places.scale_px) as f32,
         }
     }
 }
@@ -183,7 +206,7 @@ mod tests {
     #[test]
     fn along_a_segment_a_polynomial_has_its_values() {
         let polynomial: Polynomial = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 10.0);
-        let along = places().along_segment(&polynomial, 17.0, 30.0);
+        let along = places().along_row(&polynomial, 30.0).along_segment(17);
         for column_px in [80.0, 104.0, 130.0] {
             let exact = evaluate(&polynomial, &monomials(places().place(17.0, 30.0, column_px)));
             assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4);

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::super::drift::DepthPolynomial;
+use super::super::drift::{DepthPolynomial, RowPolynomial};
 use super::super::row_view::RowView;
 use super::super::segment_table::Segment;
 use super::windows::Windows;
@@ -74,13 +74,13 @@ pub(super) struct Outlook<'a> {
 }
 
 impl<'a> Outlook<'a> {
-    pub(super) fn new(scene: &Scene<'a>, windows: &Windows, pixel: usize) -> Self {
+    /// That of a pixel in column `u` of the row that `drift` belongs to.
+    pub(super) fn new(scene: &Scene<'a>, windows: &Windows, drift: &RowPolynomial, pixel: usize, u: usize) -> Self {
         let segment = &scene.table.segments()[pixel];
-        let width = scene.cam1.width;
         Self {
             row: RowView::new(scene.cam2, segment.row_px),
             segment,
-            drift: scene.drift.along_segment(pixel % width, pixel / width),
+            drift: drift.along_segment(u),
             limits_px: windows.limits_px(segment),
             phase: scene.cam1.phase[pixel],
         }
@@ -139,13 +139,14 @@ pub(super) fn gather(scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale) -
     let energies = energies();
     let mut evidence = vec![u8::MAX; scene.cam1.phase.len() * lanes];
     evidence.par_chunks_mut((width * lanes).max(1)).enumerate().for_each(|(v, row)| {
+        let drift = scene.drift.along_row(v);
         for (u, orders) in row.chunks_exact_mut(lanes).enumerate() {
             let pixel = v * width + u;
             let count = usize::from(windows.count[pixel]);
             if count == 0 {
                 continue;
             }
-            let outlook = Outlook::new(scene, windows, pixel);
+            let outlook = Outlook::new(scene, windows, &drift, pixel, u);
             let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel]);
             for (lane, energy) in orders[..count].iter_mut().enumerate() {
                 *energy = best_energy(&outlook, i32::from(windows.first[pixel]) + lane as i32, sd_turns, &energies);

@@ -34,16 +34,19 @@ pub(super) fn select(
     scale: &DeltaScale,
     verdicts: &[Verdict],
 ) -> Vec<Option<Selected>> {
-    let select = |pixel: usize| {
-        (windows.count[pixel] > 0).then(|| {
-            best_of_order(
-                &Outlook::new(scene, windows, pixel),
-                verdicts[pixel].order,
-                scale.sd_turns(scene.cam1.modulation[pixel]),
-            )
-        })?
-    };
-    let mut selected: Vec<Option<Selected>> = (0..verdicts.len()).into_par_iter().map(select).collect();
+    let width = scene.cam1.width;
+    let mut selected = vec![None; verdicts.len()];
+    selected.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
+        let drift = scene.drift.along_row(v);
+        for (u, selected) in row.iter_mut().enumerate() {
+            let pixel = v * width + u;
+            if windows.count[pixel] > 0 {
+                let outlook = Outlook::new(scene, windows, &drift, pixel, u);
+                let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel]);
+                *selected = best_of_order(&outlook, verdicts[pixel].order, sd_turns);
+            }
+        }
+    });
     normalize(&mut selected);
     selected
 }
