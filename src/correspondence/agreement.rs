@@ -11,6 +11,9 @@ const MAX_FALSE_CANDIDATES: f64 = 3.0;
 /// number of these, expected by Eq. 1, from which that matters: on segments of one period there are none.
 const MAX_SD_RAD: f64 = 0.45;
 const MANY_FALSE_CANDIDATES: f64 = 1.0;
+/// The same for what the drift of the calibration leaves of sd: of images that belong to it noise alone is left.
+const MAX_REST_SD_RAD: f64 = 0.25;
+const SOME_FALSE_CANDIDATES: f64 = 0.5;
 /// Least share of the pixels with candidates that find a correspondence where sd is suspicious: wrong orders seldom agree.
 const MIN_FOUND_SHARE: f64 = 0.25;
 
@@ -88,6 +91,14 @@ pub(super) fn check_scatter(
         return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad: exchanged.sd_rad });
     }
     let tells_nothing = efc > MAX_FALSE_CANDIDATES || (sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES);
+    if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
+}
+
+/// Refuses a δ that scatters widely even about the drift of the calibration.
+pub(super) fn check_rest(rest: &DeltaStatistics) -> Result<(), MatchError> {
+    let efc = rest.expected_false_candidates();
+    let DeltaStatistics { sd_rad, mean_periods, .. } = *rest;
+    let tells_nothing = sd_rad > MAX_REST_SD_RAD && efc > SOME_FALSE_CANDIDATES;
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 

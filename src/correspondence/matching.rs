@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::agreement::{MatchError, check_scatter, check_share};
+use super::agreement::{MatchError, check_rest, check_scatter, check_share};
 use super::candidates::{Candidate, occurs};
 use super::delta_histogram::DeltaHistogram;
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
@@ -120,6 +120,9 @@ impl Matching<'_> {
         let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
+        if self.is_measured() {
+            check_rest(&rest)?;
+        }
         let scene = semi_global::Scene { cam1, cam2: self.cam2, table: self.table, drift: &drift };
         let decisions = semi_global::resolve(&scene, self.settings.resolution.min_region_px);
         let found = decisions.chosen.iter().flatten().count();

@@ -15,9 +15,12 @@ use super::place::{Places, Polynomial, RowPolynomial, TERMS};
 const PIXELS: usize = 3000;
 const PIXELS_OF_STARTS: usize = 500;
 const PIXELS_OF_DRAWS: usize = 250;
-/// Steps of expectation maximization from a start, and from the best of them.
+/// Steps of expectation maximization from every start, from the few best of them, and from the best on all pixels.
+const FIRST_STEPS: usize = 15;
 const STEPS: usize = 60;
 const LAST_STEPS: usize = 60;
+/// Starts that are followed to their end.
+const BEST_STARTS: usize = 4;
 /// Starts that are drawn when the one without drift leads nowhere, and those that are followed.
 const DRAWN_STARTS: usize = 1000;
 const FOLLOWED_STARTS: usize = 20;
@@ -123,15 +126,20 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
     if plausible || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
-    let mut best_score = sample.score(&best);
-    for mut guess in followed_starts(sample, modes, &still) {
-        sample.refine(&mut guess, STEPS);
-        let score = sample.score(&guess);
-        if score > best_score {
-            (best, best_score) = (guess, score);
-        }
-    }
-    best
+    let mut followed = followed_starts(sample, modes, &still);
+    followed.iter_mut().for_each(|guess| sample.refine(guess, FIRST_STEPS));
+    let mut promising = by_score(sample, followed);
+    promising.truncate(BEST_STARTS);
+    promising.iter_mut().for_each(|guess| sample.refine(guess, STEPS));
+    promising.push(best);
+    by_score(sample, promising).swap_remove(0)
+}
+
+/// Guesses, the best first.
+fn by_score(sample: &Sample, guesses: Vec<Guess>) -> Vec<Guess> {
+    let mut scored: Vec<(f64, Guess)> = guesses.into_iter().map(|guess| (sample.score(&guess), guess)).collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.into_iter().map(|(_, guess)| guess).collect()
 }
 
 /// The best of the drawn starts that differ enough from each other.
@@ -139,20 +147,21 @@ fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Gu
     let spread_px = modes.rms_turns.first().map_or(0.0, |rms| still.sd_turns / rms);
     let few = sample.thinned(PIXELS_OF_DRAWS);
     let drawn = draws(modes.fields.len().min(LEADING_MODES)).take(DRAWN_STARTS).map(|normal| {
-        let mut guess = Guess { sd_turns: START_SD * still.sd_turns, ..still.clone() };
-        guess.coefficients[1..].iter_mut().zip(normal).for_each(|(c, n)| *c = n * spread_px);
-        (few.score(&guess), guess)
+        // The other modes are zero, and left out while draws are compared.
+        let leading = normal.into_iter().map(|n| n * spread_px);
+        let coefficients = still.coefficients[..1].iter().copied().chain(leading).collect();
+        Guess { sd_turns: START_SD * still.sd_turns, coefficients, share: 0.0 }
     });
-    let mut drawn: Vec<(f64, Guess)> = drawn.collect();
-    drawn.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let drawn = by_score(&few, drawn.collect());
     let distance = |a: &Guess, b: &Guess| {
         let steps = a.coefficients[1..].iter().zip(&b.coefficients[1..]).zip(&modes.rms_turns);
         steps.map(|((a, b), rms)| ((a - b) * rms).powi(2)).sum::<f64>().sqrt()
     };
     let mut followed: Vec<Guess> = Vec::new();
-    for (_, guess) in drawn {
+    for mut guess in drawn {
         let differs = |other: &Guess| distance(&guess, other) > START_DISTANCE * still.sd_turns;
         if followed.len() < FOLLOWED_STARTS && followed.iter().all(differs) {
+            guess.coefficients.resize(still.coefficients.len(), 0.0);
             followed.push(guess);
         }
     }

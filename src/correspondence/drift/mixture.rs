@@ -111,7 +111,8 @@ impl Sample {
     fn residual_turns(&self, candidate: usize, coefficients: &[f64]) -> f64 {
         let field: f64 = self.row(candidate).iter().zip(coefficients).map(|(d, c)| d * c).sum();
         let residual = self.delta_turns[candidate] - field;
-        residual - residual.round()
+        // As `f64::round` would, which is a call of the C library.
+        residual - (residual + 0.5_f64.copysign(residual)) as i64 as f64
     }
 
     /// How well a guess explains the candidates, nats, less how improbable it is by itself.
@@ -184,24 +185,27 @@ fn bell(z: f64) -> f64 {
 
 /// Sums of a weighted least squares.
 struct Sums {
-    normal: DMatrix<f64>,
-    right: DVector<f64>,
+    /// Lower triangle of the normal matrix, row by row with room for all columns.
+    normal: Vec<f64>,
+    right: Vec<f64>,
     weight: f64,
     squares: f64,
 }
 
 impl Sums {
     fn new(columns: usize) -> Self {
-        Self { normal: DMatrix::zeros(columns, columns), right: DVector::zeros(columns), weight: 0.0, squares: 0.0 }
+        Self { normal: vec![0.0; columns * columns], right: vec![0.0; columns], weight: 0.0, squares: 0.0 }
     }
 
     fn add(&mut self, row: &[f64], residual: f64, weight: f64) {
         self.weight += weight;
         self.squares += weight * residual * residual;
-        for (i, a) in row.iter().enumerate() {
-            self.right[i] += weight * a * residual;
-            for (j, b) in row[..=i].iter().enumerate() {
-                self.normal[(i, j)] += weight * a * b;
+        let rows = self.normal.chunks_exact_mut(row.len()).zip(&mut self.right);
+        for (i, (normal, right)) in rows.enumerate() {
+            let weighted = weight * row[i];
+            *right += weighted * residual;
+            for (sum, value) in normal.iter_mut().zip(&row[..=i]) {
+                *sum += weighted * value;
             }
         }
     }
@@ -211,9 +215,11 @@ impl Sums {
         let dependence = (pixels as f64 / INDEPENDENT_PIXELS).max(1.0);
         let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
         // The lower triangle is all that the decomposition reads.
-        let (mut normal, mut right) = (self.normal.clone(), self.right.clone());
+        let columns = self.right.len();
+        let mut normal = DMatrix::from_row_slice(columns, columns, &self.normal);
+        let mut right = DVector::from_column_slice(&self.right);
         normal[(0, 0)] += f64::EPSILON;
-        for i in 1..right.len() {
+        for i in 1..columns {
             normal[(i, i)] += prior;
             right[i] -= prior * guess.coefficients[i];
         }
