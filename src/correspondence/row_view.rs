@@ -128,7 +128,7 @@ fn beyond_rim(here: i32, outer: Option<i32>, inner: Option<i32>, sense: f32) -> 
     }
     let distance_px = -here as f32 / outwards as f32;
     let within = distance_px > 0.0 && distance_px <= RIM_REACH_PX;
-    within.then(|| (sense * distance_px, (sense * outwards as f32) as i32))
+    within.then_some((sense * distance_px, (sense * outwards as f32) as i32))
 }
 
 #[cfg(test)]
