@@ -8,17 +8,17 @@
 pub enum Outcome {
     /// Decided by Gray code (reference methods only).
     GrayCode = 0,
-    /// Reference correspondence: one candidate, supported by unique neighbours (paper, 2.2.1).
+    /// Reference correspondence: one candidate passes the test (paper, 2.2.1), and the whole image agrees.
     Reference = 1,
-    /// One candidate, supported by reference correspondences later on (paper, 2.2.2).
+    /// One candidate or none that passes the test, admitted by its neighbours (paper, 2.2.2).
     Unique = 2,
     /// One of several candidates, chosen along the epipolar direction by Eq. (2) (paper, 2.2.2).
     AlongEpipolar = 3,
-    /// One of several candidates, chosen with neighbours across the epipolar direction too (paper, 2.2.3).
+    /// One of several candidates, chosen with neighbours across the epipolar direction too (paper, 2.2.3), or along all paths.
     AcrossEpipolar = 4,
     /// No phase: too little modulation, saturated, or no sinusoid.
     Invalid = 16,
-    /// The ray misses the measurement volume, or the epipolar segment lies outside the image of C2.
+    /// The ray or the point misses the measurement volume, or the epipolar segment lies outside the image of C2.
     OutsideVolume = 17,
     /// No point of the segment has the phase of the pixel.
     NoCandidate = 18,
