@@ -16,10 +16,10 @@ pub(super) const UNDECIDED: i32 = i32::MIN;
 /// One turn of phase.
 pub(super) const TURN: i32 = 65536;
 /// Largest phase step between neighbours of one surface; a surface seen at a grazing angle may come close to it.
-const MAX_STEP: i32 = 24576;
+pub(super) const MAX_STEP: i32 = 24576;
 /// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase
 /// jumps by anything: three quarters of such jumps would pass [`MAX_STEP`] alone, one in eight passes this too.
-const MAX_STEP_CHANGE: i32 = 4000;
+pub(super) const MAX_STEP_CHANGE: i32 = 4000;
 /// Different orders of one pixel that are told apart; a fifth opinion is noise.
 const MAX_OPINIONS: usize = 4;
 
@@ -211,6 +211,17 @@ impl Neighbourhood<'_> {
             (at, last_step) = (next, Some(step));
         }
     }
+}
+
+/// The four neighbours of a pixel, as far as they lie in the image.
+pub(super) fn neighbours(pixel: usize, width: usize, pixels: usize) -> [Option<usize>; 4] {
+    let column = pixel % width;
+    [
+        (column > 0).then(|| pixel - 1),
+        (column + 1 < width).then(|| pixel + 1),
+        (pixel >= width).then(|| pixel - width),
+        (pixel + width < pixels).then(|| pixel + width),
+    ]
 }
 
 #[cfg(test)]

@@ -1,9 +1,7 @@
 //! Regions of pixels whose absolute phases run on from one to the next.
 
-use super::super::neighbourhood::{Decided, TURN, UNDECIDED};
+use super::super::neighbourhood::{Decided, MAX_STEP, UNDECIDED, neighbours};
 
-/// Largest difference of absolute phase between neighbours of one region.
-const MAX_STEP: i32 = 3 * TURN / 8;
 /// A pixel without region.
 const NONE: u32 = u32::MAX;
 
@@ -61,19 +59,9 @@ impl Regions {
     }
 }
 
-/// The four neighbours of a pixel, as far as they lie in the image.
-fn neighbours(pixel: usize, width: usize, pixels: usize) -> [Option<usize>; 4] {
-    let column = pixel % width;
-    [
-        (column > 0).then(|| pixel - 1),
-        (column + 1 < width).then(|| pixel + 1),
-        (pixel >= width).then(|| pixel - width),
-        (pixel + width < pixels).then(|| pixel + width),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::super::neighbourhood::TURN;
     use super::*;
 
     #[test]

@@ -26,7 +26,7 @@ const MAX_Z: f32 = 5.0;
 /// Steps of the table of energies, in z.
 const STEPS_PER_Z: f32 = 64.0;
 /// z of the back-projection test (paper, section 2.1).
-const PASSING_Z: f32 = 3.0;
+pub(super) const PASSING_Z: f32 = 3.0;
 /// Share of the variance of δ that grows with noise over modulation; the rest is the same for all pixels.
 const NOISE_SHARE: f32 = 0.5;
 /// Largest sd of a pixel, in that of a pixel of median modulation.

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
+use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use super::UNITS_PER_NAT;
 use super::evidence::MISSING;
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
@@ -23,11 +24,6 @@ use super::windows::{LANE_STEP, MAX_LANES, Windows};
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
 const CHANGE: i16 = (CHANGE_NATS * UNITS_PER_NAT) as i16;
-/// Largest step of the wrapped phase from pixel to pixel that continues a surface, turns · 65536.
-pub(super) const MAX_STEP: i32 = 24576;
-/// Largest change of the step from one pixel to the next (22°). Across a depth edge the wrapped phase jumps by anything:
-/// three quarters of such jumps pass [`MAX_STEP`] alone, one in eight passes this too.
-const MAX_BEND: i32 = 4000;
 /// Orders by which the windows of neighbours may be shifted against each other.
 const MAX_SHIFT: usize = 8;
 /// Paths through each pixel.
@@ -165,7 +161,7 @@ impl Sweep<'_> {
         let here = rise(before, pixel);
         let bends = |from: Option<usize>, to: Option<usize>| {
             let (Some(from), Some(to)) = (from, to) else { return false };
-            self.cam1.valid[from] && self.cam1.valid[to] && (rise(from, to) - here).abs() > MAX_BEND
+            self.cam1.valid[from] && self.cam1.valid[to] && (rise(from, to) - here).abs() > MAX_STEP_CHANGE
         };
         let jumps = here.abs() > MAX_STEP
             || bends(self.at(pixel, step, -2), Some(before))

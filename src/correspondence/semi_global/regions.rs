@@ -1,7 +1,6 @@
 //! Regions of selected candidates whose absolute phases run on from pixel to pixel.
 
-use super::super::neighbourhood::TURN;
-use super::paths::MAX_STEP;
+use super::super::neighbourhood::{MAX_STEP, TURN, neighbours};
 use super::selection::Selected;
 use crate::phase::PhaseMap;
 
@@ -68,15 +67,4 @@ impl Regions {
         }
         self.begins.push(self.pixels.len());
     }
-}
-
-/// The four neighbours of a pixel, as far as they lie in the image.
-fn neighbours(pixel: usize, width: usize, pixels: usize) -> [Option<usize>; 4] {
-    let column = pixel % width;
-    [
-        (column > 0).then(|| pixel - 1),
-        (column + 1 < width).then(|| pixel + 1),
-        (pixel >= width).then(|| pixel - width),
-        (pixel + width < pixels).then(|| pixel + width),
-    ]
 }

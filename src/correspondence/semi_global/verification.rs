@@ -11,9 +11,10 @@
 use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
-use super::super::neighbourhood::TURN;
+use super::super::neighbourhood::{MAX_STEP, TURN};
 use super::super::outcome::Outcome;
-use super::paths::{MAX_STEP, PATHS, Verdict};
+use super::evidence::PASSING_Z;
+use super::paths::{PATHS, Verdict};
 use super::regions::{Regions, absolute};
 use super::selection::Selected;
 use super::{Scene, UNITS_PER_NAT};
@@ -27,8 +28,6 @@ const LEAD_NATS_PER_VARIANCE: f32 = 2.5;
 const MAX_VARIANCE: f32 = 3.5;
 /// Median of the square of a normal number of variance 1.
 const MEDIAN_SQUARE: f32 = 0.455;
-/// z of the back-projection test.
-const PASSING_Z: f32 = 3.0;
 /// Neighbours, of eight, that readmit a pixel.
 const MIN_SUPPORTERS: usize = 3;
 /// Lead, nats a path, by which a region is better founded than another. One surface that hides another has about its lead.
