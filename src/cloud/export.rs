@@ -134,6 +134,7 @@ fn check_finite(path: &Path, points: &[CloudPoint], per_metre: f32) -> Result<()
             ("v2", point.cam2_px[1]),
             ("delta", point.delta_rad),
             ("sigma", point.sigma_m * per_metre),
+            ("confidence", point.confidence),
         ];
         if let Some(&(field, value)) = fields.iter().find(|(_, value)| !value.is_finite()) {
             return Err(CloudWriteError::NotFinite { path: path.to_owned(), cam1_px: point.cam1_px, field, value });
@@ -160,9 +161,10 @@ pub(super) mod tests {
             candidates: 5,
             stage: 2,
             sigma_m: 0.0005,
+            confidence: 0.75,
         };
         let second = CloudPoint { position_m: [0.0, 0.125, 0.75], intensity: 7, order: 11, candidates: 1, ..first };
-        vec![first, CloudPoint { stage: 4, delta_rad: -0.5, sigma_m: 0.00025, ..second }]
+        vec![first, CloudPoint { stage: 4, delta_rad: -0.5, sigma_m: 0.00025, confidence: 1.0, ..second }]
     }
 
     #[test]
@@ -192,7 +194,7 @@ pub(super) mod tests {
         let bytes = std::fs::read(path).unwrap();
         let text = String::from_utf8_lossy(&bytes).into_owned();
         assert!(text.contains("\ncomment unit m\n"));
-        assert!(bytes.ends_with(&0.00025_f32.to_le_bytes()));
+        assert!(bytes.ends_with(&[0.00025_f32, 1.0].map(f32::to_le_bytes).concat()));
     }
 
     #[test]

@@ -36,6 +36,8 @@ pub struct CloudPoint {
     pub stage: u8,
     /// Predicted standard deviation of the point along its ray, metres.
     pub sigma_m: f32,
+    /// Probability that the correspondence is the true one, 0 to 1; 0 by methods that state none (Gray code, the paper's).
+    pub confidence: f32,
 }
 
 /// Points in the order of their pixels in C1, row by row; at most one a pixel, all numbers finite.

@@ -26,6 +26,7 @@ pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export
     fields.write("candidates", |p| p.candidates)?;
     fields.write("stage", |p| p.stage)?;
     fields.write("sigma", |p| p.sigma_m * per_metre)?;
+    fields.write("confidence", |p| p.confidence)?;
     for (key, value) in export.remarks() {
         fields.write_text(key, &value)?;
     }
@@ -96,6 +97,7 @@ mod tests {
         assert_eq!(read::<f32>(&bytes, "v2"), each(|p| p.cam2_px[1]));
         assert_eq!(read::<f32>(&bytes, "delta"), each(|p| p.delta_rad));
         assert_eq!(read::<f32>(&bytes, "sigma"), each(|p| p.sigma_m * 1000.0));
+        assert_eq!(read::<f32>(&bytes, "confidence"), [0.75, 1.0]);
         assert_eq!(read::<u16>(&bytes, "u1"), points.iter().map(|p| p.cam1_px[0]).collect::<Vec<_>>());
         assert_eq!(read::<u16>(&bytes, "v1"), points.iter().map(|p| p.cam1_px[1]).collect::<Vec<_>>());
         assert_eq!(read::<i16>(&bytes, "order"), points.iter().map(|p| p.order).collect::<Vec<_>>());

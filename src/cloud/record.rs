@@ -1,6 +1,6 @@
 //! One point as the exported files hold it: names, types and order of its fields.
 //!
-//! PLY and PCD store the same 37 bytes a point, little-endian and without padding, as do the channel `cloud` and
+//! PLY and PCD store the same 41 bytes a point, little-endian and without padding, as do the channel `cloud` and
 //! recordings, with lengths in metres; NPZ stores one array a field under the same names.
 
 use super::CloudPoint;
@@ -31,7 +31,7 @@ impl Scalar {
 }
 
 /// Name and type of every field, in the order of the record.
-pub const FIELDS: [(&str, Scalar); 13] = [
+pub const FIELDS: [(&str, Scalar); 14] = [
     ("x", Scalar::F32),
     ("y", Scalar::F32),
     ("z", Scalar::F32),
@@ -45,6 +45,7 @@ pub const FIELDS: [(&str, Scalar); 13] = [
     ("candidates", Scalar::U8),
     ("stage", Scalar::U8),
     ("sigma", Scalar::F32),
+    ("confidence", Scalar::F32),
 ];
 
 /// Bytes of one record.
@@ -94,6 +95,7 @@ fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
     record[31] = point.candidates;
     record[32] = point.stage;
     record[33..37].copy_from_slice(&(point.sigma_m * per_metre).to_le_bytes());
+    record[37..41].copy_from_slice(&point.confidence.to_le_bytes());
 }
 
 /// Reads records whose lengths are in metres; `None` if they do not fill the bytes.
@@ -118,6 +120,7 @@ pub fn decode_record(record: &[u8; RECORD_BYTES]) -> CloudPoint {
         candidates: record[31],
         stage: record[32],
         sigma_m: float(33),
+        confidence: float(37),
     }
 }
 

@@ -36,6 +36,7 @@ pub fn reference_cloud(
             candidates: 1,
             stage: Outcome::GrayCode as u8,
             sigma_m: (match_sd_px * range_per_pixel(rig, &position)?) as f32,
+            confidence: 0.0,
         })
     };
     Cloud { points: matches.par_iter().enumerate().filter_map(point).collect() }

@@ -67,6 +67,7 @@ fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate:
         candidates: matches.passing[i],
         stage: matches.outcomes[i] as u8,
         sigma_m: sigma_m as f32,
+        confidence: matches.confidence[i].probability(),
     })
 }
 

@@ -175,6 +175,12 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
             )?,
             min_region_px: raw.min_region_px.unwrap_or(default.min_region_px),
         },
+        min_confidence: checked(
+            "correspondence.min_confidence",
+            raw.min_confidence.unwrap_or(MatchSettings::default().min_confidence),
+            |v| (0.0..=1.0).contains(v),
+            "it must be a probability, between 0 and 1",
+        )?,
     })
 }
 

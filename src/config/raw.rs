@@ -43,6 +43,7 @@ pub(super) struct RawPhase {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawCorrespondence {
     pub(super) resolution: Option<String>,
+    pub(super) min_confidence: Option<f32>,
     pub(super) delta_sd_rad: Option<f64>,
     pub(super) max_rounds: Option<usize>,
     pub(super) max_sweeps: Option<usize>,

@@ -14,7 +14,7 @@ use super::outcome::Outcome;
 use super::resolution::{Pass, ResolutionSettings};
 use super::row_view::RowView;
 use super::segment_table::SegmentTable;
-use super::semi_global;
+use super::semi_global::{self, Confidence, Grounds};
 
 /// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
@@ -44,7 +44,7 @@ impl ResolutionMethod {
 }
 
 /// How correspondences are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchSettings {
     /// Standard deviation of δ, rad, where it is not to be measured.
     pub delta_sd_rad: Option<f64>,
@@ -52,6 +52,15 @@ pub struct MatchSettings {
     pub method: ResolutionMethod,
     /// How the paper's method weighs and when it stops, and the smallest region of either.
     pub resolution: ResolutionSettings,
+    /// Least probability of a point to be true; the paper's method states none.
+    pub min_confidence: f32,
+}
+
+impl Default for MatchSettings {
+    fn default() -> Self {
+        let resolution = ResolutionSettings::default();
+        Self { delta_sd_rad: None, method: ResolutionMethod::default(), resolution, min_confidence: 0.9 }
+    }
 }
 
 /// Correspondences of all pixels of C1, row by row, and what they rest on.
@@ -63,6 +72,8 @@ pub struct Matches {
     pub chosen: Vec<Option<Candidate>>,
     /// Number of candidates of each pixel that passed the back-projection test.
     pub passing: Vec<u8>,
+    /// How likely each point is true; [`Confidence::NONE`] everywhere by the paper's method.
+    pub confidence: Vec<Confidence>,
     /// Statistics of δ from which the threshold came.
     pub delta: DeltaStatistics,
     /// δ of all candidates of some of the pixels: their numbers in equal parts of −π to π rad.
@@ -83,6 +94,20 @@ pub fn match_phases(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<Matches, MatchError> {
+    match_phases_with_grounds(cam1, cam2, table, settings).map(|(matches, _)| matches)
+}
+
+/// As [`match_phases`], with the grounds on which each pixel was decided: what a fit of the confidence learns from. There
+/// are none by the paper's method.
+///
+/// # Errors
+/// Those of [`match_phases`].
+pub fn match_phases_with_grounds(
+    cam1: &PhaseMap,
+    cam2: &PhaseMap,
+    table: &SegmentTable,
+    settings: &MatchSettings,
+) -> Result<(Matches, Vec<Grounds>), MatchError> {
     let (found, expected) = ([cam1.width, cam1.height], table.size_px());
     let size_error = MatchError::Size { found, expected };
     if found != expected {
@@ -96,12 +121,12 @@ pub fn match_phases(
         delta.sd_rad = sd_rad;
     }
     let matching = Matching { raw, cam2: &cam2, table, settings };
-    let mut matches = match settings.method {
-        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram),
-        ResolutionMethod::Paper => matching.by_paper(delta, &histogram),
-    }?;
+    let (mut matches, grounds) = match settings.method {
+        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram)?,
+        ResolutionMethod::Paper => (matching.by_paper(delta, &histogram)?, Vec::new()),
+    };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
-    Ok(matches)
+    Ok((matches, grounds))
 }
 
 /// One pair of phase maps, to be matched by either method.
@@ -115,7 +140,11 @@ struct Matching<'a> {
 }
 
 impl Matching<'_> {
-    fn semi_global(&self, delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
+    fn semi_global(
+        &self,
+        delta: DeltaStatistics,
+        histogram: &DeltaHistogram,
+    ) -> Result<(Matches, Vec<Grounds>), MatchError> {
         let [cam1, _] = self.raw;
         let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
@@ -124,20 +153,26 @@ impl Matching<'_> {
             check_rest(&rest)?;
         }
         let scene = semi_global::Scene { cam1, cam2: self.cam2, table: self.table, drift: &drift };
-        let decisions = semi_global::resolve(&scene, self.settings.resolution.min_region_px);
+        let limits = semi_global::Limits {
+            min_region_px: self.settings.resolution.min_region_px,
+            min_confidence: self.settings.min_confidence,
+        };
+        let (decisions, grounds) = semi_global::resolve(&scene, &limits);
         let found = decisions.chosen.iter().flatten().count();
         let with_candidates = decisions.passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         check_share(&rest, doubtful, found, with_candidates)?;
-        Ok(Matches {
+        let matches = Matches {
             chosen_delta_rad: delta_rad(&decisions.chosen),
             outcomes: decisions.outcomes,
             chosen: decisions.chosen,
             passing: decisions.passing,
+            confidence: decisions.confidence,
             delta,
             delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
             drift: Some(drift),
-        })
+        };
+        Ok((matches, grounds))
     }
 
     fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
@@ -157,6 +192,7 @@ impl Matching<'_> {
         }
         check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found(), pass.with_candidates())?;
         Ok(Matches {
+            confidence: vec![Confidence::NONE; chosen.len()],
             chosen,
             chosen_delta_rad,
             passing: pass.passing(&delta.gate()),

@@ -14,6 +14,7 @@
 
 mod agreement;
 mod candidates;
+mod decay;
 mod delta_histogram;
 mod delta_statistics;
 mod drift;
@@ -35,9 +36,10 @@ pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use drift::{Drift, DriftModes, estimate_drift};
 pub use epipolar_image::EpipolarImage;
-pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases};
+pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
 pub use segment_table::{EpipolarAxis, Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
+pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};

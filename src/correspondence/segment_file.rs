@@ -14,7 +14,7 @@ use super::drift::DriftModes;
 use super::segment_table::{Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Largest side of an image, pixels; larger ones in a header are damage.
 const MAX_SIDE_PX: u32 = 65535;
 

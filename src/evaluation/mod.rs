@@ -131,6 +131,7 @@ mod test_cloud {
             candidates: 1,
             stage: 0,
             sigma_m: 0.0,
+            confidence: 1.0,
         };
         Cloud { points: points.iter().map(point).collect() }
     }

@@ -100,6 +100,7 @@ mod tests {
                 candidates: 1,
                 stage: 1,
                 sigma_m: 1e-4,
+                confidence: 1.0,
             }
         });
         Cloud { points: points.collect() }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::cloud::Cloud;
-use crate::correspondence::{MatchError, MatchSettings, Matches, Outcome, SegmentTable};
+use crate::correspondence::{Confidence, MatchError, MatchSettings, Matches, Outcome, SegmentTable};
 use crate::geometry::{EpipolarError, Rig};
 use crate::grey::GreyLevels;
 use crate::phase::{PhaseMap, PhaseShifts, Validity};
@@ -100,6 +100,7 @@ fn account_for_lost_points(cloud: &Cloud, matches: &mut Matches, width: usize) {
         if points.next_if_eq(&i).is_none() {
             *outcome = Outcome::OutsideVolume;
             matches.chosen[i] = None;
+            matches.confidence[i] = Confidence::NONE;
         }
     }
 }

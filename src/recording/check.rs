@@ -134,7 +134,7 @@ fn cloud_fault(header: &CloudHeader, records: &[u8]) -> Option<String> {
         return Some(format!("field {field} is {value}; expected a finite number"));
     }
     let is_finite = |point: &CloudPoint| {
-        let numbers = [point.cam2_px[0], point.cam2_px[1], point.delta_rad, point.sigma_m];
+        let numbers = [point.cam2_px[0], point.cam2_px[1], point.delta_rad, point.sigma_m, point.confidence];
         point.position_m.iter().chain(&numbers).all(|number| number.is_finite())
     };
     let place = read_records(records)?.iter().position(|point| !is_finite(point))?;

@@ -1,8 +1,9 @@
 //! Correspondences of all pixels of C1: column of q in the epipolar frame `f32`, modulation `f32`, fringe order `i16`, δ
-//! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), outcome `u8`, candidates that passed the test
-//! `u8`, mean `u8`. Column, order, δ and slope are zero where nothing was found.
+//! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), confidence `u16` (probability · 65535), outcome
+//! `u8`, candidates that passed the test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero where nothing was
+//! found.
 
-use crate::correspondence::{Candidate, DeltaStatistics, Matches, Outcome};
+use crate::correspondence::{Candidate, Confidence, DeltaStatistics, Matches, Outcome};
 use crate::message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 use crate::worker::Correspondences;
 
@@ -12,7 +13,7 @@ use super::{WireError, checked_pixels};
 /// Blocks of the payload for images of `pixels` pixels.
 #[must_use]
 pub const fn blocks(pixels: usize) -> usize {
-    2 * blocks_of::<f32>(pixels) + 3 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
+    2 * blocks_of::<f32>(pixels) + 4 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
 }
 
 /// The header of correspondences made from `window`.
@@ -49,6 +50,7 @@ struct Planes<'a> {
     order: &'a [i16],
     delta: &'a [i16],
     slope: &'a [i16],
+    confidence: &'a [Confidence],
     outcome: &'a [u8],
     passing: &'a [u8],
     mean: &'a [u8],
@@ -67,6 +69,7 @@ pub fn write(found: &Correspondences, mut out: &mut [Block]) {
     fill(next_plane_mut(out, pixels), chosen(|c| c.order));
     fill(next_plane_mut(out, pixels), chosen(|c| c.delta));
     fill(next_plane_mut(out, pixels), chosen(|c| c.slope));
+    next_plane_mut(out, pixels).copy_from_slice(&matches.confidence);
     fill(next_plane_mut(out, pixels), matches.outcomes.iter().map(|&outcome| outcome as u8));
     next_plane_mut(out, pixels).copy_from_slice(&matches.passing);
     next_plane_mut(out, pixels).copy_from_slice(&found.mean);
@@ -90,6 +93,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
         order: next_plane(&mut rest, pixels),
         delta: next_plane(&mut rest, pixels),
         slope: next_plane(&mut rest, pixels),
+        confidence: next_plane(&mut rest, pixels),
         outcome: next_plane(&mut rest, pixels),
         passing: next_plane(&mut rest, pixels),
         mean: next_plane(&mut rest, pixels),
@@ -104,6 +108,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
     matches.chosen.extend(outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| planes.candidate(i))));
     matches.outcomes = outcomes;
     refill(&mut matches.passing, planes.passing);
+    refill(&mut matches.confidence, planes.confidence);
     refill(&mut matches.delta_counts, &header.delta_counts);
     matches.delta = statistics(header);
     matches.chosen_delta_rad = (header.chosen_delta_mean_rad, header.chosen_delta_sd_rad);
@@ -153,8 +158,10 @@ mod tests {
             DeltaStatistics { mean_rad: 0.1, sd_rad: 0.04, noise_sd_rad: 0.01, mean_periods: 5.5, references: 12 };
         let passing = (0..35).map(|i| i as u8 % 4).collect();
         let delta_counts = (0..DELTA_PARTS as u32).collect();
+        let confidence = (0..35_u16).map(|i| bytemuck::cast(i * 1000)).collect();
+        let chosen_delta_rad = (0.02, 0.03);
         let matches =
-            Matches { outcomes, chosen, passing, delta, delta_counts, chosen_delta_rad: (0.02, 0.03), drift: None };
+            Matches { outcomes, chosen, passing, confidence, delta, delta_counts, chosen_delta_rad, drift: None };
         Correspondences {
             width: 7,
             matches,
@@ -180,7 +187,7 @@ mod tests {
         let found = found();
         let mut payload = vec![Block([0; 64]); blocks(35)];
         write(&found, &mut payload);
-        let outcomes = 2 * blocks_of::<f32>(35) + 3 * blocks_of::<i16>(35);
+        let outcomes = 2 * blocks_of::<f32>(35) + 4 * blocks_of::<i16>(35);
         payload[outcomes].0[4] = 99;
         let header = header(&found, &Window::default(), 3);
         let refused = read(&header, &payload, &mut Correspondences::default());

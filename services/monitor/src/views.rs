@@ -202,6 +202,7 @@ mod tests {
             candidates: 1,
             stage: 1,
             sigma_m: 0.0,
+            confidence: 1.0,
         };
         let mut bytes = Vec::new();
         write_records(&mut bytes, &points.iter().map(point).collect::<Vec<_>>(), 1.0).unwrap();

@@ -28,9 +28,10 @@ const FOLLOWED_STARTS: usize = 20;
 const LEADING_MODES: usize = 6;
 /// efc (paper, Eq. 1) up to which wrong candidates are too few to lead an estimate astray.
 const FEW_FALSE_CANDIDATES: f64 = 0.3;
-/// Improbability, nats, and share of pixels with a true candidate, by which an estimate from no drift is believed.
-const PLAUSIBLE_NATS: f64 = 1.0;
-const PLAUSIBLE_SHARE: f64 = 0.6;
+/// Share of pixels with a true candidate below which the scene may lie beyond the volume.
+const MOST_PIXELS: f64 = 0.7;
+/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates.
+const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -104,13 +105,21 @@ impl Drift {
 /// Estimates the drift from the candidates of one pair of images; `delta` is what is known of δ without it.
 ///
 /// The estimate begins without drift. Where that leads to a field that no likely calibration error causes, or explains
-/// few pixels, it begins anew from fields that likely errors cause: a wrong order may look consistent from one start.
+/// few pixels, it begins anew from fields that likely errors cause: a wrong order may look consistent from one start. And it
+/// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    let Some((modes, sample)) = table.drift_modes().zip(Sample::take(cam1, cam2, table, PIXELS)) else {
+    let take = |beyond_px: f32| Sample::take(cam1, cam2, table, PIXELS, beyond_px);
+    let Some((modes, mut sample)) = table.drift_modes().zip(take(0.0)) else {
         return Drift::constant(delta);
     };
     let mut best = best_start(&sample.thinned(PIXELS_OF_STARTS), modes, delta);
+    if best.share < MOST_PIXELS {
+        let wider = SEGMENTS_BEYOND.map(|share| take(share * 2.0 * modes.half_segment_px() as f32));
+        if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
+            (best, sample) = (beyond, wide);
+        }
+    }
     best.sd_turns *= LAST_WIDENING;
     sample.refine(&mut best, LAST_STEPS);
     Drift::new(modes, &best)
@@ -122,8 +131,7 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
     let still = Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 };
     let mut best = still.clone();
     sample.refine(&mut best, STEPS);
-    let plausible = best.improbability() < PLAUSIBLE_NATS && best.share > PLAUSIBLE_SHARE;
-    if plausible || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
+    if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
     let mut followed = followed_starts(sample, modes, &still);
@@ -133,6 +141,23 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
     promising.iter_mut().for_each(|guess| sample.refine(guess, STEPS));
     promising.push(best);
     by_score(sample, promising).swap_remove(0)
+}
+
+/// The best guess of those that begin with wider samples, with the widest, if it explains that better than the guess within
+/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used.
+fn better_beyond<const N: usize>(
+    wider: [Option<Sample>; N],
+    modes: &DriftModes,
+    delta: &DeltaStatistics,
+    within: &Guess,
+) -> Option<(Guess, Sample)> {
+    let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
+    let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
+    let guesses = thinned.iter().flatten().map(|sample| best_start(sample, modes, &delta)).collect();
+    let judge = thinned.iter().flatten().last()?;
+    let best = by_score(judge, guesses).into_iter().next()?;
+    let is_better = judge.score(&best) > judge.score(within);
+    wider.into_iter().flatten().last().filter(|_| is_better).map(|sample| (best, sample))
 }
 
 /// Guesses, the best first.

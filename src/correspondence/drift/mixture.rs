@@ -2,12 +2,13 @@
 //! the drift; the others are false, their δ anywhere; or all are false.
 
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::phase::PhaseMap;
 
-use super::super::candidates::{Candidate, DeltaGate, plain_scan};
+use super::super::decay::decay;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::row_view::RowView;
 use super::super::segment_table::SegmentTable;
@@ -22,6 +23,9 @@ const INDEPENDENT_PIXELS: f64 = 20.0;
 const PRIOR_PX: f64 = 0.5;
 /// Least sd that is believed, turns: rounding alone makes more.
 const MIN_SD_TURNS: f64 = 0.0006;
+/// Improbability, nats, and share of pixels with a true candidate, by which a guess is believed.
+const PLAUSIBLE_NATS: f64 = 1.0;
+const PLAUSIBLE_SHARE: f64 = 0.6;
 /// Largest step by which sd shrinks; a faster one would settle on whatever is near.
 const FASTEST_SHRINK: f64 = 0.6;
 /// Relative change of sd at which the steps end.
@@ -41,6 +45,11 @@ impl Guess {
     pub(super) fn improbability(&self) -> f64 {
         self.coefficients[1..].iter().map(|c| c * c).sum::<f64>() / (2.0 * PRIOR_PX * PRIOR_PX)
     }
+
+    /// Whether a likely error of the calibration explains most pixels.
+    pub(super) fn is_plausible(&self) -> bool {
+        self.improbability() < PLAUSIBLE_NATS && self.share > PLAUSIBLE_SHARE
+    }
 }
 
 /// A sample of pixels with all their candidates.
@@ -54,8 +63,15 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Pixels of C1, evenly spread, not many more than `pixels`; `None` without a mode or a candidate.
-    pub(super) fn take(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, pixels: usize) -> Option<Self> {
+    /// Pixels of C1, evenly spread, not many more than `pixels`, with the candidates on their segments and up to so many
+    /// columns beyond these; `None` without a mode or a candidate.
+    pub(super) fn take(
+        cam1: &PhaseMap,
+        cam2: &EpipolarImage,
+        table: &SegmentTable,
+        pixels: usize,
+        beyond_px: f32,
+    ) -> Option<Self> {
         let modes = table.drift_modes()?;
         let usable = |i: usize| cam1.valid[i] && !table.segments()[i].is_none();
         let all = (0..cam1.phase.len()).filter(|&i| usable(i)).count();
@@ -63,18 +79,23 @@ impl Sample {
         let stride = (all / pixels.max(1)).max(1) | 1;
         let columns = 1 + modes.fields.len();
         let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns };
-        let mut found = Vec::new();
         for i in (0..cam1.phase.len()).filter(|&i| usable(i)).step_by(stride) {
-            found.clear();
-            let segment = &table.segments()[i];
-            plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, &mut found);
+            let (segment, before) = (&table.segments()[i], sample.delta_turns.len());
+            let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
+            let columns = limits_px[0] as usize..=limits_px[1].ceil() as usize;
             let (u, v) = (i % cam1.width, i / cam1.width);
-            for &Candidate { column_px, delta, .. } in &found {
-                sample.delta_turns.push(f64::from(delta) / 65536.0);
-                sample.design.push(1.0);
-                sample.design.extend(modes.at(u, v, column_px));
-            }
-            if !found.is_empty() {
+            let row = RowView::new(cam2, segment.row_px);
+            let _ = row.crossings(limits_px, cam1.phase[i], columns, |column_px, _| {
+                let delta_turns = f64::from(segment.phase_turns(column_px)) - f64::from(cam1.phase[i]) / 65536.0;
+                // Beyond the volume Φ may have a pole.
+                if delta_turns.is_finite() {
+                    sample.delta_turns.push(to_half_turn(delta_turns));
+                    sample.design.push(1.0);
+                    sample.design.extend(modes.at(u, v, column_px));
+                }
+                ControlFlow::Continue(())
+            });
+            if sample.delta_turns.len() > before {
                 sample.first.push(sample.delta_turns.len());
             }
         }
@@ -110,9 +131,7 @@ impl Sample {
     /// What a field leaves of δ, wrapped to half a turn.
     fn residual_turns(&self, candidate: usize, coefficients: &[f64]) -> f64 {
         let field: f64 = self.row(candidate).iter().zip(coefficients).map(|(d, c)| d * c).sum();
-        let residual = self.delta_turns[candidate] - field;
-        // As `f64::round` would, which is a call of the C library.
-        residual - (residual + 0.5_f64.copysign(residual)) as i64 as f64
+        to_half_turn(self.delta_turns[candidate] - field)
     }
 
     /// How well a guess explains the candidates, nats, less how improbable it is by itself.
@@ -170,17 +189,14 @@ impl Sample {
     }
 }
 
-/// e^(−z²/2), to 1e-6, and 0 beyond six sd. That of the C library differs from one processor to the next in its last bit.
+/// Without its whole turns; as `f64::round` would, which is a call of the C library.
+fn to_half_turn(turns: f64) -> f64 {
+    turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
+}
+
+/// Density of a normal number of sd 1 at z, in that at 0.
 fn bell(z: f64) -> f64 {
-    /// Squarings that undo the division of the exponent.
-    const SQUARINGS: i32 = 5;
-    let x = 0.5 * z * z;
-    if x > 18.0 {
-        return 0.0;
-    }
-    let x = x / f64::from(1 << SQUARINGS);
-    let series = 1.0 - x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
-    (0..SQUARINGS).fold(series, |value, _| value * value)
+    decay(0.5 * z * z)
 }
 
 /// Sums of a weighted least squares.

@@ -20,7 +20,7 @@ const MIN_RMS_TURNS: f64 = 1e-4;
 /// Points along x, y and z of the volume in which the fields are sampled.
 const SAMPLES: [usize; 3] = [11, 9, 7];
 /// How far the samples reach beyond the volume in depth, shares of it: candidates are sought there too.
-const DEPTH_MARGIN: f64 = 0.3;
+const DEPTH_MARGIN: f64 = 0.5;
 /// Pixels beyond an image in which its distortion is still trusted.
 const IMAGE_MARGIN_PX: f64 = 30.0;
 /// By what a parameter is moved, pixels at the border of the image.

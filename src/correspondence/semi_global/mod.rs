@@ -13,11 +13,15 @@
 //! 3. *paths*: sums of the least energies along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
 //! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; one place of C2
-//!    serves one order.
+//!    serves one order (*claims*). On the *grounds* of what stands around it every pixel gets a *confidence*; those below a
+//!    limit are left out.
 //!
 //! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
 
+mod claims;
+mod confidence;
 mod evidence;
+mod grounds;
 mod paths;
 mod regions;
 mod selection;
@@ -31,6 +35,9 @@ use super::drift::Drift;
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::segment_table::SegmentTable;
+
+pub use confidence::{CONFIDENCE_TERMS, Confidence};
+pub use grounds::Grounds;
 
 use evidence::DeltaScale;
 use windows::Windows;
@@ -53,18 +60,27 @@ pub(super) struct Decisions {
     pub(super) chosen: Vec<Option<Candidate>>,
     /// Orders of each pixel that pass the back-projection test about the drift.
     pub(super) passing: Vec<u8>,
+    /// How likely each point is true.
+    pub(super) confidence: Vec<Confidence>,
 }
 
-/// Decides every pixel that has a segment; regions smaller than `min_region_px` are left out.
+/// What a point must have.
+pub(super) struct Limits {
+    /// Pixels of a region of continuous absolute phase.
+    pub(super) min_region_px: u32,
+    /// Probability of being true.
+    pub(super) min_confidence: f32,
+}
+
+/// Decides every pixel that has a segment, and tells on what grounds.
 ///
 /// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
-pub(super) fn resolve(scene: &Scene<'_>, min_region_px: u32) -> Decisions {
+pub(super) fn resolve(scene: &Scene<'_>, limits: &Limits) -> (Decisions, Vec<Grounds>) {
     let windows = Windows::of(scene);
     let scale = DeltaScale::of(scene);
     let evidence = evidence::gather(scene, &windows, &scale);
     let passing = evidence::count_passing(&evidence, &windows);
     let verdicts = paths::least_energies(scene.cam1, &windows, &evidence);
     let selected = selection::select(scene, &windows, &scale, &verdicts);
-    let (outcomes, chosen) = verification::verify(scene, &selected, &verdicts, &passing, min_region_px);
-    Decisions { outcomes, chosen, passing }
+    verification::verify(scene, &selected, &verdicts, passing, limits)
 }

@@ -1,7 +1,7 @@
 //! Checking, verifying and exporting: what is in a recording is compared with itself.
 
 use super::*;
-use crate::cloud::write_records;
+use crate::cloud::{RECORD_BYTES, write_records};
 use crate::dataset::{CameraId, Dataset, GreyImage};
 use crate::reconstruction::Reconstructor;
 
@@ -58,7 +58,7 @@ fn a_cloud_is_made_again_of_its_images_to_the_last_byte() {
 #[test]
 fn one_bit_of_one_point_is_found() {
     let folder = Folder::new();
-    let recording = with_cloud(&folder, |_, records| records[37 * 50 + 3] ^= 1);
+    let recording = with_cloud(&folder, |_, records| records[RECORD_BYTES * 50 + 3] ^= 1);
     assert!(matches!(outcome(&recording), VerifyOutcome::Different { first: 50, .. }), "{:?}", outcome(&recording));
 }
 

@@ -1,5 +1,6 @@
 //! Files that are cut, flipped, or lie.
 
+use crate::cloud::RECORD_BYTES;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -20,7 +21,7 @@ fn small_recording(folder: &Folder) -> Vec<u8> {
         }
         recorder.push(&Recordable::Report(&report()));
     }
-    recorder.push(&Recordable::Cloud { header: &cloud(3), records: &[0; 3 * 37] });
+    recorder.push(&Recordable::Cloud { header: &cloud(3), records: &[0; 3 * RECORD_BYTES] });
     recorder.push(&Recordable::Mark { time_ns: 1, text: "here" });
     std::fs::read(recorder.finish().unwrap().file).unwrap()
 }

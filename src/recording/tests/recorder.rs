@@ -38,7 +38,7 @@ fn messages_that_contradict_themselves_are_counted_and_not_written() {
         recorder.push(&Recordable::Frame { header, image: &image });
     }
     recorder.push(&Recordable::Frame { header: &good, image: &image[1..] });
-    recorder.push(&Recordable::Cloud { header: &cloud(2), records: &[0; 37] });
+    recorder.push(&Recordable::Cloud { header: &cloud(2), records: &[0; RECORD_BYTES] });
     recorder.push(&Recordable::Cloud { header: &cloud(u64::MAX), records: &[] });
     let endless = Window { steps: 17, ..window() };
     recorder.push(&Recordable::Maps { header: &MapsHeader { window: endless, ..maps() }, payload: &[] });

@@ -84,6 +84,7 @@ fn clouds_reports_and_marks_are_read_with_their_fields() {
         (8, sum(|p| p.order.into())),
         (9, sum(|p| p.delta_rad.into())),
         (12, sum(|p| p.sigma_m.into())),
+        (13, sum(|p| p.confidence.into())),
     ];
     for (field, expected) in sums {
         let read = cloud[1][field].as_f64().unwrap();
