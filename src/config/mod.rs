@@ -12,7 +12,7 @@ mod virtual_scanner;
 use std::path::{Path, PathBuf};
 
 use crate::calibration::Unit;
-use crate::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
+use crate::correspondence::{DriftLimit, MatchSettings, ResolutionMethod, ResolutionSettings};
 use crate::geometry::MeasurementVolume;
 use crate::phase::Validity;
 use crate::reconstruction::Settings;
@@ -33,6 +33,8 @@ pub struct Configuration {
     pub settings: Settings,
     /// Measurement volume that replaces that of the dataset or the recording.
     pub volume: Option<MeasurementVolume>,
+    /// Drift of the calibration beyond which an alarm is raised.
+    pub drift_limit: DriftLimit,
 }
 
 /// Why a configuration file was refused.
@@ -126,8 +128,19 @@ impl Configuration {
 
     fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
         let settings = Settings { validity: validity(&raw.phase)?, matching: matching(&raw.correspondence)? };
-        Ok(Self { settings, volume: raw.measurement_volume.as_ref().map(volume).transpose()? })
+        Ok(Self {
+            settings,
+            volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
+            drift_limit: drift_limit(&raw.correspondence)?,
+        })
     }
+}
+
+fn drift_limit(raw: &RawCorrespondence) -> Result<DriftLimit, ConfigurationProblem> {
+    let rms_rad = raw.drift_alarm_rad.unwrap_or(DriftLimit::default().rms_rad);
+    let expected = "it must lie between 0 and 1 rad";
+    let rms_rad = checked("correspondence.drift_alarm_rad", rms_rad, |v| *v > 0.0 && *v < 1.0, expected)?;
+    Ok(DriftLimit { rms_rad })
 }
 
 fn validity(raw: &RawPhase) -> Result<Validity, ConfigurationProblem> {
@@ -227,5 +240,6 @@ mod tests {
         assert!(message("[phase]\nmin_modulation = 3.0").contains("min_modulation"));
         assert!(message("[phase]\nmin_modulation_grey = -1.0").contains("phase.min_modulation_grey is -1"));
         assert!(message("[correspondence]\ndelta_sd_rad = nan").contains("correspondence.delta_sd_rad is NaN"));
+        assert!(message("[correspondence]\ndrift_alarm_rad = 0").contains("correspondence.drift_alarm_rad is 0"));
     }
 }

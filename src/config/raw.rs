@@ -45,6 +45,7 @@ pub(super) struct RawCorrespondence {
     pub(super) resolution: Option<String>,
     pub(super) min_confidence: Option<f32>,
     pub(super) delta_sd_rad: Option<f64>,
+    pub(super) drift_alarm_rad: Option<f64>,
     pub(super) max_rounds: Option<usize>,
     pub(super) max_sweeps: Option<usize>,
     pub(super) min_votes: Option<u16>,

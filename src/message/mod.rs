@@ -37,7 +37,7 @@ pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use window::Window;
-pub use window_report::{DELTA_PARTS, OUTCOMES, WindowReport};
+pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
 
 /// Most images of one window.
 pub const MAX_WINDOW: usize = crate::phase::MAX_STEPS;

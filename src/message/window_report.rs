@@ -10,10 +10,41 @@ pub const DELTA_PARTS: usize = 512;
 /// Outcomes that a report has room for.
 pub const OUTCOMES: usize = 32;
 
+/// What the error of the calibration amounts to in one window.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.DriftReport.1")]
+pub struct DriftReport {
+    /// Root mean square over the measurement volume of δ that it causes, rad.
+    pub rms_rad: f64,
+    /// Errors of the parameters that explain it, pixels at the border of an image, root of the sum of their squares.
+    pub error_px: f64,
+    /// Share of pixels with a candidate that agrees with it, in [0, 1].
+    pub share: f64,
+    /// Standard deviation of δ about it, rad: what is left for noise.
+    pub residual_sd_rad: f64,
+    /// Median of the root mean squares of the last windows, rad: what the alarm is decided by; 0 without any.
+    pub median_rad: f64,
+    /// Limit of the alarm, rad.
+    pub limit_rad: f64,
+    /// 1 where the drift was measured; else all of this is 0.
+    pub is_measured: u32,
+    /// 1 while the alarm stands.
+    pub is_alarm: u32,
+}
+
+impl DriftReport {
+    /// This, where the drift was measured.
+    #[must_use]
+    pub fn measured(&self) -> Option<&Self> {
+        (self.is_measured != 0).then_some(self)
+    }
+}
+
 /// Figures of one window: fringes, δ, and what became of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.WindowReport.1")]
+#[type_name("fringeflow.WindowReport.2")]
 pub struct WindowReport {
     /// Number of the correspondences in their channel.
     pub published: u64,
@@ -37,6 +68,8 @@ pub struct WindowReport {
     pub mean_periods: f64,
     /// Expected false candidates a true one, efc (paper, Eq. 1).
     pub expected_false_candidates: f64,
+    /// Drift of the calibration; not measured with the paper's resolution.
+    pub drift: DriftReport,
     /// Pixels of camera 1 by the code of what became of them.
     pub outcomes: [u64; OUTCOMES],
     /// δ of all candidates of some pixels: their numbers in equal parts of −π to π rad.

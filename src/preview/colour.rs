@@ -1,4 +1,5 @@
-//! Colours: a sequential map for quantities, a cyclic one for phase, a palette for kinds.
+//! Colours: a sequential map for quantities, a diverging one for those about zero, a cyclic one for phase, a palette for
+//! kinds.
 
 use std::f64::consts::TAU;
 
@@ -42,6 +43,12 @@ pub(super) fn sequential(share: f32) -> Rgb {
     let place = share.clamp(0.0, 1.0) * last as f32;
     let index = (place as usize).min(last - 1);
     mix(VIRIDIS[index], VIRIDIS[index + 1], place - index as f32)
+}
+
+/// Colour of a share in [−1, 1] of the range of a quantity about zero: blue, light grey, red.
+pub(super) fn diverging(share: f32) -> Rgb {
+    let end = if share < 0.0 { BLUE } else { VERMILION };
+    mix(INK, end, share.abs().min(1.0))
 }
 
 /// Linear mixture of two colours.

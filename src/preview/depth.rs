@@ -2,10 +2,9 @@
 
 use crate::cloud::Cloud;
 
-use super::colour::{BACKGROUND, INK, Rgb, sequential, shaded};
-use super::font::{draw_text, text_size};
-use super::legend::text_scale;
+use super::colour::{BACKGROUND, Rgb, sequential, shaded};
 use super::picture::Picture;
+use super::scale::with_scale;
 use super::shading::PointMap;
 
 /// Share of the points at either end of the depths whose colours run together: outliers must not stretch the map.
@@ -26,7 +25,8 @@ pub fn depth_picture(cloud: &Cloud, size_px: [usize; 2]) -> Picture {
         }
         None => BACKGROUND,
     });
-    with_scale(picture, [near_m, far_m])
+    let labels = [near_m, far_m].map(|depth_m| format!("{:.0} mm", depth_m * 1000.0));
+    with_scale(picture, &labels, depth_colour)
 }
 
 fn point_map(cloud: &Cloud, [width, height]: [usize; 2]) -> PointMap {
@@ -56,25 +56,6 @@ fn depth_range(map: &PointMap) -> [f32; 2] {
 fn depth_colour(share: f32) -> Rgb {
     // The darkest fifth of the map would drown in the shading.
     sequential(1.0 - 0.85 * share.clamp(0.0, 1.0))
-}
-
-/// A bar with the colours of the depths and the ends of their range.
-fn with_scale(picture: Picture, [near_m, far_m]: [f32; 2]) -> Picture {
-    let [width, height] = picture.size_px();
-    let scale = text_scale(width);
-    let labels = [near_m, far_m].map(|depth| format!("{:.0} mm", depth * 1000.0));
-    let label_widths = labels.each_ref().map(|label| text_size(label, scale)[0]);
-    let gap = 5 * scale;
-    let mut picture = picture.with_strip_below(18 * scale, BACKGROUND);
-    let top = height + gap;
-    let left = 2 * gap + label_widths[0];
-    let bar = width.saturating_sub(left + label_widths[1] + 2 * gap);
-    for u in 0..bar {
-        picture.fill([left + u, top], [1, 8 * scale], depth_colour(u as f32 / bar as f32));
-    }
-    draw_text(&mut picture, [gap, top], &labels[0], scale, INK);
-    draw_text(&mut picture, [left + bar + gap, top], &labels[1], scale, INK);
-    picture
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! | [`phase_picture`] | wrapped phase | a cyclic colour map, invalid pixels dark grey |
 //! | [`modulation_picture`] | modulation | grey, stretched between percentiles |
 //! | [`depth_picture`] | cloud | depth per pixel of C1, coloured and hill-shaded |
+//! | [`drift_picture`] | drift of the calibration | δ that it causes, per pixel of C1, in diverging colours |
 //! | [`outcome_picture`] | correspondence | how every pixel was decided, with a legend |
 //! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray, tolerated and missed points, with a legend |
 //! | [`delta_histogram_picture`] | back-projection test | histogram of δ with the threshold |
@@ -14,6 +15,7 @@
 
 mod colour;
 mod depth;
+mod drift;
 mod font;
 mod histogram;
 mod judgement;
@@ -21,9 +23,11 @@ mod legend;
 mod outcome;
 mod phase;
 mod picture;
+mod scale;
 mod shading;
 
 pub use depth::depth_picture;
+pub use drift::drift_picture;
 pub use histogram::delta_histogram_picture;
 pub use judgement::judgement_picture;
 pub use outcome::outcome_picture;

@@ -6,7 +6,8 @@ use crate::correspondence::Outcome;
 use crate::message::{self, Counts, DELTA_PARTS, DropReason, Incident, MAX_WINDOW, OUTCOMES, Skew, Stage};
 
 use super::schema::{
-    CloudHeader, CorrespondenceHeader, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window, WindowReport,
+    CloudHeader, CorrespondenceHeader, Drift, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window,
+    WindowReport,
 };
 
 impl FrameHeader {
@@ -300,6 +301,33 @@ impl StageReport {
     }
 }
 
+impl Drift {
+    fn of(report: &message::DriftReport) -> Self {
+        Self {
+            rms_rad: report.rms_rad,
+            error_px: report.error_px,
+            share: report.share,
+            residual_sd_rad: report.residual_sd_rad,
+            median_rad: report.median_rad,
+            limit_rad: report.limit_rad,
+            is_alarm: report.is_alarm != 0,
+        }
+    }
+
+    fn to_message(self) -> message::DriftReport {
+        message::DriftReport {
+            rms_rad: self.rms_rad,
+            error_px: self.error_px,
+            share: self.share,
+            residual_sd_rad: self.residual_sd_rad,
+            median_rad: self.median_rad,
+            limit_rad: self.limit_rad,
+            is_measured: 1,
+            is_alarm: u32::from(self.is_alarm),
+        }
+    }
+}
+
 impl WindowReport {
     pub(super) fn of(report: &message::WindowReport) -> Self {
         let count = |outcome: Outcome| report.outcomes[outcome as usize];
@@ -318,6 +346,7 @@ impl WindowReport {
             expected_false_candidates: report.expected_false_candidates,
             outcomes: outcomes.map(|outcome| (outcome.name().to_owned(), count(outcome))).collect(),
             delta_counts: report.delta_counts.to_vec(),
+            drift: report.drift.measured().map(Drift::of),
         }
     }
 
@@ -339,6 +368,7 @@ impl WindowReport {
             delta_median_rad: self.delta_median_rad,
             mean_periods: self.mean_periods,
             expected_false_candidates: self.expected_false_candidates,
+            drift: self.drift.map(Drift::to_message).unwrap_or_default(),
             outcomes,
             delta_counts: delta_counts(&self.delta_counts)?,
         })

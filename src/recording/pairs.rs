@@ -73,10 +73,9 @@ impl Recording {
     }
 }
 
-/// Number of the pair with which the first complete cycle begins: its steps count up from 0, without a gap between its
-/// images.
-#[must_use]
-pub fn first_cycle(pairs: &[ImagePair], steps: usize) -> Option<usize> {
+/// Numbers of the pairs with which complete cycles begin: their steps count up from 0, without a gap between their images,
+/// and no two share an image.
+pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
     let is_cycle = |cycle: &[ImagePair]| {
         let follows = |(a, b): (&ImagePair, &ImagePair)| {
             [(a.cam1, b.cam1), (a.cam2, b.cam2)]
@@ -85,7 +84,12 @@ pub fn first_cycle(pairs: &[ImagePair], steps: usize) -> Option<usize> {
         };
         cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.iter().zip(cycle.iter().skip(1)).all(follows)
     };
-    pairs.windows(steps.max(1)).position(is_cycle)
+    let (steps, mut next) = (steps.max(1), 0);
+    std::iter::from_fn(move || {
+        let start = next + pairs.get(next..)?.windows(steps).position(is_cycle)?;
+        next = start + steps;
+        Some(start)
+    })
 }
 
 fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
@@ -130,9 +134,12 @@ mod tests {
     #[test]
     fn a_cycle_has_all_steps_and_no_gap() {
         let whole = [pair(0, 2), pair(1, 0), pair(2, 1), pair(3, 2)];
-        assert_eq!(first_cycle(&whole, 3), Some(1));
+        let starts = |pairs: &[ImagePair]| cycles(pairs, 3).collect::<Vec<_>>();
+        assert_eq!(starts(&whole), [1]);
         let gap = [pair(0, 0), pair(1, 1), pair(3, 2), pair(4, 0), pair(5, 1), pair(6, 2)];
-        assert_eq!(first_cycle(&gap, 3), Some(3));
-        assert_eq!(first_cycle(&gap[..5], 3), None);
+        assert_eq!(starts(&gap), [3]);
+        assert_eq!(starts(&gap[..5]), [0_usize; 0]);
+        let two: Vec<ImagePair> = (0..7).map(|n| pair(n, n as usize % 3)).collect();
+        assert_eq!(starts(&two), [0, 3]);
     }
 }

@@ -57,6 +57,10 @@ pub struct WindowSample {
     pub n: f64,
     /// Expected false candidates.
     pub efc: f64,
+    /// Drift of the calibration, root mean square; `None` where the resolution measures none.
+    pub drift_rms_rad: Option<f64>,
+    /// Standard deviation of δ about it.
+    pub residual_sd_rad: Option<f64>,
     /// Decided by one candidate.
     pub unique: f64,
     /// Not decided.
@@ -163,6 +167,8 @@ impl WindowSample {
             sd_rad: figures.sd_rad,
             n: figures.n,
             efc: figures.efc,
+            drift_rms_rad: figures.drift.map(|drift| drift.rms_rad),
+            residual_sd_rad: figures.drift.map(|drift| drift.residual_sd_rad),
             unique: figures.outcomes.unique,
             undecided: figures.outcomes.undecided,
             rejected: figures.outcomes.rejected,

@@ -28,5 +28,5 @@ pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
 pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
-pub use window_figures::{DeltaCounts, Shares, WindowFigures};
+pub use window_figures::{DeltaCounts, DriftFigures, Shares, WindowFigures};
 pub use worst_windows::WorstWindows;

@@ -1,11 +1,12 @@
 //! The figures of a window as people and programs read them.
 
 use std::f64::consts::PI;
+use std::fmt;
 
 use serde::Serialize;
 
 use crate::correspondence::Outcome;
-use crate::message::{DELTA_PARTS, Fit, WindowReport};
+use crate::message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
 
 /// How well a window was measured. Shares are percent of the pixels of camera 1 with a valid phase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -20,6 +21,8 @@ pub struct WindowFigures {
     pub n: f64,
     /// Expected false candidates a true one (paper, Eq. 1).
     pub efc: f64,
+    /// Drift of the calibration; `None` where the resolution measures none.
+    pub drift: Option<DriftFigures>,
     /// What became of the pixels.
     pub outcomes: Shares,
     /// Mean of δ.
@@ -34,6 +37,25 @@ pub struct WindowFigures {
     pub points: u64,
     /// δ of all candidates of some pixels.
     pub delta_histogram: DeltaCounts,
+}
+
+/// What the error of the calibration amounts to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DriftFigures {
+    /// Root mean square over the measurement volume of δ that it causes.
+    pub rms_rad: f64,
+    /// Errors of the parameters that explain it, pixels at the border of an image, root of the sum of their squares.
+    pub error_px: f64,
+    /// Percent of the pixels with a candidate that agrees with it.
+    pub agreeing: f64,
+    /// Standard deviation of δ about it: what is left for noise.
+    pub residual_sd_rad: f64,
+    /// Median of the root mean squares of the last windows: what the alarm is decided by.
+    pub median_rad: f64,
+    /// Limit of the alarm.
+    pub limit_rad: f64,
+    /// Whether the alarm stands: the calibration is to be made anew.
+    pub alarm: bool,
 }
 
 /// Percent of the pixels with a valid phase.
@@ -76,6 +98,7 @@ impl WindowFigures {
             thr_rad: report.delta_threshold_rad,
             n: report.mean_periods,
             efc: report.expected_false_candidates,
+            drift: report.drift.measured().map(DriftFigures::of),
             outcomes: Shares::of(report),
             delta_mean_rad: report.delta_mean_rad,
             delta_median_rad: report.delta_median_rad,
@@ -83,6 +106,39 @@ impl WindowFigures {
             valid: [&report.cam1, &report.cam2].map(valid),
             points,
             delta_histogram: DeltaCounts::of(&report.delta_counts),
+        }
+    }
+}
+
+impl DriftFigures {
+    /// The figures of a report whose drift was measured.
+    #[must_use]
+    pub fn of(drift: &DriftReport) -> Self {
+        Self {
+            rms_rad: drift.rms_rad,
+            error_px: drift.error_px,
+            agreeing: 100.0 * drift.share,
+            residual_sd_rad: drift.residual_sd_rad,
+            median_rad: drift.median_rad,
+            limit_rad: drift.limit_rad,
+            alarm: drift.is_alarm != 0,
+        }
+    }
+}
+
+impl fmt::Display for DriftFigures {
+    /// For people: the alarm or how far it is, with the remedy.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { median_rad, limit_rad, .. } = self;
+        if self.alarm {
+            write!(
+                f,
+                "the calibration has drifted: {median_rad:.3} rad rms, beyond {limit_rad:.3} rad \
+                 (correspondence.drift_alarm_rad); calibrate anew, `fringeflow rig CALIBRATION --images RECORDING` shows \
+                 the drift"
+            )
+        } else {
+            write!(f, "drift of the calibration {median_rad:.3} rad rms, within {limit_rad:.3} rad")
         }
     }
 }

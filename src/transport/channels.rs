@@ -37,7 +37,7 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.2` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.1` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
-/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.1` | none |
+/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.2` | none |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
 /// Beside these, `control` is a request–response service, see [`super::ControlServer`].

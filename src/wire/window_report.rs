@@ -2,15 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use crate::correspondence::{Candidate, Matches, OutcomeCounts};
-use crate::message::{MapsHeader, OUTCOMES, WindowReport};
+use crate::correspondence::{Candidate, Drift, DriftAlarm, Matches, OutcomeCounts};
+use crate::message::{DriftReport, MapsHeader, OUTCOMES, WindowReport};
 use crate::worker::Correspondences;
 
 use super::correspondences::delta_counts;
 
-/// The report on correspondences found in phase maps with this header, number `published` of their channel.
+/// The report on correspondences found in phase maps with this header, number `published` of their channel; `alarm` has
+/// taken their drift already.
 #[must_use]
-pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64) -> WindowReport {
+pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, alarm: &DriftAlarm) -> WindowReport {
     let (matches, delta) = (&found.matches, &found.matches.delta);
     let mut outcomes = [0; OUTCOMES];
     for (outcome, count) in OutcomeCounts::of(&matches.outcomes).iter() {
@@ -28,8 +29,22 @@ pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64)
         delta_median_rad: median_rad(matches),
         mean_periods: delta.mean_periods,
         expected_false_candidates: delta.expected_false_candidates(),
+        drift: matches.drift.as_ref().map_or_else(DriftReport::default, |drift| drift_report(drift, alarm)),
         outcomes,
         delta_counts: delta_counts(matches),
+    }
+}
+
+fn drift_report(drift: &Drift, alarm: &DriftAlarm) -> DriftReport {
+    DriftReport {
+        rms_rad: drift.rms_rad,
+        error_px: drift.error_px,
+        share: drift.share,
+        residual_sd_rad: drift.residual_sd_rad,
+        median_rad: alarm.median_rad().unwrap_or(0.0),
+        limit_rad: alarm.limit().rms_rad,
+        is_measured: 1,
+        is_alarm: u32::from(alarm.is_raised()),
     }
 }
 
@@ -47,7 +62,7 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::Outcome;
+    use crate::correspondence::{DriftLimit, Outcome};
 
     #[test]
     fn pixels_are_counted_by_outcome_and_the_median_is_of_the_chosen() {
@@ -59,11 +74,30 @@ mod tests {
             ..Matches::default()
         };
         let found = Correspondences { matches, ..Correspondences::default() };
-        let report = window_report(&MapsHeader::default(), &found, 5);
+        let alarm = DriftAlarm::new(DriftLimit::default());
+        let report = window_report(&MapsHeader::default(), &found, 5, &alarm);
         assert_eq!((report.outcomes[Outcome::Unique as usize], report.outcomes[Outcome::Invalid as usize]), (3, 1));
         assert_eq!((report.outcomes.iter().sum::<u64>(), report.delta_counts[0], report.published), (4, 7, 5));
         assert!((report.delta_median_rad - TAU / 8.0).abs() < 1e-12);
-        let nothing = window_report(&MapsHeader::default(), &Correspondences::default(), 0);
-        assert_eq!(nothing.delta_median_rad, 0.0);
+        let nothing = window_report(&MapsHeader::default(), &Correspondences::default(), 0, &alarm);
+        assert_eq!((nothing.delta_median_rad, nothing.drift.measured()), (0.0, None));
+    }
+
+    #[test]
+    fn the_drift_is_told_with_its_limit_and_the_alarm() {
+        let mut found = Correspondences::default();
+        let drift = found.matches.drift.insert(Drift::default());
+        (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
+        let drift = drift.clone();
+        let mut alarm = DriftAlarm::new(DriftLimit { rms_rad: 0.1 });
+        let mut told = || {
+            alarm.add(&drift);
+            *window_report(&MapsHeader::default(), &found, 0, &alarm).drift.measured().unwrap()
+        };
+        let first = told();
+        assert_eq!([first.rms_rad, first.error_px, first.share, first.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);
+        assert_eq!([first.median_rad, first.limit_rad], [0.2, 0.1]);
+        let alarms: Vec<u32> = (0..6).map(|_| told().is_alarm).collect();
+        assert_eq!((first.is_alarm, alarms), (0, vec![0, 0, 0, 1, 1, 1]));
     }
 }

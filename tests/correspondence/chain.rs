@@ -1,6 +1,6 @@
 //! The whole chain on a simulated scene.
 
-use fringeflow::correspondence::{MatchError, OutcomeCounts, ResolutionMethod, SegmentTable};
+use fringeflow::correspondence::{DriftMap, MatchError, OutcomeCounts, ResolutionMethod, SegmentTable};
 use fringeflow::dataset::{CameraId, GreyImage};
 use fringeflow::evaluation::{Frames, Scores, against_rendered};
 use fringeflow::grey::{GreyLevels, PixelFormat};
@@ -140,9 +140,26 @@ fn a_calibration_error_is_taken_off_however_large() {
         let made = reconstruct(&simulation);
         let drift = made.matches.drift.as_ref().unwrap();
         assert!(drift.residual_sd_rad < 0.012, "sd {sd_rad}: {drift:?}");
+        // The figure that an alarm is raised by is the true one.
+        assert!((drift.rms_rad / sd_rad - 1.0).abs() < 0.1 && drift.is_of_most_pixels(), "sd {sd_rad}: {drift:?}");
         let scores = scores(&simulation, &made);
         assert!(scores.com_percent > 97.0 && scores.fpc_percent < 0.1, "sd {sd_rad}: {scores:?}");
     }
+}
+
+#[test]
+fn the_map_of_a_drift_shows_as_much_as_its_root_mean_square() {
+    let simulation = simulation_of_drift(Object::Elephant, 0.123);
+    let VirtualRig { calibrated, volume, columns, .. } = simulation.rig();
+    let table = SegmentTable::build(calibrated, volume, columns).unwrap();
+    let made = reconstruct(&simulation);
+    let drift = made.matches.drift.as_ref().unwrap();
+    let DriftMap { size_px, middle_rad, greatest_rad } = DriftMap::of(drift, &table);
+    let seen: Vec<f64> = middle_rad.iter().flatten().map(|&rad| f64::from(rad)).collect();
+    let rms_rad = (seen.iter().map(|rad| rad * rad).sum::<f64>() / seen.len() as f64).sqrt();
+    assert!(size_px == SIZE_PX && (0.7..1.4).contains(&(rms_rad / drift.rms_rad)), "{rms_rad} {drift:?}");
+    let greatest = f64::from(greatest_rad);
+    assert!(seen.iter().all(|rad| rad.abs() <= greatest) && greatest < 6.0 * drift.rms_rad, "{greatest} {drift:?}");
 }
 
 #[test]

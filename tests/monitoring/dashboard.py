@@ -30,7 +30,7 @@ PANELS = {
 }
 PICTURES = ["camera1", "camera2", "phase", "modulation", "depth"]
 # Panels with plots, and how many each has.
-PLOTS = {"panel-latency": 1, "panel-shares": 1, "panel-rates": 1, "panel-delta": 1, "panel-quality": 8}
+PLOTS = {"panel-latency": 1, "panel-shares": 1, "panel-rates": 1, "panel-delta": 1, "panel-quality": 9}
 
 DESKTOP = (1440, 900)
 TABLET = (820, 1180)
@@ -106,7 +106,7 @@ class Checks:
         wait_for("all panels are live", all_live)
 
     def key_figures_move(self):
-        names = ["cloud-rate", "latency-p50", "latency-p99", "points", "lost", "efc"]
+        names = ["cloud-rate", "latency-p50", "latency-p99", "points", "lost", "efc", "drift"]
         shown = wait_for("every key figure has a number", lambda: self.numbers([f"#figure-{name}" for name in names]))
         for name in ("cloud-rate", "latency-p50", "latency-p99", "points"):
             expect(shown[f"#figure-{name}"] > 0, f"the key figure {name} is {shown[f'#figure-{name}']}")

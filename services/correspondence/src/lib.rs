@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use fringeflow::correspondence::DriftAlarm;
 use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
+use fringeflow::telemetry::DriftFigures;
 use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow::wire;
 use fringeflow::wire::window_report::window_report;
@@ -16,12 +18,14 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, ru
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
-    let worker = CorrespondenceWorker::new(table, host.configuration.measurement.settings.matching);
+    let measurement = &host.configuration.measurement;
+    let worker = CorrespondenceWorker::new(table, measurement.settings.matching);
     let stage = CorrespondenceStage {
         worker,
         header: MapsHeader::default(),
         maps: PhasePair::default(),
         found: Correspondences::default(),
+        alarm: DriftAlarm::new(measurement.drift_limit),
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
     };
     run_transform(&mut host, stage)
@@ -33,6 +37,7 @@ struct CorrespondenceStage {
     header: MapsHeader,
     maps: PhasePair,
     found: Correspondences,
+    alarm: DriftAlarm,
     reports: Publisher<(), WindowReport>,
 }
 
@@ -73,7 +78,15 @@ impl Transform for CorrespondenceStage {
     }
 
     fn tell(&mut self, published: u64) -> Result<(), TransportError> {
-        self.reports.send_message(&window_report(&self.header, &self.found, published))
+        let stood = self.alarm.is_raised();
+        if let Some(drift) = &self.found.matches.drift {
+            self.alarm.add(drift);
+        }
+        let report = window_report(&self.header, &self.found, published, &self.alarm);
+        if let Some(drift) = report.drift.measured().map(DriftFigures::of).filter(|drift| drift.alarm != stood) {
+            if drift.alarm { tracing::warn!("{drift}") } else { tracing::info!("{drift}") }
+        }
+        self.reports.send_message(&report)
     }
 
     fn ensure_connected(&mut self) -> Result<(), TransportError> {

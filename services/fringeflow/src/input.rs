@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow::recording::{ImagePair, Recording, first_cycle};
+use fringeflow::recording::{ImagePair, Recording, cycles};
 
 use crate::failure::Failure;
 
@@ -79,15 +79,28 @@ impl Input {
 
     /// The image pairs that are used unless others are asked for: the first complete cycle.
     pub(crate) fn first_cycle(&self) -> Result<Range<usize>, Failure> {
+        Ok(self.cycles()?.swap_remove(0))
+    }
+
+    /// The image pairs of all complete cycles, one at least; a folder is one.
+    pub(crate) fn cycles(&self) -> Result<Vec<Range<usize>>, Failure> {
         let steps = self.setup().steps;
-        let start = match self {
-            Self::Folder(_) => Some(0),
-            Self::Recording(_, pairs) => first_cycle(pairs, steps),
+        let starts = match self {
+            Self::Folder(_) => vec![0],
+            Self::Recording(_, pairs) => cycles(pairs, steps).collect(),
         };
-        let none = || {
-            self.unusable(&format!("among its {} image pairs is no complete cycle of {steps} steps", self.available()))
-        };
-        start.map(|start| start..start + steps).ok_or_else(none)
+        if starts.is_empty() {
+            let what = format!("among its {} image pairs is no complete cycle of {steps} steps", self.available());
+            return Err(self.unusable(&what));
+        }
+        Ok(starts.into_iter().map(|start| start..start + steps).collect())
+    }
+
+    /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.
+    pub(crate) fn exposure_s(&self, number: usize) -> Option<f64> {
+        let Self::Recording(_, pairs) = self else { return None };
+        let since_ns = pairs.get(number)?.cam1.exposure_start_ns - pairs.first()?.cam1.exposure_start_ns;
+        Some(since_ns as f64 * 1e-9)
     }
 
     /// Phase shift of an image pair, rad.

@@ -2,11 +2,10 @@
 
 use fringeflow::cloud::Cloud;
 use fringeflow::evaluation::{cgc, egc};
-use fringeflow::reconstruction::Reconstruction;
 
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::proposed::ProposedArgs;
+use crate::proposed::{Proposed, ProposedArgs};
 
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
@@ -23,17 +22,17 @@ pub(crate) enum Method {
 /// A cloud and, for the proposed method, what it was made of.
 pub(crate) struct Made {
     pub(crate) cloud: Cloud,
-    pub(crate) reconstruction: Option<Reconstruction>,
+    pub(crate) proposed: Option<Proposed>,
 }
 
 impl Method {
     /// Makes the cloud of an input; `proposed` matters to the proposed method alone.
     pub(crate) fn run(self, input: &Input, proposed: &ProposedArgs) -> Result<Made, Failure> {
-        let reference = |cloud: Cloud| Made { cloud, reconstruction: None };
+        let reference = |cloud: Cloud| Made { cloud, proposed: None };
         match self {
             Self::Pa => {
-                let reconstruction = proposed.reconstruct(input)?;
-                Ok(Made { cloud: reconstruction.cloud.clone(), reconstruction: Some(reconstruction) })
+                let proposed = proposed.reconstruct(input)?;
+                Ok(Made { cloud: proposed.reconstruction.cloud.clone(), proposed: Some(proposed) })
             }
             Self::Egc => Ok(reference(egc(input.folder()?)?)),
             Self::Cgc => Ok(reference(cgc(input.folder()?)?)),

@@ -11,6 +11,7 @@ use fringeflow::preview::{
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::Made;
+use crate::proposed::Proposed;
 use crate::truth;
 
 /// Writes all pictures that can be drawn into a folder, none if one of them cannot be written.
@@ -29,7 +30,7 @@ pub(crate) fn write(folder: &Path, input: &Input, made: &Made) -> Result<(), Fai
 fn draw(input: &Input, made: &Made) -> Result<Vec<(&'static str, Picture)>, Failure> {
     let size_px = input.setup().image_size_px;
     let mut pictures = vec![("depth.png", depth_picture(&made.cloud, size_px))];
-    if let Some(reconstruction) = &made.reconstruction {
+    if let Some(Proposed { reconstruction, .. }) = &made.proposed {
         let matches = &reconstruction.matches;
         let deltas: Vec<f32> = made.cloud.points.iter().map(|p| p.delta_rad).collect();
         pictures.extend([

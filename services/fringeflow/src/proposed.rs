@@ -1,11 +1,12 @@
 //! The proposed method (PA) on a dataset folder or a recording, as `reconstruct` and `evaluate` run it.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
+use fringeflow::correspondence::{DriftLimit, ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::grey::GreyLevels;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
@@ -34,6 +35,13 @@ pub(crate) struct ProposedArgs {
     segment_table: Option<PathBuf>,
 }
 
+/// What the proposed method made of an input.
+pub(crate) struct Proposed {
+    pub(crate) reconstruction: Reconstruction,
+    /// Drift of the calibration that is borne.
+    pub(crate) drift_limit: DriftLimit,
+}
+
 impl ProposedArgs {
     /// Nothing but a resolution.
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
@@ -41,38 +49,25 @@ impl ProposedArgs {
     }
 
     /// Reconstructs an input.
-    pub(crate) fn reconstruct(&self, input: &Input) -> Result<Reconstruction, Failure> {
-        let mut configuration = match &self.config {
-            Some(path) => Configuration::read(path)?,
-            None => input.configuration()?,
-        };
+    pub(crate) fn reconstruct(&self, input: &Input) -> Result<Proposed, Failure> {
+        let mut configuration = configuration(self.config.as_deref(), input)?;
         if let Some(method) = self.resolution {
             configuration.settings.matching.method = method;
         }
         let numbers = self.images(input)?;
-        let shifts: Vec<f64> = numbers.iter().filter_map(|&n| input.shift_rad(n)).collect();
-        let shifts = PhaseShifts::new(&shifts).map_err(|e| input.unusable(&e))?;
         let setup = input.setup();
-        let volume = configuration.volume.or_else(|| setup.volume.clone()).ok_or_else(|| {
+        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
             input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
         })?;
-        let bar = progress::bar("segment table", 3);
-        let pattern = &setup.sequence.pattern;
-        let table = SegmentTable::load_or_build(self.segment_table.as_deref(), &setup.rig, &volume, pattern);
-        let table = table.map_err(|e| match e {
-            SegmentFileError::Table(problem) => input.unusable(&problem),
-            e => Failure::SegmentFile(e),
-        })?;
-        bar.inc(1);
-        bar.set_message("images");
-        let [cam1, cam2] = input.images(&numbers)?;
+        let bar = progress::bar("segment table", 2);
+        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
+        let mut reconstructor =
+            reconstructor(input, &numbers, &measured, &configuration, self.segment_table.as_deref())?;
         bar.inc(1);
         bar.set_message("correspondences");
-        let reconstructor = Reconstructor::new(&setup.rig, table, shifts, configuration.settings);
-        let mut reconstructor = reconstructor.map_err(|e| input.unusable(&e))?;
-        let reconstruction = reconstructor.reconstruct(&levels(&cam1), &levels(&cam2));
+        let reconstruction = reconstruct(input, &mut reconstructor, &numbers);
         bar.finish_and_clear();
-        reconstruction.map_err(|e| input.unusable(&e))
+        Ok(Proposed { reconstruction: reconstruction?, drift_limit: configuration.drift_limit })
     }
 
     /// Numbers of the phase images to use.
@@ -91,15 +86,60 @@ impl ProposedArgs {
                 "--frames {start}..{end}: the {what} 0..{available}; give A below B within these"
             )));
         }
-        let count = end - start;
-        let steps = self.steps.unwrap_or(count);
-        if steps == 0 || !count.is_multiple_of(steps) {
-            return Err(Failure::Usage(format!(
-                "--steps {steps}: {count} images cannot be thinned out evenly to {steps}; give a divisor of {count}"
-            )));
-        }
-        Ok((start..end).step_by(count / steps).collect())
+        thinned_out(start..end, self.steps)
     }
+}
+
+/// What images are measured with.
+pub(crate) struct Measured<'a> {
+    pub(crate) rig: &'a Rig,
+    pub(crate) volume: &'a MeasurementVolume,
+    pub(crate) pattern: &'a FringePattern,
+}
+
+/// The settings of a file, or else those that were recorded with the input.
+pub(crate) fn configuration(file: Option<&Path>, input: &Input) -> Result<Configuration, Failure> {
+    file.map_or_else(|| input.configuration(), |file| Ok(Configuration::read(file)?))
+}
+
+/// So many of some images, evenly chosen; all of them unless they are to be thinned out.
+pub(crate) fn thinned_out(images: Range<usize>, steps: Option<usize>) -> Result<Vec<usize>, Failure> {
+    let count = images.len();
+    let steps = steps.unwrap_or(count);
+    if steps == 0 || !count.is_multiple_of(steps) {
+        return Err(Failure::Usage(format!(
+            "--steps {steps}: {count} images cannot be thinned out evenly to {steps}; give a divisor of {count}"
+        )));
+    }
+    Ok(images.step_by(count / steps).collect())
+}
+
+/// What reconstructs images of an input that show the same steps as those of these numbers.
+pub(crate) fn reconstructor(
+    input: &Input,
+    numbers: &[usize],
+    measured: &Measured<'_>,
+    configuration: &Configuration,
+    segment_table: Option<&Path>,
+) -> Result<Reconstructor, Failure> {
+    let shifts: Vec<f64> = numbers.iter().filter_map(|&n| input.shift_rad(n)).collect();
+    let shifts = PhaseShifts::new(&shifts).map_err(|e| input.unusable(&e))?;
+    let Measured { rig, volume, pattern } = measured;
+    let table = SegmentTable::load_or_build(segment_table, rig, volume, pattern).map_err(|e| match e {
+        SegmentFileError::Table(problem) => input.unusable(&problem),
+        e => Failure::SegmentFile(e),
+    })?;
+    Reconstructor::new(rig, table, shifts, configuration.settings).map_err(|e| input.unusable(&e))
+}
+
+/// Reconstructs the images of these numbers.
+pub(crate) fn reconstruct(
+    input: &Input,
+    reconstructor: &mut Reconstructor,
+    numbers: &[usize],
+) -> Result<Reconstruction, Failure> {
+    let [cam1, cam2] = input.images(numbers)?;
+    reconstructor.reconstruct(&levels(&cam1), &levels(&cam2)).map_err(|e| input.unusable(&e))
 }
 
 fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::{Latency, SkewFigures, StageFigures};
+use fringeflow::telemetry::{DriftFigures, Latency, SkewFigures, StageFigures};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
 
@@ -18,6 +18,9 @@ pub(crate) struct Summary<'a> {
     stages: Vec<StageFigures>,
     /// From the start of the last exposure of a cloud to its publication.
     exposure_to_cloud: Option<Latency>,
+    /// Of the last window, where the resolution measures it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drift: Option<&'a DriftFigures>,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
@@ -78,6 +81,7 @@ impl<'a> Summary<'a> {
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
+            drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             trace: outcome.trace.as_deref(),
@@ -112,6 +116,9 @@ impl fmt::Display for Summary<'_> {
         for SkewFigures { mean_ms, least_ms, greatest_ms } in self.stages.iter().filter_map(|s| s.skew.as_ref()) {
             let (mean, least, greatest) = (mean_ms, least_ms, greatest_ms);
             writeln!(f, "images of camera 2 begin {mean:.3} ms later in the mean ({least:.3} to {greatest:.3} ms)")?;
+        }
+        if let Some(drift) = self.drift {
+            writeln!(f, "{drift}")?;
         }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use fringeflow::correspondence::{Outcome, OutcomeCounts};
-use fringeflow::reconstruction::Reconstruction;
 use serde::Serialize;
+
+use crate::proposed::Proposed;
 
 /// What a reconstruction rests on.
 #[derive(Serialize)]
@@ -48,13 +49,19 @@ pub(crate) struct DriftFigures {
     pub(crate) error_px: f64,
     /// Standard deviation of δ about it, rad: what is left for noise.
     pub(crate) residual_sd_rad: f64,
+    /// Share of pixels with a candidate that agrees with it, in [0, 1].
+    pub(crate) share: f64,
+    /// Drift, rad rms, beyond which to calibrate anew.
+    pub(crate) limit_rad: f64,
+    /// Whether it is beyond.
+    pub(crate) beyond_limit: bool,
     /// efc of Eq. (1) with that sd.
     pub(crate) efc: f64,
 }
 
 impl Statistics {
     /// The figures of a reconstruction.
-    pub(crate) fn of(made: &Reconstruction) -> Self {
+    pub(crate) fn of(Proposed { reconstruction: made, drift_limit }: &Proposed) -> Self {
         let matches = &made.matches;
         let points = made.cloud.points.len().max(1) as f64;
         let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
@@ -71,6 +78,9 @@ impl Statistics {
                 rms_rad: drift.rms_rad,
                 error_px: drift.error_px,
                 residual_sd_rad: drift.residual_sd_rad,
+                share: drift.share,
+                limit_rad: drift_limit.rms_rad,
+                beyond_limit: drift.is_of_most_pixels() && drift_limit.is_exceeded_by(drift.rms_rad),
                 efc: drift.rest(&matches.delta).expected_false_candidates(),
             }),
             efc_measured: passing as f64 / points,
@@ -106,6 +116,14 @@ impl fmt::Display for Statistics {
                 "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}",
                 drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc
             )?;
+            if drift.beyond_limit {
+                writeln!(
+                    f,
+                    "warning: the drift is beyond {} rad (correspondence.drift_alarm_rad); calibrate anew, \
+                     `fringeflow rig CALIBRATION --images` shows the drift",
+                    drift.limit_rad
+                )?;
+            }
         }
         writeln!(
             f,

@@ -8,6 +8,8 @@ use std::process::{Command, Output};
 
 use fringeflow::calibration::{Unit, write_calibration};
 use fringeflow::geometry::{Camera, Distortion, Pose, Rig};
+use fringeflow::message::PixelFormat;
+use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 const VOLUME: &str = "--volume=-60,-50,280,60,50,320";
 
@@ -87,5 +89,92 @@ fn wrong_use_ends_with_2_and_says_what_to_do() {
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
         assert!(error.contains(said), "{arguments:?}: {error}");
+    }
+}
+
+/// Writes images of a rig whose calibration makes δ scatter by so much.
+fn images(folder: &Path, size_px: [usize; 2], sd_rad: f64) -> PathBuf {
+    let options = SimulationOptions {
+        object: Object::Elephant,
+        board: Board::Visible,
+        rig: RigOptions {
+            arrangement: Arrangement::TABLE_TOP,
+            size_px,
+            depth_m: 0.025,
+            period_px: 16.0,
+            sd_rad,
+            seed: 3,
+        },
+        steps: 4,
+        two_directions: false,
+        gray: false,
+        noise: NoiseLevel::Normal,
+        format: PixelFormat::Grey,
+        gamma: 1.0,
+        supersampling: 1,
+        seed: 3,
+    };
+    let path = folder.join("images");
+    Simulation::new(options).unwrap().write(&path, || ()).unwrap();
+    path
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = rig(&[arguments, &["--json"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn images_show_how_far_the_calibration_has_drifted() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = images(folder.path(), [320, 256], 0.123);
+    let recording = folder.path().join("images.mcap");
+    let import = [images.as_os_str(), "-o".as_ref(), recording.as_os_str()];
+    assert!(Command::new(env!("CARGO_BIN_EXE_fringeflow")).arg("import").args(import).status().unwrap().success());
+    let calibration = images.join("calibration.yml");
+    let [calibration, images, recording] = [&calibration, &images, &recording].map(|path| path.to_str().unwrap());
+
+    let report = json(&[calibration, "--images", images, "-o", folder.path().to_str().unwrap()]);
+    let window = &report["windows"][0];
+    let rms_rad = window["rms_rad"].as_f64().unwrap();
+    assert!((rms_rad / 0.123 - 1.0).abs() < 0.1 && report["median_rms_rad"] == rms_rad, "{report}");
+    assert!(window["greatest_rad"].as_f64().unwrap() > rms_rad && window["share"].as_f64().unwrap() > 0.6, "{report}");
+    assert!(window["residual_sd_rad"].as_f64().unwrap() < 0.1 * window["delta_sd_rad"].as_f64().unwrap(), "{report}");
+    assert_eq!((&report["beyond_limit"], &window["time_s"]), (&true.into(), &serde_json::Value::Null));
+    let picture = std::fs::read(folder.path().join("drift.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
+
+    // The same images as a recording, whose window begins with it; the limit is that of the configuration.
+    let settings = folder.path().join("settings.toml");
+    std::fs::write(&settings, "[correspondence]\ndrift_alarm_rad = 0.2\n").unwrap();
+    let recorded = json(&[recording, "--images", recording, "--config", settings.to_str().unwrap()]);
+    assert_eq!((&recorded["windows"][0]["rms_rad"], &recorded["windows"][0]["time_s"]), (&rms_rad.into(), &0.0.into()));
+    assert_eq!((&recorded["beyond_limit"], &recorded["windows_available"]), (&false.into(), &1.into()));
+
+    let text = rig(&[calibration, "--images", images]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert!(text.contains("BEYOND the limit of 0.1 rad") && text.contains("calibrate anew"), "{text}");
+}
+
+#[test]
+fn images_that_cannot_tell_the_drift_are_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let calibration = calibration(folder.path());
+    let images = images(folder.path(), [64, 64], 0.041);
+    let missing = folder.path().join("missing");
+    let [calibration, images, missing] = [&calibration, &images, &missing].map(|path| path.to_str().unwrap());
+    let cases: [(&[&str], &[&str]); 5] = [
+        (&[calibration, "--images", images], &[calibration, "640×512", images, "64×64", "give the calibration"]),
+        (&[calibration, "--images", missing], &["missing"]),
+        (&[images, "--images", images, "--steps", "3"], &["--steps 3", "divisor of 4"]),
+        (&[images, "--images", images, "--grid", "16"], &["--grid"]),
+        (&[images, "--windows", "3"], &["--images"]),
+    ];
+    for (arguments, said) in cases {
+        let output = rig(arguments);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(said.iter().all(|said| error.contains(said)), "{arguments:?}: {error}");
     }
 }

@@ -95,6 +95,7 @@ impl Board {
         self.services.look(&self.tally, now_ns);
         self.statuses = self.services.statuses();
         self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
+        self.events.look_at_drift(self.window.as_ref().and_then(|window| window.drift.as_ref()), wall_ms);
         self.room = Room::of(&self.recordings);
         self.skew = std::mem::take(&mut self.skew_span);
         let sample = self.interval.sample(now_ns, wall_ms);

@@ -1,9 +1,10 @@
-//! What is worth telling a person: losses, faults, restarts, recordings, marks, as they begin or go on.
+//! What is worth telling a person: losses, faults, restarts, a calibration that has drifted, recordings, marks, as they
+//! begin or go on.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use fringeflow::message::{Counts, ScanState, Stage};
-use fringeflow::telemetry::Tally;
+use fringeflow::telemetry::{DriftFigures, Tally};
 use serde::Serialize;
 
 use crate::services::{ServiceState, ServiceStatus};
@@ -41,6 +42,8 @@ pub(crate) struct EventLog {
     counts: BTreeMap<Stage, Counts>,
     state: Option<ScanState>,
     services: BTreeMap<&'static str, (ServiceState, u32)>,
+    /// Whether the alarm of the drift stood.
+    drift_alarm: bool,
 }
 
 impl EventLog {
@@ -51,6 +54,14 @@ impl EventLog {
         }
         self.look_at_state(state, wall_ms);
         services.iter().for_each(|service| self.look_at_service(service, wall_ms));
+    }
+
+    /// Looks whether the drift of the last window began or ended an alarm.
+    pub(crate) fn look_at_drift(&mut self, drift: Option<&DriftFigures>, wall_ms: f64) {
+        let Some(drift) = drift.filter(|drift| drift.alarm != self.drift_alarm) else { return };
+        self.drift_alarm = drift.alarm;
+        let level = if drift.alarm { Level::Error } else { Level::Info };
+        self.tell(wall_ms, level, Stage::Correspondence.name(), drift.to_string());
     }
 
     /// The events after one, oldest first.
@@ -201,6 +212,28 @@ mod tests {
         assert_eq!(look(ServiceState::Slow, 0), Vec::<String>::new());
         assert_eq!(look(ServiceState::Silent, 0), ["phase: no sign of life for 3 s"]);
         assert_eq!(look(ServiceState::Ok, 1), ["phase: started again, restart 1", "phase: reports again"]);
+    }
+
+    #[test]
+    fn a_drift_beyond_its_limit_is_told_when_it_begins_and_when_it_ends() {
+        let mut log = EventLog::default();
+        for (alarm, median_rad) in [(false, 0.04), (true, 0.13), (true, 0.14), (false, 0.07)] {
+            let (limit_rad, residual_sd_rad) = (0.1, 0.007);
+            let drift = DriftFigures {
+                rms_rad: 0.2,
+                error_px: 0.4,
+                agreeing: 90.0,
+                residual_sd_rad,
+                median_rad,
+                limit_rad,
+                alarm,
+            };
+            log.look_at_drift(Some(&drift), 0.0);
+            log.look_at_drift(None, 0.0);
+        }
+        let [began, ended] = &texts(&log, 0)[..] else { panic!("two events") };
+        assert!(began.contains("0.130 rad rms") && began.contains("calibrate anew"), "{began}");
+        assert!(ended.contains("0.070 rad rms, within 0.100"), "{ended}");
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! The board as OpenMetrics text.
 //!
 //! All label sets are fixed: every series is there from the first scrape to the last, whatever happens. Figures of windows
-//! are not a number before the first window.
+//! are not a number before the first window, those of the drift as long as none is measured.
 
 use std::fmt::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fringeflow::message::{DropReason, Incident, Stage};
-use fringeflow::telemetry::{BUCKETS_NS, Latencies, Segment, Shares, WindowFigures};
+use fringeflow::telemetry::{BUCKETS_NS, DriftFigures, Latencies, Segment, Shares, WindowFigures};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
@@ -143,6 +143,7 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     out.gauge("delta_median_radians", "Median of delta over the chosen candidates.", figure(|w| w.delta_median_rad))?;
     out.gauge("segment_periods", "Mean number n of fringe periods on an epipolar segment.", figure(|w| w.n))?;
     out.gauge("expected_false_candidates", "Expected false candidates for each true one, efc.", figure(|w| w.efc))?;
+    drift(out, window.and_then(|w| w.drift.as_ref()))?;
     out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
     let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);
     let shares = percent.named().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
@@ -153,6 +154,22 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     out.gauges("fit_residual_ratio", "Median of fit residual by modulation.", cameras(residuals))?;
     let valid = window.map_or([f64::NAN; 2], |w| w.valid.map(|percent| percent / 100.0));
     out.gauges("valid_pixel_share", "Share of the pixels with a valid phase.", cameras(valid))
+}
+
+fn drift(out: &mut Out<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
+    let figure = |of: fn(&DriftFigures) -> f64| drift.map_or(f64::NAN, of);
+    out.gauge("drift_rms_radians", "Drift of the calibration over the measurement volume.", figure(|d| d.rms_rad))?;
+    out.gauge("drift_median_radians", "Median of it over the last windows.", figure(|d| d.median_rad))?;
+    out.gauge("drift_limit_radians", "What the median is not to exceed.", figure(|d| d.limit_rad))?;
+    out.gauge("drift_error_pixels", "Calibration error that explains the drift.", figure(|d| d.error_px))?;
+    out.gauge("drift_pixel_share", "Share of the pixels that agree with the drift.", figure(|d| d.agreeing / 100.0))?;
+    out.gauge(
+        "delta_residual_sd_radians",
+        "Standard deviation of delta about the drift.",
+        figure(|d| d.residual_sd_rad),
+    )?;
+    let alarm = drift.is_some_and(|d| d.alarm);
+    out.gauge("drift_alarm", "1 while the drift stays beyond its limit.", f64::from(u8::from(alarm)))
 }
 
 fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
@@ -241,7 +258,7 @@ mod tests {
 
     use fringeflow::config::ScannerConfiguration;
     use fringeflow::dataset::Setup;
-    use fringeflow::message::{Counts, StageReport, WindowReport};
+    use fringeflow::message::{Counts, DriftReport, StageReport, WindowReport};
 
     const MS: u64 = 1_000_000;
 
@@ -276,10 +293,14 @@ mod tests {
         let report =
             StageReport { stage, of_item: 1, exposure_start_ns, taken_ns, passed_ns, counts, ..StageReport::default() };
         board.lock().unwrap().take_report(&report);
-        board.lock().unwrap().take_window(&WindowReport { delta_sd_rad: 0.25, ..WindowReport::default() });
+        let drift = DriftReport { rms_rad: 0.125, share: 0.5, is_measured: 1, is_alarm: 1, ..DriftReport::default() };
+        board.lock().unwrap().take_window(&WindowReport { delta_sd_rad: 0.25, drift, ..WindowReport::default() });
         let after = metrics.text();
         assert_eq!(series(&before), series(&after));
         assert_eq!(value(&after, "fringeflow_delta_sd_radians"), "0.25");
+        assert_eq!([&before, &after].map(|text| value(text, "fringeflow_drift_rms_radians")), ["NaN", "0.125"]);
+        assert_eq!([&before, &after].map(|text| value(text, "fringeflow_drift_alarm")), ["0.0", "1.0"]);
+        assert_eq!(value(&after, "fringeflow_drift_pixel_share"), "0.5");
         assert_eq!(value(&after, "fringeflow_stage_passed_total{stage=\"cloud\"}"), "7");
         assert_eq!(value(&after, "fringeflow_stage_dropped_total{stage=\"cloud\",reason=\"overrun\"}"), "1");
         assert_eq!(value(&after, "fringeflow_stage_in_work{stage=\"cloud\"}"), "1.0");

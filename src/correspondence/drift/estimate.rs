@@ -45,8 +45,10 @@ const LAST_WIDENING: f64 = 1.5;
 /// The field of δ that the calibration error of a rig causes, as one pair of images shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
-    places: Places,
-    field: Polynomial,
+    pub(super) places: Places,
+    pub(super) field: Polynomial,
+    /// Mean of the field over the sampled volume, rad.
+    pub mean_rad: f64,
     /// sd of δ of true candidates about the field, rad: what is left for noise.
     pub residual_sd_rad: f64,
     /// Root mean square of the field about its mean over the sampled volume, rad.
@@ -57,13 +59,28 @@ pub struct Drift {
     pub share: f64,
 }
 
+impl Default for Drift {
+    /// No drift at all, and every pixel agrees.
+    fn default() -> Self {
+        let places = Places::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        Self {
+            places,
+            field: [0.0; TERMS],
+            mean_rad: 0.0,
+            residual_sd_rad: 0.0,
+            rms_rad: 0.0,
+            error_px: 0.0,
+            share: 1.0,
+        }
+    }
+}
+
 impl Drift {
     /// No drift but a constant: δ of true candidates has one mean everywhere.
     fn constant(delta: &DeltaStatistics) -> Self {
         let mut field = [0.0; TERMS];
         field[0] = delta.mean_rad / TAU;
-        let places = Places::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-        Self { places, field, residual_sd_rad: delta.sd_rad, rms_rad: 0.0, error_px: 0.0, share: 1.0 }
+        Self { field, mean_rad: delta.mean_rad, residual_sd_rad: delta.sd_rad, ..Self::default() }
     }
 
     fn new(modes: &DriftModes, guess: &Guess) -> Self {
@@ -78,6 +95,7 @@ impl Drift {
         Self {
             places: modes.places,
             field,
+            mean_rad: guess.coefficients[0] * TAU,
             residual_sd_rad: guess.sd_turns * TAU,
             rms_rad: squares.sqrt() * TAU,
             error_px: errors.sqrt(),
@@ -91,9 +109,16 @@ impl Drift {
         DeltaStatistics { mean_rad: 0.0, sd_rad: self.residual_sd_rad, ..*delta }
     }
 
+    /// Whether most pixels have a candidate that agrees with it: else it says more about the scene than about the
+    /// calibration.
+    #[must_use]
+    pub fn is_of_most_pixels(&self) -> bool {
+        self.share >= IMPROBABLE_SHARE
+    }
+
     /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it.
     pub(in super::super) fn is_improbable(&self) -> bool {
-        self.error_px > IMPROBABLE_PX || self.share < IMPROBABLE_SHARE
+        self.error_px > IMPROBABLE_PX || !self.is_of_most_pixels()
     }
 
     /// δ that true candidates of the pixels of a row of C1 have, turns.

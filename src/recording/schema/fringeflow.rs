@@ -193,6 +193,23 @@ pub struct StageReport {
     #[prost(double, tag = "19")]
     pub since_exposure_ms: f64,
 }
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Drift {
+    #[prost(double, tag = "1")]
+    pub rms_rad: f64,
+    #[prost(double, tag = "2")]
+    pub error_px: f64,
+    #[prost(double, tag = "3")]
+    pub share: f64,
+    #[prost(double, tag = "4")]
+    pub residual_sd_rad: f64,
+    #[prost(double, tag = "5")]
+    pub median_rad: f64,
+    #[prost(double, tag = "6")]
+    pub limit_rad: f64,
+    #[prost(bool, tag = "7")]
+    pub is_alarm: bool,
+}
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WindowReport {
     #[prost(uint64, tag = "1")]
@@ -224,4 +241,6 @@ pub struct WindowReport {
     >,
     #[prost(uint32, repeated, tag = "13")]
     pub delta_counts: ::prost::alloc::vec::Vec<u32>,
+    #[prost(message, optional, tag = "14")]
+    pub drift: ::core::option::Option<Drift>,
 }

@@ -16,8 +16,8 @@ use super::*;
 use crate::correspondence::Outcome;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DropReason, Fit, FrameHeader, Incident, MapsHeader, OUTCOMES,
-    PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
+    CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, Incident, MapsHeader,
+    OUTCOMES, PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -218,6 +218,16 @@ fn window_report() -> WindowReport {
         delta_median_rad: -0.5,
         mean_periods: 6.5,
         expected_false_candidates: 0.2,
+        drift: DriftReport {
+            rms_rad: 0.11,
+            error_px: 0.4,
+            share: 0.9,
+            residual_sd_rad: 0.007,
+            median_rad: 0.12,
+            limit_rad: 0.1,
+            is_measured: 1,
+            is_alarm: 1,
+        },
         outcomes,
         delta_counts: std::array::from_fn(|part| part as u32),
     }

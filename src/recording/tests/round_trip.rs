@@ -121,7 +121,7 @@ fn an_imported_dataset_has_its_images_steps_setup_and_truth() {
     assert_eq!(*recording.setup(), *setup());
     let pairs = recording.pairs().unwrap();
     assert_eq!(pairs.iter().map(|pair| pair.step).collect::<Vec<_>>(), [0, 1, 2, 3]);
-    assert_eq!(first_cycle(&pairs, 4), Some(0));
+    assert_eq!(cycles(&pairs, 4).collect::<Vec<_>>(), [0]);
     assert_eq!(pairs[3].cam2.exposure_start_ns, 1_060_000_000);
     for camera in CameraId::BOTH {
         let images = recording.pair_images(&pairs, camera).unwrap();

@@ -67,7 +67,7 @@ impl Args {
     }
 
     fn print(&self, input: &Input, made: &Made) -> Result<(), Failure> {
-        let statistics = made.reconstruction.as_ref().map(Statistics::of);
+        let statistics = made.proposed.as_ref().map(Statistics::of);
         let points = made.cloud.points.len();
         let mut out = std::io::stdout().lock();
         if self.json {

@@ -15,7 +15,14 @@ export function showKeyFigures({ figures, history }) {
     set("points", fixed(window?.points), "in the last cloud");
     showLosses(figures, history);
     set("efc", short(window?.efc), "efc: per true candidate");
+    showDrift(window?.drift);
     markLive("panel-key-figures");
+}
+
+function showDrift(drift) {
+    const limit = `limit ${withUnit(fixed(drift?.limit_rad, 3), "rad")}`;
+    set("drift", fixed(drift?.median_rad, 3), drift?.alarm ? `calibrate anew, ${limit}` : drift ? limit : "not measured");
+    setState(byId("tile-drift"), "level", drift?.alarm ? "error" : null);
 }
 
 function set(name, value, note) {

@@ -17,6 +17,15 @@ const FIGURES = [
         text: radians,
     },
     {
+        label: "Drift of the calibration",
+        hint: "What a calibration that is no longer exact makes of δ, and what is left of the noise without it. It is taken off; beyond the limit (correspondence.drift_alarm_rad) calibrate anew.",
+        lines: [
+            { colour: "series-6", read: (window) => window.drift_rms_rad },
+            { colour: "series-1", read: (window) => window.residual_sd_rad },
+        ],
+        text: radians,
+    },
+    {
         label: "Median of δ",
         hint: "Should stay still. A sudden jump says that patterns and images have slipped against each other.",
         lines: [{ colour: "series-5", read: (window) => window.delta_median_rad }],

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{Against, Args};
 use crate::failure::Failure;
 use crate::method::{Made, Method};
+use crate::proposed::Proposed;
 use crate::statistics::Statistics;
 
 #[derive(Serialize)]
@@ -34,7 +35,7 @@ struct Unique {
 
 /// Prints the figures to standard output.
 pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation) -> Result<(), Failure> {
-    let statistics = made.reconstruction.as_ref().map(Statistics::of);
+    let statistics = made.proposed.as_ref().map(Statistics::of);
     let unique = unique(made, &evaluation.judgements);
     let scores = &evaluation.scores;
     let mut out = std::io::stdout().lock();
@@ -57,7 +58,7 @@ pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation
 }
 
 fn unique(made: &Made, judgements: &[Judgement]) -> Unique {
-    let Some(reconstruction) = &made.reconstruction else {
+    let Some(Proposed { reconstruction, .. }) = &made.proposed else {
         return Unique { unique_correct_percent: None, correct_delta_sd_rad: None };
     };
     let (mut right, mut judged) = (0_u64, 0_u64);

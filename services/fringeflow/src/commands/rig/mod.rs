@@ -1,5 +1,7 @@
-//! `fringeflow rig`: what a rig can be expected to do, from its calibration alone.
+//! `fringeflow rig`: what a rig can be expected to do, from its calibration alone, and how far images say that it has
+//! drifted.
 
+mod drift;
 mod picture;
 mod text;
 
@@ -7,17 +9,19 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::{Unit, read_calibration};
-use fringeflow::dataset::{Dataset, read_volume};
-use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose};
+use fringeflow::dataset::read_volume;
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
 use fringeflow::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 
 use crate::failure::Failure;
+use crate::input::Input;
 use crate::output_folder;
 
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Calibration file (OpenCV YAML), or a dataset folder, which also states unit, volume, pattern and steps.
+    /// Calibration file (OpenCV YAML), or a dataset folder or recording (.mcap), which also states unit, volume, pattern
+    /// and steps.
     calibration: PathBuf,
     /// Unit of lengths in the calibration file and the volume: mm or m; that of the dataset, else mm.
     #[arg(long, value_name = "UNIT")]
@@ -32,7 +36,7 @@ pub(crate) struct Args {
     /// Sense in which the phase grows with the projector column: 1 or -1; that of the dataset, else 1.
     #[arg(long, value_name = "SIGN", allow_hyphen_values = true)]
     sign: Option<f64>,
-    /// Phase images of a measurement; that of the dataset, else 4.
+    /// Phase images of a measurement, evenly chosen of those given by --images; that of the dataset, else 4.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Standard deviation of the camera noise, grey levels.
@@ -50,17 +54,43 @@ pub(crate) struct Args {
     /// Look at every PX-th pixel of camera 1.
     #[arg(long, value_name = "PX", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     grid: u16,
+    /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording; pattern and, unless
+    /// given, the volume are theirs.
+    #[arg(
+        long,
+        value_name = "DATASET|RECORDING",
+        conflicts_with_all = ["period", "sign", "noise", "modulation", "calibration_error_px", "calibration_sd", "grid"]
+    )]
+    images: Option<PathBuf>,
+    /// With --images: windows of a recording to look at, evenly chosen.
+    #[arg(long, value_name = "N", default_value_t = 30, requires = "images", value_parser = clap::value_parser!(u16).range(1..))]
+    windows: u16,
+    /// With --images: TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
+    #[arg(long, value_name = "FILE", requires = "images")]
+    config: Option<PathBuf>,
     /// Print one JSON object (metres, radians, pixels) instead of text.
     #[arg(long)]
     json: bool,
-    /// Write maps of n (periods.png) and of the surviving wrong candidates (survivors.png) to this folder.
+    /// Write maps of n (periods.png) and of the surviving wrong candidates (survivors.png) to this folder; with --images
+    /// one of the drift at the middle of the volume (drift.png).
     #[arg(short = 'o', long, value_name = "DIR")]
     preview: Option<PathBuf>,
+}
+
+/// A calibration and what is said with it.
+struct Calibrated {
+    rig: Rig,
+    volume: Option<MeasurementVolume>,
+    /// Pattern and steps of a dataset or a recording.
+    measurement: Option<(FringePattern, usize)>,
 }
 
 impl Args {
     /// Prints the report.
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        if let Some(images) = &self.images {
+            return drift::run(self, images);
+        }
         let (setup, steps) = self.setup()?;
         if let Some(folder) = &self.preview {
             output_folder::prepare(folder)?;
@@ -82,22 +112,29 @@ impl Args {
     /// Rig, volume and pattern, and the number of steps.
     fn setup(&self) -> Result<(RigSetup, usize), Failure> {
         let defaults = (FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 }, Assumptions::default().steps);
-        let (rig, unit, volume, (pattern, steps)) = if self.calibration.is_dir() {
-            let set = Dataset::open(&self.calibration, self.units)?.setup;
-            (set.rig, set.unit, set.volume, (set.sequence.pattern, set.steps))
+        let Calibrated { rig, volume, measurement } = self.calibrated()?;
+        let volume = volume.ok_or_else(|| self.no_volume())?;
+        let (pattern, steps) = measurement.unwrap_or(defaults);
+        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern)? }, self.steps.unwrap_or(steps)))
+    }
+
+    /// What the calibration file, the dataset or the recording says, with the volume that is given instead.
+    fn calibrated(&self) -> Result<Calibrated, Failure> {
+        let is_recording = self.calibration.extension().is_some_and(|extension| extension == "mcap");
+        let (rig, unit, volume, measurement) = if is_recording || self.calibration.is_dir() {
+            let set = Input::open(&self.calibration, self.units)?.setup().clone();
+            (set.rig, set.unit, set.volume, Some((set.sequence.pattern, set.steps)))
         } else {
             let unit = self.units.unwrap_or(Unit::Millimetre);
-            (read_calibration(&self.calibration, unit)?, unit, None, defaults)
+            (read_calibration(&self.calibration, unit)?, unit, None, None)
         };
-        let volume = match &self.volume {
-            Some(given) => Some(volume_of(given, unit)?),
-            None => volume,
-        };
-        let volume = volume.ok_or_else(|| {
-            let calibration = self.calibration.display();
-            Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
-        })?;
-        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern)? }, self.steps.unwrap_or(steps)))
+        let given = self.volume.as_ref().map(|given| volume_of(given, unit)).transpose()?;
+        Ok(Calibrated { rig, volume: given.or(volume), measurement })
+    }
+
+    fn no_volume(&self) -> Failure {
+        let calibration = self.calibration.display();
+        Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
     }
 
     fn pattern(&self, pattern: FringePattern) -> Result<FringePattern, Failure> {

@@ -43,6 +43,12 @@ function showRemark() {
     byId("remark").hidden = remarks.length === 0;
 }
 
+function describeDrift(drift) {
+    const limit = `limit ${withUnit(fixed(drift?.limit_rad, 3), "rad")}`;
+    const note = drift ? (drift.alarm ? `calibrate anew, ${limit}` : limit) : "not measured";
+    return [fixed(drift?.median_rad, 3), "rad", note, drift?.alarm ? "error" : undefined];
+}
+
 function showTiles(lost) {
     const total = run.exposure_to_cloud;
     const window = run.last_window;
@@ -57,6 +63,7 @@ function showTiles(lost) {
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
+        ["Calibration drift", ...describeDrift(window?.drift)],
     ];
     const tile = ([name, value, unit, note, level]) =>
         element(

@@ -195,6 +195,14 @@ const percent = (value) => withUnit(fixed(value, 1), "%");
 
 const QUALITY = [
     { label: "Noise of δ (sd)", lines: [["series-1", (window) => window.sd_rad]], text: radians },
+    {
+        label: "Drift of the calibration · noise about it",
+        lines: [
+            ["series-6", (window) => window.drift_rms_rad],
+            ["series-1", (window) => window.residual_sd_rad],
+        ],
+        text: radians,
+    },
     { label: "Median of δ", lines: [["series-5", (window) => window.delta_median_rad]], text: radians, range: aroundZero },
     { label: "Expected false (efc)", lines: [["series-4", (window) => window.efc]], text: short },
     { label: "Periods a segment (n)", lines: [["series-9", (window) => window.n]], text: short },

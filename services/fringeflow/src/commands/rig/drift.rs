@@ -1,0 +1,310 @@
+//! `fringeflow rig --images`: how far a calibration has drifted, as images show it.
+
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::Path;
+
+use fringeflow::atomic_file::check_writable;
+use fringeflow::config::Configuration;
+use fringeflow::correspondence::{Drift, DriftLimit, DriftMap, ResolutionMethod};
+use fringeflow::geometry::MeasurementVolume;
+use fringeflow::preview::drift_picture;
+use fringeflow::reconstruction::{Reconstruction, Reconstructor};
+use serde::Serialize;
+
+use super::{Args, Calibrated};
+use crate::failure::Failure;
+use crate::input::Input;
+use crate::proposed::{Measured, configuration, reconstruct, reconstructor, thinned_out};
+use crate::{json, output_folder, progress};
+
+/// The map, in the folder of --preview.
+const PICTURE: &str = "drift.png";
+
+/// The drift of a calibration in the windows of an input.
+#[derive(Serialize)]
+struct Report<'a> {
+    calibration: &'a Path,
+    images: &'a Path,
+    /// Complete windows that the input has.
+    windows_available: usize,
+    windows: Vec<Window>,
+    /// Windows without correspondences.
+    unmeasured: Vec<Unmeasured>,
+    #[serde(flatten)]
+    summary: Summary,
+}
+
+/// The drift in one window. The field is told about its mean.
+#[derive(Clone, Debug, Serialize)]
+struct Window {
+    /// Number of its first image pair.
+    first_image: usize,
+    /// Its first exposure since that of the first image pair, seconds; none in a folder.
+    time_s: Option<f64>,
+    /// Mean of δ over the volume.
+    delta_mean_rad: f64,
+    /// Root mean square over the volume.
+    rms_rad: f64,
+    /// Greatest magnitude over the volume.
+    greatest_rad: f64,
+    /// Standard deviation of δ.
+    delta_sd_rad: f64,
+    /// Standard deviation of δ about the drift.
+    residual_sd_rad: f64,
+    /// Calibration errors that explain it.
+    error_px: f64,
+    /// Share of pixels with a candidate that agrees with it.
+    share: f64,
+    /// Whether these are most pixels: else the window does not count.
+    counts: bool,
+}
+
+#[derive(Serialize)]
+struct Unmeasured {
+    first_image: usize,
+    why: String,
+}
+
+/// Over the windows that count, rad rms.
+#[derive(Debug, PartialEq, Serialize)]
+struct Summary {
+    first_rms_rad: Option<f64>,
+    last_rms_rad: Option<f64>,
+    largest_rms_rad: Option<f64>,
+    median_rms_rad: Option<f64>,
+    limit_rad: f64,
+    /// Whether the median is beyond the limit; none where no window counts.
+    beyond_limit: Option<bool>,
+}
+
+/// Measures, prints, and draws the map of the window with the median drift.
+pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
+    let input = Input::open(images, args.units)?;
+    let mut configuration = configuration(args.config.as_deref(), &input)?;
+    // The paper's resolution measures no drift.
+    configuration.settings.matching.method = ResolutionMethod::SemiGlobal;
+    let cycles = input.cycles()?;
+    let chosen = choose(&cycles, args)?;
+    let calibrated = args.calibrated()?;
+    check_sizes(args, &calibrated, &input)?;
+    let volume = volume(args, &calibrated, &configuration, &input)?;
+    let measured = Measured { rig: &calibrated.rig, volume: &volume, pattern: &input.setup().sequence.pattern };
+    if let Some(folder) = &args.preview {
+        output_folder::prepare(folder)?;
+        check_writable(&folder.join(PICTURE))?;
+    }
+    let mut reconstructor = reconstructor(&input, &chosen[0], &measured, &configuration, None)?;
+    let measured = measure(&input, &mut reconstructor, &chosen)?;
+    if let Some(folder) = &args.preview {
+        draw(&measured, &reconstructor, &folder.join(PICTURE))?;
+    }
+    let windows: Vec<Window> = measured.windows.into_iter().map(|(window, _)| window).collect();
+    let report = Report {
+        calibration: &args.calibration,
+        images,
+        windows_available: cycles.len(),
+        summary: Summary::of(&windows, configuration.drift_limit),
+        windows,
+        unmeasured: measured.without,
+    };
+    if args.json { json::print(&report) } else { Ok(write(&mut io::stdout().lock(), &report)?) }
+}
+
+/// The images of the windows to look at.
+fn choose(cycles: &[Range<usize>], args: &Args) -> Result<Vec<Vec<usize>>, Failure> {
+    let every = cycles.len().div_ceil(usize::from(args.windows));
+    cycles.iter().step_by(every).map(|cycle| thinned_out(cycle.clone(), args.steps)).collect()
+}
+
+/// Drifts can be compared over one volume alone: that of the images, unless another is given.
+fn volume(
+    args: &Args,
+    calibrated: &Calibrated,
+    configuration: &Configuration,
+    input: &Input,
+) -> Result<MeasurementVolume, Failure> {
+    let given = args.volume.as_ref().and(calibrated.volume.as_ref());
+    let of_images = configuration.volume.as_ref().or(input.setup().volume.as_ref());
+    let volume = given.or(of_images).or(calibrated.volume.as_ref());
+    volume.cloned().ok_or_else(|| args.no_volume())
+}
+
+/// Refuses images of another size than the calibration is for.
+fn check_sizes(args: &Args, calibrated: &Calibrated, input: &Input) -> Result<(), Failure> {
+    let [width, height] = input.setup().image_size_px;
+    for (name, camera) in [("cam1", &calibrated.rig.cam1), ("cam2", &calibrated.rig.cam2)] {
+        let [w, h] = [camera.width_px(), camera.height_px()];
+        if [w, h] != [width, height] {
+            let (calibration, images) = (args.calibration.display(), input.path().display());
+            return Err(Failure::Usage(format!(
+                "{calibration}: {name} has images of {w}×{h} pixels, those of {images} have {width}×{height}; give the \
+                 calibration of the cameras that took them"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Windows with their drift, and those without correspondences.
+struct Windows {
+    windows: Vec<(Window, Drift)>,
+    without: Vec<Unmeasured>,
+}
+
+fn measure(input: &Input, reconstructor: &mut Reconstructor, chosen: &[Vec<usize>]) -> Result<Windows, Failure> {
+    let mut measured = Windows { windows: Vec::new(), without: Vec::new() };
+    let bar = progress::bar("windows", chosen.len() as u64);
+    let mut refusal = None;
+    for numbers in chosen {
+        match reconstruct(input, reconstructor, numbers) {
+            Ok(made) => measured.windows.extend(window(input, numbers[0], &made, reconstructor)),
+            Err(why @ Failure::Usage(_)) => {
+                measured.without.push(Unmeasured { first_image: numbers[0], why: why.to_string() });
+                refusal.get_or_insert(why);
+            }
+            Err(broken) => return Err(broken),
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    match refusal {
+        Some(why) if measured.windows.is_empty() => Err(why),
+        _ => Ok(measured),
+    }
+}
+
+fn window(
+    input: &Input,
+    first_image: usize,
+    made: &Reconstruction,
+    reconstructor: &Reconstructor,
+) -> Option<(Window, Drift)> {
+    let drift = made.matches.drift.clone()?;
+    let window = Window {
+        first_image,
+        time_s: input.exposure_s(first_image),
+        delta_mean_rad: drift.mean_rad,
+        rms_rad: drift.rms_rad,
+        greatest_rad: f64::from(DriftMap::of(&drift, reconstructor.table()).greatest_rad),
+        delta_sd_rad: made.matches.delta.sd_rad,
+        residual_sd_rad: drift.residual_sd_rad,
+        error_px: drift.error_px,
+        share: drift.share,
+        counts: drift.is_of_most_pixels(),
+    };
+    Some((window, drift))
+}
+
+/// Draws the window whose drift is the median; of all windows, where none counts.
+fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Result<(), Failure> {
+    let mut sorted: Vec<&(Window, Drift)> = measured.windows.iter().collect();
+    sorted.sort_by(|(a, _), (b, _)| b.counts.cmp(&a.counts).then(a.rms_rad.total_cmp(&b.rms_rad)));
+    let counting = sorted.iter().filter(|(window, _)| window.counts).count();
+    let Some((_, drift)) = sorted.get(middle(counting)) else { return Ok(()) };
+    Ok(drift_picture(&DriftMap::of(drift, reconstructor.table())).write_png(path)?)
+}
+
+/// Place of the median of so many, of two the lower.
+fn middle(count: usize) -> usize {
+    count.saturating_sub(1) / 2
+}
+
+impl Summary {
+    fn of(windows: &[Window], limit: DriftLimit) -> Self {
+        let drifts: Vec<f64> = windows.iter().filter(|window| window.counts).map(|window| window.rms_rad).collect();
+        let mut sorted = drifts.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median_rms_rad = sorted.get(middle(sorted.len())).copied();
+        Self {
+            first_rms_rad: drifts.first().copied(),
+            last_rms_rad: drifts.last().copied(),
+            largest_rms_rad: sorted.last().copied(),
+            median_rms_rad,
+            limit_rad: limit.rms_rad,
+            beyond_limit: median_rms_rad.map(|median_rad| limit.is_exceeded_by(median_rad)),
+        }
+    }
+}
+
+fn write(out: &mut impl Write, report: &Report<'_>) -> io::Result<()> {
+    let (calibration, images) = (report.calibration.display(), report.images.display());
+    writeln!(out, "Drift of {calibration} in {images} (rad, about the mean of δ)")?;
+    writeln!(
+        out,
+        "  image   time, s   mean of δ      rms  greatest  sd of δ  sd about the drift  errors, px  pixels that agree"
+    )?;
+    for w in &report.windows {
+        let time_s = w.time_s.map_or_else(|| "–".to_owned(), |time_s| format!("{time_s:.2}"));
+        let remark = if w.counts { "" } else { "  (too few: does not count)" };
+        writeln!(
+            out,
+            "  {:>5}  {time_s:>8}    {:+.4}   {:7.4}   {:7.4}  {:7.4}             {:7.4}     {:7.3}            {:5.1} %{remark}",
+            w.first_image,
+            w.delta_mean_rad,
+            w.rms_rad,
+            w.greatest_rad,
+            w.delta_sd_rad,
+            w.residual_sd_rad,
+            w.error_px,
+            100.0 * w.share
+        )?;
+    }
+    for Unmeasured { first_image, why } in &report.unmeasured {
+        writeln!(out, "  {first_image:>5}  not measured: {why}")?;
+    }
+    if report.windows.len() + report.unmeasured.len() < report.windows_available {
+        writeln!(out, "of {} windows; --windows N looks at more of them", report.windows_available)?;
+    }
+    writeln!(out, "{}", verdict(&report.summary))
+}
+
+fn verdict(summary: &Summary) -> String {
+    let &Summary { first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad, limit_rad, beyond_limit } = summary;
+    let numbers = [first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad];
+    let ([Some(first), Some(last), Some(largest), Some(median)], Some(beyond)) = (numbers, beyond_limit) else {
+        return "no verdict: in no window most pixels agree with a drift; show more of the object within the volume"
+            .to_owned();
+    };
+    let judged = if beyond { "BEYOND" } else { "within" };
+    let remedy = if beyond { "; calibrate anew" } else { "" };
+    format!(
+        "drift rms: first {first:.4}, last {last:.4}, largest {largest:.4}, median {median:.4} rad: {judged} the limit of \
+         {limit_rad} rad (correspondence.drift_alarm_rad){remedy}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(rms_rad: f64, counts: bool) -> Window {
+        Window {
+            first_image: 0,
+            time_s: None,
+            delta_mean_rad: 0.0,
+            rms_rad,
+            greatest_rad: rms_rad,
+            delta_sd_rad: 0.0,
+            residual_sd_rad: 0.0,
+            error_px: 0.0,
+            share: 1.0,
+            counts,
+        }
+    }
+
+    #[test]
+    fn the_verdict_is_that_of_the_median_of_the_windows_that_count() {
+        let limit = DriftLimit { rms_rad: 0.1 };
+        let windows = [(0.04, true), (0.9, false), (0.3, true), (0.05, true)].map(|(rms, counts)| window(rms, counts));
+        let summary = Summary::of(&windows, limit);
+        assert_eq!(
+            [summary.first_rms_rad, summary.last_rms_rad, summary.largest_rms_rad, summary.median_rms_rad],
+            [0.04, 0.05, 0.3, 0.05].map(Some)
+        );
+        assert_eq!(summary.beyond_limit, Some(false));
+        assert!(verdict(&Summary::of(&[window(0.11, true)], limit)).contains("BEYOND the limit of 0.1 rad"));
+        let none = Summary::of(&windows[1..2], limit);
+        assert!(none.beyond_limit.is_none() && verdict(&none).starts_with("no verdict"));
+    }
+}

@@ -1,0 +1,48 @@
+//! The drift over the image of C1.
+
+use std::f64::consts::TAU;
+
+use super::super::segment_table::SegmentTable;
+use super::estimate::Drift;
+
+/// Places along a segment, as shares of it, at which the greatest drift is sought: beginning, middle and end of the volume
+/// among them.
+const PLACES: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// The drift about its mean, for every pixel of C1 with a segment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriftMap {
+    /// Width and height of the image of C1, pixels.
+    pub size_px: [usize; 2],
+    /// Drift at the middle of the measurement volume, row by row, rad; `None` where the volume is not seen.
+    pub middle_rad: Vec<Option<f32>>,
+    /// Greatest magnitude over the whole volume, rad.
+    pub greatest_rad: f32,
+}
+
+impl DriftMap {
+    /// The map of a drift over the segments of its rig.
+    #[must_use]
+    pub fn of(drift: &Drift, table: &SegmentTable) -> Self {
+        let size_px @ [width, _] = table.size_px();
+        let (mut middle_rad, mut greatest_rad) = (Vec::with_capacity(table.segments().len()), 0.0_f32);
+        for (v, row) in table.segments().chunks(width.max(1)).enumerate() {
+            let along_row = drift.along_row(v);
+            for (u, segment) in row.iter().enumerate() {
+                let along_segment = along_row.along_segment(u);
+                let [begin_px, end_px] = segment.limits_px();
+                let about_mean_rad = |place: f32| {
+                    let turns = along_segment.at(begin_px + place * (end_px - begin_px));
+                    (f64::from(turns) * TAU - drift.mean_rad) as f32
+                };
+                if segment.is_none() {
+                    middle_rad.push(None);
+                    continue;
+                }
+                middle_rad.push(Some(about_mean_rad(0.5)));
+                greatest_rad = PLACES.map(about_mean_rad).into_iter().map(f32::abs).fold(greatest_rad, f32::max);
+            }
+        }
+        Self { size_px, middle_rad, greatest_rad }
+    }
+}
