@@ -2,8 +2,11 @@
 //! `src/correspondence/semi_global/confidence.rs` has them.
 //!
 //! ```text
-//! for sd in 0.041 0.105 0.21; do for object in plane prism machine nose elephant clutter; do
+//! for sd in 0.041 0.42; do for object in plane prism machine nose elephant clutter crumbs; do
 //!     fringeflow simulate -o scenes/$object-$sd --object $object --steps 4 --sd $sd
+//!     fringeflow simulate -o scenes/$object-$sd-deep --object $object --steps 4 --sd $sd --depth 110
+//!     fringeflow simulate -o scenes/$object-$sd-noisy --object $object --steps 3 --sd $sd --noise high
+//!     fringeflow simulate -o scenes/$object-$sd-small --object $object --steps 4 --sd $sd --size 320x256 --board dark
 //! done; done
 //! cargo run --release --example fit_confidence -- scenes/*
 //! ```

@@ -61,6 +61,7 @@ mod tests {
         "property uchar candidates\n",
         "property uchar stage\n",
         "property float sigma\n",
+        "property float confidence\n",
         "end_header\n",
     );
 
@@ -76,7 +77,7 @@ mod tests {
         let (header, body) = bytes.split_at(HEADER.len());
         assert_eq!(std::str::from_utf8(header).unwrap(), HEADER);
         assert_eq!(body.len(), 2 * RECORD_BYTES);
-        // x = 1 m = 1000 mm … sigma = 0.5 mm, written out by hand.
+        // x = 1 m = 1000 mm … sigma = 0.5 mm, confidence = 0.75, written out by hand.
         let mut expected = Vec::new();
         for x in [1000.0_f32, -250.0, 500.0] {
             expected.extend(x.to_le_bytes());
@@ -88,6 +89,7 @@ mod tests {
         expected.extend(0.0625_f32.to_le_bytes());
         expected.extend([5, 2]);
         expected.extend(0.5_f32.to_le_bytes());
+        expected.extend(0.75_f32.to_le_bytes());
         assert_eq!(&body[..RECORD_BYTES], expected);
     }
 

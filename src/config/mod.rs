@@ -240,6 +240,7 @@ mod tests {
         assert!(message("[phase]\nmin_modulation = 3.0").contains("min_modulation"));
         assert!(message("[phase]\nmin_modulation_grey = -1.0").contains("phase.min_modulation_grey is -1"));
         assert!(message("[correspondence]\ndelta_sd_rad = nan").contains("correspondence.delta_sd_rad is NaN"));
+        assert!(message("[correspondence]\nmin_confidence = 90").contains("correspondence.min_confidence is 90"));
         assert!(message("[correspondence]\ndrift_alarm_rad = 0").contains("correspondence.drift_alarm_rad is 0"));
     }
 }

@@ -79,6 +79,14 @@ impl Segment {
         let [a, b, d] = self.phase;
         self.begin_px + (phase_turns - a) / (b - d * phase_turns)
     }
+
+    /// That column, and how many columns the phase takes there for a turn.
+    #[inline]
+    pub(super) fn column_and_columns_per_turn(&self, phase_turns: f32) -> (f32, f32) {
+        let [a, b, d] = self.phase;
+        let inverse = 1.0 / (b - d * phase_turns);
+        (self.begin_px + (phase_turns - a) * inverse, (b - a * d) * inverse * inverse)
+    }
 }
 
 /// Where one pixel of the epipolar frame lies in the raw image of C2.

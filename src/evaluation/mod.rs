@@ -14,6 +14,7 @@ mod gray_reference;
 mod paper_tables;
 mod pixel_grid;
 mod reference_data;
+mod reliability;
 mod scores;
 
 pub use against_captured::against_captured;
@@ -24,6 +25,7 @@ pub use paper_tables::{
     CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, PaperRow, SequenceRow, completeness_table, sequence_table,
 };
 pub use reference_data::limit_to_gray_code;
+pub use reliability::{ReliabilityPart, reliability};
 pub use scores::Scores;
 
 /// Greatest distance in C2 between a correct point and the reference, pixels.

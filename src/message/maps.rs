@@ -50,7 +50,7 @@ pub struct MapsHeader {
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.2")]
+#[type_name("fringeflow.CorrespondenceHeader.3")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -83,7 +83,7 @@ pub struct CorrespondenceHeader {
 /// Describes a cloud.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CloudHeader.1")]
+#[type_name("fringeflow.CloudHeader.2")]
 pub struct CloudHeader {
     /// Clouds this channel has carried before.
     pub published: u64,

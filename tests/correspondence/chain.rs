@@ -2,13 +2,13 @@
 
 use fringeflow::correspondence::{DriftMap, MatchError, OutcomeCounts, ResolutionMethod, SegmentTable};
 use fringeflow::dataset::{CameraId, GreyImage};
-use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
 use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
 use fringeflow::simulation::{
     Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
-    VirtualRig,
+    Staging, VirtualRig,
 };
 
 /// Width and height of the images, pixels.
@@ -89,13 +89,17 @@ fn reconstruct_by(
 
 /// com and fpc against the simulation's exact truth.
 fn scores(simulation: &Simulation, made: &Reconstruction) -> Scores {
+    evaluation(simulation, made).scores
+}
+
+fn evaluation(simulation: &Simulation, made: &Reconstruction) -> Evaluation {
     let rig = simulation.rig();
     let frames = Frames {
         cam1_from_volume: *rig.volume.cam1_from_volume(),
         exact_cam1_from_volume: *rig.exact_volume.cam1_from_volume(),
         unit_m: 1e-3,
     };
-    against_rendered(&made.cloud, SIZE_PX, simulation.truth(), &frames).unwrap().scores
+    against_rendered(&made.cloud, SIZE_PX, simulation.truth(), &frames).unwrap()
 }
 
 fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
@@ -175,6 +179,43 @@ fn a_wrong_order_that_is_consistent_over_most_of_the_image_does_not_bend_the_dri
 }
 
 #[test]
+fn what_is_seen_beyond_the_volume_does_not_bend_the_drift_to_wrong_orders_within() {
+    // Nearly all that is seen: of the clutter a corner is left, the board behind it is not to be measured.
+    let mut options = options(Object::Clutter, Arrangement::TABLE_TOP);
+    options.board = Board::Behind;
+    let staging = Staging { shift_mm: [20.0, 0.0, 0.0], covered: Some(CameraId::Cam2) };
+    let simulation = Simulation::staged(options, staging).unwrap();
+    let made = reconstruct(&simulation);
+    assert!(made.matches.drift.as_ref().unwrap().error_px < 0.5, "{:?}", made.matches.drift);
+    let scores = scores(&simulation, &made);
+    assert!(scores.com_percent > 75.0 && scores.fpc_percent < 0.5, "{scores:?}");
+}
+
+#[test]
+fn confidence_says_how_many_points_are_true_and_can_be_asked_for() {
+    let simulation = simulation(Object::Clutter);
+    let with = |min_confidence: f32| {
+        let mut settings = Settings::default();
+        settings.matching.min_confidence = min_confidence;
+        let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
+        reconstruct_by(&sensor, &simulation, CameraId::BOTH, simulation.rig(), settings).unwrap()
+    };
+    let made = with(0.5);
+    let parts = reliability(&made.cloud, &evaluation(&simulation, &made).judgements, SIZE_PX[0]);
+    assert_eq!(parts.len(), 10);
+    for part in parts {
+        // In images as small as these more pixels lie beside edges, and are doubted more than they should be.
+        let allowed = if part.stated_percent < 95.0 { 10.0 } else { 1.5 };
+        let off = part.true_percent - part.stated_percent;
+        assert!(off > -0.3 && off < allowed, "{part:?}");
+    }
+    let sure = with(0.99);
+    assert!(sure.cloud.points.iter().all(|point| (0.99..=1.0).contains(&point.confidence)));
+    let [all, some] = [&made, &sure].map(|made| scores(&simulation, made));
+    assert!(some.points < all.points && some.fpc_percent < 0.7 * all.fpc_percent, "{all:?} {some:?}");
+}
+
+#[test]
 fn both_resolutions_decide_an_easy_scene() {
     let simulation = simulation(Object::Prism);
     let by = |method: ResolutionMethod| {
@@ -183,6 +224,8 @@ fn both_resolutions_decide_an_easy_scene() {
         let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
         let made = reconstruct_by(&sensor, &simulation, CameraId::BOTH, simulation.rig(), settings).unwrap();
         assert_eq!(made.matches.drift.is_some(), method == ResolutionMethod::SemiGlobal);
+        let states_confidence = made.cloud.points.iter().all(|point| point.confidence > 0.0);
+        assert_eq!(states_confidence, method == ResolutionMethod::SemiGlobal);
         scores(&simulation, &made)
     };
     for method in ResolutionMethod::ALL {

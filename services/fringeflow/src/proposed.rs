@@ -30,6 +30,9 @@ pub(crate) struct ProposedArgs {
     /// How pixels with several candidates are decided; by default as configured, else semi-global.
     #[arg(long, value_name = "METHOD", value_parser = resolution)]
     resolution: Option<ResolutionMethod>,
+    /// Least confidence of a point, a probability; by default as configured, else 0.9.
+    #[arg(long, value_name = "P", value_parser = probability)]
+    min_confidence: Option<f32>,
     /// File of the segment table: read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
@@ -53,6 +56,9 @@ impl ProposedArgs {
         let mut configuration = configuration(self.config.as_deref(), input)?;
         if let Some(method) = self.resolution {
             configuration.settings.matching.method = method;
+        }
+        if let Some(min_confidence) = self.min_confidence {
+            configuration.settings.matching.min_confidence = min_confidence;
         }
         let numbers = self.images(input)?;
         let setup = input.setup();
@@ -150,6 +156,12 @@ fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
 fn resolution(name: &str) -> Result<ResolutionMethod, String> {
     let known = ResolutionMethod::ALL.into_iter().find(|method| method.name() == name);
     known.ok_or_else(|| format!("{name:?} is no resolution; use semi-global or paper"))
+}
+
+/// A number between 0 and 1.
+fn probability(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|p| (0.0..=1.0).contains(p));
+    number.ok_or_else(|| format!("{text:?} is no probability; give a number between 0 and 1"))
 }
 
 /// `A..B` as a range.

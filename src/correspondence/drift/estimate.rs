@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::phase::PhaseMap;
 
 use super::super::delta_statistics::DeltaStatistics;
@@ -160,10 +162,10 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> G
         return best;
     }
     let mut followed = followed_starts(sample, modes, &still);
-    followed.iter_mut().for_each(|guess| sample.refine(guess, FIRST_STEPS));
+    followed.par_iter_mut().for_each(|guess| sample.refine(guess, FIRST_STEPS));
     let mut promising = by_score(sample, followed);
     promising.truncate(BEST_STARTS);
-    promising.iter_mut().for_each(|guess| sample.refine(guess, STEPS));
+    promising.par_iter_mut().for_each(|guess| sample.refine(guess, STEPS));
     promising.push(best);
     by_score(sample, promising).swap_remove(0)
 }
@@ -187,7 +189,7 @@ fn better_beyond<const N: usize>(
 
 /// Guesses, the best first.
 fn by_score(sample: &Sample, guesses: Vec<Guess>) -> Vec<Guess> {
-    let mut scored: Vec<(f64, Guess)> = guesses.into_iter().map(|guess| (sample.score(&guess), guess)).collect();
+    let mut scored: Vec<(f64, Guess)> = guesses.into_par_iter().map(|guess| (sample.score(&guess), guess)).collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     scored.into_iter().map(|(_, guess)| guess).collect()
 }

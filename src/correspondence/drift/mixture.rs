@@ -17,8 +17,10 @@ use super::super::segment_table::SegmentTable;
 const NONE_TRUE: f64 = 0.2;
 /// Candidates that are certainly false are left out of the sums.
 const MIN_WEIGHT: f64 = 0.01;
-/// How many pixels tell something of their own about the drift: neighbours err alike.
+/// How many pixels tell something of their own about the drift where a quarter of the image or more has a phase: neighbours
+/// err alike, and a small object shows a field from one side only.
 const INDEPENDENT_PIXELS: f64 = 20.0;
+const LARGE_SHARE: f64 = 0.25;
 /// Calibration error that is expected of a mode, pixels.
 const PRIOR_PX: f64 = 0.5;
 /// Least sd that is believed, turns: rounding alone makes more.
@@ -60,6 +62,8 @@ pub(super) struct Sample {
     /// 1, then δ of every mode a pixel of error, candidate by candidate.
     design: Vec<f64>,
     columns: usize,
+    /// How many pixels tell something of their own.
+    independent: f64,
 }
 
 impl Sample {
@@ -78,7 +82,9 @@ impl Sample {
         // A stride that shares no factor with the width spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
         let columns = 1 + modes.fields.len();
-        let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns };
+        let share = all as f64 / cam1.phase.len().max(1) as f64;
+        let independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns, independent };
         for i in (0..cam1.phase.len()).filter(|&i| usable(i)).step_by(stride) {
             let (segment, before) = (&table.segments()[i], sample.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
@@ -110,7 +116,7 @@ impl Sample {
     /// About so many of its pixels, evenly spread.
     pub(super) fn thinned(&self, pixels: usize) -> Self {
         let step = (self.pixels() / pixels.max(1)).max(1);
-        let mut thinned = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns: self.columns };
+        let mut thinned = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), ..*self };
         for pixel in (0..self.pixels()).step_by(step) {
             let range = self.first[pixel]..self.first[pixel + 1];
             thinned.design.extend(&self.design[range.start * self.columns..range.end * self.columns]);
@@ -143,17 +149,17 @@ impl Sample {
                 peak * bell(z)
             };
             let mean = (ends[0]..ends[1]).map(density).sum::<f64>() / (ends[1] - ends[0]) as f64;
-            (NONE_TRUE + (1.0 - NONE_TRUE) * mean).ln()
+            NONE_TRUE + (1.0 - NONE_TRUE) * mean
         };
-        let mean = self.first.windows(2).map(of_pixel).sum::<f64>() / self.pixels() as f64;
-        INDEPENDENT_PIXELS * mean - guess.improbability()
+        let mean = ln_of_product(self.first.windows(2).map(of_pixel)) / self.pixels() as f64;
+        self.independent * mean - guess.improbability()
     }
 
     /// Improves a guess by expectation maximization until it settles, at most so many steps.
     pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize) {
         for _ in 0..max_steps {
             let sums = self.weighted_sums(guess);
-            let Some(change) = sums.solve(guess, self.pixels()) else { return };
+            let Some(change) = sums.solve(guess, (self.pixels() as f64 / self.independent).max(1.0)) else { return };
             guess.coefficients.iter_mut().zip(change.iter()).for_each(|(c, d)| *c += d);
             let before = guess.sd_turns;
             let sd_turns = (sums.squares / sums.weight).sqrt().max(MIN_SD_TURNS);
@@ -194,6 +200,21 @@ fn to_half_turn(turns: f64) -> f64 {
     turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
 }
 
+/// Natural logarithm of a product of positive numbers, 0.06 too small at most: the same on every machine, as that of the C
+/// library is not, and it grows with the product.
+fn ln_of_product(factors: impl Iterator<Item = f64>) -> f64 {
+    const EXPONENT: u64 = 0x7ff << 52;
+    const ONE: u64 = 1023 << 52;
+    let (mut octaves, mut mantissa) = (0_i64, 1.0_f64);
+    for factor in factors {
+        let bits = (mantissa * factor).to_bits();
+        octaves += (bits >> 52) as i64 - 1023;
+        mantissa = f64::from_bits(bits & !EXPONENT | ONE);
+    }
+    // Between powers of two the logarithm is straight.
+    (octaves as f64 + mantissa - 1.0) * std::f64::consts::LN_2
+}
+
 /// Density of a normal number of sd 1 at z, in that at 0.
 fn bell(z: f64) -> f64 {
     decay(0.5 * z * z)
@@ -226,9 +247,9 @@ impl Sums {
         }
     }
 
-    /// The change of the coefficients, drawn towards no error at all as strongly as errors are improbable.
-    fn solve(&self, guess: &Guess, pixels: usize) -> Option<DVector<f64>> {
-        let dependence = (pixels as f64 / INDEPENDENT_PIXELS).max(1.0);
+    /// The change of the coefficients, drawn towards no error at all as strongly as errors are improbable; so many pixels say
+    /// what one says by itself.
+    fn solve(&self, guess: &Guess, dependence: f64) -> Option<DVector<f64>> {
         let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
         // The lower triangle is all that the decomposition reads.
         let columns = self.right.len();
@@ -246,6 +267,15 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_logarithm_of_a_product_is_the_sum_of_logarithms() {
+        let factors = || (1..400).map(|i| f64::from(i % 37 + 1) / 12.0);
+        let exact: f64 = factors().map(f64::ln).sum();
+        let found = ln_of_product(factors());
+        assert!(found <= exact + 1e-9 && exact - found < 0.06, "{found} {exact}");
+        assert_eq!(ln_of_product(std::iter::empty()), 0.0);
+    }
 
     #[test]
     fn the_bell_is_that_of_the_normal_distribution() {

@@ -70,6 +70,8 @@ pub(super) struct Outlook<'a> {
     pub(super) segment: &'a Segment,
     pub(super) drift: DepthPolynomial,
     pub(super) limits_px: [f32; 2],
+    /// Least and greatest Φ within these limits, turns.
+    phase_range_turns: [f32; 2],
     pub(super) phase: u16,
 }
 
@@ -77,11 +79,14 @@ impl<'a> Outlook<'a> {
     /// That of a pixel in column `u` of the row that `drift` belongs to.
     pub(super) fn new(scene: &Scene<'a>, windows: &Windows, drift: &RowPolynomial, pixel: usize, u: usize) -> Self {
         let segment = &scene.table.segments()[pixel];
+        let limits_px = windows.limits_px(segment);
+        let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
         Self {
             row: RowView::new(scene.cam2, segment.row_px),
             segment,
             drift: drift.along_segment(u),
-            limits_px: windows.limits_px(segment),
+            limits_px,
+            phase_range_turns: [a.min(b), a.max(b)],
             phase: scene.cam1.phase[pixel],
         }
     }
@@ -101,25 +106,27 @@ impl<'a> Outlook<'a> {
     }
 
     /// The columns in which a candidate of an order can lie whose δ is off by no more than `reach_turns`.
+    #[inline]
     pub(super) fn columns_of(&self, order: i32, reach_turns: f32) -> Option<[f32; 2]> {
         let [first_px, last_px] = self.limits_px;
-        let (at_first, at_last) = (self.segment.phase_turns(first_px), self.segment.phase_turns(last_px));
-        if (at_last - at_first).abs() <= FLAT_TURNS {
+        let [least, most] = self.phase_range_turns;
+        if most - least <= FLAT_TURNS {
             return Some(self.limits_px);
         }
         let target = order as f32 + f32::from(self.phase) / 65536.0;
         let within = |turns: f32| {
-            let column_px = self.segment.column_of_phase(turns.clamp(at_first.min(at_last), at_first.max(at_last)));
-            column_px.clamp(first_px, last_px)
+            let (column_px, columns_per_turn) = self.segment.column_and_columns_per_turn(turns.clamp(least, most));
+            (column_px.clamp(first_px, last_px), columns_per_turn.abs())
         };
-        let drift = self.drift.at(within(target));
         // The drift is that of the middle of the interval; over its width it changes by far less than the reach.
-        let (low, high) = (target + drift - reach_turns, target + drift + reach_turns);
-        if high < at_first.min(at_last) || low > at_first.max(at_last) {
+        let middle = target + self.drift.at(within(target).0);
+        if middle + reach_turns < least || middle - reach_turns > most {
             return None;
         }
-        let (a, b) = (within(low), within(high));
-        Some([a.min(b) - COLUMN_MARGIN_PX, a.max(b) + COLUMN_MARGIN_PX])
+        let (column_px, columns_per_turn) = within(middle);
+        // What the middle is clamped by widens the interval on the other side: it must reach as far as before.
+        let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
+        Some([column_px - half_px, column_px + half_px])
     }
 
     /// Tells of all crossings in an interval of columns: column and slope.

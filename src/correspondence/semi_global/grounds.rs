@@ -10,7 +10,9 @@ use super::selection::Selected;
 use super::{Scene, UNITS_PER_NAT};
 
 /// Pixels on either side within which support counts.
-const REACH_PX: isize = 3;
+const REACH_PX: usize = 3;
+/// Pixels along a side of that surrounding.
+const SIDE: usize = 2 * REACH_PX + 1;
 /// Absolute phase of a pixel that does not stand: none is near it.
 const ABSENT: i32 = i32::MIN;
 
@@ -67,9 +69,11 @@ fn of_pixels(
 ) -> Vec<Grounds> {
     let claims = Claims::new(scene, standing, |pixel| scene.table.nearness_to_cam2(pixel), 0.0);
     let surroundings = Surroundings::of(scene, standing);
+    let width = scene.cam1.width;
     let of_pixel = |(pixel, selected): (usize, &Option<Selected>)| {
         let Some(selected) = selected else { return Grounds::default() };
-        let (beside, around) = surroundings.support(pixel, absolute(scene.cam1, pixel, selected));
+        let (beside, around) =
+            surroundings.support([pixel % width, pixel / width], absolute(scene.cam1, pixel, selected));
         Grounds {
             margin_nats: f32::from(verdicts[pixel].margin) / (PATHS as f32 * UNITS_PER_NAT),
             abs_z: selected.z.abs(),
@@ -82,36 +86,60 @@ fn of_pixels(
     selected.par_iter().enumerate().map(of_pixel).collect()
 }
 
-/// Absolute phases of the pixels that stand.
+/// Absolute phases of the pixels that stand, in a frame of absent ones as wide as support reaches.
 struct Surroundings {
     absolute: Vec<i32>,
-    width: usize,
+    /// Width of the image and of the frame on both sides.
+    stride: usize,
 }
+
+/// How far the absolute phase of a pixel may differ that is so many rows and columns away.
+const MAX_DIFFERENCE: [[u32; SIDE]; SIDE] = {
+    let mut limits = [[0; SIDE]; SIDE];
+    let mut i = 0;
+    while i < SIDE * SIDE {
+        let (rows, columns) = ((i / SIDE).abs_diff(REACH_PX), (i % SIDE).abs_diff(REACH_PX));
+        let away = if rows > columns { rows } else { columns };
+        limits[i / SIDE][i % SIDE] = MAX_STEP as u32 * away as u32;
+        i += 1;
+    }
+    limits
+};
 
 impl Surroundings {
     fn of(scene: &Scene<'_>, standing: &[Option<Selected>]) -> Self {
-        let of_pixel = |(pixel, standing): (usize, &Option<Selected>)| {
-            standing.map_or(ABSENT, |s| absolute(scene.cam1, pixel, &s))
-        };
-        Self { absolute: standing.par_iter().enumerate().map(of_pixel).collect(), width: scene.cam1.width }
+        let absolute = |pixel: usize| standing[pixel].map_or(ABSENT, |s| absolute(scene.cam1, pixel, &s));
+        Self::framed(standing.len(), scene.cam1.width, absolute)
     }
 
-    /// How many pixels beside and around a pixel stand with an absolute phase that runs on to `own`.
-    fn support(&self, pixel: usize, own: i32) -> (u8, u8) {
-        let (u, v) = ((pixel % self.width) as isize, (pixel / self.width) as isize);
-        let (width, height) = (self.width as isize, (self.absolute.len() / self.width) as isize);
-        let columns = (u - REACH_PX).max(0)..(u + REACH_PX + 1).min(width);
+    fn framed(pixels: usize, width: usize, absolute: impl Fn(usize) -> i32 + Sync) -> Self {
+        let stride = width + 2 * REACH_PX;
+        let height = pixels / width.max(1);
+        let mut framed = vec![ABSENT; stride * (height + 2 * REACH_PX)];
+        framed.par_chunks_exact_mut(stride).skip(REACH_PX).take(height).enumerate().for_each(|(v, row)| {
+            let row = &mut row[REACH_PX..REACH_PX + width];
+            row.iter_mut().enumerate().for_each(|(u, place)| *place = absolute(v * width + u));
+        });
+        Self { absolute: framed, stride }
+    }
+
+    /// How many pixels beside and around pixel u of row v stand with an absolute phase that runs on to `own`.
+    fn support(&self, [u, v]: [usize; 2], own: i32) -> (u8, u8) {
         let (mut beside, mut around) = (0, 0);
-        for y in (v - REACH_PX).max(0)..(v + REACH_PX + 1).min(height) {
-            for x in columns.clone() {
-                let away = (x - u).abs().max((y - v).abs());
-                let step = self.absolute[(y * width + x) as usize].wrapping_sub(own);
-                let runs_on = away > 0 && step.unsigned_abs() <= MAX_STEP as u32 * away as u32;
-                around += u8::from(runs_on);
-                beside += u8::from(runs_on && away == 1);
+        for (row, limits) in MAX_DIFFERENCE.iter().enumerate() {
+            let begin = (v + row) * self.stride + u;
+            let runs_on = |column: usize| {
+                let difference = self.absolute[begin..begin + SIDE][column].wrapping_sub(own);
+                u8::from(difference.unsigned_abs() <= limits[column])
+            };
+            around += (0..SIDE).map(runs_on).sum::<u8>();
+            if row.abs_diff(REACH_PX) <= 1 {
+                beside += (REACH_PX - 1..=REACH_PX + 1).map(runs_on).sum::<u8>();
             }
         }
-        (beside, around)
+        // The pixel itself is no support.
+        let itself = u8::from(self.absolute[(v + REACH_PX) * self.stride + u + REACH_PX] == own);
+        (beside - itself, around - itself)
     }
 }
 
@@ -125,9 +153,9 @@ mod tests {
         // A ramp of an eighth of a turn a column; the last column lies an order higher, one pixel does not stand.
         let mut absolute: Vec<i32> = (0..25).map(|i| (i % 5) * turn / 8 + if i % 5 == 4 { turn } else { 0 }).collect();
         absolute[6] = ABSENT;
-        let surroundings = Surroundings { absolute, width: 5 };
-        assert_eq!(surroundings.support(12, turn / 4), (7, 18));
-        assert_eq!(surroundings.support(12, turn / 4 + turn), (0, 5));
-        assert_eq!(surroundings.support(0, 0), (2, 14));
+        let surroundings = Surroundings::framed(25, 5, |pixel| absolute[pixel]);
+        assert_eq!(surroundings.support([2, 2], turn / 4), (7, 18));
+        assert_eq!(surroundings.support([2, 2], turn / 4 + turn), (0, 5));
+        assert_eq!(surroundings.support([0, 0], 0), (2, 14));
     }
 }

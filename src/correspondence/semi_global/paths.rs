@@ -43,9 +43,10 @@ pub(super) struct Verdict {
 
 /// Decides the order of every pixel with a window; others have margin 0.
 pub(super) fn least_energies(cam1: &PhaseMap, windows: &Windows, evidence: &[u8]) -> Vec<Verdict> {
+    let height = cam1.phase.len() / cam1.width.max(1);
     let pass = |direction: Pass| {
         let mut sums = vec![0_u16; evidence.len()];
-        Sweep { cam1, windows, evidence, pass: direction }.run(&mut sums);
+        Sweep { cam1, windows, evidence, pass: direction, height }.run(&mut sums);
         sums
     };
     let (down, up) = rayon::join(|| pass(Pass::Down), || pass(Pass::Up));
@@ -82,6 +83,7 @@ struct Sweep<'a> {
     windows: &'a Windows,
     evidence: &'a [u8],
     pass: Pass,
+    height: usize,
 }
 
 /// Energies of a row of pixels in one direction, with room on either side of each.
@@ -110,12 +112,11 @@ impl PathRow {
 impl Sweep<'_> {
     fn run(&self, sums: &mut [u16]) {
         let (width, lanes) = (self.cam1.width, self.windows.lanes);
-        let height = self.cam1.phase.len() / width.max(1);
         // Along the row; from straight before, and from either side of it.
         let rows = || [(); 4].map(|()| PathRow::new(width, lanes));
         let (mut before, mut here) = (rows(), rows());
-        for i in 0..height {
-            let v = if self.pass == Pass::Down { i } else { height - 1 - i };
+        for i in 0..self.height {
+            let v = if self.pass == Pass::Down { i } else { self.height - 1 - i };
             for j in 0..width {
                 let u = if self.pass == Pass::Down { j } else { width - 1 - j };
                 self.pixel([u, v], &before, &mut here, &mut sums[(v * width + u) * lanes..][..lanes]);
@@ -138,7 +139,7 @@ impl Sweep<'_> {
             }
             let mut from = [CHANGE; ROOM];
             let lanes = self.windows.lanes;
-            match self.link(pixel, step) {
+            match self.link([u, v], step) {
                 Some(Link { column, shift }) => {
                     let row = if step[1] == 0 { &here[direction] } else { &before[direction] };
                     let source = &row.of(column)[shift..shift + lanes];
@@ -154,8 +155,9 @@ impl Sweep<'_> {
 
     /// The predecessor of a pixel in a direction, if the wrapped phase runs on from it.
     #[inline]
-    fn link(&self, pixel: usize, step: [isize; 2]) -> Option<Link> {
-        let before = self.at(pixel, step, -1).filter(|&q| self.windows.count[q] > 0)?;
+    fn link(&self, place: [usize; 2], step: [isize; 2]) -> Option<Link> {
+        let pixel = place[1] * self.cam1.width + place[0];
+        let before = self.at(place, step, -1).filter(|&q| self.windows.count[q] > 0)?;
         let phase = |i: usize| self.cam1.phase[i];
         let rise = |from: usize, to: usize| i32::from(phase(to).wrapping_sub(phase(from)) as i16);
         let here = rise(before, pixel);
@@ -164,24 +166,23 @@ impl Sweep<'_> {
             self.cam1.valid[from] && self.cam1.valid[to] && (rise(from, to) - here).abs() > MAX_STEP_CHANGE
         };
         let jumps = here.abs() > MAX_STEP
-            || bends(self.at(pixel, step, -2), Some(before))
-            || bends(Some(pixel), self.at(pixel, step, 1));
+            || bends(self.at(place, step, -2), Some(before))
+            || bends(Some(pixel), self.at(place, step, 1));
         if jumps {
             return None;
         }
         let carry = (i32::from(phase(before)) + here - i32::from(phase(pixel))) / 65536;
         let shift = i32::from(self.windows.first[pixel]) - carry - i32::from(self.windows.first[before]);
         let shift = usize::try_from(shift + MAX_SHIFT as i32).ok().filter(|&s| s <= 2 * MAX_SHIFT)?;
-        Some(Link { column: before % self.cam1.width, shift })
+        Some(Link { column: place[0].wrapping_add_signed(-step[0]), shift })
     }
 
     /// The pixel so many steps away, if the image reaches there.
     #[inline]
-    fn at(&self, pixel: usize, [du, dv]: [isize; 2], steps: isize) -> Option<usize> {
-        let width = self.cam1.width;
-        let (u, v) = ((pixel % width) as isize + steps * du, (pixel / width) as isize + steps * dv);
-        let inside = u >= 0 && v >= 0 && u < width as isize && v < (self.cam1.phase.len() / width) as isize;
-        inside.then(|| v as usize * width + u as usize)
+    fn at(&self, [u, v]: [usize; 2], [du, dv]: [isize; 2], steps: isize) -> Option<usize> {
+        // What lies left of the image or above it wraps to where no image reaches.
+        let (u, v) = (u.wrapping_add_signed(steps * du), v.wrapping_add_signed(steps * dv));
+        (u < self.cam1.width && v < self.height).then(|| v * self.cam1.width + u)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The recorder: nothing is lost silently, and no half of a file is called a recording.
 
 use super::*;
+use crate::cloud::RECORD_BYTES;
 
 #[test]
 fn a_full_queue_loses_messages_and_says_so_in_the_file() {

@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 
-use fringeflow::evaluation::{Evaluation, Judgement, Scores};
+use fringeflow::evaluation::{Evaluation, Judgement, ReliabilityPart, Scores, reliability};
 use serde::Serialize;
 
 use super::{Against, Args};
@@ -20,6 +20,9 @@ struct Report<'a> {
     scores: &'a Scores,
     #[serde(flatten)]
     unique: Unique,
+    /// What confidences were stated, and how many points are true, in ten equal parts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    reliability: Vec<ReliabilityPart>,
     #[serde(flatten)]
     statistics: Option<Statistics>,
 }
@@ -37,10 +40,13 @@ struct Unique {
 pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation) -> Result<(), Failure> {
     let statistics = made.proposed.as_ref().map(Statistics::of);
     let unique = unique(made, &evaluation.judgements);
+    let width = made.proposed.as_ref().map_or(0, |proposed| proposed.reconstruction.cam1.width);
+    let reliability = reliability(&made.cloud, &evaluation.judgements, width);
     let scores = &evaluation.scores;
     let mut out = std::io::stdout().lock();
     if args.json {
-        let report = Report { set, method: args.method, against: args.against, scores, unique, statistics };
+        let report =
+            Report { set, method: args.method, against: args.against, scores, unique, reliability, statistics };
         serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
         return Ok(writeln!(out)?);
     }
@@ -50,6 +56,9 @@ pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation
             out,
             "of the points with one candidate {right:.2} % are right; sd of δ of the right points {sd:.4} rad"
         )?;
+    }
+    if let Some(line) = reliability_line(&reliability) {
+        writeln!(out, "{line}")?;
     }
     if let Some(statistics) = statistics {
         write!(out, "{statistics}")?;
@@ -82,6 +91,21 @@ fn unique(made: &Made, judgements: &[Judgement]) -> Unique {
         unique_correct_percent: (judged > 0).then(|| 100.0 * right as f64 / judged as f64),
         correct_delta_sd_rad: (count > 0.0).then(|| (squares / count - (sum / count) * (sum / count)).max(0.0).sqrt()),
     }
+}
+
+/// Stated and true confidence of the doubtful tenth of the points and of all; `None` where none is stated.
+fn reliability_line(parts: &[ReliabilityPart]) -> Option<String> {
+    let lowest = parts.first()?;
+    let mean = |of: fn(&ReliabilityPart) -> f64| parts.iter().map(of).sum::<f64>() / parts.len() as f64;
+    let off = parts.iter().map(|part| (part.stated_percent - part.true_percent).abs()).fold(0.0, f64::max);
+    Some(format!(
+        "confidence {:.3} % stated, {:.3} % true; of the doubtful tenth {:.2} % stated, {:.2} % true; no tenth is off by \
+         more than {off:.2} points",
+        mean(|part| part.stated_percent),
+        mean(|part| part.true_percent),
+        lowest.stated_percent,
+        lowest.true_percent,
+    ))
 }
 
 fn text(set: &str, s: &Scores) -> String {
