@@ -15,6 +15,8 @@
 //! logarithms of the odds are those of the greatest likelihood (logistic regression by Newton's method), drawn slightly
 //! towards zero, which also settles what a constant is shared out among the curves.
 
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "it prints what it finds")]
+
 use std::error::Error;
 use std::path::Path;
 
