@@ -5,6 +5,7 @@
 //! | [`phase_picture`] | wrapped phase | a cyclic colour map, invalid pixels dark grey |
 //! | [`modulation_picture`] | modulation | grey, stretched between percentiles |
 //! | [`depth_picture`] | cloud | depth per pixel of C1, coloured and hill-shaded |
+//! | [`confidence_picture`] | cloud | how sure every point is |
 //! | [`drift_picture`] | drift of the calibration | δ that it causes, per pixel of C1, in diverging colours |
 //! | [`outcome_picture`] | correspondence | how every pixel was decided, with a legend |
 //! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray, tolerated and missed points, with a legend |
@@ -14,6 +15,7 @@
 //! maps that are even to the eye, kinds get the palette of Okabe and Ito, which colour-blind people can tell apart.
 
 mod colour;
+mod confidence;
 mod depth;
 mod drift;
 mod font;
@@ -26,6 +28,7 @@ mod picture;
 mod scale;
 mod shading;
 
+pub use confidence::confidence_picture;
 pub use depth::depth_picture;
 pub use drift::drift_picture;
 pub use histogram::delta_histogram_picture;

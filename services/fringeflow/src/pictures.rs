@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::atomic_file::check_writable;
 use fringeflow::preview::{
-    Picture, delta_histogram_picture, depth_picture, judgement_picture, modulation_picture, outcome_picture,
-    phase_picture,
+    Picture, confidence_picture, delta_histogram_picture, depth_picture, judgement_picture, modulation_picture,
+    outcome_picture, phase_picture,
 };
 
 use crate::failure::Failure;
@@ -39,6 +39,7 @@ fn draw(input: &Input, made: &Made) -> Result<Vec<(&'static str, Picture)>, Fail
             ("cam1-modulation.png", modulation_picture(&reconstruction.cam1)),
             ("cam2-modulation.png", modulation_picture(&reconstruction.cam2)),
             ("decisions.png", outcome_picture(&matches.outcomes, size_px)),
+            ("confidence.png", confidence_picture(&made.cloud, size_px)),
             ("delta.png", delta_histogram_picture(&deltas, matches.delta.threshold_rad() as f32)),
         ]);
     }

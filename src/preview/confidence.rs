@@ -1,0 +1,61 @@
+//! How sure the points of a cloud are, as C1 sees them.
+
+use crate::cloud::Cloud;
+
+use super::colour::{BACKGROUND, Rgb, sequential};
+use super::picture::Picture;
+use super::scale::with_scale;
+
+/// Nines of a confidence with the full colour: 99.99 %.
+const MOST_NINES: f32 = 4.0;
+
+/// Confidence of the points at their pixels of C1: every nine from none to 99.99 % is a quarter of the colours, yellow is
+/// sure; a scale stands below. Points whose method states none are left out.
+///
+/// `size_px` is the size of the images of C1 (width, height); points outside are left out.
+#[must_use]
+pub fn confidence_picture(cloud: &Cloud, [width, height]: [usize; 2]) -> Picture {
+    let mut colours = vec![BACKGROUND; width * height];
+    for point in cloud.points.iter().filter(|point| point.confidence > 0.0) {
+        let [u, v] = point.cam1_px.map(usize::from);
+        if u < width && v < height {
+            let nines = -(1.0 - point.confidence).max(0.1_f32.powf(MOST_NINES)).log10();
+            colours[v * width + u] = colour(nines / MOST_NINES);
+        }
+    }
+    let picture = Picture::of([width, height], |i| colours[i]);
+    with_scale(picture, &["0 %".to_owned(), "99.99 %".to_owned()], colour)
+}
+
+fn colour(share: f32) -> Rgb {
+    // The darkest tenth of the map would pass for the background.
+    sequential(0.1 + 0.9 * share.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::CloudPoint;
+
+    #[test]
+    fn the_surer_a_point_the_brighter() {
+        let point = |u: u16, confidence: f32| CloudPoint {
+            position_m: [0.0; 3],
+            intensity: 0,
+            cam1_px: [u, 0],
+            cam2_px: [0.0; 2],
+            order: 0,
+            delta_rad: 0.0,
+            candidates: 1,
+            stage: 1,
+            sigma_m: 0.0,
+            confidence,
+        };
+        let cloud = Cloud { points: vec![point(0, 0.5), point(1, 0.99), point(2, 1.0), point(3, 0.0), point(9, 1.0)] };
+        let picture = confidence_picture(&cloud, [5, 1]);
+        let brightness: Vec<u32> =
+            picture.pixels()[..3].iter().map(|p| p.iter().map(|&c| u32::from(c)).sum()).collect();
+        assert!(brightness.is_sorted_by(|a, b| a < b), "{brightness:?}");
+        assert_eq!(picture.pixels()[3..5], [BACKGROUND; 2]);
+    }
+}
