@@ -99,7 +99,8 @@ impl Input {
     /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.
     pub(crate) fn exposure_s(&self, number: usize) -> Option<f64> {
         let Self::Recording(_, pairs) = self else { return None };
-        let since_ns = pairs.get(number)?.cam1.exposure_start_ns - pairs.first()?.cam1.exposure_start_ns;
+        let [own_ns, first_ns] = [pairs.get(number)?, pairs.first()?].map(|pair| pair.cam1.exposure_start_ns);
+        let since_ns = own_ns.saturating_sub(first_ns);
         Some(since_ns as f64 * 1e-9)
     }
 
