@@ -45,10 +45,10 @@ pub(super) fn gather(
     standing: &[Option<Selected>],
     verdicts: &[Verdict],
     regions: &Regions,
-    leads_nats: impl Iterator<Item = f32>,
+    leads_nats: &[f32],
 ) -> Vec<Grounds> {
     let mut grounds = of_pixels(scene, selected, standing, verdicts);
-    for (region, lead_nats) in regions.iter().zip(leads_nats) {
+    for (region, &lead_nats) in regions.iter().zip(leads_nats) {
         let hidden = region.iter().filter(|&&pixel| grounds[pixel as usize].is_hidden).count();
         for &pixel in region {
             let grounds = &mut grounds[pixel as usize];

@@ -45,12 +45,12 @@ pub(super) fn verify(
     limits: &Limits,
 ) -> (Decisions, Vec<Grounds>) {
     let regions = Regions::of(scene.cam1, selected, MAX_Z_STEP);
+    let leads_nats: Vec<f32> = regions.iter().map(|region| lead_nats(region, verdicts)).collect();
     let mut verification =
         Verification { scene, standing: selected.to_vec(), outcomes: vec![Outcome::NoCandidate; selected.len()] };
-    verification.judge_regions(&regions, verdicts, limits.min_region_px);
-    verification.contradict_by_foundation(&regions, verdicts);
-    let leads_nats = regions.iter().map(|region| lead_nats(region, verdicts));
-    let grounds = gather(scene, selected, &verification.standing, verdicts, &regions, leads_nats);
+    verification.judge_regions(&regions, &leads_nats, limits.min_region_px);
+    verification.contradict_by_foundation(&regions, &leads_nats);
+    let grounds = gather(scene, selected, &verification.standing, verdicts, &regions, &leads_nats);
     let confidence = confidences(selected, &grounds);
     verification.stand_by_confidence(selected, &grounds, &confidence, limits.min_confidence);
     verification.drop_small_regions(limits.min_region_px);
@@ -65,12 +65,12 @@ struct Verification<'a> {
 }
 
 impl Verification<'_> {
-    fn judge_regions(&mut self, regions: &Regions, verdicts: &[Verdict], min_region_px: u32) {
-        for region in regions.iter() {
+    fn judge_regions(&mut self, regions: &Regions, leads_nats: &[f32], min_region_px: u32) {
+        for (region, &lead_nats) in regions.iter().zip(leads_nats) {
             let outcome = if region.len() < min_region_px as usize {
                 Some(Outcome::Ambiguous)
             } else {
-                judge(region, &self.standing, verdicts)
+                judge(region, &self.standing, lead_nats)
             };
             if let Some(outcome) = outcome {
                 self.drop_all(region, outcome);
@@ -90,13 +90,12 @@ impl Verification<'_> {
     }
 
     /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
-    fn contradict_by_foundation(&mut self, regions: &Regions, verdicts: &[Verdict]) {
-        let mut leads_nats = vec![0.0; self.standing.len()];
-        for region in regions.iter() {
-            let lead_nats = lead_nats(region, verdicts);
-            region.iter().for_each(|&pixel| leads_nats[pixel as usize] = lead_nats);
+    fn contradict_by_foundation(&mut self, regions: &Regions, leads_nats: &[f32]) {
+        let mut of_pixels_nats = vec![0.0; self.standing.len()];
+        for (region, &lead_nats) in regions.iter().zip(leads_nats) {
+            region.iter().for_each(|&pixel| of_pixels_nats[pixel as usize] = lead_nats);
         }
-        let claims = Claims::new(self.scene, &self.standing, |pixel| leads_nats[pixel], BETTER_FOUNDED_NATS);
+        let claims = Claims::new(self.scene, &self.standing, |pixel| of_pixels_nats[pixel], BETTER_FOUNDED_NATS);
         let is_lost = |&&pixel: &&u32| {
             let pixel = pixel as usize;
             self.standing[pixel].is_some_and(|standing| claims.is_lost(pixel, &standing))
@@ -166,8 +165,7 @@ fn reason(selected: &Selected, grounds: &Grounds) -> Outcome {
 }
 
 /// Why a region does not stand; `None` if it does.
-fn judge(region: &[u32], selected: &[Option<Selected>], verdicts: &[Verdict]) -> Option<Outcome> {
-    let lead_nats = lead_nats(region, verdicts);
+fn judge(region: &[u32], selected: &[Option<Selected>], lead_nats: f32) -> Option<Outcome> {
     if lead_nats < MIN_LEAD_NATS {
         return Some(Outcome::Ambiguous);
     }
