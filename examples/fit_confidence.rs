@@ -23,7 +23,6 @@ use std::path::Path;
 use fringeflow::correspondence::{CONFIDENCE_TERMS, SegmentTable, match_phases_with_grounds};
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Truth};
 use fringeflow::evaluation::{Frames, Judgement, against_rendered};
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use nalgebra::{DMatrix, DVector};
@@ -70,23 +69,16 @@ fn take(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dyn Error
     let volume = setup.volume.clone().ok_or("it has no measurement volume")?;
     let shifts_rad = &setup.sequence.shifts_rad;
     let numbers: Vec<usize> = (0..shifts_rad.len()).collect();
-    let cam1_from_volume = *volume.cam1_from_volume();
-    let frames = Frames {
-        cam1_from_volume,
-        exact_cam1_from_volume: setup.exact_cam1_from_volume.unwrap_or(cam1_from_volume),
-        unit_m: setup.unit.in_metres(),
-    };
 
     let mut settings = Settings::default();
     settings.matching.min_confidence = 0.0;
     let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern)?;
     let mut reconstructor = Reconstructor::new(&setup.rig, table, PhaseShifts::new(shifts_rad)?, settings)?;
-    let images = [CameraId::Cam1, CameraId::Cam2].map(|camera| dataset.phase_images(camera, &numbers));
-    let [cam1, cam2] = images;
-    let made = reconstructor.reconstruct(&levels(&cam1?), &levels(&cam2?))?;
+    let [cam1, cam2] = CameraId::BOTH.map(|camera| dataset.phase_images(camera, &numbers));
+    let made = reconstructor.reconstruct(&GreyImage::levels_of(&cam1?), &GreyImage::levels_of(&cam2?))?;
     let (_, grounds) = match_phases_with_grounds(&made.cam1, &made.cam2, reconstructor.table(), &settings.matching)?;
 
-    let judgements = against_rendered(&made.cloud, setup.image_size_px, &truth, &frames)?.judgements;
+    let judgements = against_rendered(&made.cloud, setup.image_size_px, &truth, &Frames::of(setup))?.judgements;
     let is_judged = |pixel: &usize| made.matches.chosen[*pixel].is_some();
     for (place, pixel) in (0..judgements.len()).filter(is_judged).enumerate() {
         let is_true = !judgements[pixel].is_false();
@@ -97,10 +89,6 @@ fn take(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dyn Error
         samples.push(Sample { terms: grounds[pixel].terms(), is_true, weight });
     }
     Ok(made.cloud.points.len())
-}
-
-fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
-    images.iter().map(GreyImage::levels).collect()
 }
 
 /// The values of greatest likelihood; `None` if nothing determines them.

@@ -16,7 +16,7 @@ mod triangulate;
 pub use triangulate::{TriangulationInput, triangulate};
 
 /// One measured point: one pixel of C1 and its correspondence in C2.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CloudPoint {
     /// Position, frame of C1, metres.
     pub position_m: [f32; 3],

@@ -30,6 +30,12 @@ impl GreyImage {
     pub fn levels(&self) -> GreyLevels<'_> {
         GreyLevels { format: self.format, bytes: &self.pixels }
     }
+
+    /// The grey levels of several images.
+    #[must_use]
+    pub fn levels_of(images: &[Self]) -> Vec<GreyLevels<'_>> {
+        images.iter().map(Self::levels).collect()
+    }
 }
 
 /// Reads a PNG as grey; colour is converted where that loses nothing. Without a format it is that of the file, 8 or 16

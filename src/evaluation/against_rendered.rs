@@ -4,7 +4,7 @@ use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::Tally;
 use super::{Evaluation, EvaluationError, Judgement};
 use crate::cloud::{Cloud, CloudPoint};
-use crate::dataset::RenderedTruth;
+use crate::dataset::{RenderedTruth, Setup};
 use crate::geometry::Pose;
 
 /// The frames that a cloud and the truth are compared in.
@@ -19,6 +19,19 @@ pub struct Frames {
     pub exact_cam1_from_volume: Pose,
     /// Metres in one unit of the truth.
     pub unit_m: f64,
+}
+
+impl Frames {
+    /// Those of a dataset or a recording; of C1 itself where it has no volume.
+    #[must_use]
+    pub fn of(setup: &Setup) -> Self {
+        let cam1_from_volume = setup.volume.as_ref().map_or_else(Pose::identity, |v| *v.cam1_from_volume());
+        Self {
+            cam1_from_volume,
+            exact_cam1_from_volume: setup.exact_cam1_from_volume.unwrap_or(cam1_from_volume),
+            unit_m: setup.unit.in_metres(),
+        }
+    }
 }
 
 /// Judges a cloud by the truth of a rendered scene, for images of C1 of `size_px` (width, height).

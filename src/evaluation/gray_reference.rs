@@ -11,7 +11,6 @@ use crate::correspondence::reference_methods::{
 };
 use crate::dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
 use crate::geometry::MeasurementVolume;
-use crate::grey::GreyLevels;
 use crate::phase::{
     self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
     decode_gray_code,
@@ -119,7 +118,7 @@ fn wrapped_phase(
         true => dataset.second_phase_images(camera, &numbers)?,
     };
     let [width, height] = dataset.setup.image_size_px;
-    let map = phase::decode(&levels(&images), width, height, &shifts, &VALIDITY);
+    let map = phase::decode(&GreyImage::levels_of(&images), width, height, &shifts, &VALIDITY);
     map.ok_or_else(|| missing(dataset, "complete set of phase images"))
 }
 
@@ -137,11 +136,7 @@ fn absolute_phase(
         None => Threshold::MeanOfPhaseImages,
     };
     let images = dataset.gray_images(camera, second_direction)?;
-    Ok(decode_gray_code(wrapped, &sequence.pattern, code, &levels(&images), threshold, NOISE_GREY)?)
-}
-
-fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
-    images.iter().map(GreyImage::levels).collect()
+    Ok(decode_gray_code(wrapped, &sequence.pattern, code, &GreyImage::levels_of(&images), threshold, NOISE_GREY)?)
 }
 
 fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, GrayReferenceError> {

@@ -125,15 +125,11 @@ mod test_cloud {
     pub(super) fn cloud(points: &[([u16; 2], [f32; 2], f32)]) -> Cloud {
         let point = |&(cam1_px, cam2_px, depth_m): &([u16; 2], [f32; 2], f32)| CloudPoint {
             position_m: [0.0, 0.0, depth_m],
-            intensity: 0,
             cam1_px,
             cam2_px,
-            order: 0,
-            delta_rad: 0.0,
             candidates: 1,
-            stage: 0,
-            sigma_m: 0.0,
             confidence: 1.0,
+            ..CloudPoint::default()
         };
         Cloud { points: points.iter().map(point).collect() }
     }

@@ -39,18 +39,7 @@ mod tests {
 
     #[test]
     fn the_surer_a_point_the_brighter() {
-        let point = |u: u16, confidence: f32| CloudPoint {
-            position_m: [0.0; 3],
-            intensity: 0,
-            cam1_px: [u, 0],
-            cam2_px: [0.0; 2],
-            order: 0,
-            delta_rad: 0.0,
-            candidates: 1,
-            stage: 1,
-            sigma_m: 0.0,
-            confidence,
-        };
+        let point = |u: u16, confidence: f32| CloudPoint { cam1_px: [u, 0], confidence, ..CloudPoint::default() };
         let cloud = Cloud { points: vec![point(0, 0.5), point(1, 0.99), point(2, 1.0), point(3, 0.0), point(9, 1.0)] };
         let picture = confidence_picture(&cloud, [5, 1]);
         let brightness: Vec<u32> =

@@ -75,13 +75,7 @@ mod tests {
                 position_m: [x * 1e-3, y * 1e-3, z * 1e-3],
                 intensity: 128,
                 cam1_px: [u as u16, v as u16],
-                cam2_px: [0.0, 0.0],
-                order: 0,
-                delta_rad: 0.0,
-                candidates: 1,
-                stage: 1,
-                sigma_m: 1e-4,
-                confidence: 1.0,
+                ..CloudPoint::default()
             }
         });
         Cloud { points: points.collect() }

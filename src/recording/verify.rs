@@ -101,7 +101,7 @@ impl Recording {
             }
             Err(error) => return Err(error),
         };
-        let [cam1, cam2] = [&cam1, &cam2].map(|images| images.iter().map(GreyImage::levels).collect::<Vec<_>>());
+        let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
         Ok(match reconstructor.reconstruct(&cam1, &cam2) {
             Ok(made) => compare(records, &made.cloud),
             Err(error) => VerifyOutcome::NoCloud(error.to_string()),

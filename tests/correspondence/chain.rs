@@ -3,7 +3,7 @@
 use fringeflow::correspondence::{DriftMap, MatchError, OutcomeCounts, ResolutionMethod, SegmentTable};
 use fringeflow::dataset::{CameraId, GreyImage};
 use fringeflow::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
-use fringeflow::grey::{GreyLevels, PixelFormat};
+use fringeflow::grey::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
 use fringeflow::simulation::{
@@ -84,7 +84,7 @@ fn reconstruct_by(
     });
     let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
     let mut reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, settings).unwrap();
-    reconstructor.reconstruct(&levels(&cam1), &levels(&cam2))
+    reconstructor.reconstruct(&GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2))
 }
 
 /// com and fpc against the simulation's exact truth.
@@ -100,10 +100,6 @@ fn evaluation(simulation: &Simulation, made: &Reconstruction) -> Evaluation {
         unit_m: 1e-3,
     };
     against_rendered(&made.cloud, SIZE_PX, simulation.truth(), &frames).unwrap()
-}
-
-fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
-    images.iter().map(GreyImage::levels).collect()
 }
 
 #[test]

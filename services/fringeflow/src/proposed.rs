@@ -7,7 +7,6 @@ use fringeflow::config::Configuration;
 use fringeflow::correspondence::{DriftLimit, ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
 
@@ -145,11 +144,8 @@ pub(crate) fn reconstruct(
     numbers: &[usize],
 ) -> Result<Reconstruction, Failure> {
     let [cam1, cam2] = input.images(numbers)?;
-    reconstructor.reconstruct(&levels(&cam1), &levels(&cam2)).map_err(|e| input.unusable(&e))
-}
-
-fn levels(images: &[GreyImage]) -> Vec<GreyLevels<'_>> {
-    images.iter().map(GreyImage::levels).collect()
+    let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+    reconstructor.reconstruct(&cam1, &cam2).map_err(|e| input.unusable(&e))
 }
 
 /// A resolution by its name.

@@ -196,13 +196,7 @@ mod tests {
             position_m,
             intensity: 7,
             cam1_px,
-            cam2_px: [0.0; 2],
-            order: 0,
-            delta_rad: 0.0,
-            candidates: 1,
-            stage: 1,
-            sigma_m: 0.0,
-            confidence: 1.0,
+            ..CloudPoint::default()
         };
         let mut bytes = Vec::new();
         write_records(&mut bytes, &points.iter().map(point).collect::<Vec<_>>(), 1.0).unwrap();

@@ -86,13 +86,14 @@ impl DriftAlarm {
     /// Median drift of the last windows, rad rms; `None` before the first.
     #[must_use]
     pub fn median_rad(&self) -> Option<f64> {
-        median(self.recent_rad.iter().copied())
+        median_drift_rad(self.recent_rad.iter().copied())
     }
 }
 
-/// The middle one of some numbers, of two the lower; `None` without any.
-fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = numbers.collect();
+/// The drift that some windows are judged by: the middle one, of two the lower; `None` without any. rad rms.
+#[must_use]
+pub fn median_drift_rad(drifts_rad: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = drifts_rad.collect();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len().saturating_sub(1) / 2).copied()
 }

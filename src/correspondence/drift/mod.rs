@@ -21,7 +21,7 @@ mod mixture;
 mod modes;
 mod place;
 
-pub use alarm::{DriftAlarm, DriftLimit};
+pub use alarm::{DriftAlarm, DriftLimit, median_drift_rad};
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;

@@ -10,7 +10,7 @@ fn with_cloud(folder: &Folder, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>
     let imported = Recording::open(&imported(folder)).unwrap();
     let mut reconstructor: Reconstructor = imported.reconstructor().unwrap();
     let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
-    let [cam1, cam2] = images.each_ref().map(|images| images.iter().map(GreyImage::levels).collect::<Vec<_>>());
+    let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
     let made = reconstructor.reconstruct(&cam1, &cam2).unwrap();
     assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
     let mut records = Vec::new();

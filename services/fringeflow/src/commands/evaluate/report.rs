@@ -40,8 +40,10 @@ struct Unique {
 pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation) -> Result<(), Failure> {
     let statistics = made.proposed.as_ref().map(Statistics::of);
     let unique = unique(made, &evaluation.judgements);
-    let width = made.proposed.as_ref().map_or(0, |proposed| proposed.reconstruction.cam1.width);
-    let reliability = reliability(&made.cloud, &evaluation.judgements, width);
+    let stated = |made: &Proposed| {
+        reliability(&made.reconstruction.cloud, &evaluation.judgements, made.reconstruction.cam1.width)
+    };
+    let reliability = made.proposed.as_ref().map_or_else(Vec::new, stated);
     let scores = &evaluation.scores;
     let mut out = std::io::stdout().lock();
     if args.json {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use fringeflow::atomic_file::check_writable;
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{Drift, DriftLimit, DriftMap, ResolutionMethod};
+use fringeflow::correspondence::{Drift, DriftLimit, DriftMap, ResolutionMethod, median_drift_rad};
 use fringeflow::geometry::MeasurementVolume;
 use fringeflow::preview::drift_picture;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
@@ -198,28 +198,21 @@ fn window(
 
 /// Draws the window whose drift is the median; of all windows, where none counts.
 fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Result<(), Failure> {
-    let mut sorted: Vec<&(Window, Drift)> = measured.windows.iter().collect();
-    sorted.sort_by(|(a, _), (b, _)| b.counts.cmp(&a.counts).then(a.rms_rad.total_cmp(&b.rms_rad)));
-    let counting = sorted.iter().filter(|(window, _)| window.counts).count();
-    let Some((_, drift)) = sorted.get(middle(counting)) else { return Ok(()) };
+    let any_counts = measured.windows.iter().any(|(window, _)| window.counts);
+    let eligible = || measured.windows.iter().filter(|(window, _)| window.counts == any_counts);
+    let median_rad = median_drift_rad(eligible().map(|(window, _)| window.rms_rad));
+    let Some((_, drift)) = eligible().find(|(window, _)| Some(window.rms_rad) == median_rad) else { return Ok(()) };
     Ok(drift_picture(&DriftMap::of(drift, reconstructor.table())).write_png(path)?)
-}
-
-/// Place of the median of so many, of two the lower.
-fn middle(count: usize) -> usize {
-    count.saturating_sub(1) / 2
 }
 
 impl Summary {
     fn of(windows: &[Window], limit: DriftLimit) -> Self {
         let drifts: Vec<f64> = windows.iter().filter(|window| window.counts).map(|window| window.rms_rad).collect();
-        let mut sorted = drifts.clone();
-        sorted.sort_by(f64::total_cmp);
-        let median_rms_rad = sorted.get(middle(sorted.len())).copied();
+        let median_rms_rad = median_drift_rad(drifts.iter().copied());
         Self {
             first_rms_rad: drifts.first().copied(),
             last_rms_rad: drifts.last().copied(),
-            largest_rms_rad: sorted.last().copied(),
+            largest_rms_rad: drifts.iter().copied().max_by(f64::total_cmp),
             median_rms_rad,
             limit_rad: limit.rms_rad,
             beyond_limit: median_rms_rad.map(|median_rad| limit.is_exceeded_by(median_rad)),
