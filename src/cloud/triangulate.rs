@@ -9,7 +9,6 @@ use rayon::prelude::*;
 
 use crate::correspondence::{Candidate, Matches, SegmentTable};
 use crate::geometry::{EpipolarFrame, Pixel, Vector3};
-use crate::phase::PhaseShifts;
 
 use super::{Cloud, CloudPoint};
 
@@ -22,10 +21,9 @@ pub struct TriangulationInput<'a> {
     pub mean: &'a [u8],
     /// Modulation of every pixel of C1, grey levels.
     pub modulation: &'a [f32],
-    /// Standard deviation of the grey levels of C1 and of C2, see [`crate::phase::FitStatistics`].
-    pub noise_grey: [f32; 2],
-    /// Shifts of the sequence.
-    pub shifts: &'a PhaseShifts,
+    /// Standard deviation of the phase of C1 and of C2, times the modulation, grey levels: noise of the grey levels times its
+    /// gain, see [`crate::phase::FitStatistics`].
+    pub phase_noise_grey: [f32; 2],
     /// Segment table that the matches come from.
     pub table: &'a SegmentTable,
     /// Epipolar frame of the same rig.
@@ -73,7 +71,7 @@ fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate:
 
 /// Standard deviation of the column of a correspondence, pixels.
 fn column_sd_px(input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> f64 {
-    let noise_grey = f64::from(input.noise_grey[0]).hypot(f64::from(input.noise_grey[1]));
-    let phase_sd_turns = input.shifts.noise_gain() * noise_grey / f64::from(input.modulation[i]) / TAU;
+    let noise_grey = f64::from(input.phase_noise_grey[0]).hypot(f64::from(input.phase_noise_grey[1]));
+    let phase_sd_turns = noise_grey / f64::from(input.modulation[i]) / TAU;
     phase_sd_turns * 65536.0 / f64::from(candidate.slope.unsigned_abs().max(1))
 }

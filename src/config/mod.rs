@@ -26,6 +26,9 @@ pub use monitor::{Listen, MonitorConfiguration};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
 pub use virtual_scanner::VirtualScannerConfiguration;
 
+/// Most images of a window beyond a cycle: 16 steps and these are the longest window.
+const MAX_EXTRA_IMAGES: usize = 8;
+
 /// What a configuration file says, with defaults for what it does not.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration {
@@ -127,7 +130,11 @@ impl Configuration {
     }
 
     fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
-        let settings = Settings { validity: validity(&raw.phase)?, matching: matching(&raw.correspondence)? };
+        let settings = Settings {
+            validity: validity(&raw.phase)?,
+            extra_images: extra_images(&raw.phase)?,
+            matching: matching(&raw.correspondence)?,
+        };
         Ok(Self {
             settings,
             volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
@@ -168,6 +175,11 @@ fn validity(raw: &RawPhase) -> Result<Validity, ConfigurationProblem> {
     })
 }
 
+fn extra_images(raw: &RawPhase) -> Result<Option<usize>, ConfigurationProblem> {
+    let expected = "it must lie between 0, for none, and 8";
+    raw.extra_images.map(|extra| checked("phase.extra_images", extra, |v| *v <= MAX_EXTRA_IMAGES, expected)).transpose()
+}
+
 fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProblem> {
     let default = ResolutionSettings::default();
     let count = |key, value: usize| checked(key, value, |v| (1..=100).contains(v), "it must lie between 1 and 100");
@@ -176,6 +188,7 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
     });
     Ok(MatchSettings {
         delta_sd_rad: sd.transpose()?,
+        cycle_steps: None,
         method: method(raw.resolution.as_deref())?,
         resolution: ResolutionSettings {
             max_rounds: count("correspondence.max_rounds", raw.max_rounds.unwrap_or(default.max_rounds))?,

@@ -37,6 +37,7 @@ pub(super) struct RawPhase {
     pub(super) min_modulation_grey: Option<f32>,
     pub(super) saturation_grey: Option<u8>,
     pub(super) max_residual_share: Option<f32>,
+    pub(super) extra_images: Option<usize>,
 }
 
 #[derive(Deserialize, Default)]

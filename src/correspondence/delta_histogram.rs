@@ -40,7 +40,8 @@ impl Default for DeltaHistogram {
 }
 
 impl DeltaHistogram {
-    pub(super) fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable) -> Self {
+    /// The histogram of phases of C1 that are too great by `ahead` turns · 65536.
+    pub(super) fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
         let mut histogram = Self::default();
         let mut found = Vec::new();
         for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
@@ -51,7 +52,8 @@ impl DeltaHistogram {
                     continue;
                 }
                 found.clear();
-                plain_scan(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], &DeltaGate::OPEN, &mut found);
+                let phase = cam1.phase[i].wrapping_sub(ahead);
+                plain_scan(&RowView::new(cam2, segment.row_px), segment, phase, &DeltaGate::OPEN, &mut found);
                 histogram.pixels += u32::from(!found.is_empty());
                 for candidate in &found {
                     histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;
@@ -65,6 +67,17 @@ impl DeltaHistogram {
     #[must_use]
     pub fn from_minus_to_plus_pi(&self) -> [u32; BINS] {
         std::array::from_fn(|part| self.bins[(part + BINS / 2) % BINS])
+    }
+
+    /// Candidates a pixel whose δ, with an offset added, is near zero: each counts `exp(−δ²/(2·sd²))`.
+    pub(super) fn agreement(&self, offset_rad: f64, sd_rad: f64) -> f64 {
+        let weight = |bin: usize| {
+            let delta_rad = (bin as f64 + 0.5) / BINS as f64 * TAU + offset_rad;
+            let wrapped_rad = delta_rad - (delta_rad / TAU).round() * TAU;
+            (-0.5 * (wrapped_rad / sd_rad).powi(2)).exp()
+        };
+        let sum: f64 = self.bins.iter().enumerate().map(|(bin, &count)| f64::from(count) * weight(bin)).sum();
+        sum / f64::from(self.pixels.max(1))
     }
 
     /// Count of a bin by its distance from δ = 0.

@@ -109,16 +109,16 @@ impl DeltaStatistics {
     }
 }
 
-/// Measures mean and sd of δ, and n, from the phases of one pair of images, and the histogram that they began with; `None`
-/// where no pixel has a candidate.
+/// Measures mean and sd of δ, and n, from the phases of one pair of images, beginning with their histogram; `None` where no
+/// pixel has a candidate.
 #[must_use]
 pub fn measure_delta(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
+    histogram: &DeltaHistogram,
     settings: &ResolutionSettings,
-) -> Option<(DeltaStatistics, DeltaHistogram)> {
-    let histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table);
+) -> Option<DeltaStatistics> {
     let mut statistics = histogram.fit()?;
     let sample = bands(cam1);
     let cam1 = sample.as_ref().unwrap_or(cam1);
@@ -138,7 +138,7 @@ pub fn measure_delta(
             break;
         }
     }
-    Some((statistics, histogram))
+    Some(statistics)
 }
 
 /// The phase map with only bands of its rows valid: a quarter of the image says what δ is like. `None` for images so

@@ -15,6 +15,7 @@ use super::resolution::{Pass, ResolutionSettings};
 use super::row_view::RowView;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
+use super::slip::{find_slip, phase_of_steps};
 
 /// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
@@ -48,6 +49,9 @@ impl ResolutionMethod {
 pub struct MatchSettings {
     /// Standard deviation of δ, rad, where it is not to be measured.
     pub delta_sd_rad: Option<f64>,
+    /// Steps N of the cycle of evenly spaced shifts, of which the sequence may have slipped; `None` where slips are not looked
+    /// for.
+    pub cycle_steps: Option<usize>,
     /// How pixels with several candidates are decided.
     pub method: ResolutionMethod,
     /// How the paper's method weighs and when it stops, and the smallest region of either.
@@ -59,7 +63,13 @@ pub struct MatchSettings {
 impl Default for MatchSettings {
     fn default() -> Self {
         let resolution = ResolutionSettings::default();
-        Self { delta_sd_rad: None, method: ResolutionMethod::default(), resolution, min_confidence: 0.9 }
+        Self {
+            delta_sd_rad: None,
+            cycle_steps: None,
+            method: ResolutionMethod::default(),
+            resolution,
+            min_confidence: 0.9,
+        }
     }
 }
 
@@ -82,6 +92,8 @@ pub struct Matches {
     pub chosen_delta_rad: (f64, f64),
     /// The drift of the calibration that δ was judged about, where the method knows one.
     pub drift: Option<Drift>,
+    /// Steps by which the patterns of C1 and of C2 were ahead of what was said of them; the phases were corrected first.
+    pub slip_steps: [usize; 2],
 }
 
 /// Finds the correspondence of every pixel of C1.
@@ -113,10 +125,26 @@ pub fn match_phases_with_grounds(
     if found != expected {
         return Err(size_error);
     }
-    let raw = [cam1, cam2];
-    let cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
-    let measured = measure_delta(cam1, &cam2, table, &settings.resolution);
-    let (mut delta, histogram) = measured.ok_or(MatchError::NothingInCommon)?;
+    let raw_cam2 = cam2;
+    let mut cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
+    let mut histogram = DeltaHistogram::of_all_candidates(cam1, &cam2, table, 0);
+    let mut slip_steps = [0; 2];
+    let mut corrected = None;
+    if let Some(steps) = settings.cycle_steps {
+        slip_steps = find_slip(cam1, &cam2, table, &histogram, steps);
+        if slip_steps != [0; 2] {
+            let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
+            let mut map = cam1.clone();
+            map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
+            cam2.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam2));
+            histogram = DeltaHistogram::of_all_candidates(&map, &cam2, table, 0);
+            corrected = Some(map);
+        }
+    }
+    let cam1 = corrected.as_ref().unwrap_or(cam1);
+    let raw = [cam1, raw_cam2];
+    let measured = measure_delta(cam1, &cam2, table, &histogram, &settings.resolution);
+    let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
     if let Some(sd_rad) = settings.delta_sd_rad {
         delta.sd_rad = sd_rad;
     }
@@ -126,6 +154,7 @@ pub fn match_phases_with_grounds(
         ResolutionMethod::Paper => (matching.by_paper(delta, &histogram)?, Vec::new()),
     };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
+    matches.slip_steps = slip_steps;
     Ok((matches, grounds))
 }
 
@@ -171,6 +200,7 @@ impl Matching<'_> {
             delta,
             delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
             drift: Some(drift),
+            slip_steps: [0; 2],
         };
         Ok((matches, grounds))
     }
@@ -200,6 +230,7 @@ impl Matching<'_> {
             delta,
             delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
             drift: None,
+            slip_steps: [0; 2],
         })
     }
 
@@ -217,7 +248,10 @@ impl Matching<'_> {
         let [cam1, cam2] = self.raw;
         let image = EpipolarImage::resample(cam1, self.table)?;
         let is_of_size = [cam2.width, cam2.height] == self.table.size_px();
-        is_of_size.then(|| measure_delta(cam2, &image, self.table, &self.settings.resolution))?.map(|(delta, _)| delta)
+        is_of_size.then(|| {
+            let histogram = DeltaHistogram::of_all_candidates(cam2, &image, self.table, 0);
+            measure_delta(cam2, &image, self.table, &histogram, &self.settings.resolution)
+        })?
     }
 }
 

@@ -29,6 +29,7 @@ mod search;
 mod segment_file;
 mod segment_table;
 mod semi_global;
+mod slip;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

@@ -15,23 +15,36 @@ pub struct Block(
     pub [u8; 64],
 );
 
-/// How well sinusoids fit the images of a camera, see [`crate::phase::FitStatistics`].
+/// How well sinusoids fit the images of a camera, and how the scene moved: see [`crate::phase::FitStatistics`] and
+/// [`crate::phase::Motion`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.Fit.1")]
+#[type_name("fringeflow.Fit.2")]
 pub struct Fit {
     /// Number of valid pixels.
     pub valid_pixels: u64,
+    /// Pixels decoded from part of their images, since these show more than one surface.
+    pub one_surface_pixels: u64,
+    /// Pixels left out for their motion.
+    pub lost_pixels: u64,
     /// Median of fit residual ÷ modulation; negative where three steps leave no residual.
     pub residual_share: f32,
     /// Standard deviation of the grey levels about the fit.
     pub noise_grey: f32,
+    /// Standard deviation of the phase per unit of noise ÷ modulation.
+    pub noise_gain: f32,
+    /// Median phase moved from image to image, rad; 0 where it was not measured.
+    pub motion_rad: f32,
+    /// What its amount exceeds at one pixel in twenty, rad; negative where it was not measured.
+    pub fast_motion_rad: f32,
+    /// Greatest departure of the brightness of an image from the mean, as a share; 0 where it was not measured.
+    pub brightness_share: f32,
 }
 
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.1")]
+#[type_name("fringeflow.MapsHeader.2")]
 pub struct MapsHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -50,7 +63,7 @@ pub struct MapsHeader {
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.3")]
+#[type_name("fringeflow.CorrespondenceHeader.4")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -72,8 +85,8 @@ pub struct CorrespondenceHeader {
     pub chosen_delta_sd_rad: f64,
     /// δ of all candidates of some pixels: their numbers in equal parts of −π to π rad.
     pub delta_counts: [u32; DELTA_PARTS],
-    /// Standard deviation of the grey levels of C1 and C2.
-    pub noise_grey: [f32; 2],
+    /// Standard deviation of the phase of C1 and C2, times the modulation, grey levels.
+    pub phase_noise_grey: [f32; 2],
     /// Width, pixels.
     pub width_px: u32,
     /// Height, pixels.
@@ -83,7 +96,7 @@ pub struct CorrespondenceHeader {
 /// Describes a cloud.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CloudHeader.2")]
+#[type_name("fringeflow.CloudHeader.3")]
 pub struct CloudHeader {
     /// Clouds this channel has carried before.
     pub published: u64,

@@ -40,4 +40,4 @@ pub use window::Window;
 pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
 
 /// Most images of one window.
-pub const MAX_WINDOW: usize = crate::phase::MAX_STEPS;
+pub const MAX_WINDOW: usize = crate::phase::MAX_IMAGES;

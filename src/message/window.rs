@@ -7,10 +7,10 @@ use super::MAX_WINDOW;
 
 /// The image pairs that one phase map, one set of correspondences and one cloud are made of: its provenance.
 ///
-/// Entries of the arrays are in the order of the phase shifts; those from `steps` on are zero.
+/// Entries of the arrays are in the order of the exposures; those from `images` on are zero.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.Window.1")]
+#[type_name("fringeflow.Window.2")]
 pub struct Window {
     /// Session of camera 1.
     pub cam1_session: u64,
@@ -28,16 +28,16 @@ pub struct Window {
     pub centre_ns: u64,
     /// When the last image had reached this machine.
     pub received_ns: u64,
-    /// Number of image pairs N.
-    pub steps: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Number of image pairs: N of a cycle, and more where motion is compensated.
+    pub images: u32,
+    /// Step of the first pair; the others follow in turn.
+    pub first_step: u32,
 }
 
 impl Window {
-    /// Driver sequences of both cameras in the order of the shifts.
+    /// Driver sequences of both cameras in the order of the exposures.
     pub fn pairs(&self) -> impl Iterator<Item = [u64; 2]> + '_ {
         let pairs = self.cam1_sequence.iter().zip(&self.cam2_sequence).map(|(&a, &b)| [a, b]);
-        pairs.take(self.steps as usize)
+        pairs.take(self.images as usize)
     }
 }

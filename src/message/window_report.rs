@@ -44,7 +44,7 @@ impl DriftReport {
 /// Figures of one window: fringes, δ, and what became of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.WindowReport.2")]
+#[type_name("fringeflow.WindowReport.3")]
 pub struct WindowReport {
     /// Number of the correspondences in their channel.
     pub published: u64,
@@ -68,6 +68,8 @@ pub struct WindowReport {
     pub mean_periods: f64,
     /// Expected false candidates a true one, efc (paper, Eq. 1).
     pub expected_false_candidates: f64,
+    /// Steps by which the pattern of the images of C1 and C2 was ahead of what was said of them; the phases were corrected.
+    pub slip_steps: [i32; 2],
     /// Drift of the calibration; not measured with the paper's resolution.
     pub drift: DriftReport,
     /// Pixels of camera 1 by the code of what became of them.

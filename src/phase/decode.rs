@@ -6,19 +6,12 @@ use crate::grey::{GreyLevels, PixelFormat};
 
 use super::arctangent::turn_fraction;
 use super::map::{FitStatistics, PhaseMap};
+use super::residuals::Residuals;
 use super::sample::Sample;
 use super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
 
 /// Pixels decoded together: the sums of a tile stay in the first-level cache, and few input streams are open at once.
 const TILE: usize = 512;
-/// Standard deviation of rounding to whole grey levels, 1/√12; deeper images round to fractions of them.
-const ROUNDING_NOISE_GREY: f32 = 0.288_675;
-/// Bins of the histograms of residual and residual share.
-const BINS: usize = 1024;
-/// Residual shares up to this are told apart; worse ones share the last bin.
-const SHARE_RANGE: f32 = 2.0;
-/// Residuals up to this many grey levels are told apart.
-const RESIDUAL_RANGE_GREY: f32 = 64.0;
 
 /// What makes a phase trustworthy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,27 +63,28 @@ pub fn decode(
         mean: vec![0; pixels],
         valid: vec![false; pixels],
         fit: FitStatistics::default(),
+        motion: None,
     };
     let bytes = images.iter().map(|image| image.bytes);
-    let histograms = match format {
+    let residuals = match format {
         PixelFormat::Grey => decode_tiles(&bytes.collect::<Vec<&[u8]>>(), format, shifts, validity, &mut map),
         _ => {
             let samples: Vec<&[[u8; 2]]> = bytes.map(|bytes| bytes.as_chunks().0).collect();
             decode_tiles(&samples, format, shifts, validity, &mut map)
         }
     };
-    map.fit = histograms.statistics(shifts.steps(), ROUNDING_NOISE_GREY * format.grey_per_value());
+    map.fit = residuals.statistics(shifts.steps() - MIN_STEPS, format, shifts.noise_gain() as f32);
     Some(map)
 }
 
-/// Decodes all tiles in parallel and merges their histograms; whole numbers add up the same in any order.
+/// Decodes all tiles in parallel and merges their residuals; whole numbers add up the same in any order.
 fn decode_tiles<S: Sample>(
     images: &[&[S]],
     format: PixelFormat,
     shifts: &PhaseShifts,
     validity: &Validity,
     map: &mut PhaseMap,
-) -> Histograms {
+) -> Residuals {
     let (grey_per_value, saturation) = (format.grey_per_value(), S::from_grey(validity.saturation_grey, format));
     let tiles = map
         .phase
@@ -100,7 +94,7 @@ fn decode_tiles<S: Sample>(
         .zip(map.valid.par_chunks_mut(TILE))
         .enumerate();
     tiles
-        .fold(Histograms::default, |mut histograms, (i, (((phase, modulation), mean), valid))| {
+        .fold(Residuals::default, |mut residuals, (i, (((phase, modulation), mean), valid))| {
             let range = i * TILE..i * TILE + phase.len();
             let mut samples: [&[S]; MAX_STEPS] = [&[]; MAX_STEPS];
             for (sample, image) in samples.iter_mut().zip(images) {
@@ -111,10 +105,10 @@ fn decode_tiles<S: Sample>(
             sums.accumulate(samples, grey_per_value, shifts);
             sums.leave_out_saturated(samples, grey_per_value, saturation, shifts);
             sums.finish(shifts.steps(), validity, phase, modulation, mean, valid);
-            histograms.add(&sums, modulation, valid);
-            histograms
+            residuals.add(&sums.residual, modulation, valid);
+            residuals
         })
-        .reduce(Histograms::default, Histograms::merge)
+        .reduce(Residuals::default, Residuals::merge)
 }
 
 /// Least-squares sums of a tile, and the residual about them.
@@ -220,64 +214,6 @@ fn solve(greys: &[f64], shifts_rad: &[f64]) -> Option<[f32; 4]> {
     let freedom = (greys.len() - MIN_STEPS).max(1);
     let residual = (squares.sum::<f64>() / freedom as f64).sqrt();
     Some([offset as f32, cosine as f32, sine as f32, residual as f32])
-}
-
-/// Histograms of the residual over the valid pixels, absolute and as a share of the modulation.
-struct Histograms {
-    share: Vec<u64>,
-    residual: Vec<u64>,
-}
-
-impl Default for Histograms {
-    fn default() -> Self {
-        Self { share: vec![0; BINS], residual: vec![0; BINS] }
-    }
-}
-
-impl Histograms {
-    fn add(&mut self, sums: &Sums, modulation: &[f32], valid: &[bool]) {
-        let bin = |value: f32, range: f32| ((value / range * BINS as f32) as usize).min(BINS - 1);
-        for i in (0..valid.len()).filter(|&i| valid[i]) {
-            self.share[bin(sums.residual[i] / modulation[i], SHARE_RANGE)] += 1;
-            self.residual[bin(sums.residual[i], RESIDUAL_RANGE_GREY)] += 1;
-        }
-    }
-
-    fn merge(mut self, other: Self) -> Self {
-        let pairs = [(&mut self.share, other.share), (&mut self.residual, other.residual)];
-        for (mine, theirs) in pairs {
-            mine.iter_mut().zip(theirs).for_each(|(m, t)| *m += t);
-        }
-        self
-    }
-
-    /// Statistics of images whose rounding alone makes the noise `rounding_grey`.
-    fn statistics(&self, steps: usize, rounding_grey: f32) -> FitStatistics {
-        let valid_pixels = self.share.iter().sum();
-        if steps == MIN_STEPS || valid_pixels == 0 {
-            return FitStatistics { valid_pixels, residual_share: None, noise_grey: rounding_grey };
-        }
-        // Median of a χ distribution over its standard deviation, Wilson and Hilferty's approximation.
-        let freedom = (steps - MIN_STEPS) as f32;
-        let median_of_unit_noise = (1.0 - 2.0 / (9.0 * freedom)).powi(3).sqrt();
-        let noise_grey = median(&self.residual) * RESIDUAL_RANGE_GREY / median_of_unit_noise;
-        FitStatistics {
-            valid_pixels,
-            residual_share: Some(median(&self.share) * SHARE_RANGE),
-            noise_grey: noise_grey.max(rounding_grey),
-        }
-    }
-}
-
-/// Median of a histogram, as a fraction of its range.
-fn median(histogram: &[u64]) -> f32 {
-    let half = histogram.iter().sum::<u64>().div_ceil(2);
-    let mut below = 0;
-    let bin = histogram.iter().position(|n| {
-        below += n;
-        below >= half
-    });
-    (bin.unwrap_or(0) as f32 + 0.5) / histogram.len() as f32
 }
 
 #[cfg(test)]

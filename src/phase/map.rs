@@ -20,6 +20,8 @@ pub struct PhaseMap {
     pub valid: Vec<bool>,
     /// How well sinusoids fit the images.
     pub fit: FitStatistics,
+    /// How the scene moved while the images were taken; `None` where N images alone cannot tell.
+    pub motion: Option<Motion>,
 }
 
 /// Statistics of the sinusoid fit over the valid pixels of an image.
@@ -31,4 +33,21 @@ pub struct FitStatistics {
     pub residual_share: Option<f32>,
     /// Standard deviation of the grey levels about the fit; at least that of rounding to whole grey levels.
     pub noise_grey: f32,
+    /// Standard deviation of the phase per unit of noise ÷ modulation; √(2/N) for N evenly spaced shifts.
+    pub noise_gain: f32,
+}
+
+/// How the scene of a window moved, over the valid pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Median phase moved from image to image, rad; its sign is that of the phase.
+    pub median_rad: f32,
+    /// What the amount of it exceeds at one pixel in twenty, rad.
+    pub fast_rad: f32,
+    /// Greatest departure of the brightness of an image from the mean of all, as a share of it; it is compensated.
+    pub brightness_share: f32,
+    /// Pixels whose images show more than one surface, decoded from those that show one.
+    pub one_surface_pixels: u64,
+    /// Pixels left out: lit, but of their images too few show one surface, or the phase moves too fast.
+    pub lost_pixels: u64,
 }

@@ -1,16 +1,20 @@
 //! Wrapped phase, modulation and validity from N phase-shifted images (paper, section 2.1).
 //!
-//! In: N images `I_k = A + B·cos(φ + s_k)` of one camera with known shifts `s_k`, N from 3 to 16. Out: a [`PhaseMap`].
+//! In: N images `I_k = A + B·cos(φ + s_k)` of one camera with known shifts `s_k`, N from 3 to 16, or more than a cycle of
+//! them where the scene moves ([`decode_moving`]). Out: a [`PhaseMap`].
 //! Cost: N multiply-adds for each of three sums a pixel, one square root and one polynomial arctangent.
 
 mod arctangent;
 mod decode;
 mod gray_code;
 mod map;
+mod motion;
+mod residuals;
 mod sample;
 mod shifts;
 
 pub use decode::{Validity, decode};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
-pub use map::{FitStatistics, PhaseMap};
+pub use map::{FitStatistics, Motion, PhaseMap};
+pub use motion::{MAX_IMAGES, MotionFit, decode_moving, usual_extra_images};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

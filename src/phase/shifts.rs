@@ -32,6 +32,16 @@ pub enum ShiftError {
         /// Number of shifts.
         steps: usize,
     },
+    /// Too few or too many images in a window of a moving scene.
+    #[error("a window has {images} images; to tell motion from phase it takes {least} to {most}")]
+    Window {
+        /// Images of the window.
+        images: usize,
+        /// Fewest.
+        least: usize,
+        /// Most.
+        most: usize,
+    },
     /// A shift is NaN or infinite.
     #[error("phase shift {index} is {value}; every shift must be a finite number")]
     NotFinite {
@@ -80,6 +90,18 @@ impl PhaseShifts {
     #[must_use]
     pub fn steps(&self) -> usize {
         self.shifts_rad.len()
+    }
+
+    /// Whether each shift is 2π/N behind the one before, or each ahead of it: then a cycle begun at another step is the same
+    /// cycle with another phase.
+    #[must_use]
+    pub fn is_evenly_spaced(&self) -> bool {
+        let step = TAU / self.steps() as f64;
+        let apart =
+            |pair: &[f64], sense: f64| ((pair[1] - pair[0]) * sense - step + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
+        [1.0, -1.0]
+            .into_iter()
+            .any(|sense| self.shifts_rad.windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
     }
 
     /// The shifts, rad.

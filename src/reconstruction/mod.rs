@@ -9,7 +9,7 @@ use crate::cloud::Cloud;
 use crate::correspondence::{Confidence, MatchError, MatchSettings, Matches, Outcome, SegmentTable};
 use crate::geometry::{EpipolarError, Rig};
 use crate::grey::GreyLevels;
-use crate::phase::{PhaseMap, PhaseShifts, Validity};
+use crate::phase::{MAX_IMAGES, PhaseMap, PhaseShifts, Validity, usual_extra_images};
 use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
 
 /// How images become a cloud.
@@ -17,8 +17,19 @@ use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesEr
 pub struct Settings {
     /// What makes a phase trustworthy.
     pub validity: Validity,
+    /// Images of a window beyond a cycle, that compensate motion; `None` for as many as are usual, 0 for none.
+    pub extra_images: Option<usize>,
     /// How correspondences are found.
     pub matching: MatchSettings,
+}
+
+impl Settings {
+    /// Image pairs of a window of N steps.
+    #[must_use]
+    pub fn window_images(&self, steps: usize) -> usize {
+        let extra = self.extra_images.unwrap_or(usual_extra_images(steps));
+        steps.saturating_add(extra).min(MAX_IMAGES)
+    }
 }
 
 /// Turns image sequences of one rig into clouds: the three workers, one after the other.
@@ -54,16 +65,21 @@ pub enum ReconstructionError {
 }
 
 impl Reconstructor {
-    /// A reconstructor for a rig, its segment table, and a sequence of shifts.
+    /// A reconstructor for a rig, its segment table, and one cycle of shifts.
     ///
     /// # Errors
     /// The rig has no epipolar frame.
-    pub fn new(rig: &Rig, table: SegmentTable, shifts: PhaseShifts, settings: Settings) -> Result<Self, EpipolarError> {
+    pub fn new(
+        rig: &Rig,
+        table: SegmentTable,
+        shifts: &PhaseShifts,
+        settings: Settings,
+    ) -> Result<Self, EpipolarError> {
         let table = Arc::new(table);
         Ok(Self {
-            phase: PhaseWorker::new(rig, shifts.clone(), settings.validity),
-            correspondence: CorrespondenceWorker::new(Arc::clone(&table), settings.matching),
-            cloud: CloudWorker::new(rig, table, shifts)?,
+            phase: PhaseWorker::new(rig, shifts, settings.validity),
+            correspondence: CorrespondenceWorker::new(Arc::clone(&table), shifts, settings.matching),
+            cloud: CloudWorker::new(rig, table)?,
         })
     }
 
@@ -73,17 +89,20 @@ impl Reconstructor {
         self.correspondence.table()
     }
 
-    /// Reconstructs one sequence: the images of C1 and of C2, grey levels row by row, in the order of the shifts.
+    /// Reconstructs one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the
+    /// first shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated, and the cloud is
+    /// that of the centre of the window.
     ///
     /// # Errors
     /// Images that do not fit, or that have nothing in common.
     pub fn reconstruct(
         &mut self,
+        first_step: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
     ) -> Result<Reconstruction, ReconstructionError> {
         let (mut maps, mut found, mut cloud) = (PhasePair::default(), Correspondences::default(), Cloud::default());
-        self.phase.step(cam1, cam2, &mut maps)?;
+        self.phase.step(first_step, cam1, cam2, &mut maps)?;
         self.correspondence.step(&maps, &mut found)?;
         self.cloud.step(&found, &mut cloud);
         let mut matches = found.matches;

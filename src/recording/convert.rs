@@ -107,25 +107,26 @@ impl PatternEvent {
 }
 
 impl Window {
-    /// `None` for more steps than a window has.
+    /// `None` for more images than a window has.
     pub(super) fn of(window: &message::Window) -> Option<Self> {
-        let steps = window.steps as usize;
+        let images = window.images as usize;
         Some(Self {
             cam1_session: window.cam1_session,
             cam2_session: window.cam2_session,
-            cam1_sequence: window.cam1_sequence.get(..steps)?.to_vec(),
-            cam2_sequence: window.cam2_sequence.get(..steps)?.to_vec(),
+            cam1_sequence: window.cam1_sequence.get(..images)?.to_vec(),
+            cam2_sequence: window.cam2_sequence.get(..images)?.to_vec(),
             first_exposure_ns: window.first_exposure_ns,
             last_exposure_ns: window.last_exposure_ns,
             centre_ns: window.centre_ns,
             received_ns: window.received_ns,
+            first_step: window.first_step,
         })
     }
 
-    /// `None` for more steps than a window has, or unequal numbers of them.
+    /// `None` for more images than a window has, or unequal numbers of them.
     pub(super) fn to_message(&self) -> Option<message::Window> {
-        let steps = self.cam1_sequence.len();
-        if steps != self.cam2_sequence.len() || steps > MAX_WINDOW {
+        let images = self.cam1_sequence.len();
+        if images != self.cam2_sequence.len() || images > MAX_WINDOW {
             return None;
         }
         let padded = |numbers: &[u64]| std::array::from_fn(|i| numbers.get(i).copied().unwrap_or_default());
@@ -138,8 +139,8 @@ impl Window {
             last_exposure_ns: self.last_exposure_ns,
             centre_ns: self.centre_ns,
             received_ns: self.received_ns,
-            steps: steps as u32,
-            reserved: 0,
+            images: images as u32,
+            first_step: self.first_step,
         })
     }
 }
@@ -170,13 +171,31 @@ impl CloudHeader {
 
 impl Fit {
     fn of(fit: &message::Fit) -> Self {
-        let message::Fit { valid_pixels, residual_share, noise_grey } = *fit;
-        Self { valid_pixels, residual_share, noise_grey }
+        Self {
+            valid_pixels: fit.valid_pixels,
+            residual_share: fit.residual_share,
+            noise_grey: fit.noise_grey,
+            noise_gain: fit.noise_gain,
+            motion_rad: fit.motion_rad,
+            fast_motion_rad: fit.fast_motion_rad,
+            brightness_share: fit.brightness_share,
+            one_surface_pixels: fit.one_surface_pixels,
+            lost_pixels: fit.lost_pixels,
+        }
     }
 
     fn to_message(self) -> message::Fit {
-        let Self { valid_pixels, residual_share, noise_grey } = self;
-        message::Fit { valid_pixels, residual_share, noise_grey }
+        message::Fit {
+            valid_pixels: self.valid_pixels,
+            residual_share: self.residual_share,
+            noise_grey: self.noise_grey,
+            noise_gain: self.noise_gain,
+            motion_rad: self.motion_rad,
+            fast_motion_rad: self.fast_motion_rad,
+            brightness_share: self.brightness_share,
+            one_surface_pixels: self.one_surface_pixels,
+            lost_pixels: self.lost_pixels,
+        }
     }
 }
 
@@ -216,7 +235,7 @@ impl CorrespondenceHeader {
             references: header.references,
             chosen_delta_mean_rad: header.chosen_delta_mean_rad,
             chosen_delta_sd_rad: header.chosen_delta_sd_rad,
-            noise_grey: header.noise_grey.to_vec(),
+            phase_noise_grey: header.phase_noise_grey.to_vec(),
             delta_counts: header.delta_counts.to_vec(),
             width_px: header.width_px,
             height_px: header.height_px,
@@ -234,7 +253,7 @@ impl CorrespondenceHeader {
             references: self.references,
             chosen_delta_mean_rad: self.chosen_delta_mean_rad,
             chosen_delta_sd_rad: self.chosen_delta_sd_rad,
-            noise_grey: <[f32; 2]>::try_from(self.noise_grey.as_slice()).ok()?,
+            phase_noise_grey: <[f32; 2]>::try_from(self.phase_noise_grey.as_slice()).ok()?,
             delta_counts: delta_counts(&self.delta_counts)?,
             width_px: self.width_px,
             height_px: self.height_px,
@@ -347,6 +366,7 @@ impl WindowReport {
             outcomes: outcomes.map(|outcome| (outcome.name().to_owned(), count(outcome))).collect(),
             delta_counts: report.delta_counts.to_vec(),
             drift: report.drift.measured().map(Drift::of),
+            slip_steps: if report.slip_steps == [0; 2] { Vec::new() } else { report.slip_steps.to_vec() },
         }
     }
 
@@ -369,6 +389,7 @@ impl WindowReport {
             mean_periods: self.mean_periods,
             expected_false_candidates: self.expected_false_candidates,
             drift: self.drift.map(Drift::to_message).unwrap_or_default(),
+            slip_steps: slip_steps(&self.slip_steps)?,
             outcomes,
             delta_counts: delta_counts(&self.delta_counts)?,
         })
@@ -378,6 +399,11 @@ impl WindowReport {
 /// From one time to another, milliseconds.
 fn milliseconds(from_ns: u64, to_ns: u64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-6
+}
+
+/// Slips of both cameras; none where none is told.
+fn slip_steps(steps: &[i32]) -> Option<[i32; 2]> {
+    if steps.is_empty() { Some([0; 2]) } else { steps.try_into().ok() }
 }
 
 /// Counts of δ; all zero where an older recording has none.

@@ -18,6 +18,18 @@ pub struct ImagePair {
     pub step: usize,
 }
 
+impl ImagePair {
+    /// Whether this pair comes right behind another: no image is missing between them, and the steps go on in turn.
+    #[must_use]
+    pub fn follows(&self, before: &Self, steps: usize) -> bool {
+        let images = [(before.cam1, self.cam1), (before.cam2, self.cam2)];
+        let in_row = |(a, b): &(FrameHeader, FrameHeader)| {
+            a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence)
+        };
+        images.iter().all(in_row) && self.step == (before.step + 1) % steps.max(1)
+    }
+}
+
 impl Recording {
     /// The image pairs that have a step: by the pattern event of their exposure, or, where the recording has no events
     /// at all, by counting.
@@ -76,15 +88,11 @@ impl Recording {
 /// Numbers of the pairs with which complete cycles begin: their steps count up from 0, without a gap between their images,
 /// and no two share an image.
 pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
-    let is_cycle = |cycle: &[ImagePair]| {
-        let follows = |(a, b): (&ImagePair, &ImagePair)| {
-            [(a.cam1, b.cam1), (a.cam2, b.cam2)]
-                .iter()
-                .all(|(a, b)| a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence))
-        };
-        cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.iter().zip(cycle.iter().skip(1)).all(follows)
-    };
     let (steps, mut next) = (steps.max(1), 0);
+    let is_cycle = move |cycle: &[ImagePair]| {
+        let mut neighbours = cycle.iter().zip(cycle.iter().skip(1));
+        cycle.first().is_some_and(|first| first.step == 0) && neighbours.all(|(a, b)| b.follows(a, steps))
+    };
     std::iter::from_fn(move || {
         let start = next + pairs.get(next..)?.windows(steps).position(is_cycle)?;
         next = start + steps;

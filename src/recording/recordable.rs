@@ -209,7 +209,7 @@ pub(super) fn timestamp(time_ns: u64) -> Option<Timestamp> {
 }
 
 fn has_steps(window: &Window) -> bool {
-    window.steps as usize <= MAX_WINDOW
+    window.images as usize <= MAX_WINDOW
 }
 
 fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {

@@ -63,9 +63,8 @@ impl Recording {
             volume.ok_or_else(|| fail("neither meta.json nor configuration.toml states a volume".to_owned()))?;
         let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern);
         let table = table.map_err(|e| fail(e.to_string()))?;
-        let cycle: Vec<f64> = setup.sequence.shifts_rad.iter().copied().take(setup.steps).collect();
-        let shifts = PhaseShifts::new(&cycle).map_err(|e| fail(e.to_string()))?;
-        let reconstructor = Reconstructor::new(&setup.rig, table, shifts, configuration.settings);
+        let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| fail(e.to_string()))?;
+        let reconstructor = Reconstructor::new(&setup.rig, table, &shifts, configuration.settings);
         reconstructor.map_err(|e| fail(e.to_string()))
     }
 
@@ -102,7 +101,7 @@ impl Recording {
             Err(error) => return Err(error),
         };
         let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-        Ok(match reconstructor.reconstruct(&cam1, &cam2) {
+        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2) {
             Ok(made) => compare(records, &made.cloud),
             Err(error) => VerifyOutcome::NoCloud(error.to_string()),
         })

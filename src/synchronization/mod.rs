@@ -1,5 +1,5 @@
 //! Which images belong together: in go the images of both cameras and the pattern events, each in the order of its
-//! channel; out come windows, N image pairs that show each pattern step once.
+//! channel; out come windows, N or more image pairs in a row that show the pattern steps in turn.
 //!
 //! ```text
 //!  images of C1 ─► order ─┐
@@ -27,7 +27,7 @@ mod windows;
 use std::collections::VecDeque;
 
 use crate::message::{Counts, DropReason, FrameHeader, MAX_WINDOW, PatternEvent, Skew, Stage, Window};
-use crate::phase::MIN_STEPS;
+use crate::phase::{MAX_STEPS, MIN_STEPS};
 
 use pairing::{Image, Pairing};
 use steps::Steps;
@@ -41,13 +41,15 @@ pub const LEAST_WAITING: usize = 4;
 pub struct Settings {
     /// Number of steps N of the phase shift.
     pub steps: usize,
+    /// Image pairs of a window: N, and more where motion is compensated.
+    pub images: usize,
     /// Time from one exposure to the next, nanoseconds; true within some percent.
     pub frame_period_ns: u64,
     /// What tells the step of a pair.
     pub source: StepSource,
     /// Every how many pairs a window is put out: 1 for every one, N for disjoint windows that end with the last step.
     pub every: usize,
-    /// Most images of a camera that wait for their partner or their step; with a window of N more, what is held.
+    /// Most images of a camera that wait for their partner or their step; with the images of a window more, what is held.
     pub waiting: usize,
 }
 
@@ -67,9 +69,17 @@ pub enum StepSource {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// Too few or too many steps.
-    #[error("steps is {steps}; a window has {MIN_STEPS} to {MAX_WINDOW}")]
+    #[error("steps is {steps}; a cycle has {MIN_STEPS} to {MAX_STEPS}")]
     Steps {
         /// The value.
+        steps: usize,
+    },
+    /// A window shorter than a cycle, or too long.
+    #[error("a window has {images} image pairs; with {steps} steps it must have {steps} to {MAX_WINDOW}")]
+    Images {
+        /// The value.
+        images: usize,
+        /// Number of steps.
         steps: usize,
     },
     /// Too short a frame period.
@@ -95,7 +105,7 @@ pub enum SettingsError {
     },
 }
 
-/// The images of one window, in the order of the steps.
+/// The images of one window, in the order of their exposures.
 #[derive(Clone, Debug)]
 pub struct WindowImages<F> {
     /// Which images they are.
@@ -130,9 +140,12 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), SettingsError> {
-        let Self { steps, frame_period_ns, source, every, waiting } = *self;
-        if !(MIN_STEPS..=MAX_WINDOW).contains(&steps) {
+        let Self { steps, images, frame_period_ns, source, every, waiting } = *self;
+        if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
             return Err(SettingsError::Steps { steps });
+        }
+        if !(steps..=MAX_WINDOW).contains(&images) {
+            return Err(SettingsError::Images { images, steps });
         }
         if frame_period_ns < 1000 {
             return Err(SettingsError::FramePeriod { frame_period_ns });

@@ -1,6 +1,6 @@
-//! Windows: in go pairs with their steps, out come N consecutive pairs that show each step once.
+//! Windows: in go pairs with their steps, out come N or more consecutive pairs that show the steps in turn.
 //!
-//! Windows slide: each pair behind N − 1 others without a gap completes one. A gap in the driver numbers of a camera or
+//! Windows slide: each pair behind as many others as it takes, without a gap, completes one. A gap in the driver numbers of a camera or
 //! of the projector, a new session, a pause or a step out of turn begins a new run of pairs.
 
 use std::collections::VecDeque;
@@ -15,7 +15,7 @@ use super::{Settings, WindowImages};
 #[derive(Debug)]
 pub(super) struct Windows<F> {
     settings: Settings,
-    /// The last pairs of an unbroken run, at most N.
+    /// The last pairs of an unbroken run, at most those of a window.
     run: VecDeque<SteppedPair<F>>,
     /// Place of the last pair in its run, counted so that step 0 has a multiple of N.
     place: usize,
@@ -34,11 +34,11 @@ impl<F: Clone> Windows<F> {
             self.run.clear();
         }
         self.place = if self.run.is_empty() { next.step } else { self.place + 1 };
-        while self.run.len() >= self.settings.steps {
+        while self.run.len() >= self.settings.images {
             self.run.pop_front();
         }
         self.run.push_back(next);
-        if self.run.len() < self.settings.steps {
+        if self.run.len() < self.settings.images {
             counts.drop_one(broken.unwrap_or(DropReason::Incomplete));
             return None;
         }
@@ -74,9 +74,7 @@ impl<F: Clone> Windows<F> {
     }
 
     fn window(&self) -> WindowImages<F> {
-        let mut by_step: Vec<&SteppedPair<F>> = self.run.iter().collect();
-        by_step.sort_by_key(|stepped| stepped.step);
-        let images = |camera: usize| by_step.iter().map(move |stepped| &stepped.pair.0[camera]);
+        let images = |camera: usize| self.run.iter().map(move |stepped| &stepped.pair.0[camera]);
         let handles = |camera: usize| images(camera).map(|image| image.handle.clone()).collect();
         let sequences = |camera: usize| {
             let mut sequences = [0; MAX_WINDOW];
@@ -97,8 +95,8 @@ impl<F: Clone> Windows<F> {
             last_exposure_ns,
             centre_ns: first_exposure_ns.midpoint(last_exposure_ns),
             received_ns: images(0).chain(images(1)).map(received_ns).max().unwrap_or(0),
-            steps: self.settings.steps as u32,
-            reserved: 0,
+            images: self.run.len() as u32,
+            first_step: self.run.front().map_or(0, |first| first.step as u32),
         };
         WindowImages { window, cam1: handles(0), cam2: handles(1) }
     }

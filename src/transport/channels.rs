@@ -37,7 +37,7 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.3` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.2` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
-/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.2` | none |
+/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.3` | none |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
 /// Beside these, `control` is a request–response service, see [`super::ControlServer`].
@@ -74,7 +74,7 @@ pub struct Channel<H, P: ?Sized> {
 pub struct ChannelSizes {
     /// Bytes of the larger camera's image.
     pub frame_bytes: usize,
-    /// Images of a window, N.
+    /// Images of a window.
     pub window: usize,
     /// Blocks of the phase maps.
     pub map_blocks: usize,

@@ -32,7 +32,7 @@ pub fn header(found: &Correspondences, window: &Window, published: u64) -> Corre
         chosen_delta_mean_rad,
         chosen_delta_sd_rad,
         delta_counts: delta_counts(&found.matches),
-        noise_grey: found.noise_grey,
+        phase_noise_grey: found.phase_noise_grey,
         width_px: found.width as u32,
         height_px: (found.mean.len() / found.width.max(1)) as u32,
     }
@@ -100,7 +100,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
     };
     let outcomes = planes.outcomes()?;
     out.width = header.width_px as usize;
-    out.noise_grey = header.noise_grey;
+    out.phase_noise_grey = header.phase_noise_grey;
     refill(&mut out.mean, planes.mean);
     refill(&mut out.modulation, planes.modulation);
     let matches = &mut out.matches;
@@ -167,7 +167,7 @@ mod tests {
             matches,
             mean: (0..35).collect(),
             modulation: (0..35).map(|i| i as f32 * 0.7).collect(),
-            noise_grey: [1.5, 2.5],
+            phase_noise_grey: [1.5, 2.5],
         }
     }
 

@@ -1,7 +1,7 @@
 //! Phase maps of both cameras: per camera phase `u16`, modulation `f32`, mean `u8`, valid `u8` (0 or 1).
 
 use crate::message::{Block, Fit, MapsHeader, Window};
-use crate::phase::{FitStatistics, PhaseMap};
+use crate::phase::{FitStatistics, Motion, PhaseMap};
 use crate::worker::PhasePair;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
@@ -19,8 +19,8 @@ pub fn header(maps: &PhasePair, window: &Window, published: u64) -> MapsHeader {
     MapsHeader {
         published,
         window: *window,
-        cam1: fit(&maps.cam1.fit),
-        cam2: fit(&maps.cam2.fit),
+        cam1: fit(&maps.cam1),
+        cam2: fit(&maps.cam2),
         width_px: maps.cam1.width as u32,
         height_px: maps.cam1.height as u32,
     }
@@ -78,6 +78,7 @@ pub fn read(header: &MapsHeader, payload: &[Block], out: &mut PhasePair) -> Resu
         map.width = header.width_px as usize;
         map.height = header.height_px as usize;
         map.fit = statistics(fit);
+        map.motion = motion(fit);
     }
     Ok(())
 }
@@ -90,11 +91,18 @@ fn read_map(map: &mut PhaseMap, view: &MapView<'_>) {
     map.valid.extend(view.valid.iter().map(|&byte| byte != 0));
 }
 
-fn fit(statistics: &FitStatistics) -> Fit {
+fn fit(map: &PhaseMap) -> Fit {
+    let (statistics, motion) = (&map.fit, &map.motion);
     Fit {
         valid_pixels: statistics.valid_pixels,
         residual_share: statistics.residual_share.unwrap_or(-1.0),
         noise_grey: statistics.noise_grey,
+        noise_gain: statistics.noise_gain,
+        motion_rad: motion.map_or(0.0, |motion| motion.median_rad),
+        fast_motion_rad: motion.map_or(-1.0, |motion| motion.fast_rad),
+        brightness_share: motion.map_or(0.0, |motion| motion.brightness_share),
+        one_surface_pixels: motion.map_or(0, |motion| motion.one_surface_pixels),
+        lost_pixels: motion.map_or(0, |motion| motion.lost_pixels),
     }
 }
 
@@ -103,7 +111,18 @@ fn statistics(fit: &Fit) -> FitStatistics {
         valid_pixels: fit.valid_pixels,
         residual_share: (fit.residual_share >= 0.0).then_some(fit.residual_share),
         noise_grey: fit.noise_grey,
+        noise_gain: fit.noise_gain,
     }
+}
+
+fn motion(fit: &Fit) -> Option<Motion> {
+    (fit.fast_motion_rad >= 0.0).then_some(Motion {
+        median_rad: fit.motion_rad,
+        fast_rad: fit.fast_motion_rad,
+        brightness_share: fit.brightness_share,
+        one_surface_pixels: fit.one_surface_pixels,
+        lost_pixels: fit.lost_pixels,
+    })
 }
 
 #[cfg(test)]
@@ -119,7 +138,8 @@ mod tests {
             modulation: (0..pixels).map(|i| (i + seed) as f32 / 3.0).collect(),
             mean: (0..pixels).map(|i| (i + seed) as u8).collect(),
             valid: (0..pixels).map(|i| (i + seed).is_multiple_of(3)).collect(),
-            fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5 },
+            fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5, noise_gain: 0.7 },
+            motion: Some(Motion { median_rad: -0.1, fast_rad: 0.2, one_surface_pixels: 3, ..Motion::default() }),
         }
     }
 

@@ -30,6 +30,7 @@ pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64,
         mean_periods: delta.mean_periods,
         expected_false_candidates: delta.expected_false_candidates(),
         drift: matches.drift.as_ref().map_or_else(DriftReport::default, |drift| drift_report(drift, alarm)),
+        slip_steps: found.matches.slip_steps.map(|steps| steps as i32),
         outcomes,
         delta_counts: delta_counts(matches),
     }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use crate::cloud::{Cloud, TriangulationInput, triangulate};
 use crate::correspondence::SegmentTable;
 use crate::geometry::{EpipolarError, EpipolarFrame, Rig};
-use crate::phase::PhaseShifts;
 
 use super::Correspondences;
 
@@ -14,16 +13,15 @@ use super::Correspondences;
 pub struct CloudWorker {
     table: Arc<SegmentTable>,
     frame: EpipolarFrame,
-    shifts: PhaseShifts,
 }
 
 impl CloudWorker {
-    /// A worker for a rig, its segment table, and a sequence of shifts.
+    /// A worker for a rig and its segment table.
     ///
     /// # Errors
     /// The rig has no epipolar frame.
-    pub fn new(rig: &Rig, table: Arc<SegmentTable>, shifts: PhaseShifts) -> Result<Self, EpipolarError> {
-        Ok(Self { table, frame: EpipolarFrame::new(rig)?, shifts })
+    pub fn new(rig: &Rig, table: Arc<SegmentTable>) -> Result<Self, EpipolarError> {
+        Ok(Self { table, frame: EpipolarFrame::new(rig)? })
     }
 
     /// Makes the points, in the order of their pixels in C1; a match whose rays meet nowhere before the cameras has none.
@@ -32,8 +30,7 @@ impl CloudWorker {
             width: correspondences.width,
             mean: &correspondences.mean,
             modulation: &correspondences.modulation,
-            noise_grey: correspondences.noise_grey,
-            shifts: &self.shifts,
+            phase_noise_grey: correspondences.phase_noise_grey,
             table: &self.table,
             frame: &self.frame,
         };

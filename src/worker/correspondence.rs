@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::correspondence::{MatchError, MatchSettings, Matches, SegmentTable, match_phases};
+use crate::phase::PhaseShifts;
 
 use super::PhasePair;
 
@@ -17,8 +18,8 @@ pub struct Correspondences {
     pub mean: Vec<u8>,
     /// Modulation of every pixel of C1, grey levels.
     pub modulation: Vec<f32>,
-    /// Standard deviation of the grey levels of C1 and of C2.
-    pub noise_grey: [f32; 2],
+    /// Standard deviation of the phase of C1 and of C2, times the modulation, grey levels.
+    pub phase_noise_grey: [f32; 2],
 }
 
 /// Finds the correspondences of one rig.
@@ -29,10 +30,12 @@ pub struct CorrespondenceWorker {
 }
 
 impl CorrespondenceWorker {
-    /// A worker for the rig of a segment table.
+    /// A worker for the rig of a segment table and one cycle of shifts; slips of the sequence are found where these are evenly
+    /// spaced.
     #[must_use]
-    pub fn new(table: Arc<SegmentTable>, settings: MatchSettings) -> Self {
-        Self { table, settings }
+    pub fn new(table: Arc<SegmentTable>, cycle: &PhaseShifts, settings: MatchSettings) -> Self {
+        let cycle_steps = cycle.is_evenly_spaced().then_some(cycle.steps());
+        Self { table, settings: MatchSettings { cycle_steps, ..settings } }
     }
 
     /// The segment table it works with.
@@ -50,7 +53,7 @@ impl CorrespondenceWorker {
         out.width = maps.cam1.width;
         out.mean.clone_from(&maps.cam1.mean);
         out.modulation.clone_from(&maps.cam1.modulation);
-        out.noise_grey = [maps.cam1.fit.noise_grey, maps.cam2.fit.noise_grey];
+        out.phase_noise_grey = [&maps.cam1.fit, &maps.cam2.fit].map(|fit| fit.noise_grey * fit.noise_gain);
         Ok(())
     }
 }

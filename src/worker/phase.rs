@@ -2,7 +2,7 @@
 
 use crate::geometry::Rig;
 use crate::grey::GreyLevels;
-use crate::phase::{PhaseMap, PhaseShifts, Validity, decode};
+use crate::phase::{MotionFit, PhaseMap, PhaseShifts, ShiftError, Validity, decode, decode_moving};
 
 /// Decoded phase of both cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,67 +13,106 @@ pub struct PhasePair {
     pub cam2: PhaseMap,
 }
 
-/// Decodes the images of one rig and one sequence of shifts.
+/// Decodes the images of one rig and one cycle of shifts.
 #[derive(Clone, Debug)]
 pub struct PhaseWorker {
-    shifts: PhaseShifts,
+    cycle_rad: Vec<f64>,
     validity: Validity,
     cam1_px: [usize; 2],
     cam2_px: [usize; 2],
 }
 
-/// The images of a camera do not fit the rig or the shifts.
+/// What the images of a window determine.
+enum WindowFit {
+    /// One cycle: the phase of a scene at rest.
+    Resting(PhaseShifts),
+    /// More: the phase of a moving scene at the centre of the window.
+    Moving(Box<MotionFit>),
+}
+
+/// Images that no phase comes of.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {steps} images of {expected} \
-     pixels, all in one format"
-)]
-pub struct ImagesError {
-    /// 1 or 2.
-    pub camera: u8,
-    /// Number of images.
-    pub images: usize,
-    /// Pixels of each.
-    pub pixels: Vec<usize>,
-    /// Format of each.
-    pub formats: Vec<&'static str>,
-    /// Number of shifts.
-    pub steps: usize,
-    /// Pixels that the rig's camera has.
-    pub expected: usize,
+pub enum ImagesError {
+    /// The images of a camera do not fit the rig or those of the other.
+    #[error(
+        "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {expected_images} images of \
+         {expected} pixels, all in one format"
+    )]
+    Camera {
+        /// 1 or 2.
+        camera: u8,
+        /// Number of images.
+        images: usize,
+        /// Pixels of each.
+        pixels: Vec<usize>,
+        /// Format of each.
+        formats: Vec<&'static str>,
+        /// Number that was expected.
+        expected_images: usize,
+        /// Pixels that the rig's camera has.
+        expected: usize,
+    },
+    /// Their shifts determine no phase.
+    #[error(transparent)]
+    Shifts(#[from] ShiftError),
 }
 
 impl PhaseWorker {
-    /// A worker for the images of `rig` with these shifts.
+    /// A worker for the images of `rig` with one cycle of shifts.
     #[must_use]
-    pub fn new(rig: &Rig, shifts: PhaseShifts, validity: Validity) -> Self {
+    pub fn new(rig: &Rig, cycle: &PhaseShifts, validity: Validity) -> Self {
         let [cam1_px, cam2_px] = [&rig.cam1, &rig.cam2].map(|camera| [camera.width_px(), camera.height_px()]);
-        Self { shifts, validity, cam1_px, cam2_px }
+        Self { cycle_rad: cycle.shifts_rad().to_vec(), validity, cam1_px, cam2_px }
     }
 
-    /// Decodes one sequence: the images of C1 and of C2, grey levels row by row, in the order of the shifts.
+    /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
+    /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated.
     ///
     /// # Errors
-    /// Images of another number or size, or of different depths.
+    /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has.
     pub fn step(
         &mut self,
+        first_step: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
         out: &mut PhasePair,
     ) -> Result<(), ImagesError> {
-        out.cam1 = self.decode(1, cam1, self.cam1_px)?;
-        out.cam2 = self.decode(2, cam2, self.cam2_px)?;
+        let images = cam1.len().max(self.cycle_rad.len());
+        let fit = self.fit(first_step, images)?;
+        out.cam1 = self.decode(1, &fit, images, cam1, self.cam1_px)?;
+        out.cam2 = self.decode(2, &fit, images, cam2, self.cam2_px)?;
         Ok(())
     }
 
-    fn decode(&self, camera: u8, images: &[GreyLevels<'_>], size_px: [usize; 2]) -> Result<PhaseMap, ImagesError> {
+    fn fit(&self, first_step: usize, images: usize) -> Result<WindowFit, ShiftError> {
+        let cycle = self.cycle_rad.iter().cycle().skip(first_step % self.cycle_rad.len().max(1));
+        let shifts_rad: Vec<f64> = cycle.take(images).copied().collect();
+        Ok(if images == self.cycle_rad.len() {
+            WindowFit::Resting(PhaseShifts::new(&shifts_rad)?)
+        } else {
+            WindowFit::Moving(Box::new(MotionFit::new(&shifts_rad)?))
+        })
+    }
+
+    fn decode(
+        &self,
+        camera: u8,
+        fit: &WindowFit,
+        expected_images: usize,
+        images: &[GreyLevels<'_>],
+        size_px: [usize; 2],
+    ) -> Result<PhaseMap, ImagesError> {
         let [width, height] = size_px;
-        decode(images, width, height, &self.shifts, &self.validity).ok_or_else(|| ImagesError {
+        let map = match fit {
+            WindowFit::Resting(shifts) => decode(images, width, height, shifts, &self.validity),
+            WindowFit::Moving(fit) => decode_moving(images, width, height, fit, &self.validity),
+        };
+        map.ok_or_else(|| ImagesError::Camera {
             camera,
             images: images.len(),
             pixels: images.iter().map(|image| image.pixels()).collect(),
             formats: images.iter().map(|image| image.format.name()).collect(),
-            steps: self.shifts.steps(),
+            expected_images,
             expected: width * height,
         })
     }

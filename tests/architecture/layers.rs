@@ -8,7 +8,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("grey", &[]),
     ("phase", &["grey", "geometry::FringePattern"]),
-    ("message", &["grey::PixelFormat", "phase::MAX_STEPS"]),
+    ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
     ("pixels", &["message::PixelFormat"]),
     ("transport", &["message"]),
     ("synchronization", &["phase::MIN_STEPS", "message"]),

@@ -83,8 +83,8 @@ fn reconstruct_by(
         fringes.iter().enumerate().map(image).collect::<Vec<_>>()
     });
     let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
-    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, shifts, settings).unwrap();
-    reconstructor.reconstruct(&GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2))
+    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, &shifts, settings).unwrap();
+    reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2))
 }
 
 /// com and fpc against the simulation's exact truth.

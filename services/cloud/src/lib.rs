@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use fringeflow::cloud::{Cloud, write_records};
 use fringeflow::message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
-use fringeflow::phase::PhaseShifts;
 use fringeflow::transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
 use fringeflow::wire;
 use fringeflow::worker::{CloudWorker, Correspondences};
@@ -17,8 +16,7 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, cl
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "cloud")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
-    let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let worker = CloudWorker::new(&host.setup.rig, table, shifts);
+    let worker = CloudWorker::new(&host.setup.rig, table);
     let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
     let stage = CloudStage {
         worker,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use fringeflow::correspondence::DriftAlarm;
 use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
+use fringeflow::phase::PhaseShifts;
 use fringeflow::telemetry::DriftFigures;
 use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow::wire;
@@ -18,8 +19,9 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, ru
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
+    let cycle = PhaseShifts::new(host.setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
     let measurement = &host.configuration.measurement;
-    let worker = CorrespondenceWorker::new(table, measurement.settings.matching);
+    let worker = CorrespondenceWorker::new(table, &cycle, measurement.settings.matching);
     let stage = CorrespondenceStage {
         worker,
         header: MapsHeader::default(),

@@ -96,6 +96,39 @@ impl Input {
         Ok(starts.into_iter().map(|start| start..start + steps).collect())
     }
 
+    /// A cycle and so many image pairs more, half of them before it where there are as many; fewer where they are missing.
+    pub(crate) fn widened(&self, cycle: Range<usize>, extra: usize) -> Range<usize> {
+        let Range { mut start, mut end } = cycle;
+        let wanted = end - start + extra;
+        let mut before = extra / 2;
+        loop {
+            let (can_start, can_end) = (start > 0 && self.follows(start), self.follows(end));
+            let at_front = can_start && (before > 0 || !can_end);
+            if end - start >= wanted || !(at_front || can_end) {
+                return start..end;
+            }
+            if at_front {
+                (start, before) = (start - 1, before.saturating_sub(1));
+            } else {
+                end += 1;
+            }
+        }
+    }
+
+    /// Whether an image pair comes right behind the one before it.
+    fn follows(&self, number: usize) -> bool {
+        let (steps, Some(before)) = (self.setup().steps, number.checked_sub(1)) else { return false };
+        match self {
+            Self::Folder(dataset) => {
+                let shifts = &dataset.setup.sequence.shifts_rad;
+                number < shifts.len() && shifts.get(number % steps.max(1)) == shifts.get(number)
+            }
+            Self::Recording(_, pairs) => {
+                pairs.get(number).zip(pairs.get(before)).is_some_and(|(pair, before)| pair.follows(before, steps))
+            }
+        }
+    }
+
     /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.
     pub(crate) fn exposure_s(&self, number: usize) -> Option<f64> {
         let Self::Recording(_, pairs) = self else { return None };

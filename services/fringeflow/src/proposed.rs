@@ -20,9 +20,13 @@ pub(crate) struct ProposedArgs {
     /// Use N phase images, evenly chosen; all of them by default.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Use phase images A up to but without B, of a recording its image pairs; the first complete cycle by default.
+    /// Use phase images A up to but without B, of a recording its image pairs; more than a cycle compensate motion. By
+    /// default a complete cycle and the images about it that --extra-images asks for.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
+    /// Images beyond a cycle that compensate motion, 0 for none; by default as configured, else 2, with three steps 3.
+    #[arg(long, value_name = "K", conflicts_with = "frames", value_parser = clap::value_parser!(u8).range(0..=8))]
+    extra_images: Option<u8>,
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -59,7 +63,10 @@ impl ProposedArgs {
         if let Some(min_confidence) = self.min_confidence {
             configuration.settings.matching.min_confidence = min_confidence;
         }
-        let numbers = self.images(input)?;
+        if let Some(extra) = self.extra_images {
+            configuration.settings.extra_images = Some(usize::from(extra));
+        }
+        let chosen = self.images(input, &configuration)?;
         let setup = input.setup();
         let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
             input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
@@ -67,20 +74,21 @@ impl ProposedArgs {
         let bar = progress::bar("segment table", 2);
         let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
         let mut reconstructor =
-            reconstructor(input, &numbers, &measured, &configuration, self.segment_table.as_deref())?;
+            reconstructor(input, &chosen, &measured, &configuration, self.segment_table.as_deref())?;
         bar.inc(1);
         bar.set_message("correspondences");
-        let reconstruction = reconstruct(input, &mut reconstructor, &numbers);
+        let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
         bar.finish_and_clear();
         Ok(Proposed { reconstruction: reconstruction?, drift_limit: configuration.drift_limit })
     }
 
-    /// Numbers of the phase images to use.
-    fn images(&self, input: &Input) -> Result<Vec<usize>, Failure> {
-        let available = input.available();
+    /// The phase images to use.
+    fn images(&self, input: &Input, configuration: &Configuration) -> Result<Images, Failure> {
+        let (available, steps) = (input.available(), input.setup().steps);
         let Range { start, end } = match &self.frames {
             Some(frames) => frames.clone(),
-            None => input.first_cycle()?,
+            None if self.steps.is_some() => input.first_cycle()?,
+            None => input.widened(input.first_cycle()?, configuration.settings.window_images(steps) - steps),
         };
         if start >= end || end > available {
             let what = match input {
@@ -91,7 +99,53 @@ impl ProposedArgs {
                 "--frames {start}..{end}: the {what} 0..{available}; give A below B within these"
             )));
         }
-        thinned_out(start..end, self.steps)
+        match self.steps {
+            None => Images::in_turn(input, start..end),
+            Some(steps) => Images::thinned_out(input, start..end, steps),
+        }
+    }
+}
+
+/// Phase images that make one cloud, by number, in the order of their times.
+pub(crate) struct Images {
+    pub(crate) numbers: Vec<usize>,
+    /// Phase shifts of one cycle, rad; where there are more images than these, the scene may have moved.
+    cycle_rad: Vec<f64>,
+    /// Place of the first image in the cycle.
+    first_step: usize,
+}
+
+impl Images {
+    /// Images that show the steps of the cycle in turn; fewer than a cycle are one of their own.
+    pub(crate) fn in_turn(input: &Input, images: Range<usize>) -> Result<Self, Failure> {
+        let (numbers, shifts): (Vec<usize>, Vec<f64>) =
+            images.filter_map(|number| Some((number, input.shift_rad(number)?))).unzip();
+        let cycle_rad = input.setup().cycle_shifts_rad();
+        if numbers.len() < cycle_rad.len() {
+            return Ok(Self { numbers, cycle_rad: shifts, first_step: 0 });
+        }
+        let first_step = cycle_rad.iter().position(|shift| Some(shift) == shifts.first()).unwrap_or(0);
+        match shifts.iter().zip(cycle_rad.iter().cycle().skip(first_step)).position(|(shift, next)| shift != next) {
+            None => Ok(Self { numbers, cycle_rad: cycle_rad.to_vec(), first_step }),
+            Some(place) => Err(input.unusable(&format!(
+                "image {} has a phase shift of {} rad, which is not the next of its cycle; give --frames that show the \
+                 steps in turn",
+                numbers[place], shifts[place]
+            ))),
+        }
+    }
+
+    /// So many images, evenly chosen, as a cycle of their own.
+    pub(crate) fn thinned_out(input: &Input, images: Range<usize>, steps: usize) -> Result<Self, Failure> {
+        let count = images.len();
+        if steps == 0 || !count.is_multiple_of(steps) {
+            return Err(Failure::Usage(format!(
+                "--steps {steps}: {count} images cannot be thinned out evenly to {steps}; give a divisor of {count}"
+            )));
+        }
+        let numbers: Vec<usize> = images.step_by(count / steps).collect();
+        let cycle_rad = numbers.iter().filter_map(|&number| input.shift_rad(number)).collect();
+        Ok(Self { numbers, cycle_rad, first_step: 0 })
     }
 }
 
@@ -107,45 +161,32 @@ pub(crate) fn configuration(file: Option<&Path>, input: &Input) -> Result<Config
     file.map_or_else(|| input.configuration(), |file| Ok(Configuration::read(file)?))
 }
 
-/// So many of some images, evenly chosen; all of them unless they are to be thinned out.
-pub(crate) fn thinned_out(images: Range<usize>, steps: Option<usize>) -> Result<Vec<usize>, Failure> {
-    let count = images.len();
-    let steps = steps.unwrap_or(count);
-    if steps == 0 || !count.is_multiple_of(steps) {
-        return Err(Failure::Usage(format!(
-            "--steps {steps}: {count} images cannot be thinned out evenly to {steps}; give a divisor of {count}"
-        )));
-    }
-    Ok(images.step_by(count / steps).collect())
-}
-
-/// What reconstructs images of an input that show the same steps as those of these numbers.
+/// What reconstructs images of an input that show the same steps as these.
 pub(crate) fn reconstructor(
     input: &Input,
-    numbers: &[usize],
+    images: &Images,
     measured: &Measured<'_>,
     configuration: &Configuration,
     segment_table: Option<&Path>,
 ) -> Result<Reconstructor, Failure> {
-    let shifts: Vec<f64> = numbers.iter().filter_map(|&n| input.shift_rad(n)).collect();
-    let shifts = PhaseShifts::new(&shifts).map_err(|e| input.unusable(&e))?;
+    let shifts = PhaseShifts::new(&images.cycle_rad).map_err(|e| input.unusable(&e))?;
     let Measured { rig, volume, pattern } = measured;
     let table = SegmentTable::load_or_build(segment_table, rig, volume, pattern).map_err(|e| match e {
         SegmentFileError::Table(problem) => input.unusable(&problem),
         e => Failure::SegmentFile(e),
     })?;
-    Reconstructor::new(rig, table, shifts, configuration.settings).map_err(|e| input.unusable(&e))
+    Reconstructor::new(rig, table, &shifts, configuration.settings).map_err(|e| input.unusable(&e))
 }
 
-/// Reconstructs the images of these numbers.
+/// Reconstructs these images.
 pub(crate) fn reconstruct(
     input: &Input,
     reconstructor: &mut Reconstructor,
-    numbers: &[usize],
+    images: &Images,
 ) -> Result<Reconstruction, Failure> {
-    let [cam1, cam2] = input.images(numbers)?;
+    let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    reconstructor.reconstruct(&cam1, &cam2).map_err(|e| input.unusable(&e))
+    reconstructor.reconstruct(images.first_step, &cam1, &cam2).map_err(|e| input.unusable(&e))
 }
 
 /// A resolution by its name.

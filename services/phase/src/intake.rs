@@ -203,8 +203,10 @@ impl Ledger {
 
 fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
     let period_px = setup.sequence.pattern.period_px;
+    let images = configuration.measurement.settings.window_images(setup.steps);
     Settings {
         steps: setup.steps,
+        images,
         frame_period_ns: configuration.frame_period_ns(),
         source: match configuration.projector {
             ProjectorDriver::Cycle => StepSource::Cycle,
@@ -213,6 +215,6 @@ fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
         every: configuration.window_every,
         // Enough where one message of each channel is taken in turn; the channel lets this service hold these, the images of
         // the present run, and a window that waits for the next stage.
-        waiting: setup.steps + WAITING_BEYOND_WINDOW,
+        waiting: images + WAITING_BEYOND_WINDOW,
     }
 }

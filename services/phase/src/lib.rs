@@ -70,7 +70,7 @@ impl Decoding {
         Ok(Self {
             account,
             output: Publisher::open(&host.node, PHASE_MAPS, &host.sizes)?,
-            worker: PhaseWorker::new(&host.setup.rig, shifts, host.configuration.measurement.settings.validity),
+            worker: PhaseWorker::new(&host.setup.rig, &shifts, host.configuration.measurement.settings.validity),
             maps: PhasePair::default(),
             newest: None,
         })
@@ -97,7 +97,7 @@ impl Decoding {
         }
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
-        if let Err(error) = self.worker.step(&cam1, &cam2, &mut self.maps) {
+        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, &mut self.maps) {
             tracing::warn!("{error}");
             return Ok(self.account.drop_one(DropReason::BadImage)?);
         }

@@ -90,7 +90,7 @@ fn first_announced_ns(recording: &Recording) -> Result<Option<u64>, RecordingErr
 /// Whether a window does not begin before the first exposure announced: a recording that is begun during a scan may hold
 /// an image whose event it came too late for. An event belongs to what is exposed within half a period.
 fn is_announced(window: &Window, first_ns: u64) -> bool {
-    let periods = u64::from(window.steps.saturating_sub(1)).max(1);
+    let periods = u64::from(window.images.saturating_sub(1)).max(1);
     let half_period_ns = window.last_exposure_ns.saturating_sub(window.first_exposure_ns) / (2 * periods);
     first_ns < window.first_exposure_ns.saturating_add(half_period_ns)
 }

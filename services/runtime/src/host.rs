@@ -6,7 +6,7 @@ use std::time::Duration;
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, PixelFormat, Skew, Stage, StageReport};
+use fringeflow::message::{Counts, DropReason, Skew, Stage, StageReport};
 use fringeflow::transport::{
     ChannelSizes, Header, Instance, Node, Payload, Publisher, REPORT_STAGE, Subscriber, TransportError,
 };
@@ -103,7 +103,7 @@ impl Host {
         let setup = arguments.setup(&configuration)?;
         let instance = Instance::new(&configuration.name)?;
         let node = Node::open(&instance, name)?;
-        let sizes = channel_sizes(&setup, configuration.pixel_format());
+        let sizes = channel_sizes(&setup, &configuration);
         let reports = Publisher::open(&node, REPORT_STAGE, &sizes)?;
         let accounts = accounts_folder(&instance);
         let restarts = arguments.restarts;
@@ -236,13 +236,13 @@ impl Host {
     }
 }
 
-/// Sizes of the messages that a setup and the format of its images lead to.
+/// Sizes of the messages that a setup and a configuration lead to.
 #[must_use]
-pub fn channel_sizes(setup: &Setup, format: PixelFormat) -> ChannelSizes {
+pub fn channel_sizes(setup: &Setup, configuration: &ScannerConfiguration) -> ChannelSizes {
     let pixels = setup.image_pixels();
     ChannelSizes {
-        frame_bytes: pixels * format.bytes(),
-        window: setup.steps,
+        frame_bytes: pixels * configuration.pixel_format().bytes(),
+        window: configuration.measurement.settings.window_images(setup.steps),
         map_blocks: wire::maps::blocks(pixels),
         correspondence_blocks: wire::correspondences::blocks(pixels),
         cloud_bytes: pixels * RECORD_BYTES,

@@ -36,7 +36,7 @@ const RECORDER_NS: u64 = 5_000_000_000;
 /// [`RunError`]; nothing is left running.
 pub fn run<'s>(plan: &Plan, source: Option<&'s mut (dyn Source + 's)>) -> Result<Outcome, RunError> {
     let instance = Instance::new(&plan.configuration.name)?;
-    check_shared_memory(&channel_sizes(&plan.setup, plan.configuration.pixel_format()))?;
+    check_shared_memory(&channel_sizes(&plan.setup, &plan.configuration))?;
     let lock = InstanceLock::take(&instance)?;
     let accounts = accounts_folder(&instance);
     remove_folder(&accounts)?;
@@ -111,7 +111,7 @@ impl<'a, 's> Supervisor<'a, 's> {
         let stop =
             Stop::on_signals().map_err(|source| RunError::System { what: "signals cannot be handled", source })?;
         let node = Node::open(instance, "supervisor")?;
-        let sizes = channel_sizes(&plan.setup, plan.configuration.pixel_format());
+        let sizes = channel_sizes(&plan.setup, &plan.configuration);
         let ports = Ports::open(&node, &sizes)?;
         let display = Display::new();
         let launch = Launch {

@@ -63,6 +63,8 @@ pub struct Window {
     pub centre_ns: u64,
     #[prost(uint64, tag = "8")]
     pub received_ns: u64,
+    #[prost(uint32, tag = "9")]
+    pub first_step: u32,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct CloudHeader {
@@ -87,6 +89,18 @@ pub struct Fit {
     pub residual_share: f32,
     #[prost(float, tag = "3")]
     pub noise_grey: f32,
+    #[prost(float, tag = "4")]
+    pub noise_gain: f32,
+    #[prost(float, tag = "5")]
+    pub motion_rad: f32,
+    #[prost(float, tag = "6")]
+    pub fast_motion_rad: f32,
+    #[prost(float, tag = "7")]
+    pub brightness_share: f32,
+    #[prost(uint64, tag = "8")]
+    pub one_surface_pixels: u64,
+    #[prost(uint64, tag = "9")]
+    pub lost_pixels: u64,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapsHeader {
@@ -131,7 +145,7 @@ pub struct CorrespondenceHeader {
     #[prost(double, tag = "9")]
     pub chosen_delta_sd_rad: f64,
     #[prost(float, repeated, tag = "10")]
-    pub noise_grey: ::prost::alloc::vec::Vec<f32>,
+    pub phase_noise_grey: ::prost::alloc::vec::Vec<f32>,
     #[prost(uint32, tag = "11")]
     pub width_px: u32,
     #[prost(uint32, tag = "12")]
@@ -243,4 +257,6 @@ pub struct WindowReport {
     pub delta_counts: ::prost::alloc::vec::Vec<u32>,
     #[prost(message, optional, tag = "14")]
     pub drift: ::core::option::Option<Drift>,
+    #[prost(sint32, repeated, tag = "15")]
+    pub slip_steps: ::prost::alloc::vec::Vec<i32>,
 }

@@ -11,12 +11,12 @@ fn with_cloud(folder: &Folder, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>
     let mut reconstructor: Reconstructor = imported.reconstructor().unwrap();
     let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
     let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
-    let made = reconstructor.reconstruct(&cam1, &cam2).unwrap();
+    let made = reconstructor.reconstruct(0, &cam1, &cam2).unwrap();
     assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
     let mut records = Vec::new();
     write_records(&mut records, &made.cloud.points, 1.0).unwrap();
     let mut header = cloud(made.cloud.points.len() as u64);
-    let mut window = Window { cam1_session: 1, cam2_session: 1, steps: 4, ..Window::default() };
+    let mut window = Window { cam1_session: 1, cam2_session: 1, images: 4, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[0, 1, 2, 3]);
     window.cam2_sequence = window.cam1_sequence;
     header.window = Window { first_exposure_ns: 1_000_000_000, received_ns: 1_080_000_000, ..window };

@@ -101,7 +101,7 @@ fn problem(path: &Path) -> RecordingProblem {
 }
 
 fn window() -> Window {
-    let mut window = Window { cam1_session: 5, cam2_session: 6, steps: 4, ..Window::default() };
+    let mut window = Window { cam1_session: 5, cam2_session: 6, images: 4, first_step: 1, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[11, 12, 13, 14]);
     window.cam2_sequence[..4].copy_from_slice(&[21, 22, 23, 24]);
     Window { first_exposure_ns: 100, last_exposure_ns: 400, centre_ns: 250, received_ns: 450, ..window }
@@ -145,7 +145,17 @@ fn pattern() -> PatternEvent {
 }
 
 fn fit(valid_pixels: u64) -> Fit {
-    Fit { valid_pixels, residual_share: 0.125, noise_grey: 1.5 }
+    Fit {
+        valid_pixels,
+        one_surface_pixels: 7,
+        lost_pixels: 3,
+        residual_share: 0.125,
+        noise_grey: 1.5,
+        noise_gain: 0.75,
+        motion_rad: -0.25,
+        fast_motion_rad: 0.5,
+        brightness_share: 0.015_625,
+    }
 }
 
 fn maps() -> MapsHeader {
@@ -164,7 +174,7 @@ fn correspondences() -> CorrespondenceHeader {
         references: 1234,
         chosen_delta_mean_rad: -0.5,
         chosen_delta_sd_rad: 0.0625,
-        noise_grey: [1.25, 1.75],
+        phase_noise_grey: [1.25, 1.75],
         delta_counts: std::array::from_fn(|part| part as u32),
         width_px: 64,
         height_px: 48,
@@ -207,6 +217,7 @@ fn window_report() -> WindowReport {
     outcomes[Outcome::Reference as usize] = 2000;
     outcomes[Outcome::Contradicted as usize] = 3;
     WindowReport {
+        slip_steps: [0, -1],
         published: 4,
         window: window(),
         cam1: fit(77),

@@ -41,7 +41,7 @@ fn messages_that_contradict_themselves_are_counted_and_not_written() {
     recorder.push(&Recordable::Frame { header: &good, image: &image[1..] });
     recorder.push(&Recordable::Cloud { header: &cloud(2), records: &[0; RECORD_BYTES] });
     recorder.push(&Recordable::Cloud { header: &cloud(u64::MAX), records: &[] });
-    let endless = Window { steps: 17, ..window() };
+    let endless = Window { images: 25, ..window() };
     recorder.push(&Recordable::Maps { header: &MapsHeader { window: endless, ..maps() }, payload: &[] });
     recorder.push(&Recordable::Report(&StageReport { stage: 99, ..report() }));
     let recorded = recorder.finish().unwrap();

@@ -6,8 +6,14 @@ const STEPS: usize = 4;
 
 /// Images of camera 1 and 2 in the order of their times, each with the number of its own camera.
 fn run(starts_ns: [u64; 2], periods_ns: [u64; 2], images: u64) -> (Synchronizer<u64>, Vec<WindowImages<u64>>) {
-    let settings =
-        Settings { steps: STEPS, frame_period_ns: PERIOD_NS, source: StepSource::Cycle, every: 1, waiting: STEPS + 3 };
+    let settings = Settings {
+        steps: STEPS,
+        images: STEPS,
+        frame_period_ns: PERIOD_NS,
+        source: StepSource::Cycle,
+        every: 1,
+        waiting: STEPS + 3,
+    };
     let mut sync = Synchronizer::new(settings).unwrap();
     let header = |camera: u32, sequence: u64| {
         let index = camera as usize - 1;

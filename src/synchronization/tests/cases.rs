@@ -12,7 +12,7 @@ const START_NS: u64 = 1_000_000_000;
 
 fn settings() -> Settings {
     let source = StepSource::Events { period_px: PERIOD_PX };
-    Settings { steps: STEPS, frame_period_ns: PERIOD_NS, source, every: 1, waiting: STEPS + 3 }
+    Settings { steps: STEPS, images: STEPS, frame_period_ns: PERIOD_NS, source, every: 1, waiting: STEPS + 3 }
 }
 
 fn header(camera: u32, exposure: u64) -> FrameHeader {
@@ -68,7 +68,7 @@ fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once(
     let images: Vec<_> = windows.iter().map(|window| window.cam1.clone()).collect();
     assert_eq!(images, [[4, 5, 6, 7], [8, 9, 10, 11]]);
     let window = windows[0].window;
-    assert_eq!((window.cam1_session, window.cam2_session, window.steps), (8, 9, 4));
+    assert_eq!((window.cam1_session, window.cam2_session, window.images, window.first_step), (8, 9, 4, 0));
     assert_eq!((window.cam1_sequence[..5].to_vec(), window.cam2_sequence[3]), (vec![14, 15, 16, 17, 0], 27));
     let after_ns = |periods: u64| START_NS + periods * PERIOD_NS;
     assert_eq!((window.first_exposure_ns, window.last_exposure_ns), (after_ns(4), after_ns(7)));
@@ -77,11 +77,22 @@ fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once(
 }
 
 #[test]
-fn a_sliding_window_keeps_the_order_of_the_steps() {
+fn a_sliding_window_keeps_the_order_of_the_exposures_and_says_its_first_step() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     (0..6).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
-    let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam2).collect();
-    assert_eq!(images, [[0, 1, 2, 3], [4, 1, 2, 3], [4, 5, 2, 3]]);
+    let windows = take_all(&mut sync);
+    let images: Vec<_> = windows.iter().map(|window| window.cam2.clone()).collect();
+    assert_eq!(images, [[0, 1, 2, 3], [1, 2, 3, 4], [2, 3, 4, 5]]);
+    assert_eq!(windows.iter().map(|window| window.window.first_step).collect::<Vec<_>>(), [0, 1, 2]);
+}
+
+#[test]
+fn a_longer_window_needs_more_pairs_in_a_row() {
+    let mut sync = Synchronizer::new(Settings { images: STEPS + 2, ..settings() }).unwrap();
+    (0..8).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
+    let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
+    assert_eq!(images, [[0, 1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 5)]);
 }
 
 #[test]
@@ -218,6 +229,7 @@ fn settings_out_of_range_are_refused() {
     let refused = |settings: Settings| Synchronizer::<()>::new(settings).unwrap_err();
     assert_eq!(refused(Settings { steps: 2, ..settings() }), SettingsError::Steps { steps: 2 });
     assert_eq!(refused(Settings { steps: 17, ..settings() }), SettingsError::Steps { steps: 17 });
+    assert_eq!(refused(Settings { images: 3, ..settings() }), SettingsError::Images { images: 3, steps: STEPS });
     let frame_period_ns = 999;
     assert_eq!(refused(Settings { frame_period_ns, ..settings() }), SettingsError::FramePeriod { frame_period_ns });
     let source = StepSource::Events { period_px: f64::NAN };

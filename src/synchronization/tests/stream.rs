@@ -53,6 +53,7 @@ pub(super) enum Kind {
 #[derive(Clone)]
 pub(super) struct Plan {
     pub(super) steps: usize,
+    pub(super) images: usize,
     pub(super) every: usize,
     pub(super) cycle: bool,
     pub(super) period_error: f64,
@@ -100,12 +101,13 @@ fn fates(exposures: usize) -> impl Strategy<Value = Vec<Fate>> {
 }
 
 pub(super) fn plan() -> impl Strategy<Value = Plan> {
-    (3..6_usize, 1..6_usize, prop::bool::weighted(0.2), -0.05..0.05, -0.25..0.25, 20..50_usize).prop_flat_map(
-        |(steps, every, cycle, period_error, skew, exposures)| {
+    (3..6_usize, 0..4_usize, 1..6_usize, prop::bool::weighted(0.2), -0.05..0.05, -0.25..0.25, 20..50_usize)
+        .prop_flat_map(|(steps, extra, every, cycle, period_error, skew, exposures)| {
             let pauses = prop::collection::vec(prop::bool::weighted(0.03), exposures);
             let fates = [fates(exposures), fates(exposures), fates(exposures)];
             (pauses, fates).prop_map(move |(pauses, fates)| Plan {
                 steps,
+                images: steps + extra,
                 every,
                 cycle,
                 period_error,
@@ -113,15 +115,18 @@ pub(super) fn plan() -> impl Strategy<Value = Plan> {
                 pauses,
                 fates,
             })
-        },
-    )
+        })
 }
 
 /// Only what is out of the ordinary.
 impl std::fmt::Debug for Plan {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { steps, every, cycle, skew_ns, .. } = self;
-        write!(f, "{steps} steps, every {every}, cycle {cycle}, skew {skew_ns} ns, {} exposures", self.exposures())?;
+        let Self { steps, images, every, cycle, skew_ns, .. } = self;
+        write!(
+            f,
+            "{images} images of {steps} steps, every {every}, cycle {cycle}, skew {skew_ns} ns, {} exposures",
+            self.exposures()
+        )?;
         for k in (0..self.exposures()).filter(|&k| self.pauses[k]) {
             write!(f, "; pause before {k}")?;
         }
@@ -148,6 +153,7 @@ impl Plan {
     pub(super) fn settings(&self) -> Settings {
         Settings {
             steps: self.steps,
+            images: self.images,
             frame_period_ns: (PERIOD_NS as f64 * (1.0 + self.period_error)) as u64,
             source: if self.cycle { StepSource::Cycle } else { StepSource::Events { period_px: PERIOD_PX } },
             every: self.every,
@@ -172,7 +178,7 @@ impl Plan {
         let (mut run, mut place) = (0, 0);
         for &k in &stepped {
             (run, place) = if run > 0 && together(k) { (run + 1, place + 1) } else { (1, self.step(k)) };
-            if run >= self.steps && (place + 1) % self.every == 0 {
+            if run >= self.images && (place + 1) % self.every == 0 {
                 windows.push(k);
             }
         }

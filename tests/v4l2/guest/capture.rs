@@ -32,7 +32,7 @@ impl<'a> Capture<'a> {
         let arguments =
             ServiceArgs { config: config.clone(), setup: None, segment_table: None, restarts: 0, supervised: false };
         let configuration = arguments.configuration().unwrap();
-        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap(), configuration.pixel_format());
+        let sizes = channel_sizes(&arguments.setup(&configuration).unwrap(), &configuration);
         let witness = Witness::new(&bench.instance(), sizes);
         let mut service = bench.command(&[&"service", &"camera1", &"--config", &config]);
         let child = service.stdin(Stdio::null()).spawn().unwrap();

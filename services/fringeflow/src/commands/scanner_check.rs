@@ -132,7 +132,7 @@ pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setu
 }
 
 fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<String, Failure> {
-    let sizes = channel_sizes(setup, configuration.pixel_format());
+    let sizes = channel_sizes(setup, configuration);
     check_shared_memory(&sizes)?;
     Ok(format!("{} MiB are needed and there", required_bytes(&sizes).div_ceil(MIB)))
 }

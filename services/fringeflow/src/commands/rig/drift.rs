@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::{Args, Calibrated};
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::proposed::{Measured, configuration, reconstruct, reconstructor, thinned_out};
+use crate::proposed::{Images, Measured, configuration, reconstruct, reconstructor};
 use crate::{json, output_folder, progress};
 
 /// The map, in the folder of --preview.
@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     // The paper's resolution measures no drift.
     configuration.settings.matching.method = ResolutionMethod::SemiGlobal;
     let cycles = input.cycles()?;
-    let chosen = choose(&cycles, args)?;
+    let chosen = choose(&input, &cycles, args, &configuration)?;
     let calibrated = args.calibrated()?;
     check_sizes(args, &calibrated, &input)?;
     let volume = volume(args, &calibrated, &configuration, &input)?;
@@ -112,9 +112,19 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
 }
 
 /// The images of the windows to look at.
-fn choose(cycles: &[Range<usize>], args: &Args) -> Result<Vec<Vec<usize>>, Failure> {
-    let every = cycles.len().div_ceil(usize::from(args.windows));
-    cycles.iter().step_by(every).map(|cycle| thinned_out(cycle.clone(), args.steps)).collect()
+fn choose(
+    input: &Input,
+    cycles: &[Range<usize>],
+    args: &Args,
+    configuration: &Configuration,
+) -> Result<Vec<Images>, Failure> {
+    let (every, steps) = (cycles.len().div_ceil(usize::from(args.windows)), input.setup().steps);
+    let extra = configuration.settings.window_images(steps) - steps;
+    let images = |cycle: &Range<usize>| match args.steps {
+        Some(steps) => Images::thinned_out(input, cycle.clone(), steps),
+        None => Images::in_turn(input, input.widened(cycle.clone(), extra)),
+    };
+    cycles.iter().step_by(every).map(images).collect()
 }
 
 /// Drifts can be compared over one volume alone: that of the images, unless another is given.
@@ -152,15 +162,16 @@ struct Windows {
     without: Vec<Unmeasured>,
 }
 
-fn measure(input: &Input, reconstructor: &mut Reconstructor, chosen: &[Vec<usize>]) -> Result<Windows, Failure> {
+fn measure(input: &Input, reconstructor: &mut Reconstructor, chosen: &[Images]) -> Result<Windows, Failure> {
     let mut measured = Windows { windows: Vec::new(), without: Vec::new() };
     let bar = progress::bar("windows", chosen.len() as u64);
     let mut refusal = None;
-    for numbers in chosen {
-        match reconstruct(input, reconstructor, numbers) {
-            Ok(made) => measured.windows.extend(window(input, numbers[0], &made, reconstructor)),
+    for images in chosen {
+        let first_image = images.numbers[0];
+        match reconstruct(input, reconstructor, images) {
+            Ok(made) => measured.windows.extend(window(input, first_image, &made, reconstructor)),
             Err(why @ Failure::Usage(_)) => {
-                measured.without.push(Unmeasured { first_image: numbers[0], why: why.to_string() });
+                measured.without.push(Unmeasured { first_image, why: why.to_string() });
                 refusal.get_or_insert(why);
             }
             Err(broken) => return Err(broken),

@@ -1,0 +1,249 @@
+//! What a window of images of a moving scene determines at a pixel, and how: the constants of its least-squares fit.
+//!
+//! Model of image i, taken at `t_i` images from the centre of the window with phase shift `s_i`, for a scene that moves the
+//! phase by ε an image: `I_i = A + Re(z·e^(i·(s_i + ε·t_i)))`, z = B·e^(iφ), φ the phase at the centre. To first order in ε
+//! it is linear: `I_i = A + A'·t_i + Re((z + z'·t_i)·e^(i·s_i))`, z' = iεz. A' is what texture, shading and light do that
+//! move across the pixel, and z' holds the same of the modulation. Five images leave A' undetermined: it is zero for them.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use crate::phase::shifts::{MIN_STEPS, ShiftError};
+
+use super::MAX_IMAGES;
+
+/// Unknowns of the linear fit: A, real and imaginary part of z and z', and A'.
+const UNKNOWNS: usize = 6;
+/// Fewest images of a window: with so many A' is taken as zero.
+const LEAST_IMAGES: usize = UNKNOWNS - 1;
+/// Least eigenvalue of the normal matrix, relative to the largest, that still determines them all.
+const MIN_EIGENVALUE_SHARE: f64 = 1e-5;
+/// Entries of the table from the measured to the true motion.
+const TABLE: usize = 512;
+/// The table is built from motions up to this, rad an image, as far as they can be told apart.
+const WIDEST_RAD: f64 = 1.5;
+/// Least response |H| to a motion that can be told: what is left of the modulation.
+const MIN_RESPONSE: f64 = 0.3;
+
+/// A complex number as the pair of its parts.
+pub(super) type Complex = [f32; 2];
+
+/// Constants of the fit of M images with known shifts.
+#[derive(Clone, Debug)]
+pub struct MotionFit {
+    shifts_rad: Vec<f64>,
+    /// `cos s_i` and `sin s_i`.
+    pub(super) turns: Vec<Complex>,
+    /// Weights of the images in A, Re z, Im z, Re z', Im z'.
+    pub(super) weights: [Vec<f32>; 5],
+    /// Whether A' is determined.
+    pub(super) has_trend: bool,
+    /// What no fit without A' explains: weights of the images in as many numbers as are left, of unit length.
+    pub(super) residuals: Vec<Vec<f32>>,
+    /// Response of z to the motion ε: `H(ε) = Σ h_i·e^(iεt_i)` of z itself, `G(ε) = Σ g_i·e^(−iεt_i)` of its conjugate, which
+    /// is the ripple at twice the fringe frequency.
+    pub(super) direct: Vec<Complex>,
+    pub(super) ripple: Vec<Complex>,
+    /// The same of z' to the conjugate of z.
+    pub(super) slope_ripple: Vec<Complex>,
+    motions: MotionTable,
+    noise_gain: f32,
+}
+
+/// From `Im(z'/z)` as it is fitted to the motion that gives it: the same for small motions, less for large ones.
+#[derive(Clone, Debug)]
+struct MotionTable {
+    /// Largest value that belongs to a motion.
+    limit: f32,
+    motion_rad: Vec<f32>,
+}
+
+impl MotionFit {
+    /// The fit of images with these shifts, rad, in the order of their times, which are evenly spaced.
+    ///
+    /// # Errors
+    /// Fewer than five images, more than [`MAX_IMAGES`], shifts that are not finite, or ones that leave motion and phase
+    /// undetermined.
+    pub fn new(shifts_rad: &[f64]) -> Result<Self, ShiftError> {
+        let images = shifts_rad.len();
+        if !(LEAST_IMAGES..=MAX_IMAGES).contains(&images) {
+            return Err(ShiftError::Window { images, least: LEAST_IMAGES, most: MAX_IMAGES });
+        }
+        if let Some(index) = shifts_rad.iter().position(|s| !s.is_finite()) {
+            return Err(ShiftError::NotFinite { index, value: shifts_rad[index] });
+        }
+        let has_trend = images >= UNKNOWNS;
+        let basis: Vec<SVector<f64, UNKNOWNS>> = (0..images)
+            .map(|i| {
+                let (t, (sin, cos)) = (time(i, images), shifts_rad[i].sin_cos());
+                SVector::from([1.0, cos, -sin, t * cos, -t * sin, if has_trend { t } else { 0.0 }])
+            })
+            .collect();
+        let weights = least_squares(&basis, if has_trend { UNKNOWNS } else { LEAST_IMAGES });
+        let weights = weights.ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?;
+        let noise_gain = (0.5 * weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
+        let response = |re: usize, im: usize, sign: f64| {
+            let of = |i: usize| half_product([weights[re][i], weights[im][i]], sign * shifts_rad[i]);
+            (0..images).map(of).collect::<Vec<[f64; 2]>>()
+        };
+        let (direct, ripple, slope) = (response(1, 2, 1.0), response(1, 2, -1.0), response(3, 4, 1.0));
+        let single = |values: &[[f64; 2]]| values.iter().map(|v| v.map(|part| part as f32)).collect();
+        Ok(Self {
+            turns: shifts_rad.iter().map(|s| [s.cos() as f32, s.sin() as f32]).collect(),
+            motions: MotionTable::new(&direct, &slope),
+            direct: single(&direct),
+            ripple: single(&ripple),
+            slope_ripple: single(&response(3, 4, -1.0)),
+            has_trend,
+            residuals: unexplained(&basis),
+            weights: std::array::from_fn(|k| weights[k].iter().map(|&w| w as f32).collect()),
+            noise_gain: noise_gain as f32,
+            shifts_rad: shifts_rad.to_vec(),
+        })
+    }
+
+    /// Number M of images.
+    #[must_use]
+    pub fn images(&self) -> usize {
+        self.shifts_rad.len()
+    }
+
+    /// Numbers a pixel that tell how well the moving sinusoid fits.
+    pub(super) fn freedom(&self) -> usize {
+        self.images() - MIN_STEPS - usize::from(self.has_trend)
+    }
+
+    /// Phase shifts of the images, rad.
+    #[must_use]
+    pub fn shifts_rad(&self) -> &[f64] {
+        &self.shifts_rad
+    }
+
+    /// Standard deviation of the phase per unit of noise ÷ modulation.
+    #[must_use]
+    pub fn noise_gain(&self) -> f32 {
+        self.noise_gain
+    }
+
+    /// The motion, rad an image, whose fit gives `Im(z'/z)`; `None` where it is too fast to be told.
+    #[inline]
+    pub(super) fn motion_rad(&self, slope: f32) -> Option<f32> {
+        self.motions.motion_rad(slope)
+    }
+}
+
+/// Weights of the samples in the first unknowns of a least-squares fit; `None` if these are not determined.
+fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[Vec<f64>; UNKNOWNS]> {
+    let mut normal: SMatrix<f64, UNKNOWNS, UNKNOWNS> = basis.iter().map(|row| row * row.transpose()).sum();
+    // What is not asked for is a number of its own.
+    (unknowns..UNKNOWNS).for_each(|k| normal[(k, k)] = 1.0);
+    let values = normal.symmetric_eigenvalues();
+    let inverse = normal.try_inverse().filter(|_| values.min() > MIN_EIGENVALUE_SHARE * values.max())?;
+    Some(std::array::from_fn(|k| basis.iter().map(|row| (inverse * row)[k]).collect()))
+}
+
+/// An orthonormal basis of what a fit without A' leaves of the images (Gram and Schmidt).
+fn unexplained(basis: &[SVector<f64, UNKNOWNS>]) -> Vec<Vec<f32>> {
+    /// Length below which a direction is explained.
+    const EXPLAINED: f64 = 1e-6;
+    let images = basis.len();
+    let explained = (0..LEAST_IMAGES).map(|k| basis.iter().map(|row| row[k]).collect::<Vec<f64>>());
+    let units = (0..images).map(|i| (0..images).map(|j| f64::from(u8::from(i == j))).collect());
+    let mut directions: Vec<Vec<f64>> = Vec::with_capacity(images);
+    for mut direction in explained.chain(units) {
+        for other in &directions {
+            let along: f64 = other.iter().zip(&direction).map(|(a, b)| a * b).sum();
+            direction.iter_mut().zip(other).for_each(|(value, a)| *value -= along * a);
+        }
+        let length = direction.iter().map(|value| value * value).sum::<f64>().sqrt();
+        if length > EXPLAINED {
+            direction.iter_mut().for_each(|value| *value /= length);
+            directions.push(direction);
+        }
+    }
+    let left = directions.into_iter().skip(LEAST_IMAGES).take(images - LEAST_IMAGES);
+    left.map(|direction| direction.into_iter().map(|value| value as f32).collect()).collect()
+}
+
+/// Time of image i of M since the centre of the window, images.
+pub(super) fn time(image: usize, images: usize) -> f64 {
+    image as f64 - (images as f64 - 1.0) / 2.0
+}
+
+/// Samples that leave anything to be told of how well they fit.
+pub(super) const LEAST_FITTED: usize = MIN_STEPS + 1;
+
+fn half_product([re, im]: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [(re * cos - im * sin) / 2.0, (re * sin + im * cos) / 2.0]
+}
+
+/// `Σ c_i·e^(iεt_i)`.
+fn response(coefficients: &[[f64; 2]], motion_rad: f64) -> [f64; 2] {
+    let images = coefficients.len();
+    coefficients.iter().enumerate().fold([0.0; 2], |[re, im], (i, [a, b])| {
+        let (sin, cos) = (motion_rad * time(i, images)).sin_cos();
+        [re + a * cos - b * sin, im + a * sin + b * cos]
+    })
+}
+
+impl MotionTable {
+    fn new(direct: &[[f64; 2]], slope: &[[f64; 2]]) -> Self {
+        // Im(H'/H) rises with the motion until H has all but faded.
+        let ratio = |motion_rad: f64| {
+            let ([a, b], [c, d]) = (response(slope, motion_rad), response(direct, motion_rad));
+            let square = c * c + d * d;
+            (square >= MIN_RESPONSE * MIN_RESPONSE).then(|| (b * c - a * d) / square)
+        };
+        let step = WIDEST_RAD / TABLE as f64;
+        let mut rising = vec![0.0];
+        for k in 1..=TABLE {
+            // Odd but for rounding where the shifts are even; where they are not, the mean of both senses.
+            let Some((ahead, back)) = ratio(k as f64 * step).zip(ratio(-(k as f64) * step)) else { break };
+            let value = 0.5 * (ahead - back);
+            if value <= rising[k - 1] {
+                break;
+            }
+            rising.push(value);
+        }
+        let limit = rising[rising.len() - 1];
+        let motion = |i: usize| {
+            let wanted = limit * i as f64 / TABLE as f64;
+            let above = rising.partition_point(|&value| value < wanted).clamp(1, rising.len().max(2) - 1);
+            let (low, high) = (rising[above - 1], rising.get(above).copied().unwrap_or(limit));
+            let part = if high > low { (wanted - low) / (high - low) } else { 0.0 };
+            ((above - 1) as f64 + part) * step
+        };
+        Self { limit: limit as f32, motion_rad: (0..=TABLE).map(|i| motion(i) as f32).collect() }
+    }
+
+    #[inline]
+    fn motion_rad(&self, slope: f32) -> Option<f32> {
+        let place = slope.abs() / self.limit * TABLE as f32;
+        let below = place as usize;
+        let (low, high) = (self.motion_rad.get(below)?, self.motion_rad.get(below + 1)?);
+        let motion = low + (high - low) * (place - below as f32);
+        Some(motion.copysign(slope))
+    }
+}
+
+/// Offset, z and residual of some images at a pixel that moves by a known phase; `None` if they do not determine them.
+///
+/// `samples` are grey level, time and phase shift of each.
+pub(super) fn solve_moving(samples: &[[f32; 3]], motion_rad: f32) -> Option<[f32; 4]> {
+    let row = |[_, t, shift]: &[f32; 3]| {
+        let (sin, cos) = f64::from(shift + motion_rad * t).sin_cos();
+        Vector3::new(1.0, cos, -sin)
+    };
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for sample in samples {
+        let basis = row(sample);
+        normal += basis * basis.transpose();
+        right += basis * f64::from(sample[0]);
+    }
+    let solution = normal.try_inverse()? * right;
+    let squares: f64 = samples.iter().map(|sample| (f64::from(sample[0]) - row(sample).dot(&solution)).powi(2)).sum();
+    let freedom = samples.len().checked_sub(MIN_STEPS).filter(|&freedom| freedom > 0)?;
+    let residual = (squares / freedom as f64).sqrt();
+    let result = [solution[0], solution[1], solution[2], residual].map(|value| value as f32);
+    result.iter().all(|value| value.is_finite()).then_some(result)
+}

@@ -1,0 +1,150 @@
+//! Pixels whose images show more than one surface: something moved across them, an edge or a shadow.
+//!
+//! Of the runs of images that include the centre of the window, the one is taken that fits a moving sinusoid best; the motion
+//! is that of the neighbours. Saturated samples are left out of every run. Where no run fits, the pixel is left out.
+
+use rayon::prelude::*;
+
+use crate::phase::Validity;
+use crate::phase::arctangent::turn_fraction;
+use crate::phase::map::FitStatistics;
+use crate::phase::sample::Sample;
+
+use super::fit::{LEAST_FITTED, MotionFit, solve_moving, time};
+use super::planes::{Decoded, Window};
+
+/// A residual this many times the usual one shows that the images do not belong together.
+const LARGE_RESIDUAL: f32 = 4.0;
+/// Usual residual ÷ modulation where three images leave none to measure.
+const UNKNOWN_SHARE: f32 = 0.02;
+
+/// What finds the images that show one surface.
+pub(super) struct OneSurface<'a, S> {
+    window: &'a Window<'a, S>,
+    validity: &'a Validity,
+    /// Time and phase shift of each image.
+    moments: Vec<[f32; 2]>,
+    /// First and last image of the runs that are tried, the longest first.
+    runs: Vec<[usize; 2]>,
+    /// Largest residual that is usual: grey levels, and a share of the modulation.
+    usual: [f32; 2],
+}
+
+/// Offset, z and residual.
+type Solution = [f32; 4];
+
+impl<'a, S: Sample> OneSurface<'a, S> {
+    pub(super) fn new(
+        window: &'a Window<'a, S>,
+        fit: &MotionFit,
+        validity: &'a Validity,
+        statistics: &FitStatistics,
+    ) -> Self {
+        let images = fit.images();
+        let moment = |(i, &shift): (usize, &f64)| [time(i, images) as f32, shift as f32];
+        let share = statistics.residual_share.unwrap_or(UNKNOWN_SHARE);
+        Self {
+            window,
+            validity,
+            moments: fit.shifts_rad().iter().enumerate().map(moment).collect(),
+            runs: runs(images),
+            usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share],
+        }
+    }
+
+    /// Decodes the pixels again that need it; how many were decoded from part of their images, and how many are left out.
+    pub(super) fn repair(&self, decoded: &mut Decoded) -> [u64; 2] {
+        let width = self.window.width.max(1);
+        let map = &mut decoded.map;
+        let rows = map
+            .phase
+            .par_chunks_mut(width)
+            .zip(map.modulation.par_chunks_mut(width))
+            .zip(map.mean.par_chunks_mut(width))
+            .zip(map.valid.par_chunks_mut(width))
+            .zip(decoded.motion_rad.par_chunks(width))
+            .zip(decoded.residual.par_chunks(width))
+            .enumerate();
+        let counts = rows.map(|(v, (((((phase, modulation), mean), valid), motion), residual))| {
+            let mut counts = [0; 2];
+            for u in 0..phase.len() {
+                let pixel = v * width + u;
+                let is_saturated = (0..self.moments.len()).any(|image| self.window.is_saturated(image, pixel));
+                let is_lit = modulation[u] >= self.validity.min_modulation_grey;
+                let fits = valid[u] && residual[u] <= self.largest(modulation[u]);
+                if !is_saturated && (fits || !is_lit) {
+                    continue;
+                }
+                let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
+                let found = self.best(pixel, motion_rad);
+                valid[u] = found.is_some();
+                if let Some([offset, re, im, _]) = found {
+                    phase[u] = turn_fraction(im, re);
+                    modulation[u] = (re * re + im * im).sqrt();
+                    mean[u] = (offset + 0.5) as u8;
+                }
+                counts[usize::from(found.is_none())] += 1;
+            }
+            counts
+        });
+        counts.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    }
+
+    /// Largest residual of images that belong together.
+    fn largest(&self, modulation: f32) -> f32 {
+        self.usual[0].max(self.usual[1] * modulation)
+    }
+
+    /// The solution of the run that fits best.
+    fn best(&self, pixel: usize, motion_rad: f32) -> Option<Solution> {
+        let share = |[_, re, im, residual]: &Solution| residual / (re * re + im * im).sqrt();
+        let solutions = self.runs.iter().filter_map(|run| self.solve(*run, pixel, motion_rad));
+        let fitting = solutions.filter(|[_, re, im, residual]| {
+            let modulation = (re * re + im * im).sqrt();
+            let limit = self.largest(modulation).max(self.validity.max_residual_share * modulation);
+            modulation >= self.validity.min_modulation_grey && *residual <= limit
+        });
+        fitting.min_by(|a, b| share(a).total_cmp(&share(b)))
+    }
+
+    fn solve(&self, [first, last]: [usize; 2], pixel: usize, motion_rad: f32) -> Option<Solution> {
+        let kept = (first..=last).filter(|&image| !self.window.is_saturated(image, pixel));
+        let samples: Vec<[f32; 3]> = kept
+            .map(|image| {
+                let [t, shift] = self.moments[image];
+                [self.window.grey(image, pixel), t, shift]
+            })
+            .collect();
+        if samples.len() < LEAST_FITTED {
+            return None;
+        }
+        solve_moving(&samples, motion_rad)
+    }
+}
+
+/// Runs of images that include the centre of the window and leave a residual, the longest first.
+fn runs(images: usize) -> Vec<[usize; 2]> {
+    let centre = |first: usize, last: usize| 2 * first < images && 2 * last + 2 > images;
+    let mut lengths: Vec<usize> = [images, images.saturating_sub(2), images.div_ceil(2) + 1].into();
+    lengths.retain(|&length| length >= LEAST_FITTED);
+    lengths.dedup();
+    let of = |length: usize| (0..=images - length).map(move |first| [first, first + length - 1]);
+    lengths.into_iter().flat_map(of).filter(|&[first, last]| centre(first, last)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_include_the_centre_and_leave_a_residual() {
+        assert_eq!(runs(6), [[0, 5], [0, 3], [1, 4], [2, 5]]);
+        assert_eq!(runs(5), [[0, 4], [0, 3], [1, 4]]);
+        for images in 5..24 {
+            for [first, last] in runs(images) {
+                let middle = (images - 1) as f64 / 2.0;
+                assert!(first as f64 <= middle + 0.5 && last as f64 >= middle - 0.5 && last < images);
+            }
+        }
+    }
+}
