@@ -4,6 +4,7 @@
 //!  RigOptions ─► VirtualRig (exact, calibrated, volume) ─┐
 //!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
 //!  Object, Board ─► Scene (pose before C1) ──────────────┘   truth
+//!  MotionOptions ─► pose of the object in every phase image of a Simulation
 //!  Sweep ─► pose of the scene, image by image ─► ImageLoop (VirtualScanner): images of a moving scanner
 //! ```
 //!
@@ -20,6 +21,7 @@ mod cover;
 mod faults;
 mod image_loop;
 mod loop_file;
+mod motion;
 mod object;
 mod projected;
 mod rig;
@@ -32,6 +34,7 @@ mod staging;
 mod sweep;
 mod trace;
 mod tracking;
+mod tremor;
 mod truth;
 mod view;
 mod virtual_scanner;
@@ -40,6 +43,7 @@ pub use calibration_error::CalibrationDeviation;
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;
+pub use motion::MotionOptions;
 pub use object::Object;
 pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};

@@ -113,6 +113,7 @@ impl VirtualScanner {
             second_direction: None,
             volume: self.rig.volume.clone(),
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
+            motion: None,
             remarks: remarks(&self.rig, options.noise, options.format, options.gamma, options.seed),
         };
         Ok(SetupText { description: description.text()?, calibration: calibration_text(&self.rig.calibrated, UNIT) })

@@ -20,7 +20,8 @@ pub(crate) struct ProposedArgs {
     /// Use N phase images, evenly chosen; all of them by default.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Use phase images A up to but without B, of a recording its image pairs; the first complete cycle by default.
+    /// Use phase images A up to but without B, of a recording its image pairs; by default the first complete
+    /// cycle, of an object whose motion is known the one about the moment of the truth.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
@@ -40,6 +41,8 @@ pub(crate) struct ProposedArgs {
 /// What the proposed method made of an input.
 pub(crate) struct Proposed {
     pub(crate) reconstruction: Reconstruction,
+    /// Middle of its images, counted in those of the input.
+    pub(crate) image: f64,
     /// Drift of the calibration that is borne.
     pub(crate) drift_limit: DriftLimit,
 }
@@ -72,7 +75,8 @@ impl ProposedArgs {
         bar.set_message("correspondences");
         let reconstruction = reconstruct(input, &mut reconstructor, &numbers);
         bar.finish_and_clear();
-        Ok(Proposed { reconstruction: reconstruction?, drift_limit: configuration.drift_limit })
+        let image = input.middle(&numbers);
+        Ok(Proposed { reconstruction: reconstruction?, image, drift_limit: configuration.drift_limit })
     }
 
     /// Numbers of the phase images to use.
@@ -80,7 +84,7 @@ impl ProposedArgs {
         let available = input.available();
         let Range { start, end } = match &self.frames {
             Some(frames) => frames.clone(),
-            None => input.first_cycle()?,
+            None => input.usual_images()?,
         };
         if start >= end || end > available {
             let what = match input {
