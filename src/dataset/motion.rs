@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::Unit;
-use crate::geometry::Pose;
+use crate::geometry::{Pose, between};
 
 use super::Problem;
 use super::meta::{field, raw_pose, rigid};
@@ -29,8 +29,7 @@ impl Motion {
         let image = image.clamp(0.0, last as f64);
         let before = self.poses.get(image.floor() as usize)?;
         let after = self.poses.get(image.ceil() as usize)?;
-        // Opposite rotations have no even turn between them.
-        Some(before.try_lerp_slerp(after, image.fract(), 1e-9).unwrap_or(*before))
+        Some(between(before, after, image.fract()))
     }
 
     /// The cycle of `steps` images whose middle is nearest to where the truth holds.

@@ -5,7 +5,7 @@
 //!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
 //!  Object, Board ─► Scene (pose before C1) ──────────────┘   truth
 //!  MotionOptions ─► pose of the object in every phase image of a Simulation
-//!  Sweep ─► pose of the scene, image by image ─► ImageLoop (VirtualScanner): images of a moving scanner
+//!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
 //! ```
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
@@ -23,6 +23,7 @@ mod image_loop;
 mod loop_file;
 mod motion;
 mod object;
+mod pose_images;
 mod projected;
 mod rig;
 mod scene;
@@ -45,6 +46,7 @@ pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;
 pub use motion::MotionOptions;
 pub use object::Object;
+pub use pose_images::PoseImages;
 pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
 pub use scene::{Board, Scene, Surface};
@@ -119,7 +121,7 @@ pub enum SimulationError {
     /// The sweep leads out of the measurement volume.
     #[error(
         "pose {pose} of the sweep takes the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
-         turn, or a deeper volume"
+         turn, or a deeper volume, or allow it (outside_mm)"
     )]
     OutOfVolume {
         /// First such pose.

@@ -23,6 +23,8 @@ pub struct SweepOptions {
     pub tremor_mm: f64,
     /// Root mean square of the tremor about each axis, degrees.
     pub tremor_deg: f64,
+    /// How far the object may leave the measurement volume, millimetres; what is out there is seen, but not measured.
+    pub outside_mm: f64,
     /// Seed of the tremor.
     pub seed: u64,
 }
@@ -36,6 +38,7 @@ impl Default for SweepOptions {
             turn_deg: [0.12, 0.2, 0.3],
             tremor_mm: 0.01,
             tremor_deg: 0.01,
+            outside_mm: 0.0,
             seed: 1,
         }
     }
@@ -61,6 +64,7 @@ pub struct Sweep {
 const MAX_POSES: f64 = 10_000.0;
 const MAX_TRAVEL_MM: f64 = 50.0;
 const MAX_TURN_DEG: f64 = 45.0;
+const MAX_OUTSIDE_MM: f64 = 100.0;
 
 impl Sweep {
     /// A sweep from its options.
@@ -75,6 +79,7 @@ impl Sweep {
         for turn in options.turn_deg {
             check_range("the turn of the sweep", turn, 0.0, MAX_TURN_DEG, "°")?;
         }
+        check_range("the way of the sweep out of the volume", options.outside_mm, 0.0, MAX_OUTSIDE_MM, "mm")?;
         let tremor = Tremor::new(options.poses, options.tremor_mm, options.tremor_deg, options.seed)?;
         Ok(Self { options, tremor })
     }

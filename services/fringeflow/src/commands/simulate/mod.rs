@@ -1,4 +1,7 @@
-//! `fringeflow simulate`: a dataset folder from the virtual scanner.
+//! `fringeflow simulate`: a dataset folder from the virtual scanner, or a recording of one that is configured.
+
+mod live;
+mod recording;
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -17,9 +20,16 @@ use crate::progress;
 /// Arguments of `fringeflow simulate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder to write; it must not exist, or be empty.
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Dataset folder to write, which must not exist or be empty; with --config the recording.
+    #[arg(short, long, value_name = "FOLDER|REC")]
     output: PathBuf,
+    /// Record what the virtual scanner of a configuration (see configs/demo.toml) would deliver live, with the true poses
+    /// of the object; no service runs, and the same configuration gives the same bytes.
+    #[arg(long, value_name = "FILE", conflicts_with_all = DATASET_OPTIONS)]
+    config: Option<PathBuf>,
+    /// Record so many seconds, by default one round of the sweep.
+    #[arg(long, value_name = "S", requires = "config", value_parser = recording::seconds)]
+    seconds: Option<f64>,
     /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
     object: Object,
@@ -93,6 +103,32 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// What a configuration says in its own way.
+const DATASET_OPTIONS: [&str; 22] = [
+    "object",
+    "board",
+    "shift",
+    "cover",
+    "motion",
+    "turn",
+    "cycles",
+    "blur",
+    "tremor",
+    "steps",
+    "size",
+    "noise",
+    "format",
+    "gamma",
+    "seed",
+    "sd",
+    "depth",
+    "period",
+    "symmetric",
+    "two_directions",
+    "no_gray",
+    "supersampling",
+];
+
 /// How a hand turns what it moves, unless told otherwise.
 const DEG_PER_MM: f64 = 0.2;
 
@@ -106,6 +142,9 @@ struct Report<'a> {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        if let Some(config) = &self.config {
+            return recording::record(config, &self.output, self.seconds, self.json);
+        }
         check_new(&self.output)?;
         let staging = Staging { shift_mm: self.shift, covered: self.cover, motion: self.motion() };
         let simulation = Simulation::staged(self.options(), staging)?;
