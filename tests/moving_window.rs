@@ -18,8 +18,15 @@ use fringeflow::simulation::{
 
 const SIZE_PX: [usize; 2] = [320, 256];
 const STEPS: usize = 4;
-const RESTING: SweepOptions =
-    SweepOptions { poses: 4, travel_mm: [0.0; 3], turn_deg: [0.0; 3], tremor_mm: 0.0, tremor_deg: 0.0, seed: 1 };
+const RESTING: SweepOptions = SweepOptions {
+    poses: 4,
+    travel_mm: [0.0; 3],
+    turn_deg: [0.0; 3],
+    tremor_mm: 0.0,
+    tremor_deg: 0.0,
+    outside_mm: 0.0,
+    seed: 1,
+};
 
 fn scanner(sweep: SweepOptions) -> VirtualScanner {
     let arrangement = Arrangement::TABLE_TOP;

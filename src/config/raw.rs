@@ -141,6 +141,7 @@ pub(super) struct RawSweep {
     pub(super) turn_deg: Option<[f64; 3]>,
     pub(super) tremor_mm: Option<f64>,
     pub(super) tremor_deg: Option<f64>,
+    pub(super) outside_mm: Option<f64>,
 }
 
 #[derive(Deserialize, Default)]

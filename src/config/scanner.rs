@@ -204,6 +204,7 @@ impl ScannerConfiguration {
             second_direction: None,
             volume: volume.clone(),
             exact_cam1_from_volume: None,
+            motion: None,
             remarks: serde_json::Map::new(),
         };
         Ok(SetupText { description: description.text()?, calibration })

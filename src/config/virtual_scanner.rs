@@ -64,6 +64,7 @@ fn sweep(raw: &RawSweep, seed: u64) -> SweepOptions {
         turn_deg: raw.turn_deg.unwrap_or(default.turn_deg),
         tremor_mm: raw.tremor_mm.unwrap_or(default.tremor_mm),
         tremor_deg: raw.tremor_deg.unwrap_or(default.tremor_deg),
+        outside_mm: raw.outside_mm.unwrap_or(default.outside_mm),
         seed,
     }
 }

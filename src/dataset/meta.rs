@@ -11,7 +11,8 @@ use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
 use crate::grey::PixelFormat;
 use crate::phase::{GrayCode, MIN_STEPS};
 
-use super::{DatasetError, FringeSequence, Problem};
+use super::motion::RawMotion;
+use super::{DatasetError, FringeSequence, Motion, Problem};
 
 #[derive(Deserialize)]
 struct RawMeta {
@@ -24,6 +25,7 @@ struct RawMeta {
     sequence: RawSequence,
     second_direction: Option<RawSequence>,
     volume: Option<VolumeDescription>,
+    motion: Option<RawMotion>,
 }
 
 #[derive(Deserialize, Serialize)]
@@ -86,7 +88,8 @@ impl VolumeDescription {
     }
 }
 
-fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
+/// A pose as files have it: rows of the rotation, and the translation in units of `scale` metres.
+pub(super) fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
     let rotation = pose.rotation.to_rotation_matrix();
     let rows = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
     (rows, (pose.translation.vector / scale).into())
@@ -102,6 +105,7 @@ pub(super) struct Meta {
     pub(super) sequence: FringeSequence,
     pub(super) second_direction: Option<FringeSequence>,
     volume: Option<VolumeDescription>,
+    motion: Option<RawMotion>,
 }
 
 /// Reads and checks the text of `meta.json`.
@@ -128,6 +132,7 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
         sequence,
         second_direction: raw.second_direction.map(self::sequence).transpose()?,
         volume: raw.volume,
+        motion: raw.motion,
     })
 }
 
@@ -141,6 +146,12 @@ impl Meta {
             _ => None,
         };
         Ok(Some((raw.placed(unit)?, exact)))
+    }
+
+    /// How the object moves, if it does.
+    pub(super) fn motion(&self, unit: Unit) -> Result<Option<Motion>, Problem> {
+        let parse = |raw: &RawMotion| raw.parse(self.sequence.shifts_rad.len(), self.volume.is_some(), unit);
+        self.motion.as_ref().map(parse).transpose()
     }
 }
 
@@ -206,16 +217,20 @@ fn gray(raw: &RawGray) -> Result<GrayCode, Problem> {
 }
 
 fn pose(name: &'static str, r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, Problem> {
+    rigid(r, t, scale).map_err(|what| field(name, what))
+}
+
+/// The pose of a rotation and a translation in units of `scale` metres, or what is wrong with the rotation.
+pub(super) fn rigid(r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, String> {
     let matrix = Matrix3::from_fn(|i, j| r[i][j]);
     let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
     if deviation.is_nan() || deviation > 1e-5 || matrix.determinant() < 0.0 {
-        let what = format!("is not a rotation (R·Rᵀ differs from the identity by {deviation:.3e})");
-        return Err(field(name, what));
+        return Err(format!("is not a rotation (R·Rᵀ differs from the identity by {deviation:.3e})"));
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
     Ok(Pose::from_parts(Translation3::from(Vector3::from(*t) * scale), rotation))
 }
 
-fn field(field: &'static str, what: String) -> Problem {
+pub(super) fn field(field: &'static str, what: String) -> Problem {
     Problem::Field { field, what }
 }

@@ -1,7 +1,7 @@
 //! Dataset folders: the images of one fringe sequence, the calibration they belong to, and what is true.
 //!
 //! ```text
-//! FOLDER/meta.json            unit, image size, pattern, shifts, measurement volume
+//! FOLDER/meta.json            unit, image size, pattern, shifts, measurement volume, motion of the object
 //! FOLDER/calibration.yml      OpenCV FileStorage
 //! FOLDER/cam1/, FOLDER/cam2/  phase_00.png …, gray_00.png … (most significant bit first), white.png, black.png;
 //!                             vphase_00.png …, vgray_00.png … where there is a second fringe direction
@@ -13,6 +13,7 @@
 mod error;
 mod image;
 mod meta;
+mod motion;
 mod setup;
 mod truth;
 mod write;
@@ -25,6 +26,7 @@ use crate::grey::PixelFormat;
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
 pub use meta::{VolumeDescription, read_volume};
+pub use motion::Motion;
 pub use setup::{FringeSequence, Setup, SetupError, SetupText};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};

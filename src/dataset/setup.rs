@@ -3,6 +3,7 @@
 //! A setup is the text of two files, `meta.json` and `calibration.yml`, and what they say. A recording carries the same
 //! texts, so that a rig has the same numbers to the last bit wherever it is read.
 
+use std::ops::Range;
 use std::path::Path;
 
 use crate::calibration::{self, CalibrationError, CalibrationProblem, Unit};
@@ -10,7 +11,7 @@ use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
 use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
-use super::{CALIBRATION_FILE, DatasetError, META_FILE, Problem, meta};
+use super::{CALIBRATION_FILE, DatasetError, META_FILE, Motion, Problem, meta};
 
 /// One direction of fringes: the pattern, its shifts, and the Gray code that makes it absolute.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +54,8 @@ pub struct Setup {
     pub volume: Option<MeasurementVolume>,
     /// Pose of the volume that belongs to the truth, where that differs.
     pub exact_cam1_from_volume: Option<Pose>,
+    /// Where the object is in every phase image, if it moves.
+    pub motion: Option<Motion>,
     /// The rig of `calibration.yml`.
     pub rig: Rig,
     /// What all this was read from.
@@ -82,6 +85,7 @@ impl Setup {
             Some((volume, exact)) => (Some(volume), exact),
             None => (None, None),
         };
+        let motion = meta.motion(unit).map_err(SetupError::Description)?;
         let size = meta.image_size_px;
         let rig = calibration::parse_calibration(&text.calibration, unit).map_err(SetupError::Calibration)?;
         calibration::check_image_sizes(&rig, size, size).map_err(SetupError::Calibration)?;
@@ -95,6 +99,7 @@ impl Setup {
             second_direction: meta.second_direction,
             volume,
             exact_cam1_from_volume,
+            motion,
             rig,
             text,
         })
@@ -104,6 +109,13 @@ impl Setup {
     #[must_use]
     pub fn cycle_shifts_rad(&self) -> &[f64] {
         &self.sequence.shifts_rad[..self.steps.min(self.sequence.shifts_rad.len())]
+    }
+
+    /// The phase images of one cycle that what is known of the scene belongs to: the first, or where the object moves the
+    /// one about the moment of the truth.
+    #[must_use]
+    pub fn reference_cycle(&self) -> Range<usize> {
+        self.motion.as_ref().map_or(0..self.steps, |motion| motion.reference_cycle(self.steps))
     }
 
     /// Pixels of an image.

@@ -13,9 +13,10 @@ use crate::geometry::{MeasurementVolume, Pose, Rig};
 use crate::grey::PixelFormat;
 
 use super::meta::{RawSequence, VolumeDescription};
+use super::motion::WrittenMotion;
 use super::{
     CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE,
-    Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
+    Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
 };
 
 /// What `meta.json` is to say.
@@ -39,6 +40,8 @@ pub struct DatasetDescription {
     pub volume: MeasurementVolume,
     /// Pose of the volume in the frame of the truth, where that differs.
     pub exact_cam1_from_volume: Option<Pose>,
+    /// Where the object is in every phase image, if it moves.
+    pub motion: Option<Motion>,
     /// Further fields, which readers may ignore.
     pub remarks: serde_json::Map<String, serde_json::Value>,
 }
@@ -59,6 +62,7 @@ impl DatasetDescription {
             sequence: RawSequence::from(&self.sequence),
             second_direction: self.second_direction.as_ref().map(RawSequence::from),
             volume: VolumeDescription::new(&self.volume, self.exact_cam1_from_volume.as_ref(), self.unit),
+            motion: self.motion.as_ref().map(|motion| WrittenMotion::new(motion, self.unit)),
             remarks: &self.remarks,
         };
         serde_json::to_string_pretty(&meta)
@@ -112,6 +116,8 @@ struct WrittenMeta<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     second_direction: Option<RawSequence>,
     volume: VolumeDescription,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    motion: Option<WrittenMotion>,
     #[serde(flatten)]
     remarks: &'a serde_json::Map<String, serde_json::Value>,
 }

@@ -1,5 +1,6 @@
 //! Judging by the exact truth of a rendered scene.
 
+use super::moved_truth::moved;
 use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::Tally;
 use super::{Evaluation, EvaluationError, Judgement};
@@ -47,13 +48,50 @@ pub fn against_rendered(
     truth: &RenderedTruth,
     frames: &Frames,
 ) -> Result<Evaluation, EvaluationError> {
+    judged(cloud, size_px, truth, frames, None)
+}
+
+/// As [`against_rendered`], for a cloud whose images are those of `setup` and have their middle at `image`, counted in
+/// its phase images: where the object moves, the truth is carried there.
+///
+/// Then any surface explains a point, lit or not, since shadows have moved; and points where something comes into view
+/// that the truth does not know are unjudged, unless a neighbour explains them.
+///
+/// # Errors
+/// As [`against_rendered`].
+pub fn against_rendered_at(
+    cloud: &Cloud,
+    setup: &Setup,
+    truth: &RenderedTruth,
+    image: f64,
+) -> Result<Evaluation, EvaluationError> {
+    let (size_px, frames) = (setup.image_size_px, Frames::of(setup));
+    check_size(truth, setup.image_pixels())?;
+    let elsewhere = setup.motion.as_ref().filter(|motion| motion.reference != image);
+    match elsewhere.and_then(|motion| moved(truth, setup, motion, image)) {
+        Some(moved) => judged(cloud, size_px, &moved.truth, &frames, Some(&moved.known)),
+        None => against_rendered(cloud, size_px, truth, &frames),
+    }
+}
+
+/// Judges by the truth of the same moment, or by one that was carried there and says all where `known`.
+fn judged(
+    cloud: &Cloud,
+    size_px: [usize; 2],
+    truth: &RenderedTruth,
+    frames: &Frames,
+    known: Option<&[bool]>,
+) -> Result<Evaluation, EvaluationError> {
     let grid = PixelGrid::new(cloud, size_px)?;
     check_size(truth, grid.len())?;
     let reference = truth.reference.iter().filter(|&&r| r).count() as u64;
     let (mut tally, mut outliers, mut errors_m) = (Tally { reference, ..Tally::default() }, 0, Vec::new());
     let mut judgements = Vec::with_capacity(grid.len());
     for i in 0..grid.len() {
-        let (judgement, outlier) = judge(&grid, truth, i);
+        let (judgement, outlier) = match judge(&grid, truth, i, known.is_some()) {
+            (Judgement::Stray, _) if known.is_some_and(|known| !known[i]) => (Judgement::Unjudged, false),
+            judged => judged,
+        };
         outliers += u64::from(outlier);
         if judgement == Judgement::Correct {
             errors_m.extend(grid.get(i).map(|found| error_m(found, truth, i, frames)));
@@ -64,8 +102,8 @@ pub fn against_rendered(
     Ok(Evaluation { scores: tally.scores(cloud.points.len(), Some(outliers), &mut errors_m)?, judgements })
 }
 
-/// Judgement of a pixel, and whether its point is an outlier.
-fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize) -> (Judgement, bool) {
+/// Judgement of a pixel, and whether its point is an outlier; `by_any` surface, or by those that P lights and C2 sees.
+fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize, by_any: bool) -> (Judgement, bool) {
     let reference = truth.reference[i];
     let Some(found) = grid.get(i) else {
         return (if reference { Judgement::Missed } else { Judgement::Nothing }, false);
@@ -74,7 +112,7 @@ fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize) -> (Judgement, b
     if reference && is_close(&cam2_px, truth.cam2_px[i]) {
         return (Judgement::Correct, false);
     }
-    let visible = |n: usize| (truth.seen_by_cam2[n] && truth.lit[n]).then(|| pixel(truth.cam2_px[n]));
+    let visible = |n: usize| (by_any || truth.seen_by_cam2[n] && truth.lit[n]).then(|| pixel(truth.cam2_px[n]));
     if grid.explained(i, &cam2_px, visible) {
         return (Judgement::Tolerated, false);
     }

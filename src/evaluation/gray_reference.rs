@@ -111,8 +111,13 @@ fn wrapped_phase(
     second_direction: bool,
     sequence: &FringeSequence,
 ) -> Result<PhaseMap, GrayReferenceError> {
-    let shifts = PhaseShifts::new(&sequence.shifts_rad)?;
-    let numbers: Vec<usize> = (0..shifts.steps()).collect();
+    // Of an object that moves, the images about the moment of the Gray code.
+    let numbers: Vec<usize> = match (&dataset.setup.motion, second_direction) {
+        (Some(_), false) => dataset.setup.reference_cycle().collect(),
+        _ => (0..sequence.shifts_rad.len()).collect(),
+    };
+    let shifts_rad: Vec<f64> = numbers.iter().filter_map(|&n| sequence.shifts_rad.get(n).copied()).collect();
+    let shifts = PhaseShifts::new(&shifts_rad)?;
     let images = match second_direction {
         false => dataset.phase_images(camera, &numbers)?,
         true => dataset.second_phase_images(camera, &numbers)?,

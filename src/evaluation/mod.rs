@@ -11,6 +11,7 @@ mod against_captured;
 mod against_cloud;
 mod against_rendered;
 mod gray_reference;
+mod moved_truth;
 mod paper_tables;
 mod pixel_grid;
 mod reference_data;
@@ -19,7 +20,7 @@ mod scores;
 
 pub use against_captured::against_captured;
 pub use against_cloud::against_cloud;
-pub use against_rendered::{Frames, against_rendered};
+pub use against_rendered::{Frames, against_rendered, against_rendered_at};
 pub use gray_reference::{GrayReferenceError, cgc, egc};
 pub use paper_tables::{
     CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, PaperRow, SequenceRow, completeness_table, sequence_table,

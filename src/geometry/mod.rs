@@ -7,6 +7,7 @@
 mod camera;
 mod distortion;
 mod epipolar;
+mod interpolation;
 mod pattern;
 mod rig;
 mod triangulation;
@@ -15,6 +16,7 @@ mod volume;
 pub use camera::Camera;
 pub use distortion::Distortion;
 pub use epipolar::{EpipolarError, EpipolarFrame, EpipolarLine};
+pub use interpolation::between;
 pub use pattern::FringePattern;
 pub use rig::Rig;
 pub use triangulation::{Triangulation, meet, range_per_pixel, triangulate};

@@ -5,12 +5,13 @@ use prost::Message as _;
 use prost::bytes::Bytes;
 
 use crate::cloud::RECORD_BYTES;
+use crate::geometry::Pose;
 use crate::message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport, WindowReport,
 };
 
 use super::recordable::{least_stride_bytes, raw_encoding};
-use super::{Topic, schema};
+use super::{Topic, schema, truth_poses};
 
 /// A message of a recording.
 #[derive(Clone, Debug)]
@@ -42,6 +43,8 @@ pub enum Content {
     Report(Box<StageReport>),
     /// Figures of a window.
     WindowReport(Box<WindowReport>),
+    /// Where the object truly was: its pose in the frame of the exact camera 1, metres.
+    TruthPose(Pose),
     /// A mark that a person set.
     Mark(String),
     /// What the recorder said about its own losses.
@@ -106,6 +109,7 @@ impl Content {
                 let report = report.ok_or("field window or outcomes is missing or contradicts itself")?;
                 Ok(Self::WindowReport(Box::new(report)))
             }
+            (Topic::TruthPose, _) => Ok(Self::TruthPose(truth_poses::decoded(&decode(data)?)?)),
             (Topic::Log, _) => {
                 let log = decode::<Log>(data)?;
                 let is_loss = log.level >= i32::from(log::Level::Warning);

@@ -11,8 +11,8 @@ use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
-use super::recordable::Encoded;
-use super::writer::{Opening, RecordingWriter};
+use super::offline::OfflineRecorder;
+use super::writer::Opening;
 use super::{Origin, Recordable};
 
 /// Start of the first exposure.
@@ -79,19 +79,16 @@ pub fn import(
         origin: &origin,
         min_free_bytes: options.min_free_bytes,
     };
-    let mut import = Import { writer: RecordingWriter::create(target, &opening)?, counts: RecorderCounts::default() };
-    match import.write(dataset, options.period_ns, &mut progress) {
-        Ok(()) => {}
+    let mut recorder = OfflineRecorder::create(target, &opening)?;
+    match write(&mut recorder, dataset, options.period_ns, &mut progress) {
+        Ok(()) => Ok(recorder.finish()?),
         Err(Stopped::Dataset(error)) => {
-            // What was written is half of what was asked for; the dataset is still there.
-            import.writer.discard();
-            return Err(error.into());
+            // The dataset is still there.
+            recorder.discard();
+            Err(error.into())
         }
-        Err(Stopped::Writing(problem)) => return Err(import.writer.give_up(problem).into()),
+        Err(Stopped::Writing(problem)) => Err(recorder.give_up(problem).into()),
     }
-    let metadata = import.counts.metadata("end");
-    import.writer.finish(metadata)?;
-    Ok(import.counts)
 }
 
 /// A pattern event names a step of the cycle, and the setup the shift of the step.
@@ -121,55 +118,39 @@ impl From<RecordingProblem> for Stopped {
     }
 }
 
-struct Import {
-    writer: RecordingWriter,
-    counts: RecorderCounts,
-}
-
-impl Import {
-    fn write(&mut self, dataset: &Dataset, period_ns: u64, progress: &mut dyn FnMut()) -> Result<(), Stopped> {
-        if let Some(truth) = dataset.truth_bytes()? {
-            self.writer.attach(TRUTH_FILE, "application/zip", &truth, 0)?;
-        }
-        let (setup, images) = (&dataset.setup, dataset.setup.sequence.shifts_rad.len());
-        for number in 0..images {
-            let time_ns = FIRST_EXPOSURE_NS + number as u64 * period_ns;
-            let event = PatternEvent {
-                session: SESSION,
-                sequence: number as u64,
-                exposure_start_ns: time_ns,
-                duration_ns: period_ns,
-                period_px: setup.sequence.pattern.period_px,
-                step: (number % setup.steps) as u32,
-                steps: setup.steps as u32,
-                kind: PATTERN_FRINGES,
-                reserved: 0,
-            };
-            self.put(&Recordable::Pattern(&event))?;
-            for (camera, id) in [1, 2].into_iter().zip(CameraId::BOTH) {
-                for image in dataset.phase_images(id, &[number])? {
-                    let header = header(camera, number as u64, &image, [time_ns, period_ns]);
-                    self.put(&Recordable::Frame { header: &header, image: &image.pixels })?;
-                }
+fn write(
+    recorder: &mut OfflineRecorder,
+    dataset: &Dataset,
+    period_ns: u64,
+    progress: &mut dyn FnMut(),
+) -> Result<(), Stopped> {
+    if let Some(truth) = dataset.truth_bytes()? {
+        recorder.attach(TRUTH_FILE, "application/zip", &truth)?;
+    }
+    let (setup, images) = (&dataset.setup, dataset.setup.sequence.shifts_rad.len());
+    for number in 0..images {
+        let time_ns = FIRST_EXPOSURE_NS + number as u64 * period_ns;
+        let event = PatternEvent {
+            session: SESSION,
+            sequence: number as u64,
+            exposure_start_ns: time_ns,
+            duration_ns: period_ns,
+            period_px: setup.sequence.pattern.period_px,
+            step: (number % setup.steps) as u32,
+            steps: setup.steps as u32,
+            kind: PATTERN_FRINGES,
+            reserved: 0,
+        };
+        recorder.put(&Recordable::Pattern(&event))?;
+        for (camera, id) in [1, 2].into_iter().zip(CameraId::BOTH) {
+            for image in dataset.phase_images(id, &[number])? {
+                let header = header(camera, number as u64, &image, [time_ns, period_ns]);
+                recorder.put(&Recordable::Frame { header: &header, image: &image.pixels })?;
             }
-            progress();
         }
-        Ok(())
+        progress();
     }
-
-    fn put(&mut self, message: &Recordable<'_>) -> Result<(), RecordingProblem> {
-        let Some(topic) = message.topic() else { return Ok(()) };
-        let counts = self.counts.of(topic);
-        counts.taken += 1;
-        let mut encoded = Encoded::default();
-        message.encode(&mut encoded);
-        if !self.writer.admits(encoded.bytes.len()) {
-            return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
-        }
-        self.writer.write(topic, message.times(), &encoded)?;
-        counts.passed += 1;
-        Ok(())
-    }
+    Ok(())
 }
 
 fn header(camera: u32, number: u64, image: &GreyImage, [time_ns, period_ns]: [u64; 2]) -> FrameHeader {

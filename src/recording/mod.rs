@@ -13,6 +13,7 @@
 //! | `/report/window` | fringeflow.WindowReport | how well each window was measured |
 //! | `/log` | foxglove.Log | marks, and what the recorder lost |
 //! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once |
+//! | `/truth/pose` | foxglove.FrameTransform | of the virtual scanner: `object` in `cam1_exact`, at every exposure |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
 //!
 //! An image or cloud and its header have the same MCAP sequence number, the header first. `log_time` is when a message
@@ -33,6 +34,7 @@ mod export;
 mod fields;
 mod file;
 mod import;
+mod offline;
 mod opening;
 mod pairs;
 mod queue;
@@ -44,6 +46,7 @@ mod scan;
 mod schema;
 mod summary;
 mod topic;
+mod truth_poses;
 mod verify;
 mod writer;
 
@@ -54,6 +57,7 @@ pub use error::{RecordingError, RecordingProblem};
 pub use export::{ExportError, export_images};
 pub use file::UNFINISHED;
 pub use import::{ImportError, ImportOptions, import};
+pub use offline::OfflineRecorder;
 pub use opening::{Origin, standing_messages};
 pub use pairs::{ImagePair, cycles};
 pub use reader::Recording;
@@ -62,6 +66,7 @@ pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Record
 pub use recover::{Recovered, recover};
 pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
+pub use truth_poses::{TruthPose, TruthPoses};
 pub use verify::{VerifiedCloud, VerifyOutcome};
 pub use writer::Opening;
 

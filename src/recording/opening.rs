@@ -123,12 +123,12 @@ fn transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
     FrameTransforms { transforms }
 }
 
-fn vector(pose: &Pose) -> Vector3 {
+pub(super) fn vector(pose: &Pose) -> Vector3 {
     let t = pose.translation.vector;
     Vector3 { x: t.x, y: t.y, z: t.z }
 }
 
-fn quaternion(pose: &Pose) -> Quaternion {
+pub(super) fn quaternion(pose: &Pose) -> Quaternion {
     let q = pose.rotation;
     Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
 }

@@ -9,7 +9,7 @@ use crate::message::{
     StageReport, Window, WindowReport,
 };
 
-use super::{Topic, schema};
+use super::{Topic, TruthPose, schema, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.
 const DATA_KEY: u8 = 6 << 3 | 2;
@@ -55,6 +55,8 @@ pub enum Recordable<'a> {
     Report(&'a StageReport),
     /// Figures of a window.
     WindowReport(&'a WindowReport),
+    /// Where the object truly was.
+    TruthPose(&'a TruthPose),
     /// A mark that a person set.
     Mark {
         /// When.
@@ -124,6 +126,7 @@ impl Recordable<'_> {
             }
             Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
             Self::WindowReport(report) => has_steps(&report.window).then_some(Topic::WindowReport),
+            Self::TruthPose(_) => Some(Topic::TruthPose),
             Self::Mark { .. } | Self::Event { .. } => Some(Topic::Log),
         }
     }
@@ -145,6 +148,7 @@ impl Recordable<'_> {
             Self::Cloud { header, .. } => times(header.published_ns, header.window.first_exposure_ns),
             Self::Report(report) => times(report.time_ns, report.time_ns),
             Self::WindowReport(report) => times(report.window.received_ns, report.window.first_exposure_ns),
+            Self::TruthPose(pose) => times(pose.exposure_start_ns, pose.exposure_start_ns),
             Self::Mark { time_ns, .. } | Self::Event { time_ns, .. } => times(*time_ns, *time_ns),
         }
     }
@@ -156,7 +160,7 @@ impl Recordable<'_> {
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
             Self::Cloud { records, .. } => records.len(),
             Self::Mark { text, .. } | Self::Event { text, .. } => text.len(),
-            Self::Pattern(_) | Self::Report(_) | Self::WindowReport(_) => 0,
+            Self::Pattern(_) | Self::Report(_) | Self::WindowReport(_) | Self::TruthPose(_) => 0,
         };
         payload + MOST_HEADER_BYTES
     }
@@ -193,6 +197,7 @@ impl Recordable<'_> {
             Self::Pattern(event) => append(bytes, &schema::PatternEvent::of(event)),
             Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
             Self::WindowReport(report) => append(bytes, &schema::WindowReport::of(report)),
+            Self::TruthPose(pose) => append(bytes, &truth_poses::encoded(pose)),
             Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
             Self::Event { time_ns, is_warning, source, text } => {
                 let level = if *is_warning { log::Level::Warning } else { log::Level::Info };

@@ -1,6 +1,6 @@
 //! The topics of a recording and the schema of each.
 
-use foxglove::messages::{CameraCalibration, FrameTransforms, Log, PointCloud, RawImage};
+use foxglove::messages::{CameraCalibration, FrameTransform, FrameTransforms, Log, PointCloud, RawImage};
 use foxglove::{Encode, Schema};
 
 use super::schema::DESCRIPTOR;
@@ -38,11 +38,13 @@ pub enum Topic {
     Cam2Calibration,
     /// Figures of the windows.
     WindowReport,
+    /// Where the object truly is, at every exposure.
+    TruthPose,
 }
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Cam1Frame,
         Self::Cam1Header,
         Self::Cam2Frame,
@@ -58,6 +60,7 @@ impl Topic {
         Self::Cam1Calibration,
         Self::Cam2Calibration,
         Self::WindowReport,
+        Self::TruthPose,
     ];
 
     /// Its name in the file.
@@ -79,6 +82,7 @@ impl Topic {
             Self::Cam1Calibration => "/cam1/calibration",
             Self::Cam2Calibration => "/cam2/calibration",
             Self::WindowReport => "/report/window",
+            Self::TruthPose => "/truth/pose",
         }
     }
 
@@ -130,6 +134,7 @@ impl Topic {
             Self::WindowReport => own("WindowReport"),
             Self::Log => Log::get_schema(),
             Self::Transforms => FrameTransforms::get_schema(),
+            Self::TruthPose => FrameTransform::get_schema(),
             Self::Cam1Calibration | Self::Cam2Calibration => CameraCalibration::get_schema(),
         }
     }

@@ -13,11 +13,8 @@ use crate::dataset::CameraId;
 use crate::grey::{GreyLevels, PixelFormat};
 
 use super::SimulationError;
-use super::view::View;
+use super::pose_images::PoseImages;
 use super::virtual_scanner::VirtualScanner;
-
-/// Poses from one whose rays are all traced to the next; between them most pixels follow from the pose before.
-const TRACKED_POSES: usize = 16;
 
 /// One round of images of both cameras.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,27 +39,17 @@ impl ImageLoop {
     /// Makes the images; `on_pose` is told after every pose and can break it off, which leaves `None`.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: an option that [`View::trace`] refuses.
+    /// As [`PoseImages::take`].
     pub fn render(
         scanner: &VirtualScanner,
         mut on_pose: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Option<Self>, SimulationError> {
         let mut images = Self::dark(scanner);
-        let (scene, sensor, steps) = (scanner.scene(), scanner.sensor(), images.steps);
-        let bytes = images.image_bytes();
-        let mut views: [Option<View>; 2] = [None, None];
+        let (steps, bytes) = (images.steps, images.image_bytes());
+        let mut rendered = PoseImages::new(scanner);
         for (pose, pair) in images.pixels.chunks_exact_mut(2 * bytes).enumerate() {
-            let scene = scene.clone().at(scanner.cam1_from_object(pose));
-            for ((camera, view), pixels) in CameraId::BOTH.into_iter().zip(&mut views).zip(pair.chunks_exact_mut(bytes))
-            {
-                let (rig, supersampling) = (&scanner.rig().exact, scanner.options().supersampling);
-                let traced = match view.take().filter(|_| !pose.is_multiple_of(TRACKED_POSES)) {
-                    Some(before) => View::trace_after(&before, rig, &scene, camera, supersampling)?,
-                    None => View::trace(rig, &scene, camera, supersampling)?,
-                };
-                let image = sensor.image(&traced, &scanner.projected(pose % steps), scanner.image_seed(camera, pose));
+            for (image, pixels) in rendered.take(pose % steps)?.iter().zip(pair.chunks_exact_mut(bytes)) {
                 pixels.copy_from_slice(&image.pixels);
-                *view = Some(traced);
             }
             if on_pose(pose).is_break() {
                 return Ok(None);
@@ -107,7 +94,7 @@ impl ImageLoop {
 #[cfg(test)]
 mod tests {
     use super::super::virtual_scanner::tests::options;
-    use super::super::{Sensor, VirtualScannerOptions};
+    use super::super::{Sensor, View, VirtualScannerOptions};
     use super::*;
 
     fn scanner() -> VirtualScanner {

@@ -4,7 +4,8 @@
 //!  RigOptions ─► VirtualRig (exact, calibrated, volume) ─┐
 //!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
 //!  Object, Board ─► Scene (pose before C1) ──────────────┘   truth
-//!  Sweep ─► pose of the scene, image by image ─► ImageLoop (VirtualScanner): images of a moving scanner
+//!  MotionOptions ─► pose of the object in every phase image of a Simulation
+//!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
 //! ```
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
@@ -20,7 +21,9 @@ mod cover;
 mod faults;
 mod image_loop;
 mod loop_file;
+mod motion;
 mod object;
+mod pose_images;
 mod projected;
 mod rig;
 mod scene;
@@ -32,6 +35,7 @@ mod staging;
 mod sweep;
 mod trace;
 mod tracking;
+mod tremor;
 mod truth;
 mod view;
 mod virtual_scanner;
@@ -40,7 +44,9 @@ pub use calibration_error::CalibrationDeviation;
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;
+pub use motion::MotionOptions;
 pub use object::Object;
+pub use pose_images::PoseImages;
 pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
 pub use scene::{Board, Scene, Surface};
@@ -115,7 +121,7 @@ pub enum SimulationError {
     /// The sweep leads out of the measurement volume.
     #[error(
         "pose {pose} of the sweep takes the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
-         turn, or a deeper volume"
+         turn, or a deeper volume, or allow it (outside_mm)"
     )]
     OutOfVolume {
         /// First such pose.

@@ -116,12 +116,19 @@ impl Sensor {
     /// The image of a pattern.
     #[must_use]
     pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
-        let bytes = self.format.bytes();
+        self.exposure(view, &[], pattern, seed)
+    }
+
+    /// The image of a pattern on what moves while the shutter is open: the mean light of the view in the middle of the
+    /// exposure and of the others, all of one camera, before noise and rounding.
+    pub(super) fn exposure(&self, middle: &View, others: &[View], pattern: &Projected, seed: ImageSeed) -> GreyImage {
+        let (view, bytes) = (middle, self.format.bytes());
         let mut pixels = vec![0; view.width * view.height * bytes];
         pixels.par_chunks_mut((view.width * bytes).max(1)).enumerate().for_each(|(v, row)| {
             let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, v));
             for (u, pixel) in row.chunks_exact_mut(bytes).enumerate() {
-                let grey = self.grey(view, pattern, v * view.width + u);
+                let grey = |view: &View| self.grey(view, pattern, v * view.width + u);
+                let grey = (grey(middle) + others.iter().map(grey).sum::<f64>()) / (1 + others.len()) as f64;
                 let noisy = noise.as_mut().map_or(grey, |noise| noise.apply(grey));
                 pixel.copy_from_slice(&self.value(noisy).to_le_bytes()[..bytes]);
             }

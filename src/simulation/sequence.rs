@@ -6,11 +6,14 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::calibration::Unit;
-use crate::dataset::{CameraId, DatasetDescription, DatasetWriter, FringeSequence, ImageKind, RenderedTruth};
+use crate::dataset::{
+    CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
+};
 use crate::evaluation::{egc, limit_to_gray_code};
 use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
+use super::motion::ObjectMotion;
 use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
@@ -64,10 +67,15 @@ pub struct SimulationSummary {
 }
 
 /// A simulated sequence, rays traced and ready to be imaged.
+#[derive(Clone)]
 pub struct Simulation {
     options: SimulationOptions,
     staging: Staging,
+    /// How the object moves from phase image to phase image.
+    motion: Option<ObjectMotion>,
     rig: VirtualRig,
+    /// The scene that is true: of an object that moves, in the middle of its phase images.
+    scene: Scene,
     views: [View; 2],
     truth: RenderedTruth,
 }
@@ -84,7 +92,7 @@ impl Simulation {
         Self::staged(options, Staging::default())
     }
 
-    /// As [`Self::new`], with the object elsewhere or a camera half covered.
+    /// As [`Self::new`], with the object elsewhere or moving, or a camera half covered.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -92,6 +100,7 @@ impl Simulation {
         staging.check()?;
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
+        let motion = staging.motion.map(|motion| ObjectMotion::new(motion, options.steps)).transpose()?;
         let rig = VirtualRig::new(&options.rig)?;
         let scene = Scene::of_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
         let view = |camera| {
@@ -103,7 +112,7 @@ impl Simulation {
         if let Some(camera) = staging.covered {
             cover::hide(&mut truth, camera, options.rig.size_px[0]);
         }
-        Ok(Self { options, staging, rig, views, truth })
+        Ok(Self { options, staging, motion, rig, scene, views, truth })
     }
 
     /// The rig.
@@ -112,7 +121,7 @@ impl Simulation {
         &self.rig
     }
 
-    /// What each camera sees, C1 first.
+    /// What each camera sees, C1 first; of an object that moves, in the middle of its phase images.
     #[must_use]
     pub fn views(&self) -> &[View; 2] {
         &self.views
@@ -149,6 +158,12 @@ impl Simulation {
         images
     }
 
+    /// Where the object is in every phase image, if it moves.
+    #[must_use]
+    pub fn motion(&self) -> Option<Motion> {
+        self.motion.as_ref().map(ObjectMotion::description)
+    }
+
     fn direction(
         &self,
         direction: Direction,
@@ -165,45 +180,75 @@ impl Simulation {
     }
 
     fn sequence(&self, direction: Direction) -> FringeSequence {
-        let steps = self.options.steps;
+        let (pattern, cycles) = match direction {
+            Direction::Columns => (self.rig.columns, self.staging.motion.map_or(1, |motion| motion.cycles)),
+            Direction::Rows => (self.rig.rows, 1),
+        };
         FringeSequence {
-            pattern: match direction {
-                Direction::Columns => self.rig.columns,
-                Direction::Rows => self.rig.rows,
-            },
-            shifts_rad: even_shifts_rad(steps),
+            pattern,
+            shifts_rad: even_shifts_rad(self.options.steps).repeat(cycles),
             gray: self.options.gray.then(|| GrayCode { images: self.rig.gray_images(), cell_periods: 0.5 }),
         }
     }
 
     /// Takes all images and writes the dataset folder; `on_image` is told after every image of both cameras.
     ///
-    /// With Gray code, the reference is what EGC finds in these very images and the truth confirms (paper, section 3).
+    /// With Gray code, the reference is what EGC finds in these very images and the truth confirms (paper, section 3); of
+    /// an object that moves, what EGC finds where it rests in the middle of its phase images, as the truth does. Gray code
+    /// and all other images but the phase images of the first direction show it at rest there too.
     ///
     /// # Errors
     /// The folder exists and is not empty, or it cannot be written.
-    pub fn write(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<(), SimulationError> {
-        let writer = DatasetWriter::create(folder, &self.description())?;
-        writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
-        let options = &self.options;
-        let sensor = Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) };
-        for (image, (kind, pattern)) in self.images().into_iter().enumerate() {
-            for (camera, view) in CameraId::BOTH.into_iter().zip(&self.views) {
-                let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: image as u32 };
-                writer.image(camera, kind, &sensor.image(view, &pattern, seed))?;
-            }
-            on_image();
-        }
-        writer.truth(&self.reference_data(&writer)?)?;
+    pub fn write(&self, folder: &Path, on_image: impl FnMut()) -> Result<(), SimulationError> {
+        let writer = self.take(folder, on_image)?;
+        writer.truth(&self.reference_data(&writer, folder)?)?;
         Ok(writer.finish()?)
     }
 
+    /// A folder with all but the truth.
+    fn take(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<DatasetWriter, SimulationError> {
+        let writer = DatasetWriter::create(folder, &self.description())?;
+        writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
+        for (number, (kind, pattern)) in self.images().into_iter().enumerate() {
+            for camera in CameraId::BOTH {
+                let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: number as u32 };
+                writer.image(camera, kind, &self.image(camera, kind, &pattern, seed)?)?;
+            }
+            on_image();
+        }
+        Ok(writer)
+    }
+
+    fn image(
+        &self,
+        camera: CameraId,
+        kind: ImageKind,
+        pattern: &Projected,
+        seed: ImageSeed,
+    ) -> Result<GreyImage, SimulationError> {
+        let options = &self.options;
+        let sensor = Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) };
+        let (Some(motion), ImageKind::Phase(number)) = (&self.motion, kind) else {
+            return Ok(sensor.image(&self.views[camera as usize], pattern, seed));
+        };
+        let seen = |view: View| if self.staging.covered == Some(camera) { view.half_covered() } else { view };
+        let (middle, parts) = motion.views(&self.rig, &self.scene, camera, number, options.supersampling)?;
+        Ok(sensor.exposure(&seen(middle), &parts.into_iter().map(seen).collect::<Vec<_>>(), pattern, seed))
+    }
+
     /// The truth with the paper's reference data, for the images in `writer`.
-    fn reference_data(&self, writer: &DatasetWriter) -> Result<RenderedTruth, SimulationError> {
+    fn reference_data(&self, writer: &DatasetWriter, folder: &Path) -> Result<RenderedTruth, SimulationError> {
         if !self.options.gray {
             return Ok(self.truth.clone());
         }
-        let gray = egc(&writer.unfinished()?)?;
+        let gray = match self.motion {
+            None => egc(&writer.unfinished()?)?,
+            Some(_) => {
+                let staging = Staging { motion: None, ..self.staging };
+                let resting = Self { motion: None, staging, ..self.clone() };
+                egc(&resting.take(folder, || ())?.unfinished()?)?
+            }
+        };
         Ok(limit_to_gray_code(self.truth.clone(), &gray, self.options.rig.size_px)?)
     }
 
@@ -219,6 +264,7 @@ impl Simulation {
             second_direction: options.two_directions.then(|| self.sequence(Direction::Rows)),
             volume: self.rig.volume.clone(),
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
+            motion: self.motion(),
             remarks: self.remarks(),
         }
     }

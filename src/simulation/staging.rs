@@ -1,10 +1,10 @@
-//! What makes a scene harder than an object in the middle before two free cameras.
+//! What makes a scene harder than an object at rest in the middle before two free cameras.
 
 use crate::dataset::CameraId;
 
-use super::{SimulationError, check_range};
+use super::{MotionOptions, SimulationError, check_range};
 
-/// Where the object is, and what stands before a camera; by default in the middle, and nothing.
+/// Where the object is, how it moves, and what stands before a camera; by default in the middle, at rest, and nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Staging {
     /// Shift of the object, and of the board under it, from the middle of the measurement volume in the volume's frame,
@@ -12,6 +12,8 @@ pub struct Staging {
     pub shift_mm: [f64; 3],
     /// The camera whose right half a dark flap covers.
     pub covered: Option<CameraId>,
+    /// How the object moves from image to image; `None` at rest.
+    pub motion: Option<MotionOptions>,
 }
 
 /// Furthest shift along an axis, millimetres.
@@ -27,6 +29,7 @@ impl Staging {
     pub(super) fn remarks(&self) -> impl Iterator<Item = (String, serde_json::Value)> {
         let shift = (self.shift_mm != [0.0; 3]).then(|| ("shift_mm".to_owned(), self.shift_mm.as_slice().into()));
         let covered = self.covered.map(|camera| ("covered".to_owned(), camera.folder().into()));
-        shift.into_iter().chain(covered)
+        let blur = self.motion.filter(|motion| motion.blur > 0.0).map(|motion| ("blur".to_owned(), motion.blur.into()));
+        shift.into_iter().chain(covered).chain(blur)
     }
 }

@@ -113,6 +113,7 @@ impl VirtualScanner {
             second_direction: None,
             volume: self.rig.volume.clone(),
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
+            motion: None,
             remarks: remarks(&self.rig, options.noise, options.format, options.gamma, options.seed),
         };
         Ok(SetupText { description: description.text()?, calibration: calibration_text(&self.rig.calibrated, UNIT) })
@@ -167,7 +168,7 @@ impl VirtualScanner {
                 outside(0).max(outside(1)).max(outside(2))
             };
             let excess_m = corners.iter().map(excess).fold(f64::NEG_INFINITY, f64::max);
-            if excess_m > 0.0 {
+            if excess_m * MM_PER_M > self.options.sweep.outside_mm {
                 return Err(SimulationError::OutOfVolume { pose: number, excess_mm: excess_m * MM_PER_M });
             }
         }
@@ -227,6 +228,21 @@ pub(super) mod tests {
             let speed = VirtualScanner::new(options).unwrap().speed();
             assert!((0.024..0.036).contains(&speed.mean_mm), "{object:?}: {speed:?}");
         }
+    }
+
+    #[test]
+    fn a_long_sweep_may_lead_parts_of_the_object_out_of_the_volume() {
+        let object = Object::Elephant;
+        let (travel_mm, turn_deg) = ([20.0, 8.0, 3.0], [10.0, 15.0, 8.0]);
+        let sweep = SweepOptions { poses: 1200, travel_mm, turn_deg, ..SweepOptions::default() };
+        let rig = RigOptions { depth_m: 0.06, ..options().rig };
+        let of = |outside_mm| {
+            let sweep = SweepOptions { outside_mm, ..sweep };
+            VirtualScanner::new(VirtualScannerOptions { object, rig, sweep, ..options() })
+        };
+        let speed = of(20.0).unwrap().speed();
+        assert!((0.1..0.25).contains(&speed.max_mm), "{speed:?}");
+        assert!(of(5.0).unwrap_err().to_string().contains("outside_mm"));
     }
 
     #[test]

@@ -77,9 +77,34 @@ impl Input {
         }
     }
 
-    /// The image pairs that are used unless others are asked for: the first complete cycle.
-    pub(crate) fn first_cycle(&self) -> Result<Range<usize>, Failure> {
+    /// The image pairs that are used unless others are asked for: the first complete cycle, or where the motion of the
+    /// object is known, the one about the moment of the truth.
+    pub(crate) fn usual_images(&self) -> Result<Range<usize>, Failure> {
+        if self.setup().motion.is_some() {
+            let wanted = self.setup().reference_cycle();
+            let start = (0..self.available()).find(|&n| self.image(n) == Some(wanted.start as u64));
+            let found = start.map(|start| start..start + wanted.len());
+            let is_whole =
+                |found: &Range<usize>| found.clone().map(|n| self.image(n)).eq(wanted.clone().map(|k| Some(k as u64)));
+            if let Some(found) = found.filter(is_whole) {
+                return Ok(found);
+            }
+        }
         Ok(self.cycles()?.swap_remove(0))
+    }
+
+    /// Middle of some image pairs, counted as the description of the input counts its images.
+    pub(crate) fn middle(&self, numbers: &[usize]) -> f64 {
+        let images: Vec<f64> = numbers.iter().filter_map(|&n| self.image(n)).map(|image| image as f64).collect();
+        images.iter().sum::<f64>() / images.len().max(1) as f64
+    }
+
+    /// Which image of the description an image pair is: an imported dataset numbers its images as the driver does.
+    fn image(&self, number: usize) -> Option<u64> {
+        match self {
+            Self::Folder(_) => (number < self.available()).then_some(number as u64),
+            Self::Recording(_, pairs) => pairs.get(number).map(|pair| pair.cam1.sequence),
+        }
     }
 
     /// The image pairs of all complete cycles, one at least; a folder is one.

@@ -25,6 +25,13 @@ pub(crate) struct Made {
     pub(crate) proposed: Option<Proposed>,
 }
 
+impl Made {
+    /// Middle of its images, counted in those of the input; `None` for what Gray code found, at its own moment.
+    pub(crate) fn image(&self) -> Option<f64> {
+        self.proposed.as_ref().map(|proposed| proposed.image)
+    }
+}
+
 impl Method {
     /// Makes the cloud of an input; `proposed` matters to the proposed method alone.
     pub(crate) fn run(self, input: &Input, proposed: &ProposedArgs) -> Result<Made, Failure> {

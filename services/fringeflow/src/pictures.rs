@@ -43,7 +43,7 @@ fn draw(input: &Input, made: &Made) -> Result<Vec<(&'static str, Picture)>, Fail
             ("delta.png", delta_histogram_picture(&deltas, matches.delta.threshold_rad() as f32)),
         ]);
     }
-    if let Some(evaluation) = truth::evaluate(input, &made.cloud)? {
+    if let Some(evaluation) = truth::evaluate(input, &made.cloud, made.image())? {
         pictures.push(("judgement.png", judgement_picture(&evaluation.judgements, size_px)));
     }
     Ok(pictures)

@@ -21,7 +21,8 @@ pub(crate) struct ProposedArgs {
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Use phase images A up to but without B, of a recording its image pairs; more than a cycle compensate motion. By
-    /// default a complete cycle and the images about it that --extra-images asks for.
+    /// default the first complete cycle, of an object whose motion is known the one about the moment of the truth, and the
+    /// images about it that --extra-images asks for.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
     /// Images beyond a cycle that compensate motion, 0 for none; by default as configured, else 2, with three steps 3.
@@ -44,6 +45,8 @@ pub(crate) struct ProposedArgs {
 /// What the proposed method made of an input.
 pub(crate) struct Proposed {
     pub(crate) reconstruction: Reconstruction,
+    /// Middle of its images, counted in those of the input.
+    pub(crate) image: f64,
     /// Drift of the calibration that is borne.
     pub(crate) drift_limit: DriftLimit,
 }
@@ -79,7 +82,8 @@ impl ProposedArgs {
         bar.set_message("correspondences");
         let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
         bar.finish_and_clear();
-        Ok(Proposed { reconstruction: reconstruction?, drift_limit: configuration.drift_limit })
+        let image = input.middle(&chosen.numbers);
+        Ok(Proposed { reconstruction: reconstruction?, image, drift_limit: configuration.drift_limit })
     }
 
     /// The phase images to use.
@@ -87,8 +91,8 @@ impl ProposedArgs {
         let (available, steps) = (input.available(), input.setup().steps);
         let Range { start, end } = match &self.frames {
             Some(frames) => frames.clone(),
-            None if self.steps.is_some() => input.first_cycle()?,
-            None => input.widened(input.first_cycle()?, configuration.settings.window_images(steps) - steps),
+            None if self.steps.is_some() => input.usual_images()?,
+            None => input.widened(input.usual_images()?, configuration.settings.window_images(steps) - steps),
         };
         if start >= end || end > available {
             let what = match input {

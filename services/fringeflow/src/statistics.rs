@@ -61,7 +61,7 @@ pub(crate) struct DriftFigures {
 
 impl Statistics {
     /// The figures of a reconstruction.
-    pub(crate) fn of(Proposed { reconstruction: made, drift_limit }: &Proposed) -> Self {
+    pub(crate) fn of(Proposed { reconstruction: made, drift_limit, .. }: &Proposed) -> Self {
         let matches = &made.matches;
         let points = made.cloud.points.len().max(1) as f64;
         let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();

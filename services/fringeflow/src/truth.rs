@@ -2,16 +2,25 @@
 
 use fringeflow::cloud::Cloud;
 use fringeflow::dataset::Truth;
-use fringeflow::evaluation::{Evaluation, Frames, against_captured, against_rendered};
+use fringeflow::evaluation::{Evaluation, against_captured, against_rendered_at};
 
 use crate::failure::Failure;
 use crate::input::Input;
 
 /// Compares a cloud with the truth of its input; `None` where there is no truth.
-pub(crate) fn evaluate(input: &Input, cloud: &Cloud) -> Result<Option<Evaluation>, Failure> {
+///
+/// `image` is the middle of the cloud's images, counted in those of the input; without it the cloud belongs to the moment
+/// of the truth.
+pub(crate) fn evaluate(input: &Input, cloud: &Cloud, image: Option<f64>) -> Result<Option<Evaluation>, Failure> {
     let setup = input.setup();
+    let reference = setup.motion.as_ref().map(|motion| motion.reference);
+    let image = image.or(reference).unwrap_or_default();
     let evaluation = match input.truth()? {
-        Some(Truth::Rendered(truth)) => against_rendered(cloud, setup.image_size_px, &truth, &Frames::of(setup)),
+        Some(Truth::Rendered(truth)) => against_rendered_at(cloud, setup, &truth, image),
+        Some(Truth::Captured(_)) if reference.is_some_and(|reference| reference != image) => {
+            let what = "a captured truth holds at field motion.t_ref alone; give --frames whose middle is there";
+            return Err(input.unusable(&what));
+        }
         Some(Truth::Captured(truth)) => against_captured(cloud, setup.image_size_px, &truth),
         None => return Ok(None),
     };

@@ -13,26 +13,26 @@ use crate::trigger::Trigger;
 
 /// How long a camera takes for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Timing {
+pub struct Timing {
     /// From one image to the next, nanoseconds.
-    pub(crate) period_ns: u64,
+    pub period_ns: u64,
     /// Duration of the exposure, nanoseconds.
-    pub(crate) exposure_ns: u64,
+    pub exposure_ns: u64,
     /// From the end of the exposure to the arrival of the image, nanoseconds.
-    pub(crate) readout_ns: u64,
+    pub readout_ns: u64,
     /// From the trigger to the start of the exposure, nanoseconds.
-    pub(crate) skew_ns: u64,
+    pub skew_ns: u64,
 }
 
 /// An image on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Shot {
+pub struct Shot {
     /// Number of the exposure.
-    pub(crate) number: u64,
+    pub number: u64,
     /// Step that it shows.
-    pub(crate) step: Option<u32>,
+    pub step: Option<u32>,
     /// Start of the exposure.
-    pub(crate) exposure_start_ns: u64,
+    pub exposure_start_ns: u64,
     /// When it arrives.
     due_ns: u64,
     /// It waits for the next one to arrive.
@@ -41,16 +41,16 @@ pub(crate) struct Shot {
 
 /// What an exposure yields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Exposed {
+pub struct Exposed {
     /// Images that will arrive.
-    pub(crate) images: u64,
+    pub images: u64,
     /// Images lost in the camera.
-    pub(crate) lost: u64,
+    pub lost: u64,
 }
 
 /// A camera.
 #[derive(Clone, Debug)]
-pub(crate) struct VirtualCamera {
+pub struct VirtualCamera {
     id: CameraId,
     session: u64,
     size_px: [u32; 2],
@@ -73,7 +73,7 @@ const MAX_HELD_PERIODS: u64 = 3;
 impl Timing {
     /// Usual times at a rate: half a period of exposure, at most 5 ms, and 3 ms of transfer; C2 starts 40 µs late.
     #[must_use]
-    pub(crate) fn usual(camera: CameraId, period_ns: u64) -> Self {
+    pub fn usual(camera: CameraId, period_ns: u64) -> Self {
         let skew_ns = if camera == CameraId::Cam2 { 40_000 } else { 0 };
         Self { period_ns, exposure_ns: (period_ns / 2).min(5_000_000), readout_ns: 3_000_000, skew_ns }
     }
@@ -82,7 +82,7 @@ impl Timing {
 impl VirtualCamera {
     /// A camera; `session` tells this start from others.
     #[must_use]
-    pub(crate) fn new(
+    pub fn new(
         id: CameraId,
         session: u64,
         size_px: [u32; 2],
@@ -105,7 +105,7 @@ impl VirtualCamera {
     }
 
     /// Exposes. A trigger during the exposure before is lost, as in a real camera.
-    pub(crate) fn expose(&mut self, trigger: &Trigger) -> Exposed {
+    pub fn expose(&mut self, trigger: &Trigger) -> Exposed {
         let Timing { period_ns, exposure_ns, readout_ns, skew_ns } = self.timing;
         let exposure_start_ns = trigger.start_ns.saturating_add(skew_ns);
         if exposure_start_ns < self.free_ns {
@@ -133,7 +133,7 @@ impl VirtualCamera {
     }
 
     /// The next image that has arrived by `now_ns`; to be asked until there is none.
-    pub(crate) fn arrived(&mut self, now_ns: u64) -> Option<Shot> {
+    pub fn arrived(&mut self, now_ns: u64) -> Option<Shot> {
         if self.release || self.held.is_some_and(|held| self.held_until_ns(&held) <= now_ns) {
             self.release = false;
             return self.held.take();
@@ -155,9 +155,15 @@ impl VirtualCamera {
         held.due_ns.saturating_add(MAX_HELD_PERIODS.saturating_mul(self.timing.period_ns))
     }
 
+    /// Number of the oldest exposure whose image is on its way; `None` if none is.
+    #[must_use]
+    pub fn oldest(&self) -> Option<u64> {
+        self.waiting.iter().chain(&self.held).map(|shot| shot.number).min()
+    }
+
     /// When the next image arrives; `None` if none is on its way.
     #[must_use]
-    pub(crate) fn next_ns(&self) -> Option<u64> {
+    pub fn next_ns(&self) -> Option<u64> {
         let held_ns = self.held.map(|held| if self.release { 0 } else { self.held_until_ns(&held) });
         let waiting_ns = self.waiting.front().map(|shot| shot.due_ns);
         held_ns.into_iter().chain(waiting_ns).min()
@@ -165,7 +171,7 @@ impl VirtualCamera {
 
     /// The header of an image that arrived at `received_ns` and is number `published` of its channel.
     #[must_use]
-    pub(crate) fn header(&self, shot: &Shot, received_ns: u64, published: u64) -> FrameHeader {
+    pub fn header(&self, shot: &Shot, received_ns: u64, published: u64) -> FrameHeader {
         let [width_px, height_px] = self.size_px;
         FrameHeader {
             session: self.session,

@@ -16,6 +16,9 @@ use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock};
 use capture::Capture;
 use source::Source;
 
+pub use camera::{Exposed, Shot, Timing, VirtualCamera};
+pub use trigger::{CableTriggers, ClockTriggers, Trigger};
+
 /// Runs the service until it is to end.
 ///
 /// # Errors

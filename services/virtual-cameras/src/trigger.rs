@@ -7,13 +7,13 @@ use fringeflow::simulation::Schedule;
 
 /// Both cameras expose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Trigger {
+pub struct Trigger {
     /// Number since the start.
-    pub(crate) number: u64,
+    pub number: u64,
     /// Start of the exposure.
-    pub(crate) start_ns: u64,
+    pub start_ns: u64,
     /// Step that the projector shows; `None` for no fringes that could be simulated.
-    pub(crate) step: Option<u32>,
+    pub step: Option<u32>,
 }
 
 /// Most patterns that may be shown unannounced in a row.
@@ -23,7 +23,7 @@ const MAX_AWAY_NS: u64 = 1_000_000_000;
 
 /// Triggers by the events of a projector.
 #[derive(Clone, Debug)]
-pub(crate) struct CableTriggers {
+pub struct CableTriggers {
     steps: u32,
     /// Time from pattern to pattern of the virtual projector: it leaves out events on purpose, and its cable does not.
     period_ns: Option<u64>,
@@ -33,7 +33,7 @@ pub(crate) struct CableTriggers {
 
 /// Triggers by a clock of the cameras, while the steps go round.
 #[derive(Clone, Debug)]
-pub(crate) struct ClockTriggers {
+pub struct ClockTriggers {
     rate_hz: f64,
     steps: u32,
     /// Runs while the scanner scans.
@@ -44,18 +44,18 @@ pub(crate) struct ClockTriggers {
 impl CableTriggers {
     /// Triggers for images of `steps` steps.
     #[must_use]
-    pub(crate) fn new(steps: u32, period_ns: Option<u64>) -> Self {
+    pub fn new(steps: u32, period_ns: Option<u64>) -> Self {
         Self { steps, period_ns, last: None, next: 0 }
     }
 
     /// Whether an event tells of an exposure of about now: no cable reaches into the past or far into the future.
     #[must_use]
-    pub(crate) fn is_of_now(event: &PatternEvent, now_ns: u64) -> bool {
+    pub fn is_of_now(event: &PatternEvent, now_ns: u64) -> bool {
         event.exposure_start_ns.abs_diff(now_ns) <= MAX_AWAY_NS
     }
 
     /// The triggers of an event: its own, after those of patterns that were shown since the last event unannounced.
-    pub(crate) fn of_event(&mut self, event: &PatternEvent) -> Vec<Trigger> {
+    pub fn of_event(&mut self, event: &PatternEvent) -> Vec<Trigger> {
         let unannounced = self.unannounced(event);
         let last = self.last.replace(*event).unwrap_or(*event);
         let apart_ns = event.exposure_start_ns.saturating_sub(last.exposure_start_ns) / (unannounced + 1);
@@ -89,12 +89,12 @@ impl CableTriggers {
 impl ClockTriggers {
     /// Triggers for images of `steps` steps at a rate.
     #[must_use]
-    pub(crate) fn new(rate_hz: f64, steps: u32) -> Self {
+    pub fn new(rate_hz: f64, steps: u32) -> Self {
         Self { rate_hz, steps, schedule: None, next: 0 }
     }
 
     /// Starts or stops the clock; the steps go on where they stopped.
-    pub(crate) fn scan(&mut self, scanning: bool, now_ns: u64) {
+    pub fn scan(&mut self, scanning: bool, now_ns: u64) {
         match (scanning, &self.schedule) {
             (true, None) => self.schedule = Some(Schedule::new(now_ns, self.rate_hz)),
             (false, Some(_)) => self.schedule = None,
@@ -104,12 +104,12 @@ impl ClockTriggers {
 
     /// When the next trigger is due; `None` while stopped.
     #[must_use]
-    pub(crate) fn next_ns(&self) -> Option<u64> {
+    pub fn next_ns(&self) -> Option<u64> {
         self.schedule.map(|schedule| schedule.next_ns())
     }
 
     /// The next trigger, if its time has come, and how many before it nobody served; to be asked until there is none.
-    pub(crate) fn take(&mut self, now_ns: u64) -> Option<(u64, Trigger)> {
+    pub fn take(&mut self, now_ns: u64) -> Option<(u64, Trigger)> {
         let tick = self.schedule.as_mut()?.take(now_ns)?;
         let number = self.next + tick.missed;
         self.next = number + 1;

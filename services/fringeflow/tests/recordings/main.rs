@@ -2,10 +2,11 @@
 //! read them.
 
 // A helper that cannot prepare its test fails it.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod commands;
 mod python;
+mod simulated;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

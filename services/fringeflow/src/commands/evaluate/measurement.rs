@@ -50,7 +50,8 @@ impl Simulated {
         let made = proposed.reconstruct(&self.input)?;
         let duration = start.elapsed();
         let missing = || Failure::Usage(format!("{}: the simulated dataset has no truth", self.input.path().display()));
-        let evaluation = truth::evaluate(&self.input, &made.reconstruction.cloud)?.ok_or_else(missing)?;
+        let evaluation =
+            truth::evaluate(&self.input, &made.reconstruction.cloud, Some(made.image))?.ok_or_else(missing)?;
         Ok(Measurement { scores: evaluation.scores, statistics: Statistics::of(&made), duration })
     }
 

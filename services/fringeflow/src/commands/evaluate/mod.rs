@@ -102,7 +102,7 @@ impl Args {
             let reference = egc(input.folder()?)?;
             return against_cloud(&made.cloud, input.setup().image_size_px, &reference).map_err(Failure::unusable);
         }
-        truth::evaluate(input, &made.cloud)?.ok_or_else(|| {
+        truth::evaluate(input, &made.cloud, made.image())?.ok_or_else(|| {
             let file = input.path().join(TRUTH_FILE);
             Failure::Usage(format!("{} is missing; give --against gray instead", file.display()))
         })

@@ -1,4 +1,7 @@
-//! `fringeflow simulate`: a dataset folder from the virtual scanner.
+//! `fringeflow simulate`: a dataset folder from the virtual scanner, or a recording of one that is configured.
+
+mod live;
+mod recording;
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -7,7 +10,7 @@ use std::str::FromStr;
 use fringeflow::dataset::{CameraId, check_new};
 use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
-    Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
+    Arrangement, Board, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
     SimulationSummary, Staging,
 };
 
@@ -17,9 +20,16 @@ use crate::progress;
 /// Arguments of `fringeflow simulate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder to write; it must not exist, or be empty.
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Dataset folder to write, which must not exist or be empty; with --config the recording.
+    #[arg(short, long, value_name = "FOLDER|REC")]
     output: PathBuf,
+    /// Record what the virtual scanner of a configuration (see configs/demo.toml) would deliver live, with the true poses
+    /// of the object; no service runs, and the same configuration gives the same bytes.
+    #[arg(long, value_name = "FILE", conflicts_with_all = DATASET_OPTIONS)]
+    config: Option<PathBuf>,
+    /// Record so many seconds, by default one round of the sweep.
+    #[arg(long, value_name = "S", requires = "config", value_parser = recording::seconds)]
+    seconds: Option<f64>,
     /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
     object: Object,
@@ -33,7 +43,23 @@ pub(crate) struct Args {
     /// Cover the right half of a camera with a dark flap: cam1 or cam2.
     #[arg(long, value_name = "CAMERA", value_parser = camera)]
     cover: Option<CameraId>,
-    /// Phase images a direction, 3 to 16.
+    /// Move the object so far from phase image to phase image, obliquely through the measurement volume; what else there is
+    /// (Gray code, white, black, truth) shows it at rest in their middle.
+    #[arg(long, value_name = "MM")]
+    motion: Option<f64>,
+    /// Turn it so far from phase image to phase image, degrees; 0.2° a millimetre of --motion.
+    #[arg(long, value_name = "DEG", requires = "motion")]
+    turn: Option<f64>,
+    /// Cycles of phase images with --motion; so many that there are 16 images or more.
+    #[arg(long, value_name = "C", requires = "motion")]
+    cycles: Option<usize>,
+    /// Share of the time from image to image in which the shutter is open, 0 to 1: images are blurred by the motion.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "motion")]
+    blur: f64,
+    /// Tremor of the hand on top of --motion, root mean square along each axis; so many degrees about it.
+    #[arg(long, value_name = "MM", default_value_t = 0.0, requires = "motion")]
+    tremor: f64,
+    /// Phase images a direction and cycle, 3 to 16.
     #[arg(long, value_name = "N", default_value_t = 8)]
     steps: usize,
     /// Width and height of the images, pixels.
@@ -77,6 +103,35 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// What a configuration says in its own way.
+const DATASET_OPTIONS: [&str; 22] = [
+    "object",
+    "board",
+    "shift",
+    "cover",
+    "motion",
+    "turn",
+    "cycles",
+    "blur",
+    "tremor",
+    "steps",
+    "size",
+    "noise",
+    "format",
+    "gamma",
+    "seed",
+    "sd",
+    "depth",
+    "period",
+    "symmetric",
+    "two_directions",
+    "no_gray",
+    "supersampling",
+];
+
+/// How a hand turns what it moves, unless told otherwise.
+const DEG_PER_MM: f64 = 0.2;
+
 #[derive(serde::Serialize)]
 struct Report<'a> {
     folder: &'a std::path::Path,
@@ -87,8 +142,11 @@ struct Report<'a> {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        if let Some(config) = &self.config {
+            return recording::record(config, &self.output, self.seconds, self.json);
+        }
         check_new(&self.output)?;
-        let staging = Staging { shift_mm: self.shift, covered: self.cover };
+        let staging = Staging { shift_mm: self.shift, covered: self.cover, motion: self.motion() };
         let simulation = Simulation::staged(self.options(), staging)?;
         let bar = progress::bar("taking images", simulation.images().len() as u64);
         simulation.write(&self.output, || bar.inc(1))?;
@@ -119,6 +177,17 @@ impl Args {
             supersampling: self.supersampling,
             seed: self.seed,
         }
+    }
+
+    fn motion(&self) -> Option<MotionOptions> {
+        self.motion.map(|mm_per_image| MotionOptions {
+            mm_per_image,
+            deg_per_image: self.turn.unwrap_or(DEG_PER_MM * mm_per_image),
+            cycles: self.cycles.unwrap_or(MotionOptions::usual_cycles(self.steps)),
+            blur: self.blur,
+            tremor: self.tremor,
+            seed: self.seed,
+        })
     }
 
     fn print(&self, summary: &SimulationSummary) -> Result<(), Failure> {

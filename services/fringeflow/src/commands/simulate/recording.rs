@@ -1,0 +1,88 @@
+//! `fringeflow simulate --config`: a recording of what a virtual scanner would deliver live, with its truth.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use fringeflow::config::RigSource;
+use fringeflow::recording::{OfflineRecorder, Opening, Origin, Topic};
+use fringeflow::simulation::VirtualScanner;
+use fringeflow_runtime::ServiceArgs;
+
+use super::live::{LiveError, LiveScanner};
+use crate::failure::Failure;
+use crate::{json, progress};
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    recording: &'a Path,
+    set: &'a str,
+    poses: u64,
+    images: [u64; 2],
+    patterns: u64,
+    /// How far places of the object move from image to image, millimetres.
+    mean_motion_mm: f64,
+    max_motion_mm: f64,
+}
+
+/// Records the virtual scanner of a configuration for so many seconds, one round of its sweep by default.
+pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json: bool) -> Result<(), Failure> {
+    let arguments =
+        ServiceArgs { config: config.to_owned(), setup: None, segment_table: None, restarts: 0, supervised: false };
+    let configuration = arguments.configuration()?;
+    let setup = arguments.setup(&configuration)?;
+    let unusable = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", config.display()));
+    let Some(RigSource::Virtual(options)) = &configuration.rig else {
+        return Err(unusable(&"there is no virtual scanner; set cameras.source = \"virtual\""));
+    };
+    let scanner = VirtualScanner::new(options.scanner).map_err(|e| unusable(&e))?;
+    let round = scanner.sweep().poses() as u64;
+    let patterns = seconds.map_or(round, |seconds| (seconds * configuration.rate_hz).round().max(1.0) as u64);
+    let live = LiveScanner::new(&scanner, &configuration, options, &setup.sequence);
+    let mut live = live.map_err(|e| unusable(&e))?;
+    let opening =
+        Opening { setup: &setup, configuration: &configuration.text, origin: &Origin::default(), min_free_bytes: 0 };
+    let mut recorder = OfflineRecorder::create(target, &opening)?;
+    let bar = progress::bar("taking images", patterns);
+    let ran = live.run(patterns, &mut |message| recorder.put(message), || bar.inc(1));
+    bar.finish_and_clear();
+    match ran {
+        Ok(()) => {}
+        Err(LiveError::Recording(problem)) => return Err(recorder.give_up(problem).into()),
+        Err(error) => {
+            recorder.discard();
+            return Err(unusable(&error));
+        }
+    }
+    let counts = recorder.finish()?;
+    let written = |topic| counts.topics.get(&topic).map_or(0, |counts| counts.passed);
+    let speed = scanner.speed();
+    let report = Report {
+        recording: target,
+        set: &setup.name,
+        poses: written(Topic::TruthPose),
+        images: [written(Topic::Cam1Frame), written(Topic::Cam2Frame)],
+        patterns: written(Topic::Pattern),
+        mean_motion_mm: speed.mean_mm,
+        max_motion_mm: speed.max_mm,
+    };
+    if as_json {
+        return json::print(&report);
+    }
+    Ok(writeln!(
+        std::io::stdout().lock(),
+        "{}: {} and {} images of {} poses in {}; places of the object move by {:.3} mm an image, {:.3} at most",
+        report.set,
+        report.images[0],
+        report.images[1],
+        report.poses,
+        target.display(),
+        speed.mean_mm,
+        speed.max_mm,
+    )?)
+}
+
+/// A duration that a recording can have, seconds.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 3600.0);
+    seconds.ok_or_else(|| format!("{text:?} is no duration; write seconds, more than 0 and 3600 at most"))
+}

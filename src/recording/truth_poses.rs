@@ -1,0 +1,141 @@
+//! Where the object truly was: poses of a recording of the virtual scanner.
+//!
+//! A pose is that of the object's frame in the frame of the *exact* camera 1, in metres, at the start of an exposure. The
+//! camera frame of a cloud differs from it by the calibration error: through the frame of the measurement volume
+//! (`Setup::volume`, `Setup::exact_cam1_from_volume`) one becomes the other.
+
+use foxglove::messages::FrameTransform;
+
+use crate::geometry::{Point3, Pose, between};
+
+use super::content::Content;
+use super::error::RecordingError;
+use super::opening::{quaternion, vector};
+use super::recordable::timestamp;
+use super::{Recording, Topic};
+
+/// Frame of the exact camera 1.
+const PARENT: &str = "cam1_exact";
+/// Frame of the object.
+const CHILD: &str = "object";
+
+/// Pose of the object at the start of an exposure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TruthPose {
+    /// Start of the exposure, nanoseconds of `CLOCK_MONOTONIC`.
+    pub exposure_start_ns: u64,
+    /// Pose of the object in the frame of the exact camera 1, metres.
+    pub cam1_from_object: Pose,
+}
+
+/// The poses of a recording, in the order of their times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TruthPoses {
+    poses: Vec<TruthPose>,
+}
+
+impl TruthPoses {
+    /// All poses, in the order of their times.
+    #[must_use]
+    pub fn all(&self) -> &[TruthPose] {
+        &self.poses
+    }
+
+    /// The pose at a time, interpolated between exposures; `None` before the first and after the last.
+    #[must_use]
+    pub fn at(&self, time_ns: u64) -> Option<Pose> {
+        let next = self.poses.partition_point(|pose| pose.exposure_start_ns < time_ns);
+        let after = self.poses.get(next)?;
+        if after.exposure_start_ns == time_ns {
+            return Some(after.cam1_from_object);
+        }
+        let before = self.poses.get(next.checked_sub(1)?)?;
+        let [since_ns, whole_ns] = [time_ns, after.exposure_start_ns].map(|at_ns| at_ns - before.exposure_start_ns);
+        Some(between(&before.cam1_from_object, &after.cam1_from_object, since_ns as f64 / whole_ns as f64))
+    }
+}
+
+impl Recording {
+    /// Where the object truly was; without any pose where the recording does not know.
+    ///
+    /// # Errors
+    /// A pose cannot be read.
+    pub fn truth_poses(&self) -> Result<TruthPoses, RecordingError> {
+        let mut poses = Vec::new();
+        for message in self.messages_of(Topic::TruthPose) {
+            let message = message?;
+            if let Content::TruthPose(cam1_from_object) = message.content {
+                poses.push(TruthPose { exposure_start_ns: message.publish_ns, cam1_from_object });
+            }
+        }
+        poses.sort_by_key(|pose| pose.exposure_start_ns);
+        Ok(TruthPoses { poses })
+    }
+}
+
+/// As it is recorded.
+pub(super) fn encoded(pose: &TruthPose) -> FrameTransform {
+    FrameTransform {
+        timestamp: timestamp(pose.exposure_start_ns),
+        parent_frame_id: PARENT.to_owned(),
+        child_frame_id: CHILD.to_owned(),
+        translation: Some(vector(&pose.cam1_from_object)),
+        rotation: Some(quaternion(&pose.cam1_from_object)),
+    }
+}
+
+/// A recorded pose, or what is wrong with it.
+pub(super) fn decoded(transform: &FrameTransform) -> Result<Pose, String> {
+    let frames = [transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()];
+    if frames != [PARENT, CHILD] {
+        return Err(format!("the pose is that of {:?} in {:?}; expected {CHILD} in {PARENT}", frames[1], frames[0]));
+    }
+    let (Some(t), Some(q)) = (&transform.translation, &transform.rotation) else {
+        return Err("field translation or rotation is missing".to_owned());
+    };
+    let place = Point3::new(t.x, t.y, t.z);
+    let turn = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+    let off = (turn.norm() - 1.0).abs();
+    if !(place.coords.norm().is_finite() && off <= 1e-6) {
+        return Err(format!("field translation is {place}, the norm of rotation off 1 by {off}; expected a pose"));
+    }
+    Ok(Pose::from_parts(place.coords.into(), nalgebra::UnitQuaternion::from_quaternion(turn)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vector3;
+
+    fn pose(time_ns: u64) -> TruthPose {
+        let t = time_ns as f64;
+        let cam1_from_object = Pose::new(Vector3::new(0.1, -0.2, 0.3) * t, Vector3::new(0.01, 0.02, -0.03) * t);
+        TruthPose { exposure_start_ns: time_ns, cam1_from_object }
+    }
+
+    #[test]
+    fn between_exposures_poses_are_interpolated_and_beyond_unknown() {
+        let poses = TruthPoses { poses: vec![pose(10), pose(20), pose(40)] };
+        for time_ns in [10, 13, 20, 33, 40] {
+            let off = poses.at(time_ns).unwrap().to_homogeneous() - pose(time_ns).cam1_from_object.to_homogeneous();
+            assert!(off.amax() < 1e-9, "{time_ns}");
+        }
+        assert_eq!((poses.at(9), poses.at(41), TruthPoses::default().at(0)), (None, None, None));
+    }
+
+    #[test]
+    fn a_pose_comes_back_and_what_is_none_is_refused() {
+        let transform = encoded(&pose(7));
+        let off = decoded(&transform).unwrap().to_homogeneous() - pose(7).cam1_from_object.to_homogeneous();
+        assert!(off.amax() < 1e-12);
+        let refused = |change: fn(&mut FrameTransform)| {
+            let mut transform = encoded(&pose(7));
+            change(&mut transform);
+            decoded(&transform).unwrap_err()
+        };
+        assert!(refused(|t| t.parent_frame_id = "cam1".to_owned()).contains("expected object in cam1_exact"));
+        assert!(refused(|t| t.rotation = None).contains("missing"));
+        assert!(refused(|t| t.rotation.as_mut().unwrap().w = 7.0).contains("norm"));
+        assert!(refused(|t| t.translation.as_mut().unwrap().x = f64::NAN).contains("translation"));
+    }
+}

@@ -1,0 +1,130 @@
+//! An object that moves while a fringe sequence is taken: a steady motion, with the tremor of a hand if wanted.
+//!
+//! In: how far an image. Out: where the object is at any moment, counted in images, compared with its place in the middle
+//! of the sequence; and what a camera sees there, each image at its own pose. To the cameras it is the same whether they
+//! or the object move.
+//!
+//! Rays are traced anew for every image. What blurs an image follows from the view of its middle where that is exact.
+
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Translation3, UnitQuaternion};
+
+use crate::dataset::{CameraId, Motion};
+use crate::geometry::{Pose, Vector3};
+
+use super::tremor::Tremor;
+use super::view::View;
+use super::{Scene, SimulationError, VirtualRig, check_range};
+
+/// How an object moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionOptions {
+    /// Way from one image to the next, along a fixed direction oblique to all axes of the measurement volume, mm.
+    pub mm_per_image: f64,
+    /// Turn from one image to the next, about a fixed axis through the origin of the volume's frame, degrees.
+    pub deg_per_image: f64,
+    /// Cycles of phase images.
+    pub cycles: usize,
+    /// Share of the time from one image to the next in which the shutter is open, 0 to 1.
+    pub blur: f64,
+    /// Root mean square of the tremor along each axis, millimetres, and about it, degrees; relative to the middle of the
+    /// sequence.
+    pub tremor: f64,
+    /// Seed of the tremor.
+    pub seed: u64,
+}
+
+/// A moving object.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ObjectMotion {
+    options: MotionOptions,
+    images: usize,
+    tremor: Tremor,
+}
+
+/// Direction of the way and axis of the turn, frame of the measurement volume; each is made a unit vector.
+const DIRECTION: [f64; 3] = [0.62, -0.35, 0.70];
+const AXIS: [f64; 3] = [0.30, 0.90, 0.25];
+/// Bounds of the options.
+const MAX_MM: f64 = 5.0;
+const MAX_DEG: f64 = 5.0;
+const MAX_CYCLES: f64 = 100.0;
+/// Images after which the tremor would begin again.
+const TREMOR_ROUND: usize = 240;
+/// Parts of an exposure with blur; odd, so that one is in its middle.
+const PARTS: usize = 5;
+
+impl MotionOptions {
+    /// The least number of cycles that have sixteen images or more, several times each step, and a cycle in their middle.
+    #[must_use]
+    pub fn usual_cycles(steps: usize) -> usize {
+        let least = 16_usize.div_ceil(steps.max(1)).max(2);
+        // An odd number of images has its middle on an image, an even one between two; a cycle must have the same.
+        if steps.is_multiple_of(2) || !least.is_multiple_of(2) { least } else { least + 1 }
+    }
+}
+
+impl ObjectMotion {
+    pub(super) fn new(options: MotionOptions, steps: usize) -> Result<Self, SimulationError> {
+        check_range("the motion", options.mm_per_image, 0.0, MAX_MM, "mm an image")?;
+        check_range("the turn", options.deg_per_image, 0.0, MAX_DEG, "° an image")?;
+        check_range("the number of cycles", options.cycles as f64, 1.0, MAX_CYCLES, "")?;
+        check_range("the blur", options.blur, 0.0, 1.0, "of an image")?;
+        let tremor = Tremor::new(TREMOR_ROUND, options.tremor, options.tremor, options.seed)?;
+        let motion = Self { options, images: steps * options.cycles, tremor };
+        // Beyond, interpolation between poses would take the shorter way round.
+        let farthest_rad = options.deg_per_image.to_radians() * motion.reference();
+        check_range("the turn from the middle of the sequence", farthest_rad, 0.0, FRAC_PI_2, "rad")?;
+        Ok(motion)
+    }
+
+    /// The middle of the sequence, at which the truth holds; counted in images.
+    fn reference(&self) -> f64 {
+        (self.images as f64 - 1.0) / 2.0
+    }
+
+    /// Where the object is at a moment, compared with the middle of the sequence; frame of the measurement volume, metres.
+    fn pose(&self, image: f64) -> Pose {
+        let since = image - self.reference();
+        let [tremor, reference] = [image, self.reference()].map(|at| self.tremor.at(at));
+        let way_m = self.options.mm_per_image * 1e-3 * since;
+        let turn_rad = self.options.deg_per_image.to_radians() * since;
+        let shift = Vector3::from(DIRECTION).normalize() * way_m + tremor[0] - reference[0];
+        let turn = Vector3::from(AXIS).normalize() * turn_rad + tremor[1] - reference[1];
+        Pose::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
+    }
+
+    /// The poses of all images.
+    pub(super) fn description(&self) -> Motion {
+        Motion { reference: self.reference(), poses: (0..self.images).map(|k| self.pose(k as f64)).collect() }
+    }
+
+    /// A scene of the middle of the sequence at another moment.
+    fn scene(&self, rig: &VirtualRig, reference: &Scene, image: f64) -> Scene {
+        let cam1_from_volume = rig.exact_volume.cam1_from_volume();
+        let motion = cam1_from_volume * self.pose(image) * cam1_from_volume.inverse();
+        reference.clone().at(motion * reference.cam1_from_object())
+    }
+
+    /// What a camera sees in the middle of the exposure of an image, and in its other parts.
+    pub(super) fn views(
+        &self,
+        rig: &VirtualRig,
+        reference: &Scene,
+        camera: CameraId,
+        image: usize,
+        supersampling: usize,
+    ) -> Result<(View, Vec<View>), SimulationError> {
+        let scene = |time| self.scene(rig, reference, time);
+        let middle = View::trace(&rig.exact, &scene(image as f64), camera, supersampling)?;
+        let half = PARTS / 2;
+        let offsets = (1..=half).flat_map(|i| [-1.0, 1.0].map(|side| side * i as f64 / PARTS as f64));
+        let parts = offsets.filter(|_| self.options.blur > 0.0).map(|offset| {
+            let scene = scene(image as f64 + self.options.blur * offset);
+            View::trace_after(&middle, &rig.exact, &scene, camera, supersampling)
+        });
+        let parts = parts.collect::<Result<_, _>>()?;
+        Ok((middle, parts))
+    }
+}
