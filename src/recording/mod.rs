@@ -55,7 +55,7 @@ pub use export::{ExportError, export_images};
 pub use file::UNFINISHED;
 pub use import::{ImportError, ImportOptions, import};
 pub use opening::{Origin, standing_messages};
-pub use pairs::{ImagePair, cycles};
+pub use pairs::{ImagePair, cycles, windows};
 pub use reader::Recording;
 pub use recordable::{Encoded, Recordable};
 pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder};

@@ -73,23 +73,26 @@ impl Recording {
     }
 }
 
-/// Numbers of the pairs with which complete cycles begin: their steps count up from 0, without a gap between their images,
-/// and no two share an image.
-pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
-    let is_cycle = |cycle: &[ImagePair]| {
+/// Numbers of the pairs with which complete windows begin: as many pairs as there are steps, one step after the other,
+/// without a gap between their images.
+pub fn windows(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
+    let steps = steps.max(1);
+    let is_window = move |window: &[ImagePair]| {
         let follows = |(a, b): (&ImagePair, &ImagePair)| {
-            [(a.cam1, b.cam1), (a.cam2, b.cam2)]
-                .iter()
-                .all(|(a, b)| a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence))
+            let is_next = |(a, b): &(FrameHeader, FrameHeader)| {
+                a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence)
+            };
+            (a.step + 1) % steps == b.step && [(a.cam1, b.cam1), (a.cam2, b.cam2)].iter().all(is_next)
         };
-        cycle.iter().enumerate().all(|(i, pair)| pair.step == i) && cycle.iter().zip(cycle.iter().skip(1)).all(follows)
+        window.iter().zip(window.iter().skip(1)).all(follows)
     };
-    let (steps, mut next) = (steps.max(1), 0);
-    std::iter::from_fn(move || {
-        let start = next + pairs.get(next..)?.windows(steps).position(is_cycle)?;
-        next = start + steps;
-        Some(start)
-    })
+    pairs.windows(steps).enumerate().filter(move |(_, window)| is_window(window)).map(|(start, _)| start)
+}
+
+/// Numbers of the pairs with which complete cycles begin: windows whose steps count up from 0, no two of which share an
+/// image.
+pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
+    windows(pairs, steps).filter(|&start| pairs.get(start).is_some_and(|pair| pair.step == 0))
 }
 
 fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
@@ -141,5 +144,16 @@ mod tests {
         assert_eq!(starts(&gap[..5]), [0_usize; 0]);
         let two: Vec<ImagePair> = (0..7).map(|n| pair(n, n as usize % 3)).collect();
         assert_eq!(starts(&two), [0, 3]);
+    }
+
+    #[test]
+    fn a_window_may_begin_with_any_step() {
+        let starts = |pairs: &[ImagePair]| windows(pairs, 3).collect::<Vec<_>>();
+        let run: Vec<ImagePair> = (0..5).map(|n| pair(n, (n as usize + 1) % 3)).collect();
+        assert_eq!(starts(&run), [0, 1, 2]);
+        let missing = [run[0], run[1], run[3], run[4]];
+        assert_eq!(starts(&missing), [0_usize; 0]);
+        let out_of_turn = [pair(0, 0), pair(1, 2), pair(2, 1)];
+        assert_eq!(starts(&out_of_turn), [0_usize; 0]);
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow::recording::{ImagePair, Recording, cycles};
+use fringeflow::recording::{ImagePair, Recording, cycles, windows};
 
 use crate::failure::Failure;
 
@@ -94,6 +94,23 @@ impl Input {
             return Err(self.unusable(&what));
         }
         Ok(starts.into_iter().map(|start| start..start + steps).collect())
+    }
+
+    /// The image pairs of complete windows within a range, each in the order of its steps; from one to the next at least
+    /// `every` pairs. A folder has no windows but its one cycle.
+    pub(crate) fn windows(&self, within: &Range<usize>, every: usize) -> Vec<Vec<usize>> {
+        let Self::Recording(_, pairs) = self else { return vec![within.clone().collect()] };
+        let (steps, mut next) = (self.setup().steps, within.start);
+        let mut found = Vec::new();
+        for start in windows(pairs, steps).filter(|start| start + steps <= within.end) {
+            if start >= next {
+                let mut numbers: Vec<usize> = (start..start + steps).collect();
+                numbers.sort_by_key(|&n| pairs.get(n).map(|pair| pair.step));
+                found.push(numbers);
+                next = start + every;
+            }
+        }
+        found
     }
 
     /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.

@@ -8,7 +8,7 @@ use fringeflow::correspondence::{DriftLimit, ResolutionMethod, SegmentFileError,
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::phase::PhaseShifts;
-use fringeflow::reconstruction::{Reconstruction, Reconstructor};
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -23,6 +23,13 @@ pub(crate) struct ProposedArgs {
     /// Use phase images A up to but without B, of a recording its image pairs; the first complete cycle by default.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
+    #[command(flatten)]
+    measuring: MeasuringArgs,
+}
+
+/// Arguments of how images are measured.
+#[derive(clap::Args, Default)]
+pub(crate) struct MeasuringArgs {
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -47,32 +54,20 @@ pub(crate) struct Proposed {
 impl ProposedArgs {
     /// Nothing but a resolution.
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
-        Self { resolution: Some(method), ..Self::default() }
+        let measuring = MeasuringArgs { resolution: Some(method), ..MeasuringArgs::default() };
+        Self { measuring, ..Self::default() }
     }
 
     /// Reconstructs an input.
     pub(crate) fn reconstruct(&self, input: &Input) -> Result<Proposed, Failure> {
-        let mut configuration = configuration(self.config.as_deref(), input)?;
-        if let Some(method) = self.resolution {
-            configuration.settings.matching.method = method;
-        }
-        if let Some(min_confidence) = self.min_confidence {
-            configuration.settings.matching.min_confidence = min_confidence;
-        }
         let numbers = self.images(input)?;
-        let setup = input.setup();
-        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
-            input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
-        })?;
         let bar = progress::bar("segment table", 2);
-        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
-        let mut reconstructor =
-            reconstructor(input, &numbers, &measured, &configuration, self.segment_table.as_deref())?;
+        let (mut reconstructor, drift_limit) = self.measuring.reconstructor(input, &numbers)?;
         bar.inc(1);
         bar.set_message("correspondences");
         let reconstruction = reconstruct(input, &mut reconstructor, &numbers);
         bar.finish_and_clear();
-        Ok(Proposed { reconstruction: reconstruction?, drift_limit: configuration.drift_limit })
+        Ok(Proposed { reconstruction: reconstruction?, drift_limit })
     }
 
     /// Numbers of the phase images to use.
@@ -92,6 +87,30 @@ impl ProposedArgs {
             )));
         }
         thinned_out(start..end, self.steps)
+    }
+}
+
+impl MeasuringArgs {
+    /// What reconstructs images that show the same steps as those of these numbers, and the drift that is borne.
+    pub(crate) fn reconstructor(
+        &self,
+        input: &Input,
+        numbers: &[usize],
+    ) -> Result<(Reconstructor, DriftLimit), Failure> {
+        let mut configuration = configuration(self.config.as_deref(), input)?;
+        if let Some(method) = self.resolution {
+            configuration.settings.matching.method = method;
+        }
+        if let Some(min_confidence) = self.min_confidence {
+            configuration.settings.matching.min_confidence = min_confidence;
+        }
+        let setup = input.setup();
+        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
+            input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
+        })?;
+        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
+        let reconstructor = reconstructor(input, numbers, &measured, &configuration, self.segment_table.as_deref())?;
+        Ok((reconstructor, configuration.drift_limit))
     }
 }
 
@@ -143,9 +162,18 @@ pub(crate) fn reconstruct(
     reconstructor: &mut Reconstructor,
     numbers: &[usize],
 ) -> Result<Reconstruction, Failure> {
+    try_reconstruct(input, reconstructor, numbers)?.map_err(|e| input.unusable(&e))
+}
+
+/// Reconstructs the images of these numbers; that they yield no cloud is a result.
+pub(crate) fn try_reconstruct(
+    input: &Input,
+    reconstructor: &mut Reconstructor,
+    numbers: &[usize],
+) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
     let [cam1, cam2] = input.images(numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    reconstructor.reconstruct(&cam1, &cam2).map_err(|e| input.unusable(&e))
+    Ok(reconstructor.reconstruct(&cam1, &cam2))
 }
 
 /// A resolution by its name.
