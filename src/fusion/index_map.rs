@@ -1,6 +1,7 @@
 //! Which surfel camera 1 would see where: the model, drawn into its image.
 //!
-//! Four cells a pixel, so that neighbouring surfels seldom fall into one; of two in a cell the nearer stays.
+//! Four cells a pixel, so that neighbouring surfels seldom fall into one. Of two in a cell the nearer stays, or on one
+//! surface the better measured: always taking the nearer would draw the model towards the camera, by the noise of its worst.
 
 use rayon::prelude::*;
 
@@ -37,17 +38,27 @@ pub(super) struct IndexMap {
 const NONE: u32 = u32::MAX;
 
 impl IndexMap {
-    pub(super) fn draw(surfels: &[Surfel], camera: &Camera, cam1_from_model: &Pose) -> Self {
+    /// Draws the surfels that are wanted.
+    pub(super) fn draw(
+        surfels: &[Surfel],
+        camera: &Camera,
+        cam1_from_model: &Pose,
+        wanted: impl Fn(&Surfel) -> bool + Sync,
+    ) -> Self {
         let [width, height] = [camera.width_px() * CELLS, camera.height_px() * CELLS];
-        let look = |surfel: &Surfel| look_at(surfel, camera, cam1_from_model);
+        let look = |surfel: &Surfel| look_at(surfel, camera, cam1_from_model).filter(|_| wanted(surfel));
         let seen: Vec<Option<Seen>> = surfels.par_iter().with_min_len(1024).map(look).collect();
         let mut map = Self { width, height, cells: vec![NONE; width * height], seen };
         for place in 0..map.seen.len() {
             let Some((cell, depth_m)) = map.seen[place].and_then(|s| Some((map.cell_of(&s.pixel)?, s.depth_m))) else {
                 continue;
             };
-            let before = map.seen.get(map.cells[cell] as usize).copied().flatten();
-            if before.is_none_or(|before| depth_m < before.depth_m) {
+            let before = map.cells[cell] as usize;
+            let is_before = map.seen(before).is_none_or(|other| {
+                let is_same_surface = (depth_m - other.depth_m).abs() <= SAME_SURFACE_SHARE * depth_m;
+                if is_same_surface { surfels[place].weight > surfels[before].weight } else { depth_m < other.depth_m }
+            });
+            if is_before {
                 map.cells[cell] = place as u32;
             }
         }

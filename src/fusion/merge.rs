@@ -12,8 +12,10 @@ use super::surfel::{Measurement, Surfel};
 const SAME_PLACE_PX: f64 = 0.75;
 /// Least cosine between the normals of a surfel and a point that it takes, 60°.
 const MIN_NORMAL_COSINE: f64 = 0.5;
-/// Distance from a surfel's plane up to which a point belongs to it, standard deviations.
+/// Distance from a surfel's plane up to which a point belongs to it: standard deviations, or pixels where these are more.
+/// Errors of calibration and motion exceed noise, and a second layer of surfels beside the first would be worse than both.
 const SAME_PLANE_SD: f64 = 4.0;
+const SAME_PLANE_PX: f64 = 1.0;
 
 /// How a cloud lies to the model.
 pub(super) struct Placement {
@@ -21,6 +23,8 @@ pub(super) struct Placement {
     pub(super) covariance: PoseCovariance,
     /// How many times larger distances are than noise alone makes them, 1 at least.
     pub(super) excess: f64,
+    /// Width of a pixel a metre away, metres.
+    pub(super) pixel_per_m: f64,
     /// Number of the cloud among those merged.
     pub(super) cloud: u32,
 }
@@ -42,10 +46,12 @@ impl Placement {
 
     /// The surfel that a measurement at a pixel belongs to: of those on its plane the one seen next to it.
     fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Measurement) -> Option<usize> {
+        let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
         let belongs = |surfel: &Surfel| {
             let sd_m = m.sigma_m.hypot(surfel.noise_m()) * self.excess;
             let distance_m = (m.position - surfel.position).dot(&surfel.normal).abs();
-            surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= SAME_PLANE_SD * sd_m
+            let reach_m = (SAME_PLANE_SD * sd_m).max(SAME_PLANE_PX * width_m);
+            surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m
         };
         let near = map.around(pixel).map(|(place, seen)| (place, (seen.pixel - pixel).norm()));
         let owners = near.filter(|&(place, off_px)| off_px <= SAME_PLACE_PX && belongs(&surfels[place]));

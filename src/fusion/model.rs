@@ -35,7 +35,7 @@ impl Model {
     /// The surfels to be trusted: measured in `min_support` clouds, or in all that could have measured them, if these are
     /// fewer.
     pub fn supported(&self, min_support: u32) -> impl Iterator<Item = &Surfel> {
-        self.surfels.iter().filter(move |surfel| surfel.support >= min_support.min(surfel.seen))
+        self.surfels.iter().filter(move |surfel| surfel.is_supported(min_support))
     }
 
     /// Clouds that were merged.
@@ -51,11 +51,12 @@ impl Model {
         Point3::from(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// The surface that camera 1 would see, in its own frame.
+    /// The surface of supported surfels that camera 1 would see, in its own frame.
     #[must_use]
-    pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose) -> OrganizedSurface {
+    pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose, min_support: u32) -> OrganizedSurface {
         let cam1_from_model = model_from_cam1.inverse();
-        IndexMap::draw(&self.surfels, camera, &cam1_from_model).surface(&self.surfels, &cam1_from_model)
+        let map = IndexMap::draw(&self.surfels, camera, &cam1_from_model, |surfel| surfel.is_supported(min_support));
+        map.surface(&self.surfels, &cam1_from_model)
     }
 
     /// Covariance of where the model stands: mean of those of the clouds that its surfels were first measured in.
@@ -90,9 +91,10 @@ impl Model {
             model_from_cam1: *model_from_cam1,
             covariance,
             excess: excess.max(1.0),
+            pixel_per_m: 1.0 / camera.focal_px()[0],
             cloud: self.covariances.len() as u32,
         };
-        let map = IndexMap::draw(&self.surfels, camera, &model_from_cam1.inverse());
+        let map = IndexMap::draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
         let added = merge(&mut self.surfels, &map, surface, &placement);
         let removed = clean(&mut self.surfels, &map, surface, &placement, min_support);
         self.covariances.push(covariance);

@@ -83,6 +83,12 @@ impl Surfel {
         }
     }
 
+    /// Whether it was measured in so many clouds, or in all that could have measured it, if these are fewer.
+    #[must_use]
+    pub fn is_supported(&self, min_support: u32) -> bool {
+        self.support >= min_support.min(self.seen)
+    }
+
     /// Standard deviation of its position, metres: noise of the mean, as large as the measurements really scatter, and
     /// what the poses of their clouds add, which no number of measurements makes smaller.
     #[must_use]

@@ -70,6 +70,17 @@ fn a_scanner_is_tracked_and_its_model_is_better_than_a_cloud() {
 }
 
 #[test]
+fn turns_stay_turns_however_long_the_scan() {
+    let mut tracker = Tracker::new(camera_of([60, 48]), FusionSettings::default());
+    for k in 0..80 {
+        let pose = pose(k, 40);
+        let cloud = cloud_of(&camera_of([60, 48]), SIGMA_M, k as u64, |ray| hills(&pose, 0.004, ray));
+        let found = tracker.step(&cloud).model_from_cam1;
+        assert!((found.rotation.norm() - 1.0).abs() < 1e-14, "cloud {k}: length {}", found.rotation.norm());
+    }
+}
+
+#[test]
 fn a_closed_way_closes() {
     let (tracker, _) = fused(12);
     let closure = tracker.closure().unwrap();

@@ -174,7 +174,7 @@ impl Tracker {
         model_from_cam1: &Pose,
         settings: &RegistrationSettings,
     ) -> Result<Registration, Lost> {
-        let expected = self.model.surface_from(&self.camera, model_from_cam1);
+        let expected = self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support);
         register(&self.camera, &expected, surface, &Pose::identity(), settings)
     }
 
@@ -186,7 +186,10 @@ impl Tracker {
         model_from_reference: &Pose,
         registration: &Registration,
     ) -> Tracked {
-        let model_from_cam1 = model_from_reference * registration.reference_from_moved;
+        let mut model_from_cam1 = model_from_reference * registration.reference_from_moved;
+        // A prediction is a product of three poses, and the next pose is one of that: the rounding of the quaternions'
+        // length would triple with every cloud.
+        model_from_cam1.rotation.renormalize();
         let own = registration.covariance.seen_from(model_from_reference);
         let covariance = PoseCovariance(own.0 + self.model.covariance().0);
         let merged = self.merge(&surface, &model_from_cam1, covariance, registration.excess);
