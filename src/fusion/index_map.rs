@@ -72,9 +72,9 @@ impl IndexMap {
 
     /// The surfels in the cells that lie within a pixel of an image point, and where they are seen.
     pub(super) fn around(&self, pixel: &Pixel) -> impl Iterator<Item = (usize, &Seen)> {
-        let middle = |x: f64| ((x + 0.5) * CELLS as f64).floor() as isize;
-        let (u, v, reach) = (middle(pixel.x), middle(pixel.y), CELLS as isize);
-        let cells = (v - reach..=v + reach).flat_map(move |row| (u - reach..=u + reach).map(move |column| (column, row)));
+        let first = |x: f64| ((x - 0.5) * CELLS as f64).round() as isize;
+        let (u, v, cells) = (first(pixel.x), first(pixel.y), 2 * CELLS as isize);
+        let cells = (v..v + cells).flat_map(move |row| (u..u + cells).map(move |column| (column, row)));
         cells.filter_map(|(column, row)| {
             let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
             let inside = column < self.width && row < self.height;
@@ -104,10 +104,18 @@ impl IndexMap {
 
     /// The surfel of the foremost surface that is seen next to a pixel's centre.
     fn nearest(&self, pixel: &Pixel) -> Option<usize> {
-        let foremost_m = self.around(pixel).map(|(_, seen)| seen.depth_m).min_by(f64::total_cmp)?;
-        let of_it = self.around(pixel).filter(|(_, seen)| seen.depth_m <= foremost_m * (1.0 + SAME_SURFACE_SHARE));
         let distance = |seen: &Seen| (seen.pixel - pixel).norm_squared();
-        of_it.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(place, _)| place)
+        let mut best: Option<(usize, &Seen)> = None;
+        for (place, seen) in self.around(pixel) {
+            let is_better = best.is_none_or(|(_, other)| {
+                let is_same_surface = (seen.depth_m - other.depth_m).abs() <= SAME_SURFACE_SHARE * seen.depth_m;
+                if is_same_surface { distance(seen) < distance(other) } else { seen.depth_m < other.depth_m }
+            });
+            if is_better {
+                best = Some((place, seen));
+            }
+        }
+        best.map(|(place, _)| place)
     }
 
     fn cell_of(&self, pixel: &Pixel) -> Option<usize> {

@@ -5,7 +5,6 @@
 //! What may belong to another surface stays out: first whatever lies behind a step that only a steeper plane than
 //! [`MAX_SLOPE`] would explain, then what the first fit does not. Costs about 0.3 µs a point.
 
-use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use crate::geometry::Vector3;
@@ -14,12 +13,12 @@ use super::surface::{OrganizedSurface, SurfacePoint};
 
 /// Pixels to each side that a plane is fitted to.
 const REACH_PX: isize = 3;
-/// Pixels of a side of the square that this makes.
-const SIDE: isize = 2 * REACH_PX + 1;
+/// Pixels of the square that this makes.
+const COUNT: usize = ((2 * REACH_PX + 1) * (2 * REACH_PX + 1)) as usize;
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f64 = 5.67;
 /// Fewest points that a plane is fitted to, of 49.
-const MIN_POINTS: usize = 12;
+const MIN_POINTS: f64 = 12.0;
 /// Largest residual of the second fit: so many standard deviations, of noise and of bend together.
 const MAX_DEVIATION: f64 = 3.0;
 /// Bend of a surface that passes for noise, per distance from the pixel.
@@ -28,89 +27,195 @@ const MAX_BEND: f64 = 0.05;
 /// stand on a line.
 const MIN_SPREAD: f64 = 0.02;
 
-/// A neighbour of a pixel: its ray, its inverse depth (1/m), and the distance from the pixel's ray.
-struct Neighbour {
-    ray: Vector3,
+/// What a pixel holds: its ray `(ρ, η, 1)` and the inverse depth there, 1/m.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    ray: [f64; 2],
     inverse_depth: f64,
-    distance: f64,
+}
+
+/// A pixel of the square about another.
+#[derive(Clone, Copy)]
+struct Offset {
+    column: isize,
+    row: isize,
+    /// Place in [`OFFSETS`] of the pixel that is one step nearer to the middle.
+    inner: usize,
+}
+
+/// The pixels of the square, the middle first, from the inner ring to the outer.
+const OFFSETS: [Offset; COUNT] = offsets();
+
+const fn offsets() -> [Offset; COUNT] {
+    let mut offsets = [Offset { column: 0, row: 0, inner: 0 }; COUNT];
+    let (mut count, mut ring) = (1, 1);
+    while ring <= REACH_PX {
+        let mut row = -ring;
+        while row <= ring {
+            let mut column = -ring;
+            while column <= ring {
+                if row.abs() == ring || column.abs() == ring {
+                    let towards = [nearer(column, ring), nearer(row, ring)];
+                    offsets[count] = Offset { column, row, inner: place_of(&offsets, count, towards) };
+                    count += 1;
+                }
+                column += 1;
+            }
+            row += 1;
+        }
+        ring += 1;
+    }
+    offsets
+}
+
+const fn nearer(along: isize, ring: isize) -> isize {
+    if along.abs() == ring { along - along.signum() } else { along }
+}
+
+const fn place_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize; 2]) -> usize {
+    let mut place = 0;
+    while place + 1 < count && (offsets[place].column != column || offsets[place].row != row) {
+        place += 1;
+    }
+    place
 }
 
 /// The normal of every point, towards C1.
 pub(super) fn normals(surface: &OrganizedSurface) -> Vec<Option<[f32; 3]>> {
-    let scratch = || Vec::with_capacity(49);
-    let points = surface.points().par_iter().with_min_len(256);
-    points.map_init(scratch, |near, point| normal(surface, point, near)).collect()
+    let [width, height] = surface.size_px();
+    let mut grid = vec![None; width * height];
+    for point in surface.points() {
+        let [x, y, z] = point.position_m.map(f64::from);
+        let [u, v] = point.cam1_px.map(usize::from);
+        grid[v * width + u] = Some(Place { ray: [x / z, y / z], inverse_depth: 1.0 / z });
+    }
+    let grid = Grid { width, height, places: grid };
+    surface.points().par_iter().with_min_len(256).map(|point| grid.normal(point)).collect()
 }
 
-fn normal(surface: &OrganizedSurface, point: &SurfacePoint, near: &mut Vec<Neighbour>) -> Option<[f32; 3]> {
-    find_neighbours(surface, point, near);
-    let first = plane(near.iter())?;
-    let (inverse_depth, sigma_m) = (1.0 / f64::from(point.position_m[2]), f64::from(point.sigma_m));
-    let fits = |n: &&Neighbour| {
-        let off_m = (first.dot(&n.ray) - n.inverse_depth).abs() / (inverse_depth * inverse_depth);
-        off_m <= MAX_DEVIATION * (sigma_m + MAX_BEND * n.distance / inverse_depth)
-    };
-    let towards = -plane(near.iter().filter(fits))?.normalize();
-    let ray = point.position().coords.normalize();
-    let is_steep = -towards.dot(&ray) * MAX_SLOPE.hypot(1.0) < 1.0;
-    (!is_steep).then(|| towards.map(|c| c as f32).into())
+/// What all pixels hold, row by row.
+struct Grid {
+    width: usize,
+    height: usize,
+    places: Vec<Option<Place>>,
 }
 
-/// Finds the points that are reached from one, pixel by pixel outwards, without a step that only an edge explains; the point
-/// itself is the first.
-fn find_neighbours(surface: &OrganizedSurface, point: &SurfacePoint, near: &mut Vec<Neighbour>) {
-    near.clear();
-    let of = |p: &SurfacePoint| (p.position().coords / f64::from(p.position_m[2]), 1.0 / f64::from(p.position_m[2]));
-    let (ray, inverse_depth) = of(point);
-    near.push(Neighbour { ray, inverse_depth, distance: 0.0 });
-    let noise = MAX_DEVIATION * f64::from(point.sigma_m) * inverse_depth * inverse_depth;
-    let [u, v] = point.cam1_px.map(|c| c as isize);
-    // Ray and inverse depth of what was reached.
-    let mut reached = [None; (SIDE * SIDE) as usize];
-    let place = |[du, dv]: [isize; 2]| ((dv + REACH_PX) * SIDE + du + REACH_PX) as usize;
-    reached[place([0, 0])] = Some((ray, inverse_depth));
-    for ring in 1..=REACH_PX {
-        for offset in on_ring(ring) {
-            // One step towards the middle.
-            let inner = offset.map(|c| if c.abs() == ring { c - c.signum() } else { c });
-            let Some((inner_ray, inner_at)) = reached[place(inner)] else { continue };
-            let Some((other, at)) = surface.at(u + offset[0], v + offset[1]).map(of) else { continue };
-            if (at - inner_at).abs() <= MAX_SLOPE * inverse_depth * (other - inner_ray).norm() + noise {
-                reached[place(offset)] = Some((other, at));
-                near.push(Neighbour { ray: other, inverse_depth: at, distance: (other - ray).norm() });
+impl Grid {
+    fn at(&self, column: isize, row: isize) -> Option<Place> {
+        let (u, v) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
+        if u < self.width && v < self.height { self.places[v * self.width + u] } else { None }
+    }
+
+    fn normal(&self, point: &SurfacePoint) -> Option<[f32; 3]> {
+        let [u, v] = point.cam1_px.map(|c| c as isize);
+        let middle = self.at(u, v)?;
+        let sigma = f64::from(point.sigma_m) * middle.inverse_depth * middle.inverse_depth;
+        let near = self.reached(u, v, &middle, sigma);
+        let first = Moments::of(near.iter().flatten(), &middle).plane()?;
+        let fits = |place: &&Place| {
+            let off = first.value(&middle, place) - place.inverse_depth;
+            let bend = MAX_BEND * middle.inverse_depth;
+            off * off <= MAX_DEVIATION * MAX_DEVIATION * (sigma * sigma + bend * bend * distance_squared(place, &middle))
+        };
+        let plane = Moments::of(near.iter().flatten().filter(fits), &middle).plane()?;
+        let towards = -plane.normal(&middle).normalize();
+        let is_steep = -towards.dot(&point.position().coords.normalize()) * MAX_SLOPE.hypot(1.0) < 1.0;
+        (!is_steep).then(|| towards.map(|c| c as f32).into())
+    }
+
+    /// What is reached from a pixel, ring by ring outwards, without a step that only an edge explains. `sigma` is the
+    /// standard deviation of its inverse depth.
+    fn reached(&self, u: isize, v: isize, middle: &Place, sigma: f64) -> [Option<Place>; COUNT] {
+        let mut reached = [None; COUNT];
+        reached[0] = Some(*middle);
+        let noise = MAX_DEVIATION * MAX_DEVIATION * sigma * sigma;
+        let slope = (MAX_SLOPE * middle.inverse_depth).powi(2);
+        for (i, offset) in OFFSETS.iter().enumerate().skip(1) {
+            let Some(inner) = reached[offset.inner] else { continue };
+            let Some(place) = self.at(u + offset.column, v + offset.row) else { continue };
+            let step = place.inverse_depth - inner.inverse_depth;
+            if step * step <= slope * distance_squared(&place, &inner) + noise {
+                reached[i] = Some(place);
             }
         }
+        reached
     }
 }
 
-/// The pixels of a square ring about a pixel.
-fn on_ring(ring: isize) -> impl Iterator<Item = [isize; 2]> {
-    let square = (-ring..=ring).flat_map(move |dv| (-ring..=ring).map(move |du| [du, dv]));
-    square.filter(move |[du, dv]| du.abs().max(dv.abs()) == ring)
+fn distance_squared(a: &Place, b: &Place) -> f64 {
+    (a.ray[0] - b.ray[0]).powi(2) + (a.ray[1] - b.ray[1]).powi(2)
 }
 
-/// `n/d` of the plane `n·X = d` through some points; `None` for too few, or points on a line.
-fn plane<'a>(points: impl Iterator<Item = &'a Neighbour> + Clone) -> Option<Vector3> {
-    let count = points.clone().count();
-    if count < MIN_POINTS {
-        return None;
+/// Sums over places, as differences from one of them.
+#[derive(Default)]
+struct Moments {
+    count: f64,
+    x: f64,
+    y: f64,
+    w: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    xw: f64,
+    yw: f64,
+}
+
+/// Inverse depth as a linear function of the ray's difference from a middle, where it is `at_middle` above the middle's own.
+struct Plane {
+    at_middle: f64,
+    slope: [f64; 2],
+}
+
+impl Moments {
+    fn of<'a>(places: impl Iterator<Item = &'a Place>, middle: &Place) -> Self {
+        let mut sums = Self::default();
+        for place in places {
+            let [x, y] = [place.ray[0] - middle.ray[0], place.ray[1] - middle.ray[1]];
+            let w = place.inverse_depth - middle.inverse_depth;
+            sums.count += 1.0;
+            sums.x += x;
+            sums.y += y;
+            sums.w += w;
+            sums.xx += x * x;
+            sums.xy += x * y;
+            sums.yy += y * y;
+            sums.xw += x * w;
+            sums.yw += y * w;
+        }
+        sums
     }
-    let n = count as f64;
-    let mean = points.clone().map(|p| Vector3::new(p.ray.x, p.ray.y, p.inverse_depth)).sum::<Vector3>() / n;
-    let mut moments: Matrix3<f64> = Matrix3::zeros();
-    for p in points {
-        let off = Vector3::new(p.ray.x, p.ray.y, p.inverse_depth) - mean;
-        moments += off * off.transpose();
+
+    /// The plane of least squares; `None` for too few places, or places on a line.
+    fn plane(&self) -> Option<Plane> {
+        let n = self.count;
+        if n < MIN_POINTS {
+            return None;
+        }
+        let (xx, xy) = (self.xx - self.x * self.x / n, self.xy - self.x * self.y / n);
+        let yy = self.yy - self.y * self.y / n;
+        let (xw, yw) = (self.xw - self.x * self.w / n, self.yw - self.y * self.w / n);
+        let (determinant, even) = (xx * yy - xy * xy, (xx + yy) / 2.0);
+        if determinant <= MIN_SPREAD * even * even {
+            return None;
+        }
+        let slope = [(yy * xw - xy * yw) / determinant, (xx * yw - xy * xw) / determinant];
+        Some(Plane { at_middle: (self.w - slope[0] * self.x - slope[1] * self.y) / n, slope })
     }
-    let (xx, xy, yy) = (moments[(0, 0)], moments[(0, 1)], moments[(1, 1)]);
-    let determinant = xx * yy - xy * xy;
-    let even = (xx + yy) / 2.0;
-    if determinant <= MIN_SPREAD * even * even {
-        return None;
+}
+
+impl Plane {
+    /// Inverse depth at the ray of a place.
+    fn value(&self, middle: &Place, place: &Place) -> f64 {
+        let [x, y] = [place.ray[0] - middle.ray[0], place.ray[1] - middle.ray[1]];
+        middle.inverse_depth + self.at_middle + self.slope[0] * x + self.slope[1] * y
     }
-    let (xw, yw) = (moments[(0, 2)], moments[(1, 2)]);
-    let slope = [(yy * xw - xy * yw) / determinant, (xx * yw - xy * xw) / determinant];
-    Some(Vector3::new(slope[0], slope[1], mean.z - slope[0] * mean.x - slope[1] * mean.y))
+
+    /// `n/d` of the plane `n·X = d`.
+    fn normal(&self, middle: &Place) -> Vector3 {
+        let [a, b] = self.slope;
+        let at_origin = middle.inverse_depth + self.at_middle - a * middle.ray[0] - b * middle.ray[1];
+        Vector3::new(a, b, at_origin)
+    }
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ impl Default for RegistrationSettings {
     fn default() -> Self {
         Self {
             reach_share: 0.016,
-            points: 15_000,
+            points: 8_000,
             min_associated: 150,
             min_share: 0.25,
             max_rms_share: 5e-4,
