@@ -70,9 +70,11 @@ impl Model {
                 *count += 1;
             }
         }
-        let sum = self.covariances.iter().zip(&born).fold(PoseCovariance::zero().0, |sum, (covariance, &count)| {
-            sum + covariance.0 * f64::from(count)
-        });
+        let sum = self
+            .covariances
+            .iter()
+            .zip(&born)
+            .fold(PoseCovariance::zero().0, |sum, (covariance, &count)| sum + covariance.0 * f64::from(count));
         PoseCovariance(sum / self.surfels.len().max(1) as f64)
     }
 

@@ -26,7 +26,12 @@ const FIELDS: [(&str, Scalar); 9] = [
 ///
 /// # Errors
 /// The file cannot be written; what stood there stays as it was.
-pub fn write_model(path: &Path, model: &Model, min_support: u32, export: &CloudExport<'_>) -> Result<usize, WriteError> {
+pub fn write_model(
+    path: &Path,
+    model: &Model,
+    min_support: u32,
+    export: &CloudExport<'_>,
+) -> Result<usize, WriteError> {
     let count = model.supported(min_support).count();
     let mut remarks = export.remarks().to_vec();
     remarks.push(("origin", format!("cam1 at the first of {} clouds", model.clouds())));

@@ -155,7 +155,9 @@ fn the_file_holds_the_supported_surfels() {
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     assert!(header.contains("comment unit mm\n") && header.contains("comment origin cam1 at the first of 7 clouds\n"));
-    assert!(header.contains("property float nz\nproperty uchar intensity\nproperty float sigma\nproperty ushort support\n"));
+    assert!(
+        header.contains("property float nz\nproperty uchar intensity\nproperty float sigma\nproperty ushort support\n")
+    );
     assert_eq!(bytes.len() - end, count * 31);
     let first = tracker.model().supported(3).next().unwrap();
     assert_eq!(bytes[end..end + 4], ((first.position.x * 1e3) as f32).to_le_bytes());

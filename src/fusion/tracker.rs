@@ -6,9 +6,7 @@
 
 use crate::cloud::Cloud;
 use crate::geometry::{Camera, Pose};
-use crate::registration::{
-    Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register,
-};
+use crate::registration::{Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register};
 
 use super::closure::Closure;
 use super::model::{Merged, Model};
@@ -133,7 +131,11 @@ impl Tracker {
     pub fn closure(&self) -> Option<Closure> {
         let [pose, _] = self.known?;
         let is_first = self.model.clouds() < 2;
-        if is_first { None } else { Closure::of(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration) }
+        if is_first {
+            None
+        } else {
+            Closure::of(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
+        }
     }
 
     fn begin(&mut self, surface: OrganizedSurface) -> Tracked {

@@ -55,7 +55,8 @@ pub(super) struct Association<'a> {
 impl Association<'_> {
     /// The pairs of every tile, under a pose.
     pub(super) fn pairs(&self, tiles: &[Vec<SurfacePoint>], reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
-        let of_tile = |tile: &Vec<SurfacePoint>| tile.iter().filter_map(|p| self.pair(p, reference_from_moved)).collect();
+        let of_tile =
+            |tile: &Vec<SurfacePoint>| tile.iter().filter_map(|p| self.pair(p, reference_from_moved)).collect();
         tiles.par_iter().map(of_tile).collect()
     }
 

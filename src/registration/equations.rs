@@ -28,6 +28,9 @@ pub(super) fn scale(pairs: &[Vec<Pair>]) -> f64 {
     (*median / NORMAL_MEDIAN).max(LEAST_SCALE)
 }
 
+/// Fewest tiles whose gradients tell how much they scatter.
+const MIN_TILES: usize = 12;
+
 /// Sums over the pairs of all tiles.
 pub(super) struct Equations {
     /// `Σ w J Jᵀ`.
@@ -105,9 +108,13 @@ impl Equations {
     /// Covariance of the step; `None` where it is not determined.
     pub(super) fn covariance(&self) -> Option<Matrix6<f64>> {
         let inverse = self.curvature.cholesky()?.inverse();
-        // Six unknowns were fitted to the gradients, which makes them scatter less.
+        // Six unknowns were fitted to the gradients, which makes them scatter less; with few more than six tiles nothing
+        // would be left.
+        if self.tiles < MIN_TILES {
+            return None;
+        }
         let tiles = self.tiles as f64;
-        let covariance = inverse * self.scatter * inverse * (tiles / (tiles - 6.0).max(1.0));
+        let covariance = inverse * self.scatter * inverse * (tiles / (tiles - 6.0));
         Some((covariance + covariance.transpose()) / 2.0)
     }
 }

@@ -73,7 +73,12 @@ pub fn register(
 }
 
 /// Steps until the pose stays, or the steps are used up.
-fn settle(association: &Association<'_>, tiles: &[Vec<SurfacePoint>], start: Pose, steps: usize) -> Result<Settled, Lost> {
+fn settle(
+    association: &Association<'_>,
+    tiles: &[Vec<SurfacePoint>],
+    start: Pose,
+    steps: usize,
+) -> Result<Settled, Lost> {
     let mut pose = start;
     let mut last_step_sd = f64::INFINITY;
     let mut taken = 0;
@@ -101,7 +106,12 @@ fn step(pairs: &[Vec<Pair>], equations: &Equations) -> Result<Vector6<f64>, Lost
     equations.step().ok_or(Lost::Degenerate { eigenvalue: equations.least_eigenvalue() })
 }
 
-fn judge(found: &Settled, tried: usize, distance_m: f64, settings: &RegistrationSettings) -> Result<Registration, Lost> {
+fn judge(
+    found: &Settled,
+    tried: usize,
+    distance_m: f64,
+    settings: &RegistrationSettings,
+) -> Result<Registration, Lost> {
     let equations = &found.equations;
     let eigenvalue = equations.least_eigenvalue();
     if eigenvalue < settings.min_eigenvalue {
@@ -115,7 +125,7 @@ fn judge(found: &Settled, tried: usize, distance_m: f64, settings: &Registration
         return Err(Lost::NotConverged { step_sd: found.last_step_sd });
     }
     let Motion { centre, radius_m } = found.motion;
-    let covariance = equations.covariance().ok_or(Lost::Degenerate { eigenvalue })?;
+    let covariance = equations.covariance().ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
     Ok(Registration {

@@ -115,7 +115,8 @@ impl Grid {
         let fits = |place: &&Place| {
             let off = first.value(&middle, place) - place.inverse_depth;
             let bend = MAX_BEND * middle.inverse_depth;
-            off * off <= MAX_DEVIATION * MAX_DEVIATION * (sigma * sigma + bend * bend * distance_squared(place, &middle))
+            off * off
+                <= MAX_DEVIATION * MAX_DEVIATION * (sigma * sigma + bend * bend * distance_squared(place, &middle))
         };
         let plane = Moments::of(near.iter().flatten().filter(fits), &middle).plane()?;
         let towards = -plane.normal(&middle).normalize();

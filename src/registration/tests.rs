@@ -54,7 +54,8 @@ pub(crate) fn surface_of(
 
 /// Where the ray of a camera that stands at `world_from_cam1` meets hills of some height, about 0.3 m away.
 pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Option<Point3> {
-    let world_z = |p: &Point3| 0.3 + height_m * ((p.x * 90.0).sin() + (p.y * 75.0 + 0.4).cos() + (p.x * 40.0 - p.y * 55.0).sin());
+    let world_z =
+        |p: &Point3| 0.3 + height_m * ((p.x * 90.0).sin() + (p.y * 75.0 + 0.4).cos() + (p.x * 40.0 - p.y * 55.0).sin());
     let mut depth = 0.3;
     for _ in 0..30 {
         let p = world_from_cam1 * Point3::from(ray * depth);
@@ -115,15 +116,16 @@ fn errors_that_neighbours_share_are_not_taken_for_independent() {
     // A ripple of 0.05 mm that moves with the camera, as motion within a window makes it.
     let camera = camera_of([160, 128]);
     let rippled = |pose: Pose, phase: f64| {
-        move |ray: &Vector3| hills(&pose, 0.004, ray).map(|p| p * (1.0 + 1.7e-4 * (ray.x * 90.0 + ray.y * 20.0 + phase).sin()))
+        move |ray: &Vector3| {
+            hills(&pose, 0.004, ray).map(|p| p * (1.0 + 1.7e-4 * (ray.x * 90.0 + ray.y * 20.0 + phase).sin()))
+        }
     };
     let (trials, mut sum) = (24, 0.0);
     for k in 0..trials {
         let phase = f64::from(k) * 0.26;
         let reference = surface_of(&camera, 1e-5, 1, rippled(Pose::identity(), 0.0));
         let moved = surface_of(&camera, 1e-5, 2, rippled(motion(), phase));
-        let found =
-            register(&camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap();
+        let found = register(&camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap();
         let e = error(&found.reference_from_moved, &motion());
         sum += e.dot(&(found.covariance.0.try_inverse().unwrap() * e)) / 6.0;
     }
@@ -167,6 +169,7 @@ fn another_surface_is_not_taken_for_the_same() {
 #[test]
 fn threads_change_no_bit() {
     let camera = camera();
-    let of_threads = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| registered(&camera, 3e-5, 1));
+    let of_threads =
+        |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| registered(&camera, 3e-5, 1));
     assert_eq!(of_threads(1), of_threads(3));
 }

@@ -2,24 +2,27 @@
 
 use super::surface::{OrganizedSurface, SurfacePoint};
 
-/// Tiles along the width of the image. Errors within a tile may depend on each other (see [`super::equations`]): a tile is
-/// to be larger than what they have in common, and there must be many.
+/// Tiles along the longer side of what is seen. Errors within a tile may depend on each other (see [`super::equations`]): a
+/// tile is to be larger than what they have in common, and there must be many.
 const TILES_ACROSS: usize = 16;
 
 /// About `count` points that have a normal, on a regular grid of pixels, by tile of the image; tiles without points are
 /// left out.
 pub(super) fn tiles(surface: &OrganizedSurface, count: usize) -> Vec<Vec<SurfacePoint>> {
-    let [width, height] = surface.size_px();
-    let with_normal = surface.points().iter().filter(|p| p.normal.is_some());
-    let available = with_normal.clone().count();
-    let stride = ((available as f64 / count.max(1) as f64).sqrt().round() as usize).max(1);
-    let side = width.div_ceil(TILES_ACROSS).max(1);
-    let across = width.div_ceil(side).max(1);
-    let mut tiles = vec![Vec::new(); across * height.div_ceil(side).max(1)];
-    for point in with_normal {
+    let with_normal = || surface.points().iter().filter(|p| p.normal.is_some());
+    let stride = ((with_normal().count() as f64 / count.max(1) as f64).sqrt().round() as usize).max(1);
+    let [columns, rows] = [0, 1].map(|axis| {
+        let range = with_normal().map(|p| usize::from(p.cam1_px[axis]));
+        let (first, last) = range.fold((usize::MAX, 0), |(first, last), c| (first.min(c), last.max(c)));
+        first.min(last)..last + 1
+    });
+    let side = columns.len().max(rows.len()).div_ceil(TILES_ACROSS);
+    let across = columns.len().div_ceil(side);
+    let mut tiles = vec![Vec::new(); across * rows.len().div_ceil(side)];
+    for point in with_normal() {
         let [u, v] = point.cam1_px.map(usize::from);
         if u.is_multiple_of(stride) && v.is_multiple_of(stride) {
-            tiles[v / side * across + u / side].push(*point);
+            tiles[(v - rows.start) / side * across + (u - columns.start) / side].push(*point);
         }
     }
     tiles.retain(|tile| !tile.is_empty());

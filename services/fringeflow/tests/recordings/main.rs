@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod commands;
+mod fuse;
 mod python;
 
 use std::ffi::OsStr;

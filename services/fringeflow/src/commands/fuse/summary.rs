@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::fusion::{Tracker, Tracking};
+use fringeflow::fusion::{Tracked, Tracker, Tracking};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -60,8 +60,7 @@ impl<'a> Summary<'a> {
         let mut excess: Vec<f64> = registered.iter().map(|found| found.excess).collect();
         excess.sort_unstable_by(f64::total_cmp);
         let squares = registered.iter().map(|found| found.rms_m * found.rms_m).sum::<f64>();
-        let way_m = |(a, b): (&&_, &&_)| {
-            let [a, b]: [&fringeflow::fusion::Tracked; 2] = [a, b];
+        let way_m = |(a, b): (&&Tracked, &&Tracked)| {
             (a.model_from_cam1.translation.vector - b.model_from_cam1.translation.vector).norm()
         };
         let sd_mm: Vec<f64> = merged.iter().skip(1).map(|tracked| tracked.covariance.sd_at(&centre) * 1e3).collect();
@@ -80,7 +79,7 @@ impl<'a> Summary<'a> {
             first_lost: scan.looked.iter().find_map(|l| Some(FirstLost { pair: l.first_pair, why: l.lost()? })),
             rms_mm: (!registered.is_empty()).then(|| (squares / registered.len() as f64).sqrt() * 1e3),
             excess: excess.get(excess.len() / 2).copied(),
-            path_mm: merged.iter().zip(merged.iter().skip(1)).map(way_m).sum::<f64>() * 1e3,
+            path_mm: merged.iter().zip(merged.iter().skip(1)).map(way_m).fold(0.0, |sum, way| sum + way) * 1e3,
             pose_sd_mm: sd_mm.first().zip(sd_mm.last()).map(|(&first, &last)| [first, last, largest]),
             closure: tracker.closure().map(|closure| ClosureSummary {
                 drift_mm: closure.drift_m * 1e3,
@@ -105,7 +104,10 @@ impl<'a> Summary<'a> {
         }
         writeln!(out, "path        {:.2} mm", self.path_mm)?;
         if let Some([first, last, largest]) = self.pose_sd_mm {
-            writeln!(out, "pose        known to {first:.4} mm at first, {last:.4} mm at last, {largest:.4} mm at worst")?;
+            writeln!(
+                out,
+                "pose        known to {first:.4} mm at first, {last:.4} mm at last, {largest:.4} mm at worst"
+            )?;
         }
         match &self.closure {
             Some(ClosureSummary { drift_mm, drift_deg, sd_mm, share }) => writeln!(

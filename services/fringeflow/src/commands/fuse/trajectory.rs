@@ -13,7 +13,10 @@ use super::scan::Scan;
 pub(crate) fn write(path: &Path, scan: &Scan, model: &Model, unit: Unit) -> Result<(), WriteError> {
     let (symbol, centre) = (unit.symbol(), model.centre());
     write_atomically(path, |out| {
-        writeln!(out, "pair,time_s,state,x_{symbol},y_{symbol},z_{symbol},qw,qx,qy,qz,sd_{symbol},sd_rad,share,rms_{symbol}")?;
+        writeln!(
+            out,
+            "pair,time_s,state,x_{symbol},y_{symbol},z_{symbol},qw,qx,qy,qz,sd_{symbol},sd_rad,share,rms_{symbol}"
+        )?;
         for looked in &scan.looked {
             write!(out, "{},{:.6},", looked.first_pair, looked.time_s)?;
             let Some(tracked) = looked.merged() else {
