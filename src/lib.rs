@@ -35,6 +35,8 @@
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
 //! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
+//! | [`registration`] | how a scanner has moved between two clouds of one surface |
+//! | [`fusion`] | the clouds of a moving scanner in one model of surfels |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
 //! | [`pixels`] | from the formats of cameras to that of the channels |
@@ -56,6 +58,7 @@ pub mod config;
 pub mod correspondence;
 pub mod dataset;
 pub mod evaluation;
+pub mod fusion;
 pub mod geometry;
 pub mod grey;
 pub mod message;
@@ -65,6 +68,7 @@ mod png_encoding;
 pub mod preview;
 pub mod reconstruction;
 pub mod recording;
+pub mod registration;
 pub mod rig_report;
 pub mod simulation;
 pub mod synchronization;

@@ -80,7 +80,7 @@ impl CloudFormat {
 
 impl CloudExport<'_> {
     /// Export units in a metre.
-    pub(super) fn per_metre(&self) -> f32 {
+    pub(crate) fn per_metre(&self) -> f32 {
         match self.unit {
             Unit::Millimetre => 1000.0,
             Unit::Metre => 1.0,
@@ -88,7 +88,7 @@ impl CloudExport<'_> {
     }
 
     /// What the file says besides the points: keys and values, one printable ASCII line each.
-    pub(super) fn remarks(&self) -> [(&'static str, String); 4] {
+    pub(crate) fn remarks(&self) -> [(&'static str, String); 4] {
         [
             ("unit", self.unit.symbol().to_owned()),
             ("frame", "cam1 (x right, y down, z forward)".to_owned()),

@@ -8,6 +8,7 @@ mod record;
 mod reference;
 
 pub use export::{CloudExport, CloudFormat, CloudWriteError};
+pub(crate) use ply::ply_header;
 pub use record::{FIELDS, RECORD_BYTES, Scalar, decode_record, read_records, write_records};
 pub use reference::reference_cloud;
 

@@ -7,17 +7,18 @@ use super::{CloudExport, CloudPoint};
 
 /// Writes a PLY file.
 pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
-    out.write_all(header(points.len(), export).as_bytes())?;
+    out.write_all(ply_header(points.len(), &export.remarks(), &FIELDS).as_bytes())?;
     write_records(out, points, export.per_metre())
 }
 
-fn header(count: usize, export: &CloudExport<'_>) -> String {
+/// The header of `count` vertices with these remarks (keys and values, one line each) and fields.
+pub(crate) fn ply_header(count: usize, remarks: &[(&str, String)], fields: &[(&str, Scalar)]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-    for (key, value) in export.remarks() {
+    for (key, value) in remarks {
         header += &format!("comment {key} {value}\n");
     }
     header += &format!("element vertex {count}\n");
-    for (name, scalar) in FIELDS {
+    for &(name, scalar) in fields {
         header += &format!("property {} {name}\n", type_name(scalar));
     }
     header + "end_header\n"

@@ -17,6 +17,7 @@ mod pixel_grid;
 mod reference_data;
 mod reliability;
 mod scores;
+mod trajectory;
 
 pub use against_captured::against_captured;
 pub use against_cloud::against_cloud;
@@ -28,6 +29,7 @@ pub use paper_tables::{
 pub use reference_data::limit_to_gray_code;
 pub use reliability::{ReliabilityPart, reliability};
 pub use scores::Scores;
+pub use trajectory::{TrajectoryScores, against_trajectory};
 
 /// Greatest distance in C2 between a correct point and the reference, pixels.
 pub const TOLERANCE_PX: f64 = 2.0;

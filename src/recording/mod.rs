@@ -59,7 +59,7 @@ pub use file::UNFINISHED;
 pub use import::{ImportError, ImportOptions, import};
 pub use offline::OfflineRecorder;
 pub use opening::{Origin, standing_messages};
-pub use pairs::{ImagePair, cycles};
+pub use pairs::{ImagePair, cycles, windows};
 pub use reader::Recording;
 pub use recordable::{Encoded, Recordable};
 pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, Recorded, Recorder};

@@ -85,19 +85,20 @@ impl Recording {
     }
 }
 
-/// Numbers of the pairs with which complete cycles begin: their steps count up from 0, without a gap between their images,
-/// and no two share an image.
-pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
-    let (steps, mut next) = (steps.max(1), 0);
-    let is_cycle = move |cycle: &[ImagePair]| {
-        let mut neighbours = cycle.iter().zip(cycle.iter().skip(1));
-        cycle.first().is_some_and(|first| first.step == 0) && neighbours.all(|(a, b)| b.follows(a, steps))
+/// Numbers of the pairs with which complete windows begin: so many pairs, one step after the other, without a gap between
+/// their images.
+pub fn windows(pairs: &[ImagePair], steps: usize, images: usize) -> impl Iterator<Item = usize> + '_ {
+    let is_window = move |window: &[ImagePair]| {
+        let mut neighbours = window.iter().zip(window.iter().skip(1));
+        neighbours.all(|(before, pair)| pair.follows(before, steps))
     };
-    std::iter::from_fn(move || {
-        let start = next + pairs.get(next..)?.windows(steps).position(is_cycle)?;
-        next = start + steps;
-        Some(start)
-    })
+    pairs.windows(images.max(1)).enumerate().filter(move |(_, window)| is_window(window)).map(|(start, _)| start)
+}
+
+/// Numbers of the pairs with which complete cycles begin: windows whose steps count up from 0, no two of which share an
+/// image.
+pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
+    windows(pairs, steps, steps).filter(|&start| pairs.get(start).is_some_and(|pair| pair.step == 0))
 }
 
 fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
@@ -149,5 +150,16 @@ mod tests {
         assert_eq!(starts(&gap[..5]), [0_usize; 0]);
         let two: Vec<ImagePair> = (0..7).map(|n| pair(n, n as usize % 3)).collect();
         assert_eq!(starts(&two), [0, 3]);
+    }
+
+    #[test]
+    fn a_window_may_begin_with_any_step() {
+        let starts = |pairs: &[ImagePair]| windows(pairs, 3, 3).collect::<Vec<_>>();
+        let run: Vec<ImagePair> = (0..5).map(|n| pair(n, (n as usize + 1) % 3)).collect();
+        assert_eq!(starts(&run), [0, 1, 2]);
+        let missing = [run[0], run[1], run[3], run[4]];
+        assert_eq!(starts(&missing), [0_usize; 0]);
+        let out_of_turn = [pair(0, 0), pair(1, 2), pair(2, 1)];
+        assert_eq!(starts(&out_of_turn), [0_usize; 0]);
     }
 }

@@ -51,6 +51,8 @@ pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
 pub use scene::{Board, Scene, Surface};
 pub use schedule::{Schedule, Tick};
+#[cfg(test)]
+pub(crate) use sensor::standard_normal;
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};
 pub use sequence::{Simulation, SimulationOptions, SimulationSummary};
 pub use solid::{Material, PointMm, Solid};

@@ -160,8 +160,17 @@ mod tests {
         let delta_counts = (0..DELTA_PARTS as u32).collect();
         let confidence = (0..35_u16).map(|i| bytemuck::cast(i * 1000)).collect();
         let chosen_delta_rad = (0.02, 0.03);
-        let matches =
-            Matches { outcomes, chosen, passing, confidence, delta, delta_counts, chosen_delta_rad, drift: None };
+        let matches = Matches {
+            outcomes,
+            chosen,
+            passing,
+            confidence,
+            delta,
+            delta_counts,
+            chosen_delta_rad,
+            drift: None,
+            slip_steps: [0; 2],
+        };
         Correspondences {
             width: 7,
             matches,

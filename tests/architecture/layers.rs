@@ -17,6 +17,8 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("rig_report", &["geometry"]),
     ("correspondence", &["geometry", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
+    ("registration", &["geometry", "cloud::Cloud"]),
+    ("fusion", &["geometry", "registration", "cloud", "atomic_file"]),
     ("evaluation", &["grey::GreyLevels", "geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["grey", "geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud"]),

@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow::recording::{ImagePair, Recording, cycles};
+use fringeflow::recording::{ImagePair, Recording, cycles, windows};
 
 use crate::failure::Failure;
 
@@ -152,6 +152,21 @@ impl Input {
                 pairs.get(number).zip(pairs.get(before)).is_some_and(|(pair, before)| pair.follows(before, steps))
             }
         }
+    }
+
+    /// The image pairs of complete windows of so many pairs within a range; from one to the next at least `every` pairs. A
+    /// folder has no windows but its one cycle.
+    pub(crate) fn windows(&self, within: &Range<usize>, images: usize, every: usize) -> Vec<Range<usize>> {
+        let Self::Recording(_, pairs) = self else { return vec![within.clone()] };
+        let mut next = within.start;
+        let mut found = Vec::new();
+        for start in windows(pairs, self.setup().steps, images).filter(|start| start + images <= within.end) {
+            if start >= next {
+                found.push(start..start + images);
+                next = start + every;
+            }
+        }
+        found
     }
 
     /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.

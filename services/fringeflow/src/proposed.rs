@@ -8,7 +8,7 @@ use fringeflow::correspondence::{DriftLimit, ResolutionMethod, SegmentFileError,
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::phase::PhaseShifts;
-use fringeflow::reconstruction::{Reconstruction, Reconstructor};
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -23,10 +23,17 @@ pub(crate) struct ProposedArgs {
     /// Use phase images A up to but without B, of a recording its image pairs; more than a cycle compensate motion. By
     /// default the first complete cycle, of an object whose motion is known the one about the moment of the truth, and the
     /// images about it that --extra-images asks for.
-    #[arg(long, value_name = "A..B", value_parser = frames)]
+    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "extra_images")]
     frames: Option<Range<usize>>,
-    /// Images beyond a cycle that compensate motion, 0 for none; by default as configured, else 2, with three steps 3.
-    #[arg(long, value_name = "K", conflicts_with = "frames", value_parser = clap::value_parser!(u8).range(0..=8))]
+    #[command(flatten)]
+    measuring: MeasuringArgs,
+}
+
+/// Arguments of how images are measured.
+#[derive(clap::Args, Default)]
+pub(crate) struct MeasuringArgs {
+    /// Image pairs beyond a cycle that compensate motion, 0 for none; by default as configured, else 2, with three steps 3.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(0..=8))]
     extra_images: Option<u8>,
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
@@ -54,30 +61,16 @@ pub(crate) struct Proposed {
 impl ProposedArgs {
     /// Nothing but a resolution.
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
-        Self { resolution: Some(method), ..Self::default() }
+        let measuring = MeasuringArgs { resolution: Some(method), ..MeasuringArgs::default() };
+        Self { measuring, ..Self::default() }
     }
 
     /// Reconstructs an input.
     pub(crate) fn reconstruct(&self, input: &Input) -> Result<Proposed, Failure> {
-        let mut configuration = configuration(self.config.as_deref(), input)?;
-        if let Some(method) = self.resolution {
-            configuration.settings.matching.method = method;
-        }
-        if let Some(min_confidence) = self.min_confidence {
-            configuration.settings.matching.min_confidence = min_confidence;
-        }
-        if let Some(extra) = self.extra_images {
-            configuration.settings.extra_images = Some(usize::from(extra));
-        }
+        let configuration = self.measuring.configuration(input)?;
         let chosen = self.images(input, &configuration)?;
-        let setup = input.setup();
-        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
-            input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
-        })?;
         let bar = progress::bar("segment table", 2);
-        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
-        let mut reconstructor =
-            reconstructor(input, &chosen, &measured, &configuration, self.segment_table.as_deref())?;
+        let mut reconstructor = self.measuring.reconstructor(input, &chosen, &configuration)?;
         bar.inc(1);
         bar.set_message("correspondences");
         let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
@@ -153,6 +146,38 @@ impl Images {
     }
 }
 
+impl MeasuringArgs {
+    /// The settings of the file, or else those recorded with the input, and what the arguments change of them.
+    pub(crate) fn configuration(&self, input: &Input) -> Result<Configuration, Failure> {
+        let mut configuration = configuration(self.config.as_deref(), input)?;
+        if let Some(method) = self.resolution {
+            configuration.settings.matching.method = method;
+        }
+        if let Some(min_confidence) = self.min_confidence {
+            configuration.settings.matching.min_confidence = min_confidence;
+        }
+        if let Some(extra) = self.extra_images {
+            configuration.settings.extra_images = Some(usize::from(extra));
+        }
+        Ok(configuration)
+    }
+
+    /// What reconstructs images that show the same steps as these.
+    pub(crate) fn reconstructor(
+        &self,
+        input: &Input,
+        images: &Images,
+        configuration: &Configuration,
+    ) -> Result<Reconstructor, Failure> {
+        let setup = input.setup();
+        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
+            input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
+        })?;
+        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
+        reconstructor(input, images, &measured, configuration, self.segment_table.as_deref())
+    }
+}
+
 /// What images are measured with.
 pub(crate) struct Measured<'a> {
     pub(crate) rig: &'a Rig,
@@ -188,9 +213,18 @@ pub(crate) fn reconstruct(
     reconstructor: &mut Reconstructor,
     images: &Images,
 ) -> Result<Reconstruction, Failure> {
+    try_reconstruct(input, reconstructor, images)?.map_err(|e| input.unusable(&e))
+}
+
+/// Reconstructs these images; that they yield no cloud is a result.
+pub(crate) fn try_reconstruct(
+    input: &Input,
+    reconstructor: &mut Reconstructor,
+    images: &Images,
+) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
     let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    reconstructor.reconstruct(images.first_step, &cam1, &cam2).map_err(|e| input.unusable(&e))
+    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2))
 }
 
 /// A resolution by its name.

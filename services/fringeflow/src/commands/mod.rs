@@ -6,6 +6,7 @@ mod control;
 mod demo;
 mod evaluate;
 mod export;
+mod fuse;
 mod import;
 mod info;
 mod latency;
@@ -39,6 +40,10 @@ pub(crate) enum Command {
     Evaluate(evaluate::Args),
     /// Export a recording: its clouds as PLY, PCD or NPZ, or its images as a dataset folder.
     Export(export::Args),
+    /// Fuse the clouds of a recorded scan, in which the scanner was moved, into one model; track its poses meanwhile.
+    ///
+    /// Exit code 3: clouds were lost on the way, and the model is of the others.
+    Fuse(fuse::Args),
     /// Make a recording of a dataset folder, as if a scanner had taken its images at a steady rate.
     Import(import::Args),
     /// Say what is in a recording.
@@ -77,6 +82,7 @@ impl Command {
             Self::Demo(args) => args.run(globals),
             Self::Evaluate(args) => args.run(),
             Self::Export(args) => args.run(),
+            Self::Fuse(args) => args.run(),
             Self::Import(args) => args.run(),
             Self::Info(args) => args.run(),
             Self::Latency(args) => args.run(),

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Asserts an exit code and one line of standard error that holds all of `says`.
-fn assert_ended(output: &Output, code: i32, says: &[&str]) {
+pub(crate) fn assert_ended(output: &Output, code: i32, says: &[&str]) {
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{error}");
     assert_eq!(error.lines().count(), 1, "{error}");

@@ -61,7 +61,7 @@ fn clouds_reports_and_marks_are_read_with_their_fields() {
     let recorder = Recorder::create(&folder.path().join("live.mcap"), &opening, DEFAULT_QUEUE_BYTES).unwrap();
     // Bytes that are finite numbers wherever a field begins.
     let records: Vec<u8> = (0..5 * RECORD_BYTES).map(|i| (i % 100) as u8).collect();
-    let mut window = Window { steps: 4, ..Window::default() };
+    let mut window = Window { images: 4, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[8, 9, 6, 7]);
     let header = CloudHeader { points: 5, window, delta_sd_rad: 0.03125, published_ns: 77, ..CloudHeader::default() };
     recorder.push(&Recordable::Cloud { header: &header, records: &records });

@@ -1,0 +1,120 @@
+//! `fringeflow fuse`: the clouds of a moving scanner, tracked and fused into one model.
+
+mod scan;
+mod summary;
+mod trajectory;
+
+use std::num::NonZeroUsize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use fringeflow::atomic_file::check_writable;
+use fringeflow::calibration::Unit;
+use fringeflow::cloud::CloudExport;
+use fringeflow::config::Configuration;
+use fringeflow::fusion::{FusionSettings, Tracker, write_model};
+
+use crate::failure::Failure;
+use crate::input::Input;
+use crate::json;
+use crate::proposed::{Images, MeasuringArgs, frames};
+
+use scan::Scan;
+use summary::Summary;
+
+/// Arguments of `fringeflow fuse`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Recording of a scanner that was moved over an object at rest.
+    input: PathBuf,
+    /// Model to write, .ply.
+    #[arg(short, long, value_name = "MODEL.ply")]
+    output: PathBuf,
+    /// Image pairs from one cloud to the next; as many as there are steps by default, so that no two share an image.
+    #[arg(long, value_name = "K")]
+    every: Option<NonZeroUsize>,
+    /// Leave out what fewer clouds than this measured, if more of them could have.
+    #[arg(long, value_name = "M", default_value_t = FusionSettings::default().min_support)]
+    min_support: u32,
+    /// Use image pairs A up to but without B; all by default.
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    frames: Option<Range<usize>>,
+    /// Write the pose of every cloud, with its standard deviation, as CSV.
+    #[arg(long, value_name = "POSES.csv")]
+    trajectory: Option<PathBuf>,
+    /// Unit of the model and of the trajectory.
+    #[arg(long, value_name = "mm|m", default_value = "mm")]
+    units: Unit,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    measuring: MeasuringArgs,
+}
+
+impl Args {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        self.check_outputs()?;
+        let input = Input::open(&self.input, None)?;
+        let configuration = self.measuring.configuration(&input)?;
+        let windows = self.windows(&input, &configuration)?;
+        let settings = FusionSettings { min_support: self.min_support, ..FusionSettings::default() };
+        let mut tracker = Tracker::new(input.setup().rig.cam1.clone(), settings);
+        let reconstructor = self.measuring.reconstructor(&input, &windows[0], &configuration)?;
+        let scan = Scan::run(&input, &windows, reconstructor, &mut tracker)?;
+        if tracker.model().clouds() == 0 {
+            let why = scan.looked.iter().find_map(scan::Looked::lost).unwrap_or_default();
+            return Err(input.unusable(&format!("none of its {} clouds shows a surface: {why}", scan.looked.len())));
+        }
+        if let Some(path) = &self.trajectory {
+            trajectory::write(path, &scan, tracker.model(), self.units)?;
+        }
+        let export = CloudExport { unit: self.units, dataset: &input.setup().name };
+        let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
+        let summary = Summary::of(&self.output, &scan, &tracker, surfels);
+        if self.json {
+            json::print(&summary)?;
+        } else {
+            summary.print()?;
+        }
+        summary.losses()
+    }
+
+    fn check_outputs(&self) -> Result<(), Failure> {
+        if !has_extension(&self.output, "ply") {
+            return Err(Failure::Usage(format!("{}: a model is written as PLY; use .ply", self.output.display())));
+        }
+        check_writable(&self.output)?;
+        let Some(trajectory) = &self.trajectory else { return Ok(()) };
+        if !has_extension(trajectory, "csv") {
+            return Err(Failure::Usage(format!("{}: poses are written as CSV; use .csv", trajectory.display())));
+        }
+        Ok(check_writable(trajectory)?)
+    }
+
+    /// The image pairs of every cloud, one at least.
+    fn windows(&self, input: &Input, configuration: &Configuration) -> Result<Vec<Images>, Failure> {
+        if matches!(input, Input::Folder(_)) {
+            return Err(input.unusable(&"a dataset folder holds one cloud; give a recording of a moving scanner"));
+        }
+        let (available, steps) = (input.available(), input.setup().steps);
+        let within = self.frames.clone().unwrap_or(0..available);
+        if within.start > within.end || within.end > available {
+            return Err(Failure::Usage(format!(
+                "--frames {}..{}: the recording has image pairs 0..{available}; give A below B within these",
+                within.start, within.end
+            )));
+        }
+        let images = configuration.settings.window_images(steps);
+        let windows = input.windows(&within, images, self.every.map_or(steps, NonZeroUsize::get));
+        if windows.is_empty() {
+            let count = within.len();
+            return Err(input.unusable(&format!("among {count} image pairs is no complete window of {images}")));
+        }
+        windows.into_iter().map(|window| Images::in_turn(input, window)).collect()
+    }
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}

@@ -1,0 +1,88 @@
+//! The clouds of a recording, made and tracked one after the other.
+
+use std::time::{Duration, Instant};
+
+use fringeflow::fusion::{Tracked, Tracker, Tracking};
+use fringeflow::reconstruction::Reconstructor;
+
+use crate::failure::Failure;
+use crate::input::Input;
+use crate::progress;
+use crate::proposed::{Images, try_reconstruct};
+
+/// One window of images, and what became of it.
+pub(crate) struct Looked {
+    /// Number of its first image pair.
+    pub(crate) first_pair: usize,
+    /// Middle of its exposures since the first of the recording, seconds.
+    pub(crate) time_s: f64,
+    /// What the tracking says of its cloud, or why it has none.
+    pub(crate) tracked: Result<Tracked, String>,
+}
+
+impl Looked {
+    /// Why it was not merged.
+    pub(crate) fn lost(&self) -> Option<String> {
+        match &self.tracked {
+            Ok(Tracked { tracking: Tracking::Lost(lost), .. }) => Some(lost.to_string()),
+            Ok(_) => None,
+            Err(why) => Some(why.clone()),
+        }
+    }
+
+    /// Name of the reason that it was not merged.
+    pub(crate) fn reason(&self) -> Option<&'static str> {
+        match &self.tracked {
+            Ok(Tracked { tracking: Tracking::Lost(lost), .. }) => Some(lost.name()),
+            Ok(_) => None,
+            Err(_) => Some("no_cloud"),
+        }
+    }
+
+    /// What the tracking says of a cloud that was merged.
+    pub(crate) fn merged(&self) -> Option<&Tracked> {
+        self.tracked.as_ref().ok().filter(|tracked| !matches!(tracked.tracking, Tracking::Lost(_)))
+    }
+}
+
+/// All windows, in their order.
+pub(crate) struct Scan {
+    pub(crate) looked: Vec<Looked>,
+    /// Time that tracking and fusing took.
+    pub(crate) tracking: Duration,
+}
+
+impl Scan {
+    /// Reconstructs the windows and hands their clouds to the tracker.
+    pub(crate) fn run(
+        input: &Input,
+        windows: &[Images],
+        mut reconstructor: Reconstructor,
+        tracker: &mut Tracker,
+    ) -> Result<Self, Failure> {
+        let mut scan = Self { looked: Vec::with_capacity(windows.len()), tracking: Duration::ZERO };
+        let bar = progress::bar("clouds", windows.len() as u64);
+        for images in windows {
+            let tracked = match try_reconstruct(input, &mut reconstructor, images)? {
+                Ok(made) => {
+                    let begun = Instant::now();
+                    let tracked = tracker.step(&made.cloud);
+                    scan.tracking += begun.elapsed();
+                    Ok(tracked)
+                }
+                Err(error) => Err(error.to_string()),
+            };
+            let first_pair = images.numbers.first().copied().unwrap_or_default();
+            scan.looked.push(Looked { first_pair, time_s: middle_s(input, &images.numbers), tracked });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(scan)
+    }
+}
+
+/// Middle between the first and the last exposure.
+fn middle_s(input: &Input, numbers: &[usize]) -> f64 {
+    let times = || numbers.iter().filter_map(|&n| input.exposure_s(n));
+    (times().fold(f64::INFINITY, f64::min) + times().fold(0.0, f64::max)) / 2.0
+}

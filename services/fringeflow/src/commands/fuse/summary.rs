@@ -1,0 +1,131 @@
+//! What a scan came to.
+
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::path::Path;
+
+use fringeflow::fusion::{Tracked, Tracker, Tracking};
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+use super::scan::{Looked, Scan};
+
+/// Lengths in millimetres, angles in degrees.
+#[derive(Serialize)]
+pub(crate) struct Summary<'a> {
+    model: &'a Path,
+    surfels: usize,
+    clouds: usize,
+    merged: usize,
+    relocalized: usize,
+    /// Clouds that were not merged, by reason.
+    lost: BTreeMap<&'static str, usize>,
+    /// The first of them: its image pair and what was wrong.
+    first_lost: Option<FirstLost>,
+    /// Root mean square of the distances between clouds and model.
+    rms_mm: Option<f64>,
+    /// The same, as a multiple of what noise alone would make it; median.
+    excess: Option<f64>,
+    /// Way of the centre of camera 1.
+    path_mm: f64,
+    /// Standard deviation of the model's centre by the pose: of the second cloud, of the last, and the largest.
+    pose_sd_mm: Option<[f64; 3]>,
+    closure: Option<ClosureSummary>,
+    /// Time that tracking and fusing took a cloud.
+    tracking_ms: f64,
+}
+
+#[derive(Serialize)]
+struct FirstLost {
+    pair: usize,
+    why: String,
+}
+
+/// The last cloud registered to the first: how far the tracking is from there.
+#[derive(Serialize)]
+struct ClosureSummary {
+    drift_mm: f64,
+    drift_deg: f64,
+    /// Standard deviation of the comparison itself.
+    sd_mm: f64,
+    share: f64,
+}
+
+impl<'a> Summary<'a> {
+    pub(crate) fn of(model: &'a Path, scan: &Scan, tracker: &Tracker, surfels: usize) -> Self {
+        let merged: Vec<_> = scan.looked.iter().filter_map(Looked::merged).collect();
+        let centre = tracker.model().centre();
+        let registered: Vec<_> = merged.iter().filter_map(|tracked| tracked.tracking.registration()).collect();
+        let mut excess: Vec<f64> = registered.iter().map(|found| found.excess).collect();
+        excess.sort_unstable_by(f64::total_cmp);
+        let squares = registered.iter().map(|found| found.rms_m * found.rms_m).sum::<f64>();
+        let way_m = |(a, b): (&&Tracked, &&Tracked)| {
+            (a.model_from_cam1.translation.vector - b.model_from_cam1.translation.vector).norm()
+        };
+        let sd_mm: Vec<f64> = merged.iter().skip(1).map(|tracked| tracked.covariance.sd_at(&centre) * 1e3).collect();
+        let largest = sd_mm.iter().copied().fold(0.0, f64::max);
+        let mut lost = BTreeMap::new();
+        for reason in scan.looked.iter().filter_map(Looked::reason) {
+            *lost.entry(reason).or_insert(0) += 1;
+        }
+        Self {
+            model,
+            surfels,
+            clouds: scan.looked.len(),
+            merged: merged.len(),
+            relocalized: merged.iter().filter(|t| matches!(t.tracking, Tracking::Relocalized(_))).count(),
+            lost,
+            first_lost: scan.looked.iter().find_map(|l| Some(FirstLost { pair: l.first_pair, why: l.lost()? })),
+            rms_mm: (!registered.is_empty()).then(|| (squares / registered.len() as f64).sqrt() * 1e3),
+            excess: excess.get(excess.len() / 2).copied(),
+            path_mm: merged.iter().zip(merged.iter().skip(1)).map(way_m).fold(0.0, |sum, way| sum + way) * 1e3,
+            pose_sd_mm: sd_mm.first().zip(sd_mm.last()).map(|(&first, &last)| [first, last, largest]),
+            closure: tracker.closure().map(|closure| ClosureSummary {
+                drift_mm: closure.drift_m * 1e3,
+                drift_deg: closure.drift_rad.to_degrees(),
+                sd_mm: closure.direct.covariance.sd_at(&centre) * 1e3,
+                share: closure.direct.share,
+            }),
+            tracking_ms: scan.tracking.as_secs_f64() * 1e3 / scan.looked.len().max(1) as f64,
+        }
+    }
+
+    pub(crate) fn print(&self) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        let Self { clouds, merged, relocalized, surfels, .. } = self;
+        writeln!(out, "{}: {surfels} surfels of {merged} clouds", self.model.display())?;
+        writeln!(out, "clouds      {clouds}, of these {relocalized} found again after they were lost at first")?;
+        for (reason, count) in &self.lost {
+            writeln!(out, "lost        {count}: {}", reason.replace('_', " "))?;
+        }
+        if let (Some(rms_mm), Some(excess)) = (self.rms_mm, self.excess) {
+            writeln!(out, "residuals   {rms_mm:.4} mm rms, {excess:.1} times what noise alone makes")?;
+        }
+        writeln!(out, "path        {:.2} mm", self.path_mm)?;
+        if let Some([first, last, largest]) = self.pose_sd_mm {
+            writeln!(
+                out,
+                "pose        known to {first:.4} mm at first, {last:.4} mm at last, {largest:.4} mm at worst"
+            )?;
+        }
+        match &self.closure {
+            Some(ClosureSummary { drift_mm, drift_deg, sd_mm, share }) => writeln!(
+                out,
+                "closed      last cloud against first: {drift_mm:.4} mm (sd {sd_mm:.4}), {drift_deg:.4}°; they share {:.0} %",
+                share * 100.0
+            )?,
+            None => writeln!(out, "open        the last cloud has too little in common with the first")?,
+        }
+        Ok(writeln!(out, "tracking    {:.1} ms a cloud", self.tracking_ms)?)
+    }
+
+    /// Clouds that were lost make the exit code 3.
+    pub(crate) fn losses(&self) -> Result<(), Failure> {
+        let Some(FirstLost { pair, why }) = &self.first_lost else { return Ok(()) };
+        let (lost, clouds) = (self.clouds - self.merged, self.clouds);
+        Err(Failure::Losses(format!(
+            "{lost} of {clouds} clouds are not in the model; the first begins with image pair {pair}: {why}"
+        )))
+    }
+}

@@ -1,0 +1,67 @@
+//! Tracked poses of a scanner against the true ones.
+
+use serde::Serialize;
+
+use crate::geometry::{Point3, Pose};
+
+/// How far tracked poses are from the true ones; both count from the first.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TrajectoryScores {
+    /// Poses compared, the first aside.
+    pub poses: usize,
+    /// Root mean square of how far a place is put from where it is, metres.
+    pub rms_m: f64,
+    /// Largest such distance, metres.
+    pub max_m: f64,
+    /// Root mean square of the turns off, rad.
+    pub rms_rad: f64,
+}
+
+/// Compares poses `first_from_cam1` with true ones `anything_from_cam1`, at a place of the first frame.
+///
+/// `cam1_from_exact` takes the exact frame of C1, in which the true poses are, to the calibrated one of the tracked: a camera
+/// does not know where its own frame is but by its calibration. `None` for less than two poses.
+#[must_use]
+pub fn against_trajectory(
+    tracked: &[Pose],
+    truth: &[Pose],
+    cam1_from_exact: &Pose,
+    place: &Point3,
+) -> Option<TrajectoryScores> {
+    let exact_from_cam1 = cam1_from_exact.inverse();
+    let first = truth.first()?.inverse();
+    let (mut squares, mut turns, mut max_m, mut poses) = (0.0, 0.0, 0.0_f64, 0);
+    for (tracked, truth) in tracked.iter().zip(truth).skip(1) {
+        let expected = cam1_from_exact * first * truth * exact_from_cam1;
+        let seen = expected.inverse() * place;
+        let off_m = (tracked * seen - place).norm();
+        squares += off_m * off_m;
+        turns += tracked.rotation.angle_to(&expected.rotation).powi(2);
+        max_m = max_m.max(off_m);
+        poses += 1;
+    }
+    let mean = |sum: f64| (sum / poses as f64).sqrt();
+    (poses > 0).then(|| TrajectoryScores { poses, rms_m: mean(squares), max_m, rms_rad: mean(turns) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vector3;
+
+    #[test]
+    fn only_what_is_off_counts() {
+        let pose = |x: f64, turn: f64| Pose::new(Vector3::new(x, 0.1, 0.0), Vector3::new(0.0, turn, 0.0));
+        let world = [pose(0.2, 0.5), pose(0.3, 0.6), pose(0.5, 0.4)];
+        let cam1_from_exact = Pose::new(Vector3::new(0.0, 1e-3, 0.0), Vector3::new(2e-3, 0.0, 0.0));
+        let right = world.map(|p| cam1_from_exact * world[0].inverse() * p * cam1_from_exact.inverse());
+        let place = Point3::new(0.0, 0.0, 0.3);
+        let scores = |tracked: &[Pose]| against_trajectory(tracked, &world, &cam1_from_exact, &place);
+        let exact = scores(&right).unwrap();
+        assert!(exact.poses == 2 && exact.max_m < 1e-12 && exact.rms_rad < 1e-7, "{exact:?}");
+        let shift = Pose::translation(3e-4, 0.0, 4e-4);
+        let off = scores(&[right[0], right[1], shift * right[2]]).unwrap();
+        assert!((off.max_m - 5e-4).abs() < 1e-9 && (off.rms_m - 5e-4 / 2.0_f64.sqrt()).abs() < 1e-9, "{off:?}");
+        assert!(scores(&right[..1]).is_none());
+    }
+}

@@ -1,0 +1,105 @@
+//! The model: its surfels, and how a cloud goes into it.
+
+use crate::geometry::{Camera, Point3, Pose, Vector3};
+use crate::registration::{OrganizedSurface, PoseCovariance};
+
+use super::clean::clean;
+use super::index_map::IndexMap;
+use super::merge::{Placement, merge};
+use super::surfel::Surfel;
+
+/// What a cloud did to the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Merged {
+    /// Surfels that it added.
+    pub added: usize,
+    /// Surfels that it spoke against, and that are gone.
+    pub removed: usize,
+}
+
+/// Surfels in the frame of C1 at the first cloud.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    surfels: Vec<Surfel>,
+    /// Covariance of the pose of every merged cloud.
+    covariances: Vec<PoseCovariance>,
+}
+
+impl Model {
+    /// All surfels, those of few clouds too.
+    #[must_use]
+    pub fn surfels(&self) -> &[Surfel] {
+        &self.surfels
+    }
+
+    /// The surfels to be trusted: measured in `min_support` clouds, or in all that could have measured them, if these are
+    /// fewer.
+    pub fn supported(&self, min_support: u32) -> impl Iterator<Item = &Surfel> {
+        self.surfels.iter().filter(move |surfel| surfel.is_supported(min_support))
+    }
+
+    /// Clouds that were merged.
+    #[must_use]
+    pub fn clouds(&self) -> usize {
+        self.covariances.len()
+    }
+
+    /// Mean of the surfels, metres; the origin for none.
+    #[must_use]
+    pub fn centre(&self) -> Point3 {
+        let sum: Vector3 = self.surfels.iter().map(|surfel| surfel.position.coords).sum();
+        Point3::from(sum / self.surfels.len().max(1) as f64)
+    }
+
+    /// The surface of supported surfels that camera 1 would see, in its own frame.
+    #[must_use]
+    pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose, min_support: u32) -> OrganizedSurface {
+        let cam1_from_model = model_from_cam1.inverse();
+        let map = IndexMap::draw(&self.surfels, camera, &cam1_from_model, |surfel| surfel.is_supported(min_support));
+        map.surface(&self.surfels, &cam1_from_model)
+    }
+
+    /// Covariance of where the model stands: mean of those of the clouds that its surfels were first measured in.
+    ///
+    /// Errors of poses do not average out in a surfel as noise does: what is first measured stands where its cloud stood,
+    /// and later ones are put there. A mean of covariances is never below the covariance of a mean.
+    pub(super) fn covariance(&self) -> PoseCovariance {
+        let mut born = vec![0_u32; self.covariances.len()];
+        for surfel in &self.surfels {
+            if let Some(count) = born.get_mut(surfel.born as usize) {
+                *count += 1;
+            }
+        }
+        let sum = self
+            .covariances
+            .iter()
+            .zip(&born)
+            .fold(PoseCovariance::zero().0, |sum, (covariance, &count)| sum + covariance.0 * f64::from(count));
+        PoseCovariance(sum / self.surfels.len().max(1) as f64)
+    }
+
+    /// Merges what camera 1 saw from a pose that is known with a covariance, and was registered with residuals `excess`
+    /// times as large as noise.
+    pub(super) fn merge(
+        &mut self,
+        camera: &Camera,
+        surface: &OrganizedSurface,
+        model_from_cam1: &Pose,
+        covariance: PoseCovariance,
+        excess: f64,
+        min_support: u32,
+    ) -> Merged {
+        let placement = Placement {
+            model_from_cam1: *model_from_cam1,
+            covariance,
+            excess: excess.max(1.0),
+            pixel_per_m: 1.0 / camera.focal_px()[0],
+            cloud: self.covariances.len() as u32,
+        };
+        let map = IndexMap::draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
+        let added = merge(&mut self.surfels, &map, surface, &placement);
+        let removed = clean(&mut self.surfels, &map, surface, &placement, min_support);
+        self.covariances.push(covariance);
+        Merged { added, removed }
+    }
+}

@@ -1,0 +1,53 @@
+//! A model as PLY, binary little-endian: one vertex a surfel.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use crate::atomic_file::{WriteError, write_atomically};
+use crate::cloud::{CloudExport, Scalar, ply_header};
+
+use super::model::Model;
+use super::surfel::Surfel;
+
+/// Name and type of every property, in the order of the file; `sigma` has the unit of `x y z`.
+const FIELDS: [(&str, Scalar); 9] = [
+    ("x", Scalar::F32),
+    ("y", Scalar::F32),
+    ("z", Scalar::F32),
+    ("nx", Scalar::F32),
+    ("ny", Scalar::F32),
+    ("nz", Scalar::F32),
+    ("intensity", Scalar::U8),
+    ("sigma", Scalar::F32),
+    ("support", Scalar::U16),
+];
+
+/// Writes the surfels with enough support; returns how many.
+///
+/// # Errors
+/// The file cannot be written; what stood there stays as it was.
+pub fn write_model(
+    path: &Path,
+    model: &Model,
+    min_support: u32,
+    export: &CloudExport<'_>,
+) -> Result<usize, WriteError> {
+    let count = model.supported(min_support).count();
+    let mut remarks = export.remarks().to_vec();
+    remarks.push(("origin", format!("cam1 at the first of {} clouds", model.clouds())));
+    write_atomically(path, |out| {
+        out.write_all(ply_header(count, &remarks, &FIELDS).as_bytes())?;
+        model.supported(min_support).try_for_each(|surfel| write(out, surfel, f64::from(export.per_metre())))
+    })?;
+    Ok(count)
+}
+
+fn write(out: &mut impl Write, surfel: &Surfel, per_metre: f64) -> io::Result<()> {
+    let position = surfel.position.coords * per_metre;
+    for value in position.iter().chain(surfel.normal.iter()) {
+        out.write_all(&(*value as f32).to_le_bytes())?;
+    }
+    out.write_all(&[surfel.intensity.round() as u8])?;
+    out.write_all(&((surfel.sigma_m() * per_metre) as f32).to_le_bytes())?;
+    out.write_all(&u16::try_from(surfel.support).unwrap_or(u16::MAX).to_le_bytes())
+}

@@ -1,0 +1,161 @@
+//! A surfel: a small piece of surface, as many measurements have it.
+
+use crate::geometry::{Point3, Vector3};
+
+/// A measurement that goes into a surfel, frame of the model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measurement {
+    pub(super) position: Point3,
+    pub(super) normal: Vector3,
+    /// Standard deviation along the ray, metres.
+    pub(super) sigma_m: f64,
+    pub(super) intensity: u8,
+    /// Variance that the pose of its cloud adds along the normal, m².
+    pub(super) pose_variance: f64,
+    /// Number of its cloud among those merged.
+    pub(super) cloud: u32,
+}
+
+/// A piece of surface, frame of the model, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surfel {
+    /// Mean of its measurements, weighed by their noise.
+    pub position: Point3,
+    /// Mean normal, length 1, away from the body.
+    pub normal: Vector3,
+    /// Sum of the weights `1/σ²`, 1/m².
+    pub weight: f64,
+    /// Mean grey level.
+    pub intensity: f32,
+    /// Clouds that it was measured in.
+    pub support: u32,
+    /// Clouds that could have measured it: it lay in the image of C1, faced it, and nothing stood before it.
+    pub seen: u32,
+    /// Clouds that measured what lies behind it.
+    pub contradictions: u32,
+    /// Number of the cloud that it was first measured in, among those merged.
+    pub(super) born: u32,
+    /// Number of the cloud that it was last measured in.
+    pub(super) last: u32,
+    measurements: u32,
+    /// `Σ w r²`, r the distances of measurements along the normal from their mean.
+    scatter: f64,
+    /// Mean variance along the normal that the poses of its clouds add, m².
+    pose_variance: f64,
+}
+
+impl Surfel {
+    pub(super) fn new(m: &Measurement) -> Self {
+        Self {
+            position: m.position,
+            normal: m.normal,
+            weight: weight(m),
+            intensity: f32::from(m.intensity),
+            support: 1,
+            seen: 0,
+            contradictions: 0,
+            born: m.cloud,
+            last: m.cloud,
+            measurements: 1,
+            scatter: 0.0,
+            pose_variance: m.pose_variance,
+        }
+    }
+
+    /// Takes a measurement into the running means (West 1979, "Updating mean and variance estimates").
+    pub(super) fn take(&mut self, m: &Measurement) {
+        let added = weight(m);
+        let total = self.weight + added;
+        let share = added / total;
+        let off = m.position - self.position;
+        let distance = off.dot(&self.normal);
+        self.scatter += self.weight * share * distance * distance;
+        self.position += off * share;
+        let normal = self.normal + (m.normal - self.normal) * share;
+        self.normal = normal.try_normalize(0.0).unwrap_or(self.normal);
+        self.intensity += (f32::from(m.intensity) - self.intensity) * share as f32;
+        self.pose_variance += (m.pose_variance - self.pose_variance) * share;
+        self.weight = total;
+        self.measurements += 1;
+        if self.last != m.cloud {
+            self.support += 1;
+            self.last = m.cloud;
+        }
+    }
+
+    /// Whether it was measured in so many clouds, or in all that could have measured it, if these are fewer.
+    #[must_use]
+    pub fn is_supported(&self, min_support: u32) -> bool {
+        self.support >= min_support.min(self.seen)
+    }
+
+    /// Standard deviation of its position, metres: noise of the mean, as large as the measurements really scatter, and
+    /// what the poses of their clouds add, which no number of measurements makes smaller.
+    #[must_use]
+    pub fn sigma_m(&self) -> f64 {
+        let excess = self.scatter / f64::from(self.measurements.saturating_sub(1).max(1));
+        (excess.max(1.0) / self.weight + self.pose_variance).sqrt()
+    }
+
+    /// Standard deviation of its noise alone, metres.
+    pub(super) fn noise_m(&self) -> f64 {
+        (1.0 / self.weight).sqrt()
+    }
+}
+
+/// Smallest standard deviation of a measurement, metres: single precision has no less at arm's length.
+const LEAST_SIGMA_M: f64 = 1e-7;
+
+fn weight(m: &Measurement) -> f64 {
+    1.0 / m.sigma_m.max(LEAST_SIGMA_M).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(z: f64, cloud: u32) -> Measurement {
+        Measurement {
+            position: Point3::new(0.0, 0.0, z),
+            normal: -Vector3::z(),
+            sigma_m: 1e-3,
+            intensity: 100,
+            pose_variance: 0.0,
+            cloud,
+        }
+    }
+
+    #[test]
+    fn means_get_better_with_the_root_of_their_number() {
+        let mut surfel = Surfel::new(&measured(0.3, 0));
+        for cloud in 1..16 {
+            surfel.take(&Measurement { sigma_m: 1e-3, ..measured(0.3, cloud) });
+        }
+        assert_eq!((surfel.support, surfel.measurements), (16, 16));
+        assert!((surfel.sigma_m() - 2.5e-4).abs() < 1e-9, "{}", surfel.sigma_m());
+    }
+
+    #[test]
+    fn what_scatters_more_than_its_noise_is_less_certain() {
+        let mut surfel = Surfel::new(&measured(0.3, 0));
+        for cloud in 1..16 {
+            surfel.take(&measured(if cloud % 2 == 0 { 0.3 } else { 0.31 }, cloud));
+        }
+        assert!((surfel.position.z - 0.305).abs() < 1e-12);
+        // Half of 10 mm to either side, 16 measurements.
+        assert!((surfel.sigma_m() - 5e-3 / 15.0_f64.sqrt()).abs() < 1e-6, "{}", surfel.sigma_m());
+    }
+
+    #[test]
+    fn the_poses_stay_in_the_sum() {
+        let posed = |cloud| Measurement { pose_variance: 1e-8, ..measured(0.3, cloud) };
+        let mut surfel = Surfel::new(&posed(0));
+        for cloud in 1..1000 {
+            surfel.take(&posed(cloud));
+        }
+        assert!((surfel.sigma_m() - (1e-6 / 1000.0 + 1e-8_f64).sqrt()).abs() < 1e-12);
+        let twice = Surfel { ..surfel };
+        surfel.take(&posed(999));
+        assert_eq!(surfel.support, twice.support, "a cloud counts once");
+    }
+}

@@ -1,0 +1,174 @@
+//! Clouds of simulated surfaces, tracked and fused, against the poses and the surface they came from.
+
+use crate::calibration::Unit;
+use crate::cloud::{Cloud, CloudExport};
+use crate::geometry::{Camera, Point3, Pose, Vector3};
+use crate::registration::Lost;
+use crate::registration::tests::{camera_of, cloud_of, hills};
+
+use super::*;
+
+const SIGMA_M: f64 = 3e-5;
+
+fn camera() -> Camera {
+    camera_of([120, 96])
+}
+
+/// A closed way over the hills: 6 mm and 3° to each side, and forth and back.
+fn pose(k: usize, clouds: usize) -> Pose {
+    let angle = std::f64::consts::TAU * k as f64 / clouds as f64;
+    let (s, c) = (angle.sin(), 1.0 - angle.cos());
+    Pose::new(Vector3::new(0.006 * s, 0.004 * c, 0.002 * s), Vector3::new(0.05 * c, 0.04 * s, 0.03 * s))
+}
+
+fn cloud(world_from_cam1: &Pose, seed: u64) -> Cloud {
+    cloud_of(&camera(), SIGMA_M, seed, |ray| hills(world_from_cam1, 0.004, ray))
+}
+
+fn fused(clouds: usize) -> (Tracker, Vec<Tracked>) {
+    let mut tracker = Tracker::new(camera(), FusionSettings::default());
+    let steps = (0..=clouds).map(|k| tracker.step(&cloud(&pose(k, clouds), k as u64))).collect();
+    (tracker, steps)
+}
+
+fn off_m(found: &Pose, truth: &Pose) -> f64 {
+    let centre = Point3::new(0.0, 0.0, 0.3);
+    (found * centre - truth * centre).norm()
+}
+
+/// Distance of a place from the hills, roughly across them, metres.
+fn off_hills_m(place: &Point3) -> f64 {
+    let ray = place.coords / place.z;
+    (hills(&Pose::identity(), 0.004, &ray).unwrap() - place).norm()
+}
+
+#[test]
+fn a_scanner_is_tracked_and_its_model_is_better_than_a_cloud() {
+    let clouds = 16;
+    let (tracker, steps) = fused(clouds);
+    for (k, step) in steps.iter().enumerate() {
+        assert_eq!(step.tracking.name(), if k == 0 { "first" } else { "tracked" }, "cloud {k}: {step:?}");
+        let off = off_m(&step.model_from_cam1, &pose(k, clouds));
+        let sd = step.covariance.sd_at(&Point3::new(0.0, 0.0, 0.3));
+        assert!(off <= 4.0 * sd + 1e-6, "cloud {k} is {off:e} m off, standard deviation {sd:e} m");
+    }
+    let surfels: Vec<_> = tracker.model().supported(3).collect();
+    let rms = |off: &mut dyn Iterator<Item = f64>| {
+        let squares: Vec<f64> = off.map(|x| x * x).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    let of_model = rms(&mut surfels.iter().map(|s| off_hills_m(&s.position)));
+    let single = cloud(&Pose::identity(), 0);
+    let of_cloud = rms(&mut single.points.iter().map(|p| off_hills_m(&Point3::from(p.position_m.map(f64::from)))));
+    assert!(of_model < 0.5 * of_cloud, "model {of_model:e} m, cloud {of_cloud:e} m");
+    // What is told of each surfel is what it is off by.
+    let normalized = rms(&mut surfels.iter().map(|s| off_hills_m(&s.position) / s.sigma_m()));
+    assert!((0.5..2.0).contains(&normalized), "surfels are off by {normalized} of their standard deviations");
+    // As many surfels as the first cloud has points, and what came in sight beside it.
+    let per_point = surfels.len() as f64 / single.points.len() as f64;
+    assert!((1.0..1.8).contains(&per_point), "{} surfels for {} points", surfels.len(), single.points.len());
+}
+
+#[test]
+fn turns_stay_turns_however_long_the_scan() {
+    let mut tracker = Tracker::new(camera_of([60, 48]), FusionSettings::default());
+    for k in 0..80 {
+        let pose = pose(k, 40);
+        let cloud = cloud_of(&camera_of([60, 48]), SIGMA_M, k as u64, |ray| hills(&pose, 0.004, ray));
+        let found = tracker.step(&cloud).model_from_cam1;
+        assert!((found.rotation.norm() - 1.0).abs() < 1e-14, "cloud {k}: length {}", found.rotation.norm());
+    }
+}
+
+#[test]
+fn a_closed_way_closes() {
+    let (tracker, _) = fused(12);
+    let closure = tracker.closure().unwrap();
+    let sd = closure.direct.covariance.sd_at(&Point3::new(0.0, 0.0, 0.3));
+    assert!(closure.drift_m < 6.0 * sd, "{closure:?}, standard deviation {sd:e} m");
+}
+
+#[test]
+fn a_jump_is_lost_merges_nothing_and_is_found_back() {
+    let mut tracker = Tracker::new(camera(), FusionSettings::default());
+    for k in 0..3 {
+        tracker.step(&cloud(&Pose::identity(), k));
+    }
+    let before = tracker.model().clone();
+    let away = Pose::translation(0.0, 0.0, -0.06);
+    let lost = tracker.step(&cloud(&away, 9));
+    assert!(matches!(lost.tracking, Tracking::Lost(Lost::TooFewInCommon { .. })), "{lost:?}");
+    assert_eq!(tracker.model(), &before);
+    // 6 mm nearer: beyond the reach of tracking, within that of relocalization.
+    let near = Pose::translation(0.0, 0.0, 0.006);
+    let found = tracker.step(&cloud(&near, 10));
+    assert_eq!(found.tracking.name(), "relocalized", "{found:?}");
+    assert!(off_m(&found.model_from_cam1, &near) < 2e-5, "{found:?}");
+}
+
+#[test]
+fn an_empty_scan_begins_with_the_first_cloud_that_shows_something() {
+    let mut tracker = Tracker::new(camera(), FusionSettings::default());
+    let nothing = tracker.step(&Cloud::default());
+    assert_eq!(nothing.tracking.name(), "lost");
+    assert_eq!(tracker.step(&cloud(&Pose::identity(), 1)).tracking, Tracking::First);
+    assert!(tracker.closure().is_none());
+}
+
+#[test]
+fn what_is_seen_through_and_what_is_never_confirmed_goes() {
+    let with = |seed: u64, plate: bool| {
+        let mut cloud = cloud(&Pose::identity(), seed);
+        for point in cloud.points.iter_mut().filter(|_| plate) {
+            let [u, v] = point.cam1_px;
+            // A plate 12 mm before the hills.
+            if (40..60).contains(&u) && (30..50).contains(&v) {
+                point.position_m = point.position_m.map(|c| c * 0.96);
+            }
+        }
+        cloud
+    };
+    let on_plate = |tracker: &Tracker| {
+        let surfels = tracker.model().surfels();
+        surfels.iter().filter(|s| off_hills_m(&s.position) > 5e-3).count()
+    };
+    let mut tracker = Tracker::new(camera(), FusionSettings::default());
+    for seed in 0..4 {
+        tracker.step(&with(seed, true));
+    }
+    assert!(on_plate(&tracker) > 200, "{}", on_plate(&tracker));
+    for seed in 4..8 {
+        tracker.step(&with(seed, false));
+    }
+    assert_eq!(on_plate(&tracker), 0);
+}
+
+#[test]
+fn the_file_holds_the_supported_surfels() {
+    let (tracker, _) = fused(6);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.ply");
+    let export = CloudExport { unit: Unit::Millimetre, dataset: "hills" };
+    let count = write_model(&path, tracker.model(), 3, &export).unwrap();
+    assert_eq!(count, tracker.model().supported(3).count());
+    let bytes = std::fs::read(&path).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = std::str::from_utf8(&bytes[..end]).unwrap();
+    assert!(header.contains("comment unit mm\n") && header.contains("comment origin cam1 at the first of 7 clouds\n"));
+    assert!(
+        header.contains("property float nz\nproperty uchar intensity\nproperty float sigma\nproperty ushort support\n")
+    );
+    assert_eq!(bytes.len() - end, count * 31);
+    let first = tracker.model().supported(3).next().unwrap();
+    assert_eq!(bytes[end..end + 4], ((first.position.x * 1e3) as f32).to_le_bytes());
+    assert_eq!(bytes[end + 24], 100);
+    assert_eq!(bytes[end + 25..end + 29], ((first.sigma_m() * 1e3) as f32).to_le_bytes());
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let of_threads = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| fused(4));
+    let ((a, steps_a), (b, steps_b)) = (of_threads(1), of_threads(3));
+    assert_eq!(steps_a, steps_b);
+    assert_eq!(a.model(), b.model());
+}

@@ -1,0 +1,93 @@
+//! How well a pose `b_from_a` is known.
+
+use nalgebra::{Matrix3, Matrix6, Vector6};
+
+use crate::geometry::{Point3, Pose, Vector3};
+
+/// Covariance of the error of a pose `b_from_a`, as a small motion `x + t + ω × x` of frame b: t (metres) before ω (rad).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseCovariance(pub Matrix6<f64>);
+
+impl PoseCovariance {
+    /// A pose that is known.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self(Matrix6::zeros())
+    }
+
+    /// From that of a shift and a turn about `centre` of frame b, which leaves the centre where it is.
+    #[must_use]
+    pub fn about(centre: &Point3, covariance: &Matrix6<f64>) -> Self {
+        // t + ω × (x − c) = (t + c × ω) + ω × x.
+        let mut origin_from_centre = Matrix6::identity();
+        origin_from_centre.fixed_view_mut::<3, 3>(0, 3).copy_from(&centre.coords.cross_matrix());
+        Self(origin_from_centre * covariance * origin_from_centre.transpose())
+    }
+
+    /// The same error, seen from a frame in which frame b stands at `c_from_b`.
+    #[must_use]
+    pub fn seen_from(&self, c_from_b: &Pose) -> Self {
+        let rotation = *c_from_b.rotation.to_rotation_matrix().matrix();
+        let mut adjoint = Matrix6::zeros();
+        adjoint.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+        adjoint.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+        adjoint.fixed_view_mut::<3, 3>(0, 3).copy_from(&(c_from_b.translation.vector.cross_matrix() * rotation));
+        Self(adjoint * self.0 * adjoint.transpose())
+    }
+
+    /// Variance of where a place of frame b is put, along a direction, m².
+    #[must_use]
+    pub fn variance_along(&self, place: &Point3, direction: &Vector3) -> f64 {
+        let turn = place.coords.cross(direction);
+        let row = Vector6::new(direction.x, direction.y, direction.z, turn.x, turn.y, turn.z);
+        row.dot(&(self.0 * row)).max(0.0)
+    }
+
+    /// Standard deviation of where a place of frame b is put, all directions together, metres.
+    #[must_use]
+    pub fn sd_at(&self, place: &Point3) -> f64 {
+        let axes: Matrix3<f64> = Matrix3::identity();
+        let variance: f64 = axes.column_iter().map(|axis| self.variance_along(place, &axis.into_owned())).sum();
+        variance.sqrt()
+    }
+
+    /// Standard deviation of the turn, all axes together, rad.
+    #[must_use]
+    pub fn turn_sd(&self) -> f64 {
+        (3..6).map(|i| self.0[(i, i)]).sum::<f64>().max(0.0).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A turn about a place, known to 0.1 rad about each axis, and a shift known to 0.01.
+    fn about(centre: &Point3) -> PoseCovariance {
+        let [t, w] = [1e-4, 1e-2];
+        PoseCovariance::about(centre, &Matrix6::from_diagonal(&Vector6::new(t, t, t, w, w, w)))
+    }
+
+    #[test]
+    fn the_centre_of_a_turn_stays() {
+        let centre = Point3::new(0.1, -0.2, 0.3);
+        let covariance = about(&centre);
+        assert!((covariance.sd_at(&centre) - 3e-4_f64.sqrt()).abs() < 1e-12);
+        let beside = centre + Vector3::x();
+        // Two axes move a place beside the centre by 0.1 each.
+        assert!((covariance.sd_at(&beside) - (3e-4 + 2e-2_f64).sqrt()).abs() < 1e-12);
+        assert!((covariance.variance_along(&beside, &Vector3::x()) - 1e-4).abs() < 1e-12);
+        assert!((covariance.turn_sd() - 0.03_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn another_frame_sees_the_same_error() {
+        let centre = Point3::new(0.1, -0.2, 0.3);
+        let pose = Pose::new(Vector3::new(0.4, 0.1, -0.7), Vector3::new(0.3, 0.9, -0.2));
+        let seen = about(&centre).seen_from(&pose);
+        let (place, direction) = (Point3::new(0.3, 0.3, 0.1), Vector3::new(0.6, 0.0, 0.8));
+        let expected = about(&centre).variance_along(&place, &direction);
+        let found = seen.variance_along(&(pose * place), &(pose.rotation * direction));
+        assert!((found - expected).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,156 @@
+//! The iteration: pair, step, pair anew, first with few points and a long reach, at last with many and a short one.
+
+use nalgebra::{Translation3, UnitQuaternion, Vector6};
+
+use crate::geometry::{Camera, Point3, Pose, Vector3};
+
+use super::association::{Association, Motion, Pair};
+use super::covariance::PoseCovariance;
+use super::equations::{Equations, scale};
+use super::outcome::{Lost, Registration, RegistrationSettings};
+use super::surface::{OrganizedSurface, SurfacePoint};
+use super::thinning::tiles;
+
+/// Levels from coarse to fine.
+const LEVELS: [Level; 3] = [
+    Level { points: 0.12, reach: 1.0, steps: 15 },
+    Level { points: 0.35, reach: 0.3, steps: 8 },
+    Level { points: 1.0, reach: 0.1, steps: 12 },
+];
+/// A step of so many standard deviations ends a level.
+const CONVERGED_SD: f64 = 0.05;
+/// A last step of so many is too many. Pairs change from step to step, so that the pose may go to and fro a little.
+const MAX_LAST_STEP_SD: f64 = 1.0;
+
+/// One level: its share of the points and of the reach, and how often it is stepped at most.
+struct Level {
+    points: f64,
+    reach: f64,
+    steps: usize,
+}
+
+/// Where the steps of a level led.
+struct Settled {
+    reference_from_moved: Pose,
+    motion: Motion,
+    pairs: usize,
+    equations: Equations,
+    scale: f64,
+    last_step_sd: f64,
+}
+
+/// Registers a moved surface to a reference that camera 1 saw, from a rough pose.
+///
+/// # Errors
+/// [`Lost`], with its reason.
+pub fn register(
+    camera: &Camera,
+    reference: &OrganizedSurface,
+    moved: &OrganizedSurface,
+    start: &Pose,
+    settings: &RegistrationSettings,
+) -> Result<Registration, Lost> {
+    let distance_m = (start * moved.centre()).coords.norm();
+    let mut pose = *start;
+    let mut settled = None;
+    for level in &LEVELS {
+        let tiles = tiles(moved, (settings.points as f64 * level.points) as usize);
+        let tried: usize = tiles.iter().map(Vec::len).sum();
+        let reach_m = settings.reach_share * level.reach * distance_m;
+        let motion = motion_of(&tiles, &pose);
+        let association = Association { camera, reference, reach_m, motion };
+        let found = settle(&association, &tiles, pose, level.steps)?;
+        let too_few = found.pairs < settings.min_associated || (found.pairs as f64) < settings.min_share * tried as f64;
+        // Far from its place a surface has fewer partners: the first level may do with less.
+        if too_few && level.points == 1.0 {
+            return Err(Lost::TooFewInCommon { associated: found.pairs, tried });
+        }
+        pose = found.reference_from_moved;
+        settled = Some((found, tried));
+    }
+    let (found, tried) = settled.ok_or(Lost::TooFewInCommon { associated: 0, tried: 0 })?;
+    judge(&found, tried, distance_m, settings)
+}
+
+/// Steps until the pose stays, or the steps are used up.
+fn settle(
+    association: &Association<'_>,
+    tiles: &[Vec<SurfacePoint>],
+    start: Pose,
+    steps: usize,
+) -> Result<Settled, Lost> {
+    let mut pose = start;
+    let mut last_step_sd = f64::INFINITY;
+    let mut taken = 0;
+    loop {
+        let pairs = association.pairs(tiles, &pose);
+        let scale = scale(&pairs);
+        let equations = Equations::of(&pairs, scale);
+        if taken == steps || last_step_sd <= CONVERGED_SD {
+            let pairs = pairs.iter().map(Vec::len).sum();
+            let motion = association.motion;
+            return Ok(Settled { reference_from_moved: pose, motion, pairs, equations, scale, last_step_sd });
+        }
+        let step = step(&pairs, &equations)?;
+        last_step_sd = equations.step_sd(&step, scale);
+        pose = moved_by(&association.motion, &step) * pose;
+        taken += 1;
+    }
+}
+
+fn step(pairs: &[Vec<Pair>], equations: &Equations) -> Result<Vector6<f64>, Lost> {
+    let associated = pairs.iter().map(Vec::len).sum();
+    if associated < 6 {
+        return Err(Lost::TooFewInCommon { associated, tried: associated });
+    }
+    equations.step().ok_or(Lost::Degenerate { eigenvalue: equations.least_eigenvalue() })
+}
+
+fn judge(
+    found: &Settled,
+    tried: usize,
+    distance_m: f64,
+    settings: &RegistrationSettings,
+) -> Result<Registration, Lost> {
+    let equations = &found.equations;
+    let eigenvalue = equations.least_eigenvalue();
+    if eigenvalue < settings.min_eigenvalue {
+        return Err(Lost::Degenerate { eigenvalue });
+    }
+    let (rms_m, limit_m) = (equations.rms_m(), settings.max_rms_share * distance_m);
+    if rms_m > limit_m {
+        return Err(Lost::ResidualTooLarge { rms_m, limit_m });
+    }
+    if found.last_step_sd > MAX_LAST_STEP_SD {
+        return Err(Lost::NotConverged { step_sd: found.last_step_sd });
+    }
+    let Motion { centre, radius_m } = found.motion;
+    let covariance = equations.covariance().ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
+    let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
+    let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
+    Ok(Registration {
+        reference_from_moved: found.reference_from_moved,
+        covariance: PoseCovariance::about(&centre, &covariance),
+        associated: found.pairs,
+        share: found.pairs as f64 / tried.max(1) as f64,
+        rms_m,
+        excess: found.scale,
+    })
+}
+
+/// Turns are about the middle of the points, and as long as they move the points on average.
+fn motion_of(tiles: &[Vec<SurfacePoint>], pose: &Pose) -> Motion {
+    let count = tiles.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+    let points = || tiles.iter().flatten().map(|p| (pose * p.position()).coords);
+    let centre = points().sum::<Vector3>() / count;
+    let square = points().map(|p| (p - centre).norm_squared()).sum::<f64>() / count;
+    Motion { centre: Point3::from(centre), radius_m: square.sqrt().max(f64::MIN_POSITIVE) }
+}
+
+/// The small motion of a step.
+fn moved_by(motion: &Motion, step: &Vector6<f64>) -> Pose {
+    let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3) / motion.radius_m);
+    let shift = Vector3::from(step.fixed_rows::<3>(0));
+    let centre = motion.centre.coords;
+    Pose::from_parts(Translation3::from(centre + shift - turn * centre), turn)
+}

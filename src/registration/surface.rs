@@ -1,0 +1,113 @@
+//! A surface as camera 1 saw it: at most one point a pixel, with its normal where the surface is smooth.
+
+use crate::cloud::Cloud;
+use crate::geometry::{Point3, Vector3};
+
+use super::normals::normals;
+
+/// One place of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Position, frame of C1, metres.
+    pub position_m: [f32; 3],
+    /// Normal towards C1, length 1; `None` at edges and where too few points stand around.
+    pub normal: Option<[f32; 3]>,
+    /// Standard deviation along the ray, metres.
+    pub sigma_m: f32,
+    /// Mean grey level.
+    pub intensity: u8,
+    /// Pixel of C1: column, row.
+    pub cam1_px: [u16; 2],
+}
+
+impl SurfacePoint {
+    /// The position, frame of C1, metres.
+    #[must_use]
+    pub fn position(&self) -> Point3 {
+        Point3::from(self.position_m.map(f64::from))
+    }
+
+    /// The normal, frame of C1.
+    #[must_use]
+    pub fn unit_normal(&self) -> Option<Vector3> {
+        self.normal.map(|normal| Vector3::from(normal.map(f64::from)))
+    }
+}
+
+/// Points by their pixel of C1.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OrganizedSurface {
+    size_px: [usize; 2],
+    /// Place among the points, or [`NONE`], of every pixel, row by row.
+    places: Vec<u32>,
+    points: Vec<SurfacePoint>,
+}
+
+/// A pixel without a point.
+const NONE: u32 = u32::MAX;
+
+impl OrganizedSurface {
+    /// A cloud of C1 with images of `size_px` (width, height), and the normals that its pixel grid yields.
+    ///
+    /// Points beyond the image are left out, as are those that lie at no distance before the camera.
+    #[must_use]
+    pub fn of_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
+        let points = cloud.points.iter().map(|p| SurfacePoint {
+            position_m: p.position_m,
+            normal: None,
+            sigma_m: p.sigma_m,
+            intensity: p.intensity,
+            cam1_px: p.cam1_px,
+        });
+        let mut surface = Self::new(size_px, points);
+        for (normal, point) in normals(&surface).into_iter().zip(&mut surface.points) {
+            point.normal = normal;
+        }
+        surface
+    }
+
+    /// Points with their normals; of two at a pixel the later stays.
+    pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
+        let [width, height] = size_px;
+        let mut surface = Self { size_px, places: vec![NONE; width * height], points: Vec::new() };
+        for point in points {
+            let [u, v] = point.cam1_px.map(usize::from);
+            let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();
+            if u < width && v < height && is_measured {
+                surface.places[v * width + u] = surface.points.len() as u32;
+                surface.points.push(point);
+            }
+        }
+        surface
+    }
+
+    /// Width and height of the image, pixels.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
+    }
+
+    /// All points.
+    #[must_use]
+    pub fn points(&self) -> &[SurfacePoint] {
+        &self.points
+    }
+
+    /// The point of a pixel; `None` where there is none, and beyond the image.
+    #[must_use]
+    pub fn at(&self, column: isize, row: isize) -> Option<&SurfacePoint> {
+        let [width, height] = self.size_px;
+        let (u, v) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
+        if u >= width || v >= height {
+            return None;
+        }
+        self.points.get(self.places[v * width + u] as usize)
+    }
+
+    /// Mean of the points, frame of C1, metres; the origin for none.
+    #[must_use]
+    pub fn centre(&self) -> Point3 {
+        let sum: Vector3 = self.points.iter().map(|p| p.position().coords).sum();
+        Point3::from(sum / self.points.len().max(1) as f64)
+    }
+}
