@@ -92,7 +92,8 @@ pub struct Matches {
     pub chosen_delta_rad: (f64, f64),
     /// The drift of the calibration that δ was judged about, where the method knows one.
     pub drift: Option<Drift>,
-    /// Steps by which the patterns of C1 and of C2 were ahead of what was said of them; the phases were corrected first.
+    /// Steps, 0 to N − 1, by which the patterns of C1 and of C2 were ahead of what was said of them, shifts rising from step to
+    /// step; the phases were corrected first.
     pub slip_steps: [usize; 2],
 }
 

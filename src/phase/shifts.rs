@@ -92,16 +92,16 @@ impl PhaseShifts {
         self.shifts_rad.len()
     }
 
-    /// Whether each shift is 2π/N behind the one before, or each ahead of it: then a cycle begun at another step is the same
-    /// cycle with another phase.
+    /// The sense of shifts each of which is 2π/N ahead of the one before (1), or each behind it (−1): such a cycle begun at
+    /// another step is the same cycle with another phase. `None` for any others.
     #[must_use]
-    pub fn is_evenly_spaced(&self) -> bool {
+    pub fn even_sense(&self) -> Option<f64> {
         let step = TAU / self.steps() as f64;
         let apart =
             |pair: &[f64], sense: f64| ((pair[1] - pair[0]) * sense - step + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
         [1.0, -1.0]
             .into_iter()
-            .any(|sense| self.shifts_rad.windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
+            .find(|&sense| self.shifts_rad.windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
     }
 
     /// The shifts, rad.

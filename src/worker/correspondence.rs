@@ -26,6 +26,8 @@ pub struct Correspondences {
 #[derive(Clone, Debug)]
 pub struct CorrespondenceWorker {
     table: Arc<SegmentTable>,
+    /// Sense of evenly spaced shifts.
+    shift_sense: Option<f64>,
     settings: MatchSettings,
 }
 
@@ -34,8 +36,9 @@ impl CorrespondenceWorker {
     /// spaced.
     #[must_use]
     pub fn new(table: Arc<SegmentTable>, cycle: &PhaseShifts, settings: MatchSettings) -> Self {
-        let cycle_steps = cycle.is_evenly_spaced().then_some(cycle.steps());
-        Self { table, settings: MatchSettings { cycle_steps, ..settings } }
+        let shift_sense = cycle.even_sense();
+        let cycle_steps = shift_sense.map(|_| cycle.steps());
+        Self { table, shift_sense, settings: MatchSettings { cycle_steps, ..settings } }
     }
 
     /// The segment table it works with.
@@ -50,6 +53,10 @@ impl CorrespondenceWorker {
     /// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
     pub fn step(&mut self, maps: &PhasePair, out: &mut Correspondences) -> Result<(), MatchError> {
         out.matches = match_phases(&maps.cam1, &maps.cam2, &self.table, &self.settings)?;
+        if let Some(steps) = self.settings.cycle_steps.filter(|_| self.shift_sense == Some(-1.0)) {
+            // The phase is ahead where the steps are behind.
+            out.matches.slip_steps = out.matches.slip_steps.map(|ahead| (steps - ahead) % steps);
+        }
         out.width = maps.cam1.width;
         out.mean.clone_from(&maps.cam1.mean);
         out.modulation.clone_from(&maps.cam1.modulation);

@@ -28,6 +28,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         maps: PhasePair::default(),
         found: Correspondences::default(),
         alarm: DriftAlarm::new(measurement.drift_limit),
+        slip_steps: [0; 2],
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
     };
     run_transform(&mut host, stage)
@@ -40,7 +41,31 @@ struct CorrespondenceStage {
     maps: PhasePair,
     found: Correspondences,
     alarm: DriftAlarm,
+    /// Slip of the window before.
+    slip_steps: [usize; 2],
     reports: Publisher<(), WindowReport>,
+}
+
+impl CorrespondenceStage {
+    /// Tells when the sequence has slipped, and when it is in step again.
+    fn tell_slip(&mut self) {
+        let found = self.found.matches.slip_steps;
+        if found == self.slip_steps {
+            return;
+        }
+        self.slip_steps = found;
+        match found {
+            [0, 0] => tracing::info!("the images show the steps again that are said of them"),
+            [a, b] if a == b => tracing::warn!(
+                "the pattern of both cameras is {a} steps ahead of what is said of it: projector and cameras are out of step; \
+                 the phases are corrected"
+            ),
+            [a, b] => tracing::warn!(
+                "the patterns of camera 1 and 2 are {a} and {b} steps ahead of what is said of them: a camera has lost or \
+                 repeated images that its numbers do not show; the phases are corrected"
+            ),
+        }
+    }
 }
 
 impl Transform for CorrespondenceStage {
@@ -84,6 +109,7 @@ impl Transform for CorrespondenceStage {
         if let Some(drift) = &self.found.matches.drift {
             self.alarm.add(drift);
         }
+        self.tell_slip();
         let report = window_report(&self.header, &self.found, published, &self.alarm);
         if let Some(drift) = report.drift.measured().map(DriftFigures::of).filter(|drift| drift.alarm != stood) {
             if drift.alarm { tracing::warn!("{drift}") } else { tracing::info!("{drift}") }

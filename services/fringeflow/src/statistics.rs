@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use fringeflow::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::phase::Motion;
 use serde::Serialize;
 
 use crate::proposed::Proposed;
@@ -36,8 +37,35 @@ pub(crate) struct Statistics {
     pub(crate) fit_residual_share: [Option<f32>; 2],
     /// Noise of C1 and C2, grey levels.
     pub(crate) noise_grey: [f32; 2],
+    /// How the scene moved, as C1 and C2 saw it; none where no more images than a cycle tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) motion: Option<[MotionFigures; 2]>,
+    /// Steps by which the patterns of C1 and C2 were ahead of what was said of them; the phases were corrected.
+    pub(crate) slip_steps: [usize; 2],
     /// Pixels of C1 by what became of them.
     pub(crate) pixels: BTreeMap<&'static str, u64>,
+}
+
+/// Motion as one camera saw it.
+#[derive(Serialize)]
+pub(crate) struct MotionFigures {
+    /// Median phase moved from image to image, rad.
+    pub(crate) median_rad: f32,
+    /// What its amount exceeds at one pixel in twenty, rad.
+    pub(crate) fast_rad: f32,
+    /// Greatest departure of the brightness of an image from the mean, as a share; compensated.
+    pub(crate) brightness_share: f32,
+    /// Pixels decoded from the images that show one surface.
+    pub(crate) one_surface_pixels: u64,
+    /// Pixels left out for their motion.
+    pub(crate) lost_pixels: u64,
+}
+
+impl MotionFigures {
+    fn of(motion: &Motion) -> Self {
+        let Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels } = *motion;
+        Self { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels }
+    }
 }
 
 /// What the calibration error amounts to, as the images show it.
@@ -87,6 +115,12 @@ impl Statistics {
             unique_percent: 100.0 * unique as f64 / points,
             fit_residual_share: [made.cam1.fit.residual_share, made.cam2.fit.residual_share],
             noise_grey: [made.cam1.fit.noise_grey, made.cam2.fit.noise_grey],
+            motion: made
+                .cam1
+                .motion
+                .zip(made.cam2.motion)
+                .map(|(a, b)| [a, b].map(|motion| MotionFigures::of(&motion))),
+            slip_steps: matches.slip_steps,
             pixels: OutcomeCounts::of(&matches.outcomes)
                 .iter()
                 .filter(|&(outcome, _)| outcome != Outcome::GrayCode)
@@ -124,6 +158,30 @@ impl fmt::Display for Statistics {
                     drift.limit_rad
                 )?;
             }
+        }
+        if let Some([cam1, cam2]) = &self.motion {
+            writeln!(
+                f,
+                "motion {:+.3} and {:+.3} rad an image (1 in 20 pixels beyond {:.3} and {:.3}), brightness within {:.2} %; \
+                 {} and {} pixels decoded from part of their images, {} and {} left out",
+                cam1.median_rad,
+                cam2.median_rad,
+                cam1.fast_rad,
+                cam2.fast_rad,
+                100.0 * cam1.brightness_share.max(cam2.brightness_share),
+                cam1.one_surface_pixels,
+                cam2.one_surface_pixels,
+                cam1.lost_pixels,
+                cam2.lost_pixels
+            )?;
+        }
+        if self.slip_steps != [0; 2] {
+            let [cam1, cam2] = self.slip_steps;
+            writeln!(
+                f,
+                "warning: the patterns of C1 and C2 were {cam1} and {cam2} steps ahead of what is said of them; the phases \
+                 were corrected"
+            )?;
         }
         writeln!(
             f,
