@@ -3,13 +3,16 @@
 //! A sinusoid whose images differ in brightness by `1 + γ_i` leaves residuals that depend on A and z alone. Blocks of pixels
 //! all over the image, each freed from its own motion, give γ of all images by linear least squares; the brightness is
 //! divided out before anything else is measured. What brightness and motion do differs: the first scales A as well.
+//!
+//! A γ that goes round with the shifts is left alone. It adds a sinusoid of one phase to all pixels, which the fit of each
+//! takes for its own; all that betrays it is what a projector that is not linear makes as well.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
-use super::fit::{MotionFit, time};
+use super::fit::{MotionFit, time, unexplained};
 use super::planes::Window;
 
 /// Side of a block, pixels: some fringes, so that phases of all kinds occur; and distance from one to the next.
@@ -37,7 +40,7 @@ pub(super) fn compensate<S: Sample>(window: &mut Window<'_, S>, fit: &MotionFit,
     window.grey_per_value.iter().zip(&plain).map(share).fold(0.0, f32::max)
 }
 
-/// γ of every image, of mean zero; `None` without enough pixels to tell.
+/// γ of every image; `None` without enough pixels to tell.
 fn departures<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, validity: &Validity) -> Option<Vec<f64>> {
     let images = fit.images();
     let projector = residual_projector(fit.shifts_rad())?;
@@ -50,14 +53,21 @@ fn departures<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, validity: &Val
             add_block(window, fit, validity, &pixels, &projector, &mut normal, &mut right);
         }
     }
+    let basis: Vec<[f64; 3]> = fit.shifts_rad().iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
+    let told = unexplained(&basis);
+    let product = |a: &[f64], b: &[f64]| -> f64 {
+        (0..images).map(|i| (0..images).map(|j| a[i] * normal[(i, j)] * b[j]).sum::<f64>()).sum()
+    };
+    let mut reduced = DMatrix::from_fn(told.len(), told.len(), |k, l| product(&told[k], &told[l]));
     let ridge = RIDGE * normal.trace() / images as f64;
     if ridge <= 0.0 {
         return None;
     }
-    (0..images).for_each(|i| normal[(i, i)] += ridge);
-    let solution = normal.cholesky()?.solve(&right);
-    let mean = solution.iter().sum::<f64>() / images as f64;
-    let departures: Vec<f64> = solution.iter().map(|gamma| gamma - mean).collect();
+    (0..told.len()).for_each(|k| reduced[(k, k)] += ridge);
+    let along = |direction: &Vec<f64>| direction.iter().zip(right.iter()).map(|(a, b)| a * b).sum::<f64>();
+    let solution = reduced.cholesky()?.solve(&DVector::from_iterator(told.len(), told.iter().map(along)));
+    let departure = |i: usize| told.iter().zip(solution.iter()).map(|(direction, part)| part * direction[i]).sum();
+    let departures: Vec<f64> = (0..images).map(departure).collect();
     departures.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(departures)
 }
 

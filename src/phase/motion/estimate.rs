@@ -20,7 +20,8 @@ pub(super) fn motion(fit: &MotionFit, fitted: &Fitted, [width, height]: [usize; 
         let tiles = slope.par_chunks_mut(TILE).zip(power.par_chunks_mut(TILE)).zip(motion_rad.par_chunks(TILE));
         tiles.enumerate().for_each(|(tile, ((slope, power), motion))| {
             let first = tile * TILE;
-            Moved::of(fit, fitted, first..first + motion.len(), motion).motion_parts(fit, fitted, slope, power);
+            Moved::of(&fit.rough, &fitted.z, first..first + motion.len(), motion)
+                .motion_parts(fit, fitted, slope, power);
         });
         motion_rad.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, motion)| {
             motion_of_row(fit, &slope, &power, [width, height], v, motion);

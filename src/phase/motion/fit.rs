@@ -33,20 +33,33 @@ pub struct MotionFit {
     shifts_rad: Vec<f64>,
     /// `cos s_i` and `sin s_i`.
     pub(super) turns: Vec<Complex>,
-    /// Weights of the images in A, Re z, Im z, Re z', Im z'.
-    pub(super) weights: [Vec<f32>; 5],
+    /// Weights of the images in A, Re z, Im z, Re z', Im z' of the fit without A'. It bears more ripple-free motion in the same
+    /// images, so that motion is measured by it.
+    pub(super) weights: [Vec<f32>; LEAST_IMAGES],
+    /// Its responses.
+    pub(super) rough: Response,
+    /// Weights of the images in Re z, Im z of the fit with A', which the phase is taken from; those without where there are too
+    /// few images.
+    pub(super) phase_weights: [Vec<f32>; 2],
+    /// Its responses.
+    pub(super) fine: Response,
     /// Whether A' is determined.
     pub(super) has_trend: bool,
     /// What no fit without A' explains: weights of the images in as many numbers as are left, of unit length.
     pub(super) residuals: Vec<Vec<f32>>,
-    /// Response of z to the motion ε: `H(ε) = Σ h_i·e^(iεt_i)` of z itself, `G(ε) = Σ g_i·e^(−iεt_i)` of its conjugate, which
-    /// is the ripple at twice the fringe frequency.
-    pub(super) direct: Vec<Complex>,
-    pub(super) ripple: Vec<Complex>,
-    /// The same of z' to the conjugate of z.
+    /// Response of z' to the conjugate of z, as the ripple of a [`Response`].
     pub(super) slope_ripple: Vec<Complex>,
     motions: MotionTable,
     noise_gain: f32,
+}
+
+/// Response of a fitted z to the motion ε.
+#[derive(Clone, Debug)]
+pub(super) struct Response {
+    /// `h_i` in `H(ε) = Σ h_i·e^(iεt_i)`, the response to z itself.
+    pub(super) direct: Vec<Complex>,
+    /// `g_i` in `G(ε) = Σ g_i·e^(−iεt_i)`, the response to its conjugate: the ripple at twice the fringe frequency.
+    pub(super) ripple: Vec<Complex>,
 }
 
 /// From `Im(z'/z)` as it is fitted to the motion that gives it: the same for small motions, less for large ones.
@@ -78,24 +91,31 @@ impl MotionFit {
                 SVector::from([1.0, cos, -sin, t * cos, -t * sin, if has_trend { t } else { 0.0 }])
             })
             .collect();
-        let weights = least_squares(&basis, if has_trend { UNKNOWNS } else { LEAST_IMAGES });
-        let weights = weights.ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?;
-        let noise_gain = (0.5 * weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
-        let response = |re: usize, im: usize, sign: f64| {
-            let of = |i: usize| half_product([weights[re][i], weights[im][i]], sign * shifts_rad[i]);
+        let degenerate = || ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() };
+        let weights = least_squares(&basis, LEAST_IMAGES).ok_or_else(degenerate)?;
+        let phase_weights =
+            if has_trend { least_squares(&basis, UNKNOWNS).ok_or_else(degenerate)? } else { weights.clone() };
+        let noise_gain = (0.5 * phase_weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
+        let response = |[re, im]: [&Vec<f64>; 2], sign: f64| {
+            let of = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
             (0..images).map(of).collect::<Vec<[f64; 2]>>()
         };
-        let (direct, ripple, slope) = (response(1, 2, 1.0), response(1, 2, -1.0), response(3, 4, 1.0));
         let single = |values: &[[f64; 2]]| values.iter().map(|v| v.map(|part| part as f32)).collect();
+        let both =
+            |z: [&Vec<f64>; 2]| Response { direct: single(&response(z, 1.0)), ripple: single(&response(z, -1.0)) };
+        let (z, slope) = ([&weights[1], &weights[2]], [&weights[3], &weights[4]]);
+        let weight = |row: &Vec<f64>| row.iter().map(|&w| w as f32).collect::<Vec<f32>>();
+        let without_trend: Vec<[f64; LEAST_IMAGES]> = basis.iter().map(|row| std::array::from_fn(|k| row[k])).collect();
         Ok(Self {
             turns: shifts_rad.iter().map(|s| [s.cos() as f32, s.sin() as f32]).collect(),
-            motions: MotionTable::new(&direct, &slope),
-            direct: single(&direct),
-            ripple: single(&ripple),
-            slope_ripple: single(&response(3, 4, -1.0)),
+            motions: MotionTable::new(&response(z, 1.0), &response(slope, 1.0)),
+            rough: both(z),
+            fine: both([&phase_weights[1], &phase_weights[2]]),
+            slope_ripple: single(&response(slope, -1.0)),
             has_trend,
-            residuals: unexplained(&basis),
-            weights: std::array::from_fn(|k| weights[k].iter().map(|&w| w as f32).collect()),
+            residuals: unexplained(&without_trend).iter().map(weight).collect(),
+            weights: std::array::from_fn(|k| weight(&weights[k])),
+            phase_weights: [weight(&phase_weights[1]), weight(&phase_weights[2])],
             noise_gain: noise_gain as f32,
             shifts_rad: shifts_rad.to_vec(),
         })
@@ -134,19 +154,23 @@ impl MotionFit {
 /// Weights of the samples in the first unknowns of a least-squares fit; `None` if these are not determined.
 fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[Vec<f64>; UNKNOWNS]> {
     let mut normal: SMatrix<f64, UNKNOWNS, UNKNOWNS> = basis.iter().map(|row| row * row.transpose()).sum();
-    // What is not asked for is a number of its own.
-    (unknowns..UNKNOWNS).for_each(|k| normal[(k, k)] = 1.0);
+    for k in unknowns..UNKNOWNS {
+        // What is not asked for stands by itself.
+        normal.row_mut(k).fill(0.0);
+        normal.column_mut(k).fill(0.0);
+        normal[(k, k)] = 1.0;
+    }
     let values = normal.symmetric_eigenvalues();
     let inverse = normal.try_inverse().filter(|_| values.min() > MIN_EIGENVALUE_SHARE * values.max())?;
     Some(std::array::from_fn(|k| basis.iter().map(|row| (inverse * row)[k]).collect()))
 }
 
-/// An orthonormal basis of what a fit without A' leaves of the images (Gram and Schmidt).
-fn unexplained(basis: &[SVector<f64, UNKNOWNS>]) -> Vec<Vec<f32>> {
+/// An orthonormal basis of what the columns of a basis leave of the images (Gram and Schmidt); one row an image.
+pub(super) fn unexplained<const COLUMNS: usize>(basis: &[[f64; COLUMNS]]) -> Vec<Vec<f64>> {
     /// Length below which a direction is explained.
     const EXPLAINED: f64 = 1e-6;
     let images = basis.len();
-    let explained = (0..LEAST_IMAGES).map(|k| basis.iter().map(|row| row[k]).collect::<Vec<f64>>());
+    let explained = (0..COLUMNS).map(|k| basis.iter().map(|row| row[k]).collect::<Vec<f64>>());
     let units = (0..images).map(|i| (0..images).map(|j| f64::from(u8::from(i == j))).collect());
     let mut directions: Vec<Vec<f64>> = Vec::with_capacity(images);
     for mut direction in explained.chain(units) {
@@ -160,8 +184,7 @@ fn unexplained(basis: &[SVector<f64, UNKNOWNS>]) -> Vec<Vec<f32>> {
             directions.push(direction);
         }
     }
-    let left = directions.into_iter().skip(LEAST_IMAGES).take(images - LEAST_IMAGES);
-    left.map(|direction| direction.into_iter().map(|value| value as f32).collect()).collect()
+    directions.into_iter().skip(COLUMNS).take(images - COLUMNS).collect()
 }
 
 /// Time of image i of M since the centre of the window, images.

@@ -7,7 +7,7 @@ use crate::phase::arctangent::turn_fraction;
 use crate::phase::sample::Sample;
 
 use super::MAX_IMAGES;
-use super::fit::{Complex, MotionFit, time};
+use super::fit::{Complex, MotionFit, Response, time};
 use super::planes::{Fitted, TILE, Window};
 
 /// Least of what the response to a motion leaves of z compared with its ripple: below it they cannot be told apart.
@@ -30,9 +30,9 @@ pub(super) struct Moved {
 }
 
 impl Moved {
-    /// The pixels of a tile, with the motion of each, rad an image; NaN where it is not known.
-    pub(super) fn of(fit: &MotionFit, fitted: &Fitted, pixels: Range<usize>, motion_rad: &[f32]) -> Self {
-        let images = fit.images();
+    /// The pixels of a tile, with z as it was fitted, and the motion of each, rad an image; NaN where it is not known.
+    pub(super) fn of(response: &Response, z: &[Vec<f32>; 2], pixels: Range<usize>, motion_rad: &[f32]) -> Self {
+        let images = response.direct.len();
         let mut moved = Self {
             pixels,
             known: [false; TILE],
@@ -63,11 +63,11 @@ impl Moved {
         }
         for image in 0..images {
             let (turn, sense) = moved.turn(image, images);
-            let ([h, g], turn) = ([fit.direct[image], fit.ripple[image]], *turn);
+            let ([h, g], turn) = ([response.direct[image], response.ripple[image]], *turn);
             add_product(&mut moved.direct, h, &turn, sense);
             add_product(&mut moved.ripple, g, &turn, -sense);
         }
-        moved.take_ripple_off(fitted);
+        moved.take_ripple_off(z);
         moved
     }
 
@@ -104,8 +104,8 @@ impl Moved {
     }
 
     /// z from `H·z + G·z*`, which is what the fit gives.
-    fn take_ripple_off(&mut self, fitted: &Fitted) {
-        let [re, im] = [&fitted.z[0][self.pixels.clone()], &fitted.z[1][self.pixels.clone()]];
+    fn take_ripple_off(&mut self, z: &[Vec<f32>; 2]) {
+        let [re, im] = [&z[0][self.pixels.clone()], &z[1][self.pixels.clone()]];
         let ([h_re, h_im], [g_re, g_im]) = (&self.direct, &self.ripple);
         for p in 0..self.pixels.len() {
             let [x, y, a, b, c, d] = [re[p], im[p], h_re[p], h_im[p], g_re[p], g_im[p]];

@@ -44,11 +44,13 @@ pub(super) struct Window<'a, S> {
 pub(super) struct Fitted {
     /// Offset A, grey levels.
     pub(super) offset: Vec<f32>,
-    /// z and z' as they are fitted, ripple and all.
+    /// z and z' as they are fitted without A', ripple and all.
     pub(super) z: [Vec<f32>; 2],
     pub(super) slope: [Vec<f32>; 2],
     /// How much a pixel says of the motion, 0 to 1: those at edges, whose images show two surfaces, say little.
     pub(super) weight: Vec<f32>,
+    /// z as it is fitted with A', ripple and all.
+    pub(super) phase_z: [Vec<f32>; 2],
 }
 
 /// What is known of every pixel before those are seen to whose images show more than one surface.
@@ -116,8 +118,15 @@ impl<'a, S: Sample> Window<'a, S> {
     fn fit(&self, fit: &MotionFit, validity: &Validity) -> Fitted {
         let pixels = self.width * self.height;
         let plane = || vec![0.0; pixels];
-        let mut fitted = Fitted { offset: plane(), z: [plane(), plane()], slope: [plane(), plane()], weight: plane() };
-        let ([re, im], [re_slope, im_slope]) = (&mut fitted.z, &mut fitted.slope);
+        let mut fitted = Fitted {
+            offset: plane(),
+            z: [plane(), plane()],
+            slope: [plane(), plane()],
+            weight: plane(),
+            phase_z: [plane(), plane()],
+        };
+        let ([re, im], [re_slope, im_slope], [phase_re, phase_im]) =
+            (&mut fitted.z, &mut fitted.slope, &mut fitted.phase_z);
         let tiles = fitted
             .offset
             .par_chunks_mut(TILE)
@@ -125,12 +134,16 @@ impl<'a, S: Sample> Window<'a, S> {
             .zip(im.par_chunks_mut(TILE))
             .zip(re_slope.par_chunks_mut(TILE))
             .zip(im_slope.par_chunks_mut(TILE))
+            .zip(phase_re.par_chunks_mut(TILE))
+            .zip(phase_im.par_chunks_mut(TILE))
             .zip(fitted.weight.par_chunks_mut(TILE))
             .enumerate();
-        tiles.for_each(|(tile, (((((offset, re), im), re_slope), im_slope), weight))| {
+        tiles.for_each(|(tile, (((((((offset, re), im), re_slope), im_slope), phase_re), phase_im), weight))| {
             let (first, count) = (tile * TILE, offset.len());
             let sums = LinearFit::of(self, fit, first..first + count);
-            for (plane, values) in [offset, re, im, re_slope, im_slope].into_iter().zip(&sums.values) {
+            for (plane, values) in
+                [offset, re, im, re_slope, im_slope, phase_re, phase_im].into_iter().zip(&sums.values)
+            {
                 plane.copy_from_slice(&values[..count]);
             }
             sums.weigh(validity, weight);
@@ -175,7 +188,7 @@ impl<'a, S: Sample> Window<'a, S> {
                     for first in (0..width).step_by(TILE) {
                         let tile = first..(first + TILE).min(width);
                         let pixels = v * width + tile.start..v * width + tile.end;
-                        let mut moved = Moved::of(fit, fitted, pixels.clone(), &motion[tile.clone()]);
+                        let mut moved = Moved::of(&fit.fine, &fitted.phase_z, pixels, &motion[tile.clone()]);
                         moved.fit_images(self, fit, fitted);
                         let (phase, modulation) = (&mut phase[tile.clone()], &mut modulation[tile.clone()]);
                         moved.finish(validity, phase, modulation, &mut mean[tile.clone()], &mut valid[tile.clone()]);
@@ -210,9 +223,10 @@ impl Decoded {
     }
 }
 
-/// The linear fit of a tile: A, Re z, Im z, Re z', Im z', and the squares of what it leaves without A'.
+/// The linear fit of a tile: A, Re z, Im z, Re z', Im z' without A', Re z, Im z with it, and the squares of what the former
+/// leaves.
 struct LinearFit {
-    values: [[f32; TILE]; 5],
+    values: [[f32; TILE]; 7],
     squares: [f32; TILE],
     /// Whether a sample is saturated.
     saturated: [bool; TILE],
@@ -220,10 +234,10 @@ struct LinearFit {
 
 impl LinearFit {
     fn of<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, pixels: std::ops::Range<usize>) -> Self {
-        let mut sums = Self { values: [[0.0; TILE]; 5], squares: [0.0; TILE], saturated: [false; TILE] };
+        let mut sums = Self { values: [[0.0; TILE]; 7], squares: [0.0; TILE], saturated: [false; TILE] };
         for (i, image) in window.images.iter().enumerate() {
             let (samples, grey_per_value) = (&image[pixels.clone()], window.grey_per_value[i]);
-            for (values, weights) in sums.values.iter_mut().zip(&fit.weights) {
+            for (values, weights) in sums.values.iter_mut().zip(fit.weights.iter().chain(&fit.phase_weights)) {
                 for (value, sample) in values.iter_mut().zip(samples) {
                     *value += weights[i] * sample.grey(grey_per_value);
                 }
