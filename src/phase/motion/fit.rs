@@ -49,7 +49,9 @@ pub struct MotionFit {
     pub(super) residuals: Vec<Vec<f32>>,
     /// Response of z' to the conjugate of z, as the ripple of a [`Response`].
     pub(super) slope_ripple: Vec<Complex>,
-    motions: MotionTable,
+    /// Of the motions that raise the phase and of those that lower it. They differ where the window holds no whole number of
+    /// half cycles.
+    motions: [MotionTable; 2],
     noise_gain: f32,
 }
 
@@ -62,7 +64,7 @@ pub(super) struct Response {
     pub(super) ripple: Vec<Complex>,
 }
 
-/// From `Im(z'/z)` as it is fitted to the motion that gives it: the same for small motions, less for large ones.
+/// From `Im(z'/z)` as it is fitted to the motion of one sense that gives it: the same for small motions, less for large ones.
 #[derive(Clone, Debug)]
 struct MotionTable {
     /// Largest value that belongs to a motion.
@@ -108,7 +110,7 @@ impl MotionFit {
         let without_trend: Vec<[f64; LEAST_IMAGES]> = basis.iter().map(|row| std::array::from_fn(|k| row[k])).collect();
         Ok(Self {
             turns: shifts_rad.iter().map(|s| [s.cos() as f32, s.sin() as f32]).collect(),
-            motions: MotionTable::new(&response(z, 1.0), &response(slope, 1.0)),
+            motions: [1.0, -1.0].map(|sense| MotionTable::new(&response(z, 1.0), &response(slope, 1.0), sense)),
             rough: both(z),
             fine: both([&phase_weights[1], &phase_weights[2]]),
             slope_ripple: single(&response(slope, -1.0)),
@@ -147,7 +149,8 @@ impl MotionFit {
     /// The motion, rad an image, whose fit gives `Im(z'/z)`; `None` where it is too fast to be told.
     #[inline]
     pub(super) fn motion_rad(&self, slope: f32) -> Option<f32> {
-        self.motions.motion_rad(slope)
+        let [ahead, back] = &self.motions;
+        if slope >= 0.0 { ahead.motion_rad(slope) } else { back.motion_rad(-slope).map(|motion| -motion) }
     }
 }
 
@@ -210,23 +213,20 @@ fn response(coefficients: &[[f64; 2]], motion_rad: f64) -> [f64; 2] {
 }
 
 impl MotionTable {
-    fn new(direct: &[[f64; 2]], slope: &[[f64; 2]]) -> Self {
+    fn new(direct: &[[f64; 2]], slope: &[[f64; 2]], sense: f64) -> Self {
         // Im(H'/H) rises with the motion until H has all but faded.
         let ratio = |motion_rad: f64| {
-            let ([a, b], [c, d]) = (response(slope, motion_rad), response(direct, motion_rad));
+            let ([a, b], [c, d]) = (response(slope, sense * motion_rad), response(direct, sense * motion_rad));
             let square = c * c + d * d;
-            (square >= MIN_RESPONSE * MIN_RESPONSE).then(|| (b * c - a * d) / square)
+            (square >= MIN_RESPONSE * MIN_RESPONSE).then(|| sense * (b * c - a * d) / square)
         };
         let step = WIDEST_RAD / TABLE as f64;
         let mut rising = vec![0.0];
         for k in 1..=TABLE {
-            // Odd but for rounding where the shifts are even; where they are not, the mean of both senses.
-            let Some((ahead, back)) = ratio(k as f64 * step).zip(ratio(-(k as f64) * step)) else { break };
-            let value = 0.5 * (ahead - back);
-            if value <= rising[k - 1] {
-                break;
+            match ratio(k as f64 * step) {
+                Some(value) if value > rising[k - 1] => rising.push(value),
+                _ => break,
             }
-            rising.push(value);
         }
         let limit = rising[rising.len() - 1];
         let motion = |i: usize| {
@@ -241,11 +241,10 @@ impl MotionTable {
 
     #[inline]
     fn motion_rad(&self, slope: f32) -> Option<f32> {
-        let place = slope.abs() / self.limit * TABLE as f32;
+        let place = slope / self.limit * TABLE as f32;
         let below = place as usize;
         let (low, high) = (self.motion_rad.get(below)?, self.motion_rad.get(below + 1)?);
-        let motion = low + (high - low) * (place - below as f32);
-        Some(motion.copysign(slope))
+        Some(low + (high - low) * (place - below as f32))
     }
 }
 

@@ -4,8 +4,8 @@ use crate::grey::PixelFormat;
 
 use super::*;
 
-const WIDTH: usize = 64;
-const HEIGHT: usize = 16;
+const WIDTH: usize = 256;
+const HEIGHT: usize = 64;
 
 /// What a pixel shows at a time, images from the centre of the window.
 struct Scene {
@@ -77,7 +77,7 @@ fn a_resting_scene_has_its_phase_and_no_motion() {
 
 #[test]
 fn the_ripple_of_a_moving_scene_is_taken_off() {
-    for (steps, images, limit_rad) in [(3, 6, 0.03), (4, 6, 0.02), (5, 7, 0.02)] {
+    for (steps, images, limit_rad) in [(3, 6, 0.02), (4, 6, 0.01), (4, 8, 0.02), (5, 7, 0.01), (8, 10, 0.05)] {
         let moving = Scene { motion_rad: |u, _| 0.1 + 0.3 * u as f64 / WIDTH as f64, ..RESTING };
         let map = moving.decoded(steps, images);
         let error_rad = moving.largest_error_rad(&map);
@@ -126,7 +126,7 @@ fn where_something_moves_across_only_images_of_one_surface_count() {
     for pixel in 0..WIDTH * HEIGHT {
         let shift = if (40..43).contains(&(pixel % WIDTH)) { 2.0 } else { 0.0 };
         let error_rad = (scene.error_rad(&map, pixel) - shift).abs();
-        assert!(!map.valid[pixel] || error_rad < 0.05, "column {}: {error_rad}", pixel % WIDTH);
+        assert!(!map.valid[pixel] || error_rad < 0.07, "column {}: {error_rad}", pixel % WIDTH);
     }
 }
 
