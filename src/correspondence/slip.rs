@@ -19,6 +19,9 @@ use super::segment_table::SegmentTable;
 const AGREEMENT_SD_RAD: f64 = 0.08;
 /// Agreement, as candidates a pixel, from which on nobody asks for a slip: the true candidates alone make about 0.9.
 const PLENTY: f64 = 0.75;
+/// Least agreement of a slip. A scene that lies beyond the volume agrees with some slip by accident, but at no more than 0.4 of
+/// its pixels (clutter before a board, measured), since its δ changes with depth.
+const LEAST: f64 = 0.6;
 /// How much better a slip must agree than what the images are said to show.
 const BETTER: f64 = 2.0;
 /// How much better than every other slip.
@@ -47,7 +50,7 @@ pub(super) fn find_slip(
     }
     agreements.sort_by(|a, b| b.0.total_cmp(&a.0));
     match agreements[..] {
-        [(best, slip), (second, _), ..] if best >= BETTER * nominal && best >= BEST * second => slip,
+        [(best, slip), (second, _), ..] if best >= LEAST && best >= BETTER * nominal && best >= BEST * second => slip,
         _ => [0; 2],
     }
 }

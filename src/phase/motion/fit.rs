@@ -3,7 +3,9 @@
 //! Model of image i, taken at `t_i` images from the centre of the window with phase shift `s_i`, for a scene that moves the
 //! phase by ε an image: `I_i = A + Re(z·e^(i·(s_i + ε·t_i)))`, z = B·e^(iφ), φ the phase at the centre. To first order in ε
 //! it is linear: `I_i = A + A'·t_i + Re((z + z'·t_i)·e^(i·s_i))`, z' = iεz. A' is what texture, shading and light do that
-//! move across the pixel, and z' holds the same of the modulation. Five images leave A' undetermined: it is zero for them.
+//! move across the pixel, and z' holds the same of the modulation. The phase is fitted without A' where the images hardly tell
+//! it from z: those of five images, and of eight and more steps with two images more (the phase would be twice as noisy as from
+//! the same images of a resting scene for 8 steps, three times for 16).
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -15,6 +17,8 @@ use super::MAX_IMAGES;
 const UNKNOWNS: usize = 6;
 /// Fewest images of a window: with so many A' is taken as zero.
 const LEAST_IMAGES: usize = UNKNOWNS - 1;
+/// Noise of the phase with A', compared with that from the same images of a resting scene, up to which the phase is fitted with A'.
+const MAX_TREND_NOISE: f64 = 1.25;
 /// Least eigenvalue of the normal matrix, relative to the largest, that still determines them all.
 const MIN_EIGENVALUE_SHARE: f64 = 1e-5;
 /// Entries of the table from the measured to the true motion.
@@ -38,12 +42,12 @@ pub struct MotionFit {
     pub(super) weights: [Vec<f32>; LEAST_IMAGES],
     /// Its responses.
     pub(super) rough: Response,
-    /// Weights of the images in Re z, Im z of the fit with A', which the phase is taken from; those without where there are too
-    /// few images.
+    /// Weights of the images in Re z, Im z of the fit with A', which the phase is taken from; those without where they do not tell
+    /// it.
     pub(super) phase_weights: [Vec<f32>; 2],
     /// Its responses.
     pub(super) fine: Response,
-    /// Whether A' is determined.
+    /// Whether A' is determined, so that it is left out of the residual.
     pub(super) has_trend: bool,
     /// What no fit without A' explains: weights of the images in as many numbers as are left, of unit length.
     pub(super) residuals: Vec<Vec<f32>>,
@@ -86,18 +90,21 @@ impl MotionFit {
         if let Some(index) = shifts_rad.iter().position(|s| !s.is_finite()) {
             return Err(ShiftError::NotFinite { index, value: shifts_rad[index] });
         }
-        let has_trend = images >= UNKNOWNS;
         let basis: Vec<SVector<f64, UNKNOWNS>> = (0..images)
             .map(|i| {
                 let (t, (sin, cos)) = (time(i, images), shifts_rad[i].sin_cos());
-                SVector::from([1.0, cos, -sin, t * cos, -t * sin, if has_trend { t } else { 0.0 }])
+                SVector::from([1.0, cos, -sin, t * cos, -t * sin, t])
             })
             .collect();
         let degenerate = || ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() };
         let weights = least_squares(&basis, LEAST_IMAGES).ok_or_else(degenerate)?;
-        let phase_weights =
-            if has_trend { least_squares(&basis, UNKNOWNS).ok_or_else(degenerate)? } else { weights.clone() };
-        let noise_gain = (0.5 * phase_weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
+        let noise_gain =
+            |weights: &[Vec<f64>; UNKNOWNS]| (0.5 * weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
+        let resting_gain = noise_gain(&least_squares(&basis, MIN_STEPS).ok_or_else(degenerate)?);
+        let with_trend =
+            least_squares(&basis, UNKNOWNS).filter(|weights| noise_gain(weights) <= MAX_TREND_NOISE * resting_gain);
+        let phase_weights = with_trend.unwrap_or_else(|| weights.clone());
+        let noise_gain = noise_gain(&phase_weights);
         let response = |[re, im]: [&Vec<f64>; 2], sign: f64| {
             let of = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
             (0..images).map(of).collect::<Vec<[f64; 2]>>()
@@ -114,7 +121,7 @@ impl MotionFit {
             rough: both(z),
             fine: both([&phase_weights[1], &phase_weights[2]]),
             slope_ripple: single(&response(slope, -1.0)),
-            has_trend,
+            has_trend: images >= UNKNOWNS,
             residuals: unexplained(&without_trend).iter().map(weight).collect(),
             weights: std::array::from_fn(|k| weight(&weights[k])),
             phase_weights: [weight(&phase_weights[1]), weight(&phase_weights[2])],

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use fringeflow::calibration::Unit;
 use fringeflow::config::{Configuration, ConfigurationError, ConfigurationProblem};
 use fringeflow::dataset::Dataset;
+use fringeflow::reconstruction::Settings;
 use fringeflow::recording::{ImportOptions, import};
 
 use crate::failure::Failure;
@@ -42,7 +43,10 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         // A recording has no place for a unit beside the description, so the folder must state it.
         let dataset = Dataset::open(&self.input, None::<Unit>)?;
-        let configuration = self.config.as_deref().map(configuration_text).transpose()?.unwrap_or_default();
+        let configuration = match &self.config {
+            Some(path) => configuration_text(path)?,
+            None => settings_of_few_images(&dataset),
+        };
         let options = ImportOptions {
             period_ns: (1e9 / self.rate).round() as u64,
             configuration: &configuration,
@@ -67,6 +71,16 @@ fn configuration_text(path: &Path) -> Result<String, ConfigurationError> {
     let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
     Configuration::parse(&text).map_err(fail)?;
     Ok(text)
+}
+
+/// The settings of a folder whose images are not enough for a window that compensates motion: with the usual ones a replay
+/// would wait for images that never come.
+fn settings_of_few_images(dataset: &Dataset) -> String {
+    let (images, steps) = (dataset.setup.sequence.shifts_rad.len(), dataset.setup.steps);
+    if images >= Settings::default().window_images(steps) {
+        return String::new();
+    }
+    format!("[phase]\nextra_images = {}\n", images.saturating_sub(steps))
 }
 
 /// A rate that a camera can have.
