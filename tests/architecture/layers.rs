@@ -11,7 +11,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
     ("pixels", &["message::PixelFormat"]),
     ("transport", &["message"]),
-    ("synchronization", &["phase::MIN_STEPS", "message"]),
+    ("synchronization", &["phase::MIN_STEPS", "phase::MAX_STEPS", "message"]),
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["grey", "geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
