@@ -16,7 +16,7 @@ use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
-    Arrangement, Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, Surface, SweepOptions, View, VirtualScanner,
+    Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, Surface, SweepOptions, View, VirtualScanner,
     VirtualScannerOptions,
 };
 
@@ -28,11 +28,10 @@ const POSES: usize = 64;
 fn scanner() -> VirtualScanner {
     let sweep =
         SweepOptions { poses: POSES, travel_mm: [0.8, 0.7, 0.2], turn_deg: [0.6, 0.8, 0.8], ..SweepOptions::default() };
-    let arrangement = Arrangement::TABLE_TOP;
     VirtualScanner::new(VirtualScannerOptions {
         object: Object::Elephant,
         board: Board::Dark,
-        rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.03, period_px: 16.0, sd_rad: 0.041, seed: 3 },
+        rig: RigOptions { size_px: SIZE_PX, seed: 3, ..RigOptions::usual(0.03) },
         steps: STEPS,
         noise: NoiseLevel::Normal,
         format: PixelFormat::Grey,

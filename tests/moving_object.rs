@@ -8,12 +8,11 @@ use fringeflow::correspondence::SegmentTable;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Motion, Truth};
 use fringeflow::evaluation::{Evaluation, Frames, against_rendered, against_rendered_at};
 use fringeflow::geometry::Pose;
-use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
-    Arrangement, Board, Direction, ImageSeed, MotionOptions, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor,
-    Simulation, SimulationOptions, Staging, View, VirtualRig,
+    Board, Direction, ImageSeed, MotionOptions, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, Simulation,
+    SimulationOptions, Staging, View, VirtualRig,
 };
 
 const SIZE_PX: [usize; 2] = [320, 256];
@@ -22,26 +21,9 @@ const BRISK: MotionOptions =
     MotionOptions { mm_per_image: 0.2, deg_per_image: 0.04, cycles: 4, blur: 0.0, tremor: 0.0, seed: 1 };
 
 fn options(object: Object) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board: Board::Visible,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE_PX,
-            depth_m: object.usual_depth_m(),
-            period_px: 16.0,
-            sd_rad: 0.041,
-            seed: 1,
-        },
-        steps: STEPS,
-        two_directions: false,
-        gray: true,
-        noise: NoiseLevel::None,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 1,
-        seed: 1,
-    }
+    let usual = SimulationOptions::usual(object);
+    let rig = RigOptions { size_px: SIZE_PX, ..usual.rig };
+    SimulationOptions { board: Board::Visible, rig, steps: STEPS, noise: NoiseLevel::None, supersampling: 1, ..usual }
 }
 
 fn moving(options: SimulationOptions, motion: MotionOptions) -> Simulation {

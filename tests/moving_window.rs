@@ -12,8 +12,8 @@ use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
-    Arrangement, Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner,
-    VirtualScannerOptions, truth,
+    Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner, VirtualScannerOptions,
+    truth,
 };
 
 const SIZE_PX: [usize; 2] = [320, 256];
@@ -29,11 +29,10 @@ const RESTING: SweepOptions = SweepOptions {
 };
 
 fn scanner(sweep: SweepOptions) -> VirtualScanner {
-    let arrangement = Arrangement::TABLE_TOP;
     VirtualScanner::new(VirtualScannerOptions {
         object: Object::Tooth,
         board: Board::Visible,
-        rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
+        rig: RigOptions { size_px: SIZE_PX, seed: 3, ..RigOptions::usual(0.025) },
         steps: STEPS,
         noise: NoiseLevel::Normal,
         format: PixelFormat::Grey,

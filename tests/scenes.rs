@@ -3,35 +3,15 @@
 #![expect(clippy::unwrap_used, reason = "a scene that cannot be simulated fails the test")]
 
 use fringeflow::dataset::CameraId;
-use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
-    Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
-    Staging, Surface,
+    Board, ImageSeed, NoiseLevel, Object, Projected, Sensor, Simulation, SimulationOptions, Staging, Surface,
 };
 
 const SIZE_PX: [usize; 2] = [640, 512];
 
 fn options(object: Object, board: Board) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE_PX,
-            depth_m: object.usual_depth_m(),
-            period_px: 16.0,
-            sd_rad: 0.041,
-            seed: 1,
-        },
-        steps: 4,
-        two_directions: false,
-        gray: false,
-        noise: NoiseLevel::None,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 1,
-        seed: 1,
-    }
+    let usual = SimulationOptions::usual(object);
+    SimulationOptions { board, steps: 4, gray: false, noise: NoiseLevel::None, supersampling: 1, ..usual }
 }
 
 fn staged(object: Object, board: Board, staging: Staging) -> Simulation {

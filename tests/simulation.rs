@@ -8,35 +8,17 @@ use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
 use fringeflow::evaluation::TOLERANCE_PX;
 use fringeflow::geometry::{Point3, Rig};
-use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
-    Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor,
-    Simulation, SimulationOptions, Solid, View, VirtualRig, truth,
+    Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor, Simulation,
+    SimulationOptions, Solid, View, VirtualRig, truth,
 };
 
 const SIZE: [usize; 2] = [320, 256];
 
 fn options(object: Object) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board: Board::Visible,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE,
-            depth_m: object.usual_depth_m(),
-            period_px: 16.0,
-            sd_rad: 0.041,
-            seed: 5,
-        },
-        steps: 8,
-        two_directions: false,
-        gray: true,
-        noise: NoiseLevel::None,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 2,
-        seed: 5,
-    }
+    let usual = SimulationOptions::usual(object);
+    let rig = RigOptions { size_px: SIZE, seed: 5, ..usual.rig };
+    SimulationOptions { board: Board::Visible, rig, noise: NoiseLevel::None, seed: 5, ..usual }
 }
 
 fn wrapped(angle: f64) -> f64 {

@@ -206,30 +206,25 @@ mod tests {
     use super::*;
     use crate::calibration::Unit;
     use crate::dataset::{CameraId, Dataset};
-    use crate::grey::PixelFormat;
     use crate::simulation::{
-        Arrangement, Board, MotionOptions, NoiseLevel, Object, RigOptions, Scene, Simulation, SimulationOptions,
-        Staging, View, truth,
+        Board, MotionOptions, NoiseLevel, Object, RigOptions, Scene, Simulation, SimulationOptions, Staging, View,
+        truth,
     };
 
     const SIZE_PX: [usize; 2] = [320, 256];
 
     /// The truth of an object that moves, its setup, and the exact truth at the pose of an image.
     fn moving(object: Object, image: usize) -> (RenderedTruth, Setup, RenderedTruth) {
-        let arrangement = Arrangement::TABLE_TOP;
-        let depth_m = object.usual_depth_m();
+        let usual = SimulationOptions::usual(object);
         let options = SimulationOptions {
-            object,
             board: Board::Visible,
-            rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m, period_px: 16.0, sd_rad: 0.041, seed: 3 },
+            rig: RigOptions { size_px: SIZE_PX, seed: 3, ..usual.rig },
             steps: 4,
-            two_directions: false,
             gray: false,
             noise: NoiseLevel::None,
-            format: PixelFormat::Grey,
-            gamma: 1.0,
             supersampling: 1,
             seed: 3,
+            ..usual
         };
         let motion =
             MotionOptions { mm_per_image: 0.2, deg_per_image: 0.04, cycles: 4, blur: 0.0, tremor: 0.0, seed: 1 };

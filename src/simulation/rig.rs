@@ -65,6 +65,15 @@ pub struct RigOptions {
     pub seed: u64,
 }
 
+impl RigOptions {
+    /// A rig over a table with δ and number of periods as in the paper (sd 0.041 rad, n about 6), for a volume of this depth.
+    #[must_use]
+    pub const fn usual(depth_m: f64) -> Self {
+        let arrangement = Arrangement::TABLE_TOP;
+        Self { arrangement, size_px: [640, 512], depth_m, period_px: 16.0, sd_rad: 0.041, seed: 1 }
+    }
+}
+
 /// A simulated sensor and what its maker believes about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualRig {

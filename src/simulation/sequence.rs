@@ -49,6 +49,26 @@ pub struct SimulationOptions {
     pub seed: u64,
 }
 
+impl SimulationOptions {
+    /// What `fringeflow simulate` makes of an object unless more is asked.
+    #[must_use]
+    pub fn usual(object: Object) -> Self {
+        Self {
+            object,
+            board: object.usual_board(),
+            rig: RigOptions::usual(object.usual_depth_m()),
+            steps: 8,
+            two_directions: false,
+            gray: true,
+            noise: NoiseLevel::Normal,
+            format: PixelFormat::Grey,
+            gamma: 1.0,
+            supersampling: 2,
+            seed: 1,
+        }
+    }
+}
+
 /// What a simulated dataset is like.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SimulationSummary {

@@ -29,19 +29,9 @@ fn simulation_with(object: Object, arrangement: Arrangement) -> Simulation {
 }
 
 fn options(object: Object, arrangement: Arrangement) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board: Board::Visible,
-        rig: RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 16.0, sd_rad: 0.041, seed: 3 },
-        steps: 4,
-        two_directions: false,
-        gray: false,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 1,
-        seed: 3,
-    }
+    let rig = RigOptions { arrangement, size_px: SIZE_PX, seed: 3, ..RigOptions::usual(0.025) };
+    let usual = SimulationOptions::usual(object);
+    SimulationOptions { board: Board::Visible, rig, steps: 4, gray: false, supersampling: 1, seed: 3, ..usual }
 }
 
 fn reconstruct(simulation: &Simulation) -> Reconstruction {

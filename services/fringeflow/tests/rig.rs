@@ -8,8 +8,7 @@ use std::process::{Command, Output};
 
 use fringeflow::calibration::{Unit, write_calibration};
 use fringeflow::geometry::{Camera, Distortion, Pose, Rig};
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow::simulation::{Board, Object, RigOptions, Simulation, SimulationOptions};
 
 const VOLUME: &str = "--volume=-60,-50,280,60,50,320";
 
@@ -95,24 +94,13 @@ fn wrong_use_ends_with_2_and_says_what_to_do() {
 /// Writes images of a rig whose calibration makes δ scatter by so much.
 fn images(folder: &Path, size_px: [usize; 2], sd_rad: f64) -> PathBuf {
     let options = SimulationOptions {
-        object: Object::Elephant,
         board: Board::Visible,
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px,
-            depth_m: 0.025,
-            period_px: 16.0,
-            sd_rad,
-            seed: 3,
-        },
+        rig: RigOptions { size_px, sd_rad, seed: 3, ..RigOptions::usual(0.025) },
         steps: 4,
-        two_directions: false,
         gray: false,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
         supersampling: 1,
         seed: 3,
+        ..SimulationOptions::usual(Object::Elephant)
     };
     let path = folder.join("images");
     Simulation::new(options).unwrap().write(&path, || ()).unwrap();

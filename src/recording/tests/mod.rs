@@ -19,7 +19,7 @@ use crate::message::{
     CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, Incident, MapsHeader,
     OUTCOMES, PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
 };
-use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use crate::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels; as small as the virtual scanner takes them.
 const SIZE_PX: [usize; 2] = [64, 64];
@@ -49,26 +49,14 @@ impl Folder {
 fn dataset() -> &'static Dataset {
     static DATASET: OnceLock<(TempDir, Dataset)> = OnceLock::new();
     let make = || {
-        let rig = RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE_PX,
-            depth_m: 0.025,
-            period_px: 64.0,
-            sd_rad: 0.0,
-            seed: 1,
-        };
         let options = SimulationOptions {
-            object: Object::Plane,
             board: Board::None,
-            rig,
+            rig: RigOptions { size_px: SIZE_PX, period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
             steps: 4,
-            two_directions: false,
             gray: false,
             noise: NoiseLevel::None,
-            format: PixelFormat::Grey,
-            gamma: 1.0,
             supersampling: 1,
-            seed: 1,
+            ..SimulationOptions::usual(Object::Plane)
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plane");

@@ -5,8 +5,7 @@ use std::sync::OnceLock;
 
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::geometry::Rig;
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels; as small as the virtual scanner takes them.
 pub(crate) const SIZE_PX: [usize; 2] = [64, 64];
@@ -15,20 +14,13 @@ pub(crate) const SIZE_PX: [usize; 2] = [64, 64];
 fn simulation() -> &'static Simulation {
     static SIMULATION: OnceLock<Simulation> = OnceLock::new();
     SIMULATION.get_or_init(|| {
-        let arrangement = Arrangement::TABLE_TOP;
-        let rig = RigOptions { arrangement, size_px: SIZE_PX, depth_m: 0.025, period_px: 64.0, sd_rad: 0.0, seed: 1 };
         let options = SimulationOptions {
-            object: Object::Plane,
             board: Board::None,
-            rig,
+            rig: RigOptions { size_px: SIZE_PX, period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
             steps: 4,
-            two_directions: false,
-            gray: true,
             noise: NoiseLevel::None,
-            format: PixelFormat::Grey,
-            gamma: 1.0,
             supersampling: 1,
-            seed: 1,
+            ..SimulationOptions::usual(Object::Plane)
         };
         Simulation::new(options).unwrap()
     })

@@ -14,8 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -26,26 +25,13 @@ const SIZE_PX: [usize; 2] = [96, 80];
 fn dataset() -> &'static Path {
     static DATASET: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let make = || {
-        let rig = RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: SIZE_PX,
-            depth_m: 0.025,
-            period_px: 48.0,
-            sd_rad: 0.0,
-            seed: 1,
-        };
         let options = SimulationOptions {
-            object: Object::Plane,
             board: Board::None,
-            rig,
+            rig: RigOptions { size_px: SIZE_PX, period_px: 48.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
             steps: 4,
-            two_directions: false,
-            gray: true,
             noise: NoiseLevel::Low,
-            format: PixelFormat::Grey,
-            gamma: 1.0,
             supersampling: 1,
-            seed: 1,
+            ..SimulationOptions::usual(Object::Plane)
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plane");

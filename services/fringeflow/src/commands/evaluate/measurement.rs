@@ -3,21 +3,13 @@
 use std::time::{Duration, Instant};
 
 use fringeflow::evaluation::Scores;
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{
-    Arrangement, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, SimulationSummary,
-};
+use fringeflow::simulation::{Object, Simulation, SimulationOptions, SimulationSummary};
 
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 use crate::truth;
-
-/// Standard deviation of δ in the paper, rad.
-pub(super) const SD_RAD: f64 = 0.041;
-/// Fringe period at which n is about 6, as in the paper, projector pixels.
-pub(super) const PERIOD_PX: f64 = 16.0;
 
 /// A simulated dataset, removed with this.
 pub(super) struct Simulated {
@@ -64,24 +56,5 @@ impl Simulated {
 
 /// The paper's situation: n about 6, sd 0.041, 7 images of Gray code.
 pub(super) fn options(object: Object, steps: usize) -> SimulationOptions {
-    SimulationOptions {
-        object,
-        board: object.usual_board(),
-        rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: [640, 512],
-            depth_m: object.usual_depth_m(),
-            period_px: PERIOD_PX,
-            sd_rad: SD_RAD,
-            seed: 1,
-        },
-        steps,
-        two_directions: false,
-        gray: true,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        supersampling: 2,
-        seed: 1,
-    }
+    SimulationOptions { steps, ..SimulationOptions::usual(object) }
 }

@@ -3,7 +3,7 @@
 use fringeflow::simulation::{Object, RigOptions, SimulationOptions};
 use serde::Serialize;
 
-use crate::commands::evaluate::measurement::{SD_RAD, options};
+use crate::commands::evaluate::measurement::options;
 
 /// Phase shifts of every measurement.
 const STEPS: usize = 4;
@@ -38,6 +38,8 @@ const SD_SERIES: (f64, f64) = (50.0, 16.0);
 /// Periods that lead there with the depth beside them, projector pixels.
 const PERIODS_PX: [f64; 5] = [128.0, 64.0, 32.0, 16.0, 8.0];
 const PERIOD_SERIES_DEPTH_MM: f64 = 118.0;
+/// Error of the series that turn something else.
+const SD_RAD: f64 = RigOptions::usual(0.0).sd_rad;
 
 /// All places, series by series.
 pub(super) fn places() -> Vec<Place> {
