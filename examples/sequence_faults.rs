@@ -96,7 +96,7 @@ fn trial(scenes: &[(f64, MovingScene)], number: usize) -> Trial {
         place: (kind, steps, *mm > 0.0),
         is_found: fault.is_some(),
         is_rightly: expected.is_some() && fault.map(|fault| fault.kind) == expected,
-        is_visible: matches!(injection, Injection::Frozen(_)) || share >= SequenceCheck::least_residual_share(),
+        is_visible: matches!(injection, Injection::Frozen(_)) || share >= check.least_residual_share(),
         what: format!("{injection:?}, {steps} steps, {mm} mm, {motion_rad:.3} rad, {share:.3} to be seen: {fault:?}"),
     }
 }

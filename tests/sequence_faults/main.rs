@@ -14,7 +14,7 @@ use scenes::{Injection, MovingScene, motion_rad, random, shifts_rad, told};
 
 const SIZE_PX: [usize; 2] = [112, 96];
 /// Millimetres from image to image.
-const SPEEDS_MM: [f64; 4] = [0.0, 0.05, 0.15, 0.3];
+const SPEEDS_MM: [f64; 3] = [0.0, 0.1, 0.3];
 const STEPS: [usize; 4] = [3, 4, 8, 16];
 /// Images that the longest window with the longest loss reaches over.
 const POSES: usize = 32;
@@ -26,7 +26,7 @@ fn is_visible(kind: SequenceFaultKind, steps: usize, first_step: usize, motion_r
     let check = SequenceCheck::new(&shifts_rad(steps), first_step, steps + usual_extra_images(steps));
     // Pixels move by more and by less than the median.
     let shares = [0.85, 1.0, 1.15].map(|factor| check.residual_share(kind, factor * motion_rad));
-    shares.into_iter().all(|share| share > 1.2 * SequenceCheck::least_residual_share())
+    shares.into_iter().all(|share| share > 1.2 * check.least_residual_share())
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn what_can_be_seen_is_found_and_motion_is_no_fault() {
             }
         }
     }
-    assert!(visible > 400 && invisible * 8 < visible, "{visible} visible, {invisible} not");
+    assert!(visible > 300 && invisible * 8 < visible, "{visible} visible, {invisible} not");
     assert!(rightly * 100 >= visible * 85, "{rightly} of {visible} named rightly");
 }
 
@@ -79,7 +79,7 @@ fn a_window_whose_images_are_all_ahead_alike_shows_nothing() {
 fn the_worker_refuses_the_window_and_names_camera_fault_and_image() {
     let scene = MovingScene::new(Object::Nose, SIZE_PX, 0.1, POSES, NoiseLevel::Normal);
     let shifts = PhaseShifts::new(&shifts_rad(4)).unwrap();
-    let mut worker = PhaseWorker::new(&scene.rig().calibrated, &shifts, Validity::default());
+    let mut worker = PhaseWorker::new(&scene.rig.calibrated, &shifts, Validity::default());
     let mut step = |injections: [Injection; 2]| {
         let windows = [0, 1].map(|camera| scene.window(camera, 4, 1, injections[camera], 7));
         let [cam1, cam2]: [Vec<GreyLevels<'_>>; 2] = [0, 1].map(|camera: usize| GreyImage::levels_of(&windows[camera]));

@@ -23,7 +23,7 @@ const DIRECTION: [f64; 3] = [0.62, -0.35, 0.70];
 
 /// What goes wrong with the images of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Injection {
+pub(crate) enum Injection {
     /// Nothing.
     None,
     /// The images of the camera are those of other steps all alike.
@@ -41,11 +41,11 @@ pub enum Injection {
 }
 
 /// A scene that moves past both cameras, ray-traced pose by pose.
-pub struct MovingScene {
-    rig: VirtualRig,
+pub(crate) struct MovingScene {
+    /// The rig.
+    pub(crate) rig: VirtualRig,
     /// Of camera 1 and 2.
     views: [Vec<View>; 2],
-    size_px: [usize; 2],
     noise: NoiseLevel,
 }
 
@@ -54,7 +54,7 @@ type Places = Vec<[usize; 2]>;
 
 impl Injection {
     /// The fault that it is; `None` where a window by itself shows none.
-    pub fn fault(self) -> Option<SequenceFaultKind> {
+    pub(crate) fn fault(self) -> Option<SequenceFaultKind> {
         match self {
             Self::None | Self::Slip(_) => None,
             Self::Lost(after, images) | Self::Skipped(after, images) => Some(SequenceFaultKind::Lost { after, images }),
@@ -64,7 +64,7 @@ impl Injection {
     }
 
     /// One of a kind, 1 to 6, at random.
-    pub fn draw(kind: usize, steps: usize, images: usize, rng: &mut ChaCha8Rng) -> Self {
+    pub(crate) fn draw(kind: usize, steps: usize, images: usize, rng: &mut ChaCha8Rng) -> Self {
         let place = rng.random_range(0..images - 1);
         let few = rng.random_range(1..(steps - 1).max(2));
         match kind {
@@ -97,7 +97,7 @@ impl Injection {
 
 impl MovingScene {
     /// An object that moves by so many millimetres an image, for so many images.
-    pub fn new(object: Object, size_px: [usize; 2], mm_per_image: f64, poses: usize, noise: NoiseLevel) -> Self {
+    pub(crate) fn new(object: Object, size_px: [usize; 2], mm_per_image: f64, poses: usize, noise: NoiseLevel) -> Self {
         let focal_px = Arrangement::TABLE_TOP.camera_focal_px * FULL_WIDTH_PX / size_px[0] as f64;
         let arrangement = Arrangement { camera_focal_px: focal_px, ..Arrangement::TABLE_TOP };
         let options = RigOptions { arrangement, size_px, depth_m: 0.06, period_px: 16.0, sd_rad: 0.041, seed: 3 };
@@ -113,11 +113,11 @@ impl MovingScene {
         let traced = if mm_per_image == 0.0 { 1 } else { poses };
         let view = |camera, pose| View::trace(&rig.exact, &at(pose), camera, 1).unwrap();
         let views = CameraId::BOTH.map(|camera| (0..traced).map(|pose| view(camera, pose)).collect());
-        Self { rig, views, size_px, noise }
+        Self { rig, views, noise }
     }
 
     /// The images of a window of a camera, 0 or 1; the seed makes the noise.
-    pub fn window(
+    pub(crate) fn window(
         &self,
         camera: usize,
         steps: usize,
@@ -137,32 +137,27 @@ impl MovingScene {
         };
         injection.places(first_step, images).into_iter().map(of).collect()
     }
-
-    /// Width and height of the images, pixels.
-    pub fn size_px(&self) -> [usize; 2] {
-        self.size_px
-    }
-
-    /// The rig.
-    pub fn rig(&self) -> &VirtualRig {
-        &self.rig
-    }
 }
 
 /// Evenly spaced shifts of a cycle, rad.
-pub fn shifts_rad(steps: usize) -> Vec<f64> {
+pub(crate) fn shifts_rad(steps: usize) -> Vec<f64> {
     (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
 /// What the images of a window tell.
-pub fn told(window: &[GreyImage], size_px: [usize; 2], steps: usize, first_step: usize) -> Option<SequenceFault> {
+pub(crate) fn told(
+    window: &[GreyImage],
+    size_px: [usize; 2],
+    steps: usize,
+    first_step: usize,
+) -> Option<SequenceFault> {
     let check = SequenceCheck::new(&shifts_rad(steps), first_step, window.len());
     let levels: Vec<GreyLevels<'_>> = GreyImage::levels_of(window);
     check.fault(&levels, size_px[0], size_px[1], &Validity::default())
 }
 
 /// Median motion of a window in which nothing is wrong, rad an image.
-pub fn motion_rad(window: &[GreyImage], size_px: [usize; 2], steps: usize, first_step: usize) -> f64 {
+pub(crate) fn motion_rad(window: &[GreyImage], size_px: [usize; 2], steps: usize, first_step: usize) -> f64 {
     let shifts: Vec<f64> = shifts_rad(steps).into_iter().cycle().skip(first_step % steps).take(window.len()).collect();
     let fit = MotionFit::new(&shifts).unwrap();
     let levels: Vec<GreyLevels<'_>> = GreyImage::levels_of(window);
@@ -171,6 +166,6 @@ pub fn motion_rad(window: &[GreyImage], size_px: [usize; 2], steps: usize, first
 }
 
 /// Random numbers.
-pub fn random(seed: u64) -> ChaCha8Rng {
+pub(crate) fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }

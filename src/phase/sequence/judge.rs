@@ -12,13 +12,16 @@ use super::span::{self, Planes};
 
 /// Fewest blocks that are asked.
 const LEAST_BLOCKS: usize = 4;
-/// Most blocks that other steps are tried with.
+/// Most blocks that other steps are tried with, first all of them, then those that leave not much more than the best.
+const FEW_TRIED: usize = 12;
 const MOST_TRIED: usize = 64;
+const PROMISING: f64 = 2.0;
 /// Greatest variance beside the fringes, a share of the squared modulation, of a block whose pixels move alike.
 const MAX_NOISE_SQUARE: f64 = 0.04;
 /// Unexplained share of the modulation from which on other steps are tried: a hand that is waved before the cameras leaves up to
-/// 0.075.
+/// 0.075. Of longer cycles it is less, as a step is.
 const SUSPICIOUS_SHARE: f64 = 0.06;
+const SUSPICIOUS_STEPS: usize = 8;
 /// How much less of the modulation the true steps must leave than the said ones.
 const LESS: f64 = 3.0;
 /// Share of the modulation that any steps may leave.
@@ -121,10 +124,10 @@ impl SequenceCheck {
         shares.fold(1.0, f64::min)
     }
 
-    /// Share from which on a fault is looked for.
+    /// Share of the modulation from which on a fault is looked for.
     #[must_use]
-    pub fn least_residual_share() -> f64 {
-        SUSPICIOUS_SHARE
+    pub fn least_residual_share(&self) -> f64 {
+        SUSPICIOUS_SHARE * (SUSPICIOUS_STEPS as f64 / self.cycle.max(1) as f64).min(1.0)
     }
 }
 
@@ -153,7 +156,7 @@ impl Told<'_> {
     fn is_suspicious(&self) -> bool {
         let alike = self.alike();
         2 * alike.len() < self.blocks.len()
-            || left(&self.check.nominal, &alike).is_some_and(|left| left.share >= SUSPICIOUS_SHARE)
+            || left(&self.check.nominal, &alike).is_some_and(|left| left.share >= self.check.least_residual_share())
     }
 
     fn fault(&self) -> Option<SequenceFault> {
@@ -185,17 +188,25 @@ impl Told<'_> {
     /// The fault of order that explains the images best, and what it leaves.
     fn fault_of_order(&self, alike: &[&Signal]) -> Option<(SequenceFaultKind, f64)> {
         let check = self.check;
-        let tried = thinned_out(alike);
         let hypotheses = Hypothesis::of_order(check.images, check.cycle);
-        let faults: Vec<(SequenceFaultKind, f64)> = hypotheses
-            .par_iter()
-            .filter_map(|hypothesis| {
-                let left = left(&planes(&check.shifts_rad, hypothesis), &tried)?;
-                Some((hypothesis.kind?, left.share))
-            })
-            .collect();
-        let least = faults.iter().map(|&(_, share)| share).fold(f64::INFINITY, f64::min);
-        faults.into_iter().find(|&(_, share)| share <= AS_GOOD * least.max(FLOOR_SHARE))
+        let all: Vec<&Hypothesis> = hypotheses.iter().collect();
+        let promising = self.shares(&all, &thinned_out(alike, FEW_TRIED));
+        let limit = PROMISING * least_share(&promising).max(FLOOR_SHARE);
+        let kept: Vec<&Hypothesis> =
+            all.into_iter().zip(promising).filter(|&(_, share)| share <= limit).map(|(kept, _)| kept).collect();
+        let shares = self.shares(&kept, &thinned_out(alike, MOST_TRIED));
+        let limit = AS_GOOD * least_share(&shares).max(FLOOR_SHARE);
+        let (best, share) = kept.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
+        Some((best.kind?, share))
+    }
+
+    /// What hypotheses leave of signals.
+    fn shares(&self, hypotheses: &[&Hypothesis], signals: &[&Signal]) -> Vec<f64> {
+        let share = |hypothesis: &&Hypothesis| {
+            let planes = planes(&self.check.shifts_rad, hypothesis);
+            left(&planes, signals).map_or(f64::INFINITY, |left| left.share)
+        };
+        hypotheses.par_iter().map(share).collect()
     }
 
     /// The image without which the others fit best, and what they leave; so many of the blocks must move alike then.
@@ -205,7 +216,8 @@ impl Told<'_> {
         let of = |image: usize| {
             let kept: Vec<usize> = order.iter().copied().filter(|&i| i != image).collect();
             let hypothesis = Hypothesis { kind: None, steps: kept.clone(), times: kept };
-            let blocks: Vec<&Block> = thinned_out(&self.blocks.iter().map(|(block, _)| block).collect::<Vec<_>>());
+            let blocks: Vec<&Block> =
+                thinned_out(&self.blocks.iter().map(|(block, _)| block).collect::<Vec<_>>(), MOST_TRIED);
             let signals: Vec<Signal> =
                 blocks.iter().filter_map(|block| block.without(image).signal(self.validity)).collect();
             let alike: Vec<&Signal> = signals.iter().filter(|signal| is_alike(signal)).collect();
@@ -226,7 +238,7 @@ impl Told<'_> {
         if !is_shared || alike.len() < LEAST_BLOCKS {
             return None;
         }
-        let tried = thinned_out(&alike);
+        let tried = thinned_out(&alike, MOST_TRIED);
         Hypothesis::of_order(self.check.images, self.check.cycle).iter().find_map(|hypothesis| {
             let left = left(&planes(&self.check.shifts_rad, hypothesis), &tried)?;
             let rests = left.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
@@ -289,9 +301,13 @@ fn brightness(blocks: &[(Block, Signal)]) -> Vec<f64> {
     sums.iter().map(|&sum| if sum > 0.0 { sum / mean } else { 1.0 }).collect()
 }
 
-/// As many as are tried, evenly chosen.
-fn thinned_out<T: Copy>(all: &[T]) -> Vec<T> {
-    all.iter().step_by(all.len().div_ceil(MOST_TRIED).max(1)).copied().collect()
+/// So many at most, evenly chosen.
+fn thinned_out<T: Copy>(all: &[T], most: usize) -> Vec<T> {
+    all.iter().step_by(all.len().div_ceil(most).max(1)).copied().collect()
+}
+
+fn least_share(shares: &[f64]) -> f64 {
+    shares.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// The value that a part of some does not exceed; 0 of none.

@@ -58,7 +58,7 @@ fn the_loss_that_looks_like_a_motion_is_told_by_the_rest() {
     let kind = SequenceFaultKind::Lost { after: 2, images: 1 };
     // 0 1 2 0 1 2 is what N = 3 shows: every step is as if it were π/6 further.
     assert!(check.residual_share(kind, 0.0) < 0.01);
-    assert!(check.residual_share(kind, 0.1) > SequenceCheck::least_residual_share());
+    assert!(check.residual_share(kind, 0.1) > check.least_residual_share());
     assert_eq!(told(4, &[0, 1, 2, 4, 5, 6], resting), Some(kind));
 }
 
