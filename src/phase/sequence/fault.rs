@@ -75,11 +75,13 @@ impl Hypothesis {
     /// that errs shifts the times with the steps, a projector that errs does not.
     pub(super) fn of_order(images: usize, cycle: usize) -> Vec<Self> {
         let pairs = images.saturating_sub(1);
-        let lost = (1..cycle.saturating_sub(1))
-            .flat_map(|lost| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost }));
+        let lost = |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
         let duplicated = (0..pairs).map(|image| SequenceFaultKind::Duplicated { image });
         let swapped = (0..pairs).map(|first| SequenceFaultKind::Swapped { first });
-        lost.chain(duplicated).chain(swapped).flat_map(|kind| Self::of_kind(kind, images)).collect()
+        let longest = cycle.saturating_sub(2);
+        let few = (1..=longest.min(1)).flat_map(lost);
+        let many = (2..=longest).flat_map(lost);
+        few.chain(duplicated).chain(swapped).chain(many).flat_map(|kind| Self::of_kind(kind, images)).collect()
     }
 
     /// The ways in which a fault of order may have come about.

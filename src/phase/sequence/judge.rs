@@ -1,5 +1,7 @@
 //! From blocks to a verdict.
 
+use std::f64::consts::TAU;
+
 use rayon::prelude::*;
 
 use crate::grey::GreyLevels;
@@ -10,6 +12,11 @@ use super::block::{Block, Signal};
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
 use super::span::{self, Planes};
 
+/// Fastest motion that may explain the said steps, rad an image.
+const FASTEST_RAD: f64 = 1.2;
+/// Fastest motion that may explain others, a share of a step. One of two steps back is the mirror image of a resting scene, in
+/// which what is lost looks as if it came twice.
+const FASTEST_STEPS: f64 = 0.9;
 /// Fewest blocks that are asked.
 const LEAST_BLOCKS: usize = 4;
 /// Most blocks that other steps are tried with, first all of them, then those that leave not much more than the best.
@@ -27,13 +34,15 @@ const LESS: f64 = 3.0;
 /// Share of the modulation that any steps may leave.
 const FLOOR_SHARE: f64 = 0.01;
 /// Faults that leave up to so many times as much as the best, and the floor, explain the images as well: the likelier is named.
-const AS_GOOD: f64 = 1.2;
+const AS_GOOD: f64 = 1.5;
 /// How much less must be left without an image than with a fault of order, which keeps them all.
 const WITHOUT_IMAGE_LESS: f64 = 1.5;
 /// Share of the blocks that must move alike without an image for it to be the one that shows something else.
 const MOST: f64 = 0.75;
-/// Residual ÷ modulation that no motion makes.
-const UNEXPLAINED_SHARE: f64 = 0.3;
+/// Unexplained share of the modulation that no motion makes.
+const UNEXPLAINED_SHARE: f64 = 0.2;
+/// One in so many lit blocks must move alike for the said steps to be judged by them.
+const ONE_IN: usize = 5;
 /// Mean squared difference of images that are the same image, grey levels.
 const SAME_SQUARE: f64 = 1e-6;
 /// Slowest motion that all blocks share where a fault is told by their resting without it, and what they move then at most.
@@ -72,7 +81,7 @@ impl SequenceCheck {
         let reach = images + cycle;
         let shifts_rad: Vec<f64> =
             cycle_rad.iter().cycle().skip(first_step % cycle.max(1)).take(reach).copied().collect();
-        let nominal = planes(&shifts_rad, &Hypothesis::nominal(images));
+        let nominal = planes(&shifts_rad, &Hypothesis::nominal(images), FASTEST_RAD);
         Self { shifts_rad, images, cycle, nominal }
     }
 
@@ -129,6 +138,11 @@ impl SequenceCheck {
     pub fn least_residual_share(&self) -> f64 {
         SUSPICIOUS_SHARE * (SUSPICIOUS_STEPS as f64 / self.cycle.max(1) as f64).min(1.0)
     }
+
+    /// Fastest motion that may explain other steps than the said ones, rad an image.
+    fn fastest_rad(&self) -> f64 {
+        FASTEST_RAD.min(FASTEST_STEPS * TAU / self.cycle.max(1) as f64)
+    }
 }
 
 /// The blocks of a window that are lit.
@@ -154,35 +168,34 @@ impl Told<'_> {
 
     /// Whether the said steps leave much, or most blocks cannot tell.
     fn is_suspicious(&self) -> bool {
-        let alike = self.alike();
-        2 * alike.len() < self.blocks.len()
-            || left(&self.check.nominal, &alike).is_some_and(|left| left.share >= self.check.least_residual_share())
+        let suspicious = |left: Left| left.share >= self.check.least_residual_share();
+        self.nominal(&self.alike()).is_none_or(suspicious)
+    }
+
+    /// What the said steps leave; `None` where too few blocks can tell.
+    fn nominal(&self, alike: &[&Signal]) -> Option<Left> {
+        left(&self.check.nominal, alike).filter(|_| ONE_IN * alike.len() >= self.blocks.len())
     }
 
     fn fault(&self) -> Option<SequenceFault> {
         let alike = self.alike();
-        let nominal = left(&self.check.nominal, &alike).filter(|_| 2 * alike.len() >= self.blocks.len());
-        let (order, without) = match nominal {
-            Some(_) => (self.fault_of_order(&alike), self.wrong_image(0.5)),
-            None => (None, self.wrong_image(MOST)),
+        let Some(nominal) = self.nominal(&alike) else {
+            let (kind, explained_share) = self.wrong_image(MOST)?;
+            let residual_share = self.residual_share();
+            let fault = SequenceFault { kind, residual_share, explained_share };
+            return explains(explained_share, residual_share).then_some(fault);
         };
-        let residual_share = nominal.map_or_else(|| self.residual_share(), |left| left.share);
-        let explains = |share: f64| LESS * share.max(FLOOR_SHARE) <= residual_share;
+        let residual_share = nominal.share;
+        let order = self.fault_of_order(&alike);
         let order_share = order.map_or(f64::INFINITY, |(_, share)| share);
-        let best = match without {
-            Some((_, share)) if WITHOUT_IMAGE_LESS * share.max(FLOOR_SHARE) < order_share => without,
-            _ => order,
-        };
-        if let Some((kind, explained_share)) = best.filter(|&(_, share)| explains(share)) {
-            return Some(SequenceFault { kind, residual_share, explained_share });
+        let without = self.wrong_image(1.0 / ONE_IN as f64);
+        let best = without.filter(|(_, share)| WITHOUT_IMAGE_LESS * share.max(FLOOR_SHARE) < order_share).or(order);
+        let fault = |(kind, explained_share)| SequenceFault { kind, residual_share, explained_share };
+        match best {
+            Some(best) if explains(best.1, residual_share) => Some(fault(best)),
+            _ if residual_share < UNEXPLAINED_SHARE => None,
+            best => Some(fault((SequenceFaultKind::Unexplained, best.map_or(residual_share, |(_, share)| share)))),
         }
-        let residual_share = self.residual_share();
-        let fault = SequenceFault {
-            kind: SequenceFaultKind::Unexplained,
-            residual_share,
-            explained_share: best.map_or(residual_share, |(_, share)| share),
-        };
-        (residual_share >= UNEXPLAINED_SHARE).then_some(fault)
     }
 
     /// The fault of order that explains the images best, and what it leaves.
@@ -203,7 +216,7 @@ impl Told<'_> {
     /// What hypotheses leave of signals.
     fn shares(&self, hypotheses: &[&Hypothesis], signals: &[&Signal]) -> Vec<f64> {
         let share = |hypothesis: &&Hypothesis| {
-            let planes = planes(&self.check.shifts_rad, hypothesis);
+            let planes = planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad());
             left(&planes, signals).map_or(f64::INFINITY, |left| left.share)
         };
         hypotheses.par_iter().map(share).collect()
@@ -222,7 +235,7 @@ impl Told<'_> {
                 blocks.iter().filter_map(|block| block.without(image).signal(self.validity)).collect();
             let alike: Vec<&Signal> = signals.iter().filter(|signal| is_alike(signal)).collect();
             let enough = alike.len() as f64 >= least_alike * blocks.len() as f64;
-            let left = left(&planes(&check.shifts_rad, &hypothesis), &alike).filter(|_| enough)?;
+            let left = left(&planes(&check.shifts_rad, &hypothesis, FASTEST_RAD), &alike).filter(|_| enough)?;
             Some((SequenceFaultKind::Wrong { image }, left.share))
         };
         let faults: Vec<(SequenceFaultKind, f64)> = (0..check.images).into_par_iter().filter_map(of).collect();
@@ -240,7 +253,8 @@ impl Told<'_> {
         }
         let tried = thinned_out(&alike, MOST_TRIED);
         Hypothesis::of_order(self.check.images, self.check.cycle).iter().find_map(|hypothesis| {
-            let left = left(&planes(&self.check.shifts_rad, hypothesis), &tried)?;
+            let planes = planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad());
+            let left = left(&planes, &tried)?;
             let rests = left.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
             let fault =
                 SequenceFault { kind: hypothesis.kind?, residual_share: said.share, explained_share: left.share };
@@ -264,6 +278,11 @@ impl Told<'_> {
     }
 }
 
+/// Whether steps that leave so much explain what the said ones leave.
+fn explains(share: f64, said_share: f64) -> bool {
+    LESS * share.max(FLOOR_SHARE) <= said_share
+}
+
 fn is_alike(signal: &Signal) -> bool {
     signal.noise_square <= MAX_NOISE_SQUARE
 }
@@ -279,9 +298,9 @@ fn left(planes: &Planes, signals: &[&Signal]) -> Option<Left> {
     Some(Left { share, motions_rad: ALL_BUT.map(|part| quantile(&mut motions, part)) })
 }
 
-fn planes(shifts_rad: &[f64], hypothesis: &Hypothesis) -> Planes {
+fn planes(shifts_rad: &[f64], hypothesis: &Hypothesis, fastest_rad: f64) -> Planes {
     let (shifts_rad, times) = angles(shifts_rad, hypothesis);
-    Planes::new(&shifts_rad, &times)
+    Planes::new(&shifts_rad, &times, fastest_rad)
 }
 
 /// Phase shifts and times of a hypothesis.

@@ -33,6 +33,8 @@
 //!   at rest otherwise; a frontal wall that came nearer at that very speed would be mistaken for it. With a faster scene,
 //!   long losses whose way makes up a turn, `k·(2π/N + ε) ≈ 2π`, are hidden too, and N = 16 hides more of them than N = 4.
 //!   [`SequenceCheck::residual_share`] says for any fault and motion what is left to be seen.
+//! - *A scene of which fewer than one block in five moves alike* all through the window, as when everything is quick and the
+//!   window long: only an image that alone shows something else is told then. Decoding leaves such pixels out by itself.
 //!
 //! Cost: the moments, M²/2 multiply-adds for one pixel in twenty or so, far below those of decoding. Other steps are tried only
 //! where the said ones do not fit.

@@ -1,7 +1,5 @@
 //! The planes that the fringes of a block may lie in, by the steps that its images show, one for each motion.
 
-/// Fastest motion that is tried, rad an image; the mirror image of a faster one has the same plane as a slower one has.
-const FASTEST_RAD: f64 = 1.2;
 /// Motions from one that is tried to the next, times the number of images: between them a parabola tells the best.
 const MOTION_PITCH: f64 = 0.5;
 /// Length below which a direction is none.
@@ -32,11 +30,11 @@ pub(super) struct Unexplained {
 }
 
 impl Planes {
-    /// The planes of images with these phase shifts, rad, taken at these times, images.
-    pub(super) fn new(shifts_rad: &[f64], times: &[f64]) -> Self {
+    /// The planes of images with these phase shifts, rad, taken at these times, images, for motions up to the fastest.
+    pub(super) fn new(shifts_rad: &[f64], times: &[f64], fastest_rad: f64) -> Self {
         let images = shifts_rad.len().max(1) as f64;
         let pitch_rad = MOTION_PITCH / images;
-        let to_either_side = (FASTEST_RAD / pitch_rad).ceil() as i32;
+        let to_either_side = (fastest_rad / pitch_rad).ceil() as i32;
         let plane = |k: i32| plane(shifts_rad, times, f64::from(k) * pitch_rad);
         Self { pitch_rad, planes: (-to_either_side..=to_either_side).map(plane).collect() }
     }
