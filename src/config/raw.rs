@@ -151,6 +151,9 @@ pub(super) struct RawFaults {
     pub(super) duplicated: Option<f64>,
     pub(super) swapped: Option<f64>,
     pub(super) late: Option<f64>,
+    pub(super) hidden_lost: Option<f64>,
+    pub(super) hidden_duplicated: Option<f64>,
+    pub(super) hidden_swapped: Option<f64>,
     pub(super) events_lost: Option<f64>,
 }
 

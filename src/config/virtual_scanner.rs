@@ -75,6 +75,9 @@ fn faults(raw: &RawFaults, seed: u64) -> Result<FaultOptions, ConfigurationProbl
         duplicated: raw.duplicated.unwrap_or(0.0),
         swapped: raw.swapped.unwrap_or(0.0),
         late: raw.late.unwrap_or(0.0),
+        hidden_lost: raw.hidden_lost.unwrap_or(0.0),
+        hidden_duplicated: raw.hidden_duplicated.unwrap_or(0.0),
+        hidden_swapped: raw.hidden_swapped.unwrap_or(0.0),
         events_lost: raw.events_lost.unwrap_or(0.0),
         seed,
     };

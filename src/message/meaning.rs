@@ -30,6 +30,11 @@ impl DropReason {
             Self::NoSample => "no free sample was left in the channel",
             Self::Malformed => "the message contradicts itself",
             Self::Injected => "a fault that the configuration asks of the virtual scanner",
+            Self::HiddenLoss => "its images tell of one that was lost, though no number did",
+            Self::HiddenDuplicate => "its images tell of one that came twice, though no number did",
+            Self::HiddenSwap => "its images tell of two that are exchanged, though no number did",
+            Self::WrongImage => "one of its images shows something else",
+            Self::UnexplainedImages => "its images fit no sequence of the pattern steps",
         }
     }
 }

@@ -81,6 +81,16 @@ pub enum DropReason {
     Malformed = 21,
     /// Left out on purpose: a fault that the configuration asks of the virtual scanner.
     Injected = 22,
+    /// By its images one of them was lost, which no number told.
+    HiddenLoss = 23,
+    /// By its images one of them came twice, which no number told.
+    HiddenDuplicate = 24,
+    /// By its images two of them were exchanged, which no number told.
+    HiddenSwap = 25,
+    /// One of its images shows something else.
+    WrongImage = 26,
+    /// Its images fit no sequence of the pattern steps.
+    UnexplainedImages = 27,
 }
 
 /// Number of drop reasons that a report has room for.
@@ -277,7 +287,7 @@ impl Stage {
 
 impl DropReason {
     /// All reasons.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 28] = [
         Self::Overrun,
         Self::CameraLost,
         Self::Duplicate,
@@ -301,6 +311,11 @@ impl DropReason {
         Self::NoSample,
         Self::Malformed,
         Self::Injected,
+        Self::HiddenLoss,
+        Self::HiddenDuplicate,
+        Self::HiddenSwap,
+        Self::WrongImage,
+        Self::UnexplainedImages,
     ];
 
     /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
@@ -329,7 +344,12 @@ impl DropReason {
             | Self::DiskFull
             | Self::Restart
             | Self::NoSample
-            | Self::Malformed => true,
+            | Self::Malformed
+            | Self::HiddenLoss
+            | Self::HiddenDuplicate
+            | Self::HiddenSwap
+            | Self::WrongImage
+            | Self::UnexplainedImages => true,
         }
     }
 
@@ -360,6 +380,11 @@ impl DropReason {
             Self::NoSample => "no_sample",
             Self::Malformed => "malformed",
             Self::Injected => "injected",
+            Self::HiddenLoss => "hidden_loss",
+            Self::HiddenDuplicate => "hidden_duplicate",
+            Self::HiddenSwap => "hidden_swap",
+            Self::WrongImage => "wrong_image",
+            Self::UnexplainedImages => "unexplained_images",
         }
     }
 }

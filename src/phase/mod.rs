@@ -11,10 +11,12 @@ mod map;
 mod motion;
 mod residuals;
 mod sample;
+mod sequence;
 mod shifts;
 
 pub use decode::{Validity, decode};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
 pub use map::{FitStatistics, Motion, PhaseMap};
 pub use motion::{MAX_IMAGES, MotionFit, decode_moving, usual_extra_images};
+pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

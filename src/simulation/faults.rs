@@ -20,6 +20,12 @@ pub struct FaultOptions {
     pub swapped: f64,
     /// Images that come a period late.
     pub late: f64,
+    /// Images lost without a trace: the next one takes their number and their time.
+    pub hidden_lost: f64,
+    /// Images that come again under the number and the time of the next one.
+    pub hidden_duplicated: f64,
+    /// Images that change number and time with the next one.
+    pub hidden_swapped: f64,
     /// Pattern events that are not sent.
     pub events_lost: f64,
     /// Seed.
@@ -37,6 +43,12 @@ pub enum ImageFault {
     Swapped,
     /// It comes a period late.
     Late,
+    /// It is lost without a trace.
+    HiddenLost,
+    /// It comes again in the place of the next one.
+    HiddenDuplicated,
+    /// It changes places with the next one.
+    HiddenSwapped,
 }
 
 /// Decides what goes wrong.
@@ -52,13 +64,18 @@ impl Faults {
     /// [`SimulationError::Range`]: a share below 0 or above 1, or shares of images that come to more than 1.
     pub fn new(options: FaultOptions) -> Result<Self, SimulationError> {
         let FaultOptions { lost, duplicated, swapped, late, events_lost, .. } = options;
+        let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = options;
+        let all = lost + duplicated + swapped + late + hidden_lost + hidden_duplicated + hidden_swapped;
         let named = [
             ("the share of lost images", lost),
             ("the share of duplicated images", duplicated),
             ("the share of swapped images", swapped),
             ("the share of late images", late),
+            ("the share of images lost without a trace", hidden_lost),
+            ("the share of images duplicated without a trace", hidden_duplicated),
+            ("the share of images swapped without a trace", hidden_swapped),
             ("the share of lost pattern events", events_lost),
-            ("the sum of the shares of images", lost + duplicated + swapped + late),
+            ("the sum of the shares of images", all),
         ];
         named.into_iter().try_for_each(|(name, share)| check_range(name, share, 0.0, 1.0, ""))?;
         Ok(Self { options })
@@ -68,12 +85,16 @@ impl Faults {
     #[must_use]
     pub fn of_image(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
         let FaultOptions { lost, duplicated, swapped, late, .. } = self.options;
+        let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = self.options;
         let mut draw = self.draw(1 + camera as u64, exposure);
         let kinds = [
             (lost, ImageFault::Lost),
             (duplicated, ImageFault::Duplicated),
             (swapped, ImageFault::Swapped),
             (late, ImageFault::Late),
+            (hidden_lost, ImageFault::HiddenLost),
+            (hidden_duplicated, ImageFault::HiddenDuplicated),
+            (hidden_swapped, ImageFault::HiddenSwapped),
         ];
         kinds.into_iter().find_map(|(share, fault)| {
             draw -= share;
@@ -101,17 +122,34 @@ impl Faults {
 mod tests {
     use super::*;
 
-    const OPTIONS: FaultOptions =
-        FaultOptions { lost: 0.02, duplicated: 0.01, swapped: 0.03, late: 0.04, events_lost: 0.05, seed: 3 };
+    const OPTIONS: FaultOptions = FaultOptions {
+        lost: 0.02,
+        duplicated: 0.01,
+        swapped: 0.03,
+        late: 0.04,
+        hidden_lost: 0.02,
+        hidden_duplicated: 0.03,
+        hidden_swapped: 0.01,
+        events_lost: 0.05,
+        seed: 3,
+    };
 
     #[test]
     fn shares_are_met_and_cameras_err_apart() {
         let faults = Faults::new(OPTIONS).unwrap();
         let count = |camera, fault| (0..20_000).filter(|&k| faults.of_image(camera, k) == Some(fault)).count();
         for camera in CameraId::BOTH {
-            let counts = [ImageFault::Lost, ImageFault::Duplicated, ImageFault::Swapped, ImageFault::Late]
-                .map(|fault| count(camera, fault));
-            for (count, expected) in counts.into_iter().zip([400_usize, 200, 600, 800]) {
+            let faults = [
+                ImageFault::Lost,
+                ImageFault::Duplicated,
+                ImageFault::Swapped,
+                ImageFault::Late,
+                ImageFault::HiddenLost,
+                ImageFault::HiddenDuplicated,
+                ImageFault::HiddenSwapped,
+            ];
+            let counts = faults.map(|fault| count(camera, fault));
+            for (count, expected) in counts.into_iter().zip([400_usize, 200, 600, 800, 400, 600, 200]) {
                 assert!(count.abs_diff(expected) < 100, "{camera:?}: {counts:?}");
             }
         }

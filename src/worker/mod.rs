@@ -10,7 +10,9 @@
 mod cloud;
 mod correspondence;
 mod phase;
+mod sequence;
 
 pub use cloud::CloudWorker;
 pub use correspondence::{CorrespondenceWorker, Correspondences};
 pub use phase::{ImagesError, PhasePair, PhaseWorker};
+pub use sequence::SequenceFaults;

@@ -2,7 +2,9 @@
 
 use crate::geometry::Rig;
 use crate::grey::GreyLevels;
-use crate::phase::{MotionFit, PhaseMap, PhaseShifts, ShiftError, Validity, decode, decode_moving};
+use crate::phase::{MotionFit, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode, decode_moving};
+
+use super::sequence::SequenceFaults;
 
 /// Decoded phase of both cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,6 +57,9 @@ pub enum ImagesError {
     /// Their shifts determine no phase.
     #[error(transparent)]
     Shifts(#[from] ShiftError),
+    /// The images do not show the steps that are said of them.
+    #[error(transparent)]
+    Sequence(#[from] SequenceFaults),
 }
 
 impl PhaseWorker {
@@ -69,7 +74,8 @@ impl PhaseWorker {
     /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated.
     ///
     /// # Errors
-    /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has.
+    /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has; images that
+    /// tell that one of them was lost, came twice or out of turn.
     pub fn step(
         &mut self,
         first_step: usize,
@@ -79,9 +85,25 @@ impl PhaseWorker {
     ) -> Result<(), ImagesError> {
         let images = cam1.len().max(self.cycle_rad.len());
         let fit = self.fit(first_step, images)?;
+        self.check_sequence(first_step, images, cam1, cam2)?;
         out.cam1 = self.decode(1, &fit, images, cam1, self.cam1_px)?;
         out.cam2 = self.decode(2, &fit, images, cam2, self.cam2_px)?;
         Ok(())
+    }
+
+    /// That both cameras' images show the steps in turn.
+    fn check_sequence(
+        &self,
+        first_step: usize,
+        images: usize,
+        cam1: &[GreyLevels<'_>],
+        cam2: &[GreyLevels<'_>],
+    ) -> Result<(), SequenceFaults> {
+        let check = SequenceCheck::new(&self.cycle_rad, first_step, images);
+        let of =
+            |images: &[GreyLevels<'_>], [width, height]: [usize; 2]| check.fault(images, width, height, &self.validity);
+        let faults = SequenceFaults { images, cam1: of(cam1, self.cam1_px), cam2: of(cam2, self.cam2_px) };
+        if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
 
     fn fit(&self, first_step: usize, images: usize) -> Result<WindowFit, ShiftError> {

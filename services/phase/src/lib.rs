@@ -6,11 +6,11 @@ mod image;
 mod intake;
 
 use fringeflow::message::{Block, DropReason, MapsHeader, Stage};
-use fringeflow::phase::PhaseShifts;
+use fringeflow::phase::{PhaseShifts, SequenceFaultKind};
 use fringeflow::synchronization::WindowImages;
 use fringeflow::transport::{PHASE_MAPS, Publisher};
 use fringeflow::wire;
-use fringeflow::worker::{PhasePair, PhaseWorker};
+use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
 use fringeflow_runtime::{Account, Host, ItemTimes, ServiceArgs, ServiceError, clock};
 
 use image::Image;
@@ -98,8 +98,10 @@ impl Decoding {
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
         if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, &mut self.maps) {
-            tracing::warn!("{error}");
-            return Ok(self.account.drop_one(DropReason::BadImage)?);
+            let window = &images.window;
+            let [cam1, cam2] = [window.cam1_sequence[0], window.cam2_sequence[0]];
+            tracing::warn!(first_image_of_camera1 = cam1, first_image_of_camera2 = cam2, "{error}");
+            return Ok(self.account.drop_one(reason(&error))?);
         }
         let published = self.account.pass()?;
         let header = wire::maps::header(&self.maps, &images.window, published);
@@ -113,5 +115,17 @@ impl Decoding {
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: clock::now_ns() };
         host.report(Stage::Phase, self.account.counts(), Some(times));
         Ok(())
+    }
+}
+
+/// Why a window that cannot be decoded is dropped.
+fn reason(error: &ImagesError) -> DropReason {
+    let ImagesError::Sequence(faults) = error else { return DropReason::BadImage };
+    match faults.first().map(|fault| fault.kind) {
+        Some(SequenceFaultKind::Lost { .. }) => DropReason::HiddenLoss,
+        Some(SequenceFaultKind::Duplicated { .. }) => DropReason::HiddenDuplicate,
+        Some(SequenceFaultKind::Swapped { .. }) => DropReason::HiddenSwap,
+        Some(SequenceFaultKind::Wrong { .. }) => DropReason::WrongImage,
+        Some(SequenceFaultKind::Unexplained) | None => DropReason::UnexplainedImages,
     }
 }

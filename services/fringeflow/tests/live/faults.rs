@@ -42,6 +42,20 @@ fn every_fault_is_counted_and_no_window_mixes_steps() {
     assert_windows_are_in_step(&Recording::open(&recording).unwrap());
 }
 
+#[test]
+fn faults_without_a_trace_are_told_by_the_images() {
+    let slow = "poses = 240\ntremor_mm = 0.0\ntremor_deg = 0.0";
+    let faults = "hidden_lost = 0.02\nhidden_duplicated = 0.03\nhidden_swapped = 0.03";
+    let bench = Bench::with(&[("poses = 8", slow), ("lost = 0.0", faults)]);
+    let ended = bench.run(&[&"--seconds", &"6"]);
+    ended.assert_undisturbed();
+    let reasons = [DropReason::HiddenLoss, DropReason::HiddenDuplicate, DropReason::HiddenSwap];
+    let told: Vec<DropReason> =
+        reasons.into_iter().filter(|&reason| ended.stage("phase").dropped(reason) > 0).collect();
+    assert!(told.len() >= 2, "{ended:?}");
+    assert!(ended.log.contains("the images do not show the pattern steps that are said of them: camera"), "{ended:?}");
+}
+
 /// Asserts that the images of each cloud's window show the steps in order, by the times of the recorded pattern events,
 /// and that images that came out of turn were used.
 fn assert_windows_are_in_step(recording: &Recording) {

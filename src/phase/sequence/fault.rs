@@ -1,0 +1,114 @@
+//! What may be wrong with the steps of a window, and which steps its images show then.
+
+/// What is wrong with the images of a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SequenceFaultKind {
+    /// Images are missing behind one.
+    Lost {
+        /// The image before them, from 0.
+        after: usize,
+        /// How many, 1 to N − 2.
+        images: usize,
+    },
+    /// The image behind one shows the same step.
+    Duplicated {
+        /// The image that comes twice, from 0.
+        image: usize,
+    },
+    /// An image and the one behind it are exchanged.
+    Swapped {
+        /// The first of both, from 0.
+        first: usize,
+    },
+    /// One image shows something else.
+    Wrong {
+        /// Which one, from 0.
+        image: usize,
+    },
+    /// The images fit neither the steps that are said of them nor any of these faults.
+    Unexplained,
+}
+
+/// A fault, and how clearly it shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SequenceFault {
+    /// What it is.
+    pub kind: SequenceFaultKind,
+    /// What the said steps leave unexplained, a share of the modulation.
+    pub residual_share: f64,
+    /// What is left with the fault.
+    pub explained_share: f64,
+}
+
+impl std::fmt::Display for SequenceFaultKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Lost { after, images: 1 } => write!(f, "an image was lost behind image {}", after + 1),
+            Self::Lost { after, images } => write!(f, "{images} images were lost behind image {}", after + 1),
+            Self::Duplicated { image } => write!(f, "image {} came twice", image + 1),
+            Self::Swapped { first } => write!(f, "images {} and {} are exchanged", first + 1, first + 2),
+            Self::Wrong { image } => write!(f, "image {} shows something else", image + 1),
+            Self::Unexplained => write!(f, "no order of the steps explains them"),
+        }
+    }
+}
+
+/// The images as a fault, or none, would have it.
+#[derive(Clone, Debug)]
+pub(super) struct Hypothesis {
+    /// The fault; `None` where all is as said.
+    pub(super) kind: Option<SequenceFaultKind>,
+    /// Step of every image, counted on from that of the first.
+    pub(super) steps: Vec<usize>,
+    /// Time of every image, in images.
+    pub(super) times: Vec<usize>,
+}
+
+impl Hypothesis {
+    /// Nothing is wrong.
+    pub(super) fn nominal(images: usize) -> Self {
+        let order: Vec<usize> = (0..images).collect();
+        Self { kind: None, steps: order.clone(), times: order }
+    }
+
+    /// All faults of order in a window of so many images and a cycle of N steps, those that are the likeliest first. A camera
+    /// that errs shifts the times with the steps, a projector that errs does not.
+    pub(super) fn of_order(images: usize, cycle: usize) -> Vec<Self> {
+        let pairs = images.saturating_sub(1);
+        let lost = |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
+        let duplicated = (0..pairs).map(|image| SequenceFaultKind::Duplicated { image });
+        let swapped = (0..pairs).map(|first| SequenceFaultKind::Swapped { first });
+        let longest = cycle.saturating_sub(2);
+        let few = (1..=longest.min(1)).flat_map(lost);
+        let many = (2..=longest).flat_map(lost);
+        few.chain(duplicated).chain(swapped).chain(many).flat_map(|kind| Self::of_kind(kind, images)).collect()
+    }
+
+    /// The ways in which a fault of order may have come about.
+    pub(super) fn of_kind(kind: SequenceFaultKind, images: usize) -> Vec<Self> {
+        let order = || 0..images;
+        let in_time: Vec<usize> = order().collect();
+        let of =
+            |steps: &[usize], times: &[usize]| Self { kind: Some(kind), steps: steps.to_vec(), times: times.to_vec() };
+        match kind {
+            SequenceFaultKind::Lost { after, images: lost } => {
+                let steps: Vec<usize> = order().map(|i| if i > after { i + lost } else { i }).collect();
+                vec![of(&steps, &steps), of(&steps, &in_time)]
+            }
+            SequenceFaultKind::Duplicated { image } => {
+                let steps: Vec<usize> = order().map(|i| if i > image { i - 1 } else { i }).collect();
+                // The second may also have taken the place of the image behind.
+                let instead: Vec<usize> = order().map(|i| if i == image + 1 { image } else { i }).collect();
+                vec![of(&steps, &steps), of(&steps, &in_time), of(&instead, &instead)]
+            }
+            SequenceFaultKind::Swapped { first } => {
+                let mut steps = in_time.clone();
+                if first + 1 < images {
+                    steps.swap(first, first + 1);
+                }
+                vec![of(&steps, &steps), of(&steps, &in_time)]
+            }
+            SequenceFaultKind::Wrong { .. } | SequenceFaultKind::Unexplained => Vec::new(),
+        }
+    }
+}
