@@ -37,6 +37,7 @@
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`registration`] | how a scanner has moved between two clouds of one surface |
 //! | [`fusion`] | the clouds of a moving scanner in one model of surfels |
+//! | [`health`] | whether the scanner measures as it should, watched from window to window |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`message`] | what crosses a process border |
 //! | [`pixels`] | from the formats of cameras to that of the channels |
@@ -61,6 +62,7 @@ pub mod evaluation;
 pub mod fusion;
 pub mod geometry;
 pub mod grey;
+pub mod health;
 pub mod message;
 pub mod phase;
 pub mod pixels;

@@ -4,6 +4,8 @@
 //! name; unknown keys are refused.
 
 mod cameras;
+mod former;
+mod health;
 mod monitor;
 mod raw;
 mod scanner;
@@ -12,8 +14,9 @@ mod virtual_scanner;
 use std::path::{Path, PathBuf};
 
 use crate::calibration::Unit;
-use crate::correspondence::{DriftLimit, MatchSettings, ResolutionMethod, ResolutionSettings};
+use crate::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
 use crate::geometry::MeasurementVolume;
+use crate::health::HealthLimits;
 use crate::phase::Validity;
 use crate::reconstruction::Settings;
 
@@ -22,6 +25,7 @@ use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 pub use cameras::{
     CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
+pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
 pub use virtual_scanner::VirtualScannerConfiguration;
@@ -36,8 +40,8 @@ pub struct Configuration {
     pub settings: Settings,
     /// Measurement volume that replaces that of the dataset or the recording.
     pub volume: Option<MeasurementVolume>,
-    /// Drift of the calibration beyond which an alarm is raised.
-    pub drift_limit: DriftLimit,
+    /// What is as it should be while scanning.
+    pub health: HealthLimits,
 }
 
 /// Why a configuration file was refused.
@@ -129,6 +133,17 @@ impl Configuration {
         Self::of(&RawConfiguration::parse(text)?)
     }
 
+    /// [`Self::parse`] on the text of a recording, which may be older than this version.
+    ///
+    /// # Errors
+    /// [`ConfigurationProblem`], which names key and value.
+    pub fn parse_recorded(text: &str) -> Result<Self, ConfigurationProblem> {
+        let mut table: toml::Table =
+            text.parse().map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+        rename_former_keys(&mut table);
+        Self::parse(&table.to_string())
+    }
+
     fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
         let settings = Settings {
             validity: validity(&raw.phase)?,
@@ -138,16 +153,9 @@ impl Configuration {
         Ok(Self {
             settings,
             volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
-            drift_limit: drift_limit(&raw.correspondence)?,
+            health: health::health(&raw.health)?,
         })
     }
-}
-
-fn drift_limit(raw: &RawCorrespondence) -> Result<DriftLimit, ConfigurationProblem> {
-    let rms_rad = raw.drift_alarm_rad.unwrap_or(DriftLimit::default().rms_rad);
-    let expected = "it must lie between 0 and 1 rad";
-    let rms_rad = checked("correspondence.drift_alarm_rad", rms_rad, |v| *v > 0.0 && *v < 1.0, expected)?;
-    Ok(DriftLimit { rms_rad })
 }
 
 fn validity(raw: &RawPhase) -> Result<Validity, ConfigurationProblem> {
@@ -248,12 +256,27 @@ mod tests {
     }
 
     #[test]
+    fn a_former_key_is_refused_with_its_name_and_read_from_recordings() {
+        let text = "[correspondence]\ndrift_alarm_rad = 0.05";
+        let message = Configuration::parse(text).unwrap_err().to_string();
+        assert!(message.contains("correspondence.drift_alarm_rad is 0.05") && message.contains("[health]"), "{message}");
+        let limits = Configuration::parse_recorded(text).unwrap().health.of(crate::health::Quantity::Drift);
+        assert_eq!((limits.warn, limits.bad), (0.05, 0.2));
+        assert!(Configuration::parse_recorded("[correspondence]\ndrift_alarm = 0.05").is_err());
+    }
+
+    #[test]
     fn unknown_keys_and_impossible_values_are_named() {
         let message = |text: &str| Configuration::parse(text).unwrap_err().to_string();
         assert!(message("[phase]\nmin_modulation = 3.0").contains("min_modulation"));
         assert!(message("[phase]\nmin_modulation_grey = -1.0").contains("phase.min_modulation_grey is -1"));
         assert!(message("[correspondence]\ndelta_sd_rad = nan").contains("correspondence.delta_sd_rad is NaN"));
         assert!(message("[correspondence]\nmin_confidence = 90").contains("correspondence.min_confidence is 90"));
-        assert!(message("[correspondence]\ndrift_alarm_rad = 0").contains("correspondence.drift_alarm_rad is 0"));
+        assert!(message("[health]\ndrift_rad = { warn = 0 }").contains("health.drift_rad: warn is 0"));
+        assert!(message("[health]\nmotion_rad = { bad = 0.1 }").contains("warn above 0 and below bad"));
+        assert!(message("[health]\nskew_ms = { warning = 1 }").contains("warning"));
+        assert!(message("[health]\ndrift_mm = { warn = 1 }").contains("drift_mm"));
+        assert!(message("[health]\nwindows = 3\nfewest_windows = 4").contains("health.fewest_windows is 4"));
+        assert!(message("[health]\nrelease_share = 1.2").contains("health.release_share is 1.2"));
     }
 }

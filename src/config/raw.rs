@@ -6,13 +6,14 @@ use serde::Deserialize;
 
 use crate::dataset::VolumeDescription;
 
-use super::ConfigurationProblem;
+use super::{ConfigurationProblem, former};
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawConfiguration {
     pub(super) phase: RawPhase,
     pub(super) correspondence: RawCorrespondence,
+    pub(super) health: RawHealth,
     pub(super) measurement_volume: Option<RawVolume>,
     pub(super) instance: RawInstance,
     pub(super) rig: Option<RawRig>,
@@ -27,7 +28,9 @@ pub(super) struct RawConfiguration {
 
 impl RawConfiguration {
     pub(super) fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        toml::from_str(text).map_err(|e| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))
+        let fail = |error: toml::de::Error| ConfigurationProblem::Toml(error.to_string().trim_end().to_owned());
+        former::refuse(text)?;
+        toml::from_str(text).map_err(fail)
     }
 }
 
@@ -46,11 +49,39 @@ pub(super) struct RawCorrespondence {
     pub(super) resolution: Option<String>,
     pub(super) min_confidence: Option<f32>,
     pub(super) delta_sd_rad: Option<f64>,
-    pub(super) drift_alarm_rad: Option<f64>,
     pub(super) max_rounds: Option<usize>,
     pub(super) max_sweeps: Option<usize>,
     pub(super) min_votes: Option<u16>,
     pub(super) min_region_px: Option<u32>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawHealth {
+    pub(super) windows: Option<usize>,
+    pub(super) fewest_windows: Option<usize>,
+    pub(super) release_share: Option<f64>,
+    pub(super) drift_rad: Option<RawLimits>,
+    pub(super) delta_sd_rad: Option<RawLimits>,
+    pub(super) delta_noise_rad: Option<RawLimits>,
+    pub(super) delta_mean_rad: Option<RawLimits>,
+    pub(super) residual_share: Option<RawLimits>,
+    pub(super) harmonics_share: Option<RawLimits>,
+    pub(super) saturated_share: Option<RawLimits>,
+    pub(super) dim_share: Option<RawLimits>,
+    pub(super) skew_ms: Option<RawLimits>,
+    pub(super) motion_rad: Option<RawLimits>,
+    pub(super) brightness_share: Option<RawLimits>,
+    pub(super) one_surface_share: Option<RawLimits>,
+    pub(super) lost_share: Option<RawLimits>,
+    pub(super) slipped_share: Option<RawLimits>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLimits {
+    pub(super) warn: Option<f64>,
+    pub(super) bad: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -126,6 +157,7 @@ pub(super) struct RawVirtualScanner {
     pub(super) sd_rad: Option<f64>,
     pub(super) noise: Option<String>,
     pub(super) gamma: Option<f64>,
+    pub(super) exposure: Option<f64>,
     pub(super) supersampling: Option<usize>,
     pub(super) seed: Option<u64>,
     pub(super) cache: Option<PathBuf>,

@@ -48,6 +48,7 @@ pub(super) fn configuration(
         format,
         noise: word("virtual_scanner.noise", raw.noise.as_deref(), NoiseLevel::Normal)?,
         gamma: raw.gamma.unwrap_or(1.0),
+        exposure: raw.exposure.unwrap_or(1.0),
         supersampling: raw.supersampling.unwrap_or(1),
         sweep: sweep(&raw.sweep, seed),
         seed,

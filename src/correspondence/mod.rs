@@ -35,7 +35,7 @@ pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
 pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
-pub use drift::{Drift, DriftAlarm, DriftLimit, DriftMap, DriftModes, estimate_drift, median_drift_rad};
+pub use drift::{Drift, DriftMap, DriftModes, estimate_drift};
 pub use epipolar_image::EpipolarImage;
 pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};

@@ -19,7 +19,7 @@ pub struct Block(
 /// [`crate::phase::Motion`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.Fit.2")]
+#[type_name("fringeflow.Fit.3")]
 pub struct Fit {
     /// Number of valid pixels.
     pub valid_pixels: u64,
@@ -27,6 +27,12 @@ pub struct Fit {
     pub one_surface_pixels: u64,
     /// Pixels left out for their motion.
     pub lost_pixels: u64,
+    /// Lit pixels, see [`crate::phase::Exposure`].
+    pub lit_pixels: u64,
+    /// Of these, pixels with a saturated sample.
+    pub saturated_pixels: u64,
+    /// Of these, pixels that are barely lit.
+    pub dim_pixels: u64,
     /// Median of fit residual ÷ modulation; negative where three steps leave no residual.
     pub residual_share: f32,
     /// Standard deviation of the grey levels about the fit.
@@ -39,12 +45,16 @@ pub struct Fit {
     pub fast_motion_rad: f32,
     /// Greatest departure of the brightness of an image from the mean, as a share; 0 where it was not measured.
     pub brightness_share: f32,
+    /// Amplitude of the second harmonic of the fringes ÷ modulation; negative where the shifts do not tell.
+    pub second_harmonic_share: f32,
+    /// Of the third.
+    pub third_harmonic_share: f32,
 }
 
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.2")]
+#[type_name("fringeflow.MapsHeader.3")]
 pub struct MapsHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -54,6 +64,8 @@ pub struct MapsHeader {
     pub cam1: Fit,
     /// Fit of camera 2.
     pub cam2: Fit,
+    /// By how much images of camera 2 begin later than those of camera 1, mean over the pairs, nanoseconds.
+    pub skew_ns: i64,
     /// Width of the images of either camera, pixels.
     pub width_px: u32,
     /// Height, pixels.

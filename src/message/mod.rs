@@ -21,6 +21,7 @@
 
 mod control;
 mod frame;
+mod health_report;
 mod incident;
 mod maps;
 mod meaning;
@@ -32,6 +33,7 @@ mod window_report;
 pub use crate::grey::PixelFormat;
 pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
 pub use frame::{FrameHeader, flags};
+pub use health_report::{GAUGES, GaugeReport, HealthReport};
 pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};

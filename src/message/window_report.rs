@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::{Fit, Window};
+use super::{Fit, HealthReport, Window};
 
 /// Parts of −π to π rad in which δ is counted.
 pub const DELTA_PARTS: usize = 512;
@@ -13,7 +13,7 @@ pub const OUTCOMES: usize = 32;
 /// What the error of the calibration amounts to in one window.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.DriftReport.1")]
+#[type_name("fringeflow.DriftReport.2")]
 pub struct DriftReport {
     /// Root mean square over the measurement volume of δ that it causes, rad.
     pub rms_rad: f64,
@@ -23,14 +23,8 @@ pub struct DriftReport {
     pub share: f64,
     /// Standard deviation of δ about it, rad: what is left for noise.
     pub residual_sd_rad: f64,
-    /// Median of the root mean squares of the last windows, rad: what the alarm is decided by; 0 without any.
-    pub median_rad: f64,
-    /// Limit of the alarm, rad.
-    pub limit_rad: f64,
     /// 1 where the drift was measured; else all of this is 0.
-    pub is_measured: u32,
-    /// 1 while the alarm stands.
-    pub is_alarm: u32,
+    pub is_measured: u64,
 }
 
 impl DriftReport {
@@ -44,7 +38,7 @@ impl DriftReport {
 /// Figures of one window: fringes, δ, and what became of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.WindowReport.3")]
+#[type_name("fringeflow.WindowReport.4")]
 pub struct WindowReport {
     /// Number of the correspondences in their channel.
     pub published: u64,
@@ -72,6 +66,10 @@ pub struct WindowReport {
     pub slip_steps: [i32; 2],
     /// Drift of the calibration; not measured with the paper's resolution.
     pub drift: DriftReport,
+    /// By how much images of camera 2 begin later than those of camera 1, mean over the pairs, nanoseconds.
+    pub skew_ns: i64,
+    /// Health of the scanner, this window included.
+    pub health: HealthReport,
     /// Pixels of camera 1 by the code of what became of them.
     pub outcomes: [u64; OUTCOMES],
     /// δ of all candidates of some pixels: their numbers in equal parts of −π to π rad.

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use crate::grey::{GreyLevels, PixelFormat};
 
 use super::arctangent::turn_fraction;
-use super::map::{FitStatistics, PhaseMap};
+use super::harmonics::{self, Samples};
+use super::map::{Exposure, FitStatistics, Harmonics, PhaseMap};
 use super::residuals::Residuals;
 use super::sample::Sample;
 use super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
@@ -63,28 +64,49 @@ pub fn decode(
         mean: vec![0; pixels],
         valid: vec![false; pixels],
         fit: FitStatistics::default(),
+        exposure: Exposure::default(),
+        harmonics: Harmonics::default(),
         motion: None,
     };
     let bytes = images.iter().map(|image| image.bytes);
     let residuals = match format {
-        PixelFormat::Grey => decode_tiles(&bytes.collect::<Vec<&[u8]>>(), format, shifts, validity, &mut map),
+        PixelFormat::Grey => decode_images(&bytes.collect::<Vec<&[u8]>>(), format, shifts, validity, &mut map),
         _ => {
             let samples: Vec<&[[u8; 2]]> = bytes.map(|bytes| bytes.as_chunks().0).collect();
-            decode_tiles(&samples, format, shifts, validity, &mut map)
+            decode_images(&samples, format, shifts, validity, &mut map)
         }
     };
     map.fit = residuals.statistics(shifts.steps() - MIN_STEPS, format, shifts.noise_gain() as f32);
     Some(map)
 }
 
-/// Decodes all tiles in parallel and merges their residuals; whole numbers add up the same in any order.
-fn decode_tiles<S: Sample>(
+/// Decodes all tiles, and measures what all of them tell together.
+fn decode_images<S: Sample>(
     images: &[&[S]],
     format: PixelFormat,
     shifts: &PhaseShifts,
     validity: &Validity,
     map: &mut PhaseMap,
 ) -> Residuals {
+    let (residuals, exposure) = decode_tiles(images, format, shifts, validity, map);
+    let (grey_per_value, saturation) = (format.grey_per_value(), S::from_grey(validity.saturation_grey, format));
+    map.exposure = exposure;
+    map.harmonics = harmonics::measure(shifts.shifts_rad(), map.phase.len(), |pixel, out: &mut Samples| {
+        let samples = || images.iter().map(|image| image[pixel]).zip(shifts.shifts_rad());
+        out.extend(samples().map(|(value, shift)| [f64::from(value.grey(grey_per_value)), *shift]));
+        map.valid[pixel] && samples().all(|(value, _)| value.is_below(saturation))
+    });
+    residuals
+}
+
+/// Decodes all tiles in parallel and merges their counts; whole numbers add up the same in any order.
+fn decode_tiles<S: Sample>(
+    images: &[&[S]],
+    format: PixelFormat,
+    shifts: &PhaseShifts,
+    validity: &Validity,
+    map: &mut PhaseMap,
+) -> (Residuals, Exposure) {
     let (grey_per_value, saturation) = (format.grey_per_value(), S::from_grey(validity.saturation_grey, format));
     let tiles = map
         .phase
@@ -94,7 +116,7 @@ fn decode_tiles<S: Sample>(
         .zip(map.valid.par_chunks_mut(TILE))
         .enumerate();
     tiles
-        .fold(Residuals::default, |mut residuals, (i, (((phase, modulation), mean), valid))| {
+        .fold(<(Residuals, Exposure)>::default, |(mut residuals, mut exposure), (i, (((phase, modulation), mean), valid))| {
             let range = i * TILE..i * TILE + phase.len();
             let mut samples: [&[S]; MAX_STEPS] = [&[]; MAX_STEPS];
             for (sample, image) in samples.iter_mut().zip(images) {
@@ -106,9 +128,12 @@ fn decode_tiles<S: Sample>(
             sums.leave_out_saturated(samples, grey_per_value, saturation, shifts);
             sums.finish(shifts.steps(), validity, phase, modulation, mean, valid);
             residuals.add(&sums.residual, modulation, valid);
-            residuals
+            for (&saturated, &modulation) in sums.saturated.iter().zip(&*modulation) {
+                exposure.add(saturated, modulation, validity.min_modulation_grey);
+            }
+            (residuals, exposure)
         })
-        .reduce(Residuals::default, Residuals::merge)
+        .reduce(Default::default, |(residuals, exposure), others| (residuals.merge(others.0), exposure.plus(others.1)))
 }
 
 /// Least-squares sums of a tile, and the residual about them.
@@ -118,11 +143,13 @@ struct Sums {
     sine: [f32; TILE],
     /// Standard deviation of the samples about the fit; infinite where too few samples are unsaturated.
     residual: [f32; TILE],
+    /// Whether a sample is saturated.
+    saturated: [bool; TILE],
 }
 
 impl Sums {
     fn new() -> Self {
-        Self { offset: [0.0; TILE], cosine: [0.0; TILE], sine: [0.0; TILE], residual: [0.0; TILE] }
+        Self { offset: [0.0; TILE], cosine: [0.0; TILE], sine: [0.0; TILE], residual: [0.0; TILE], saturated: [false; TILE] }
     }
 
     fn accumulate<S: Sample>(&mut self, samples: &[&[S]], grey_per_value: f32, shifts: &PhaseShifts) {
@@ -170,6 +197,7 @@ impl Sums {
             if samples.iter().all(|s| s[i].is_below(saturation)) {
                 continue;
             }
+            self.saturated[i] = true;
             let kept = (0..samples.len()).filter(|&k| samples[k][i].is_below(saturation));
             let (greys, angles): (Vec<f64>, Vec<f64>) =
                 kept.map(|k| (f64::from(samples[k][i].grey(grey_per_value)), shifts.shifts_rad()[k])).unzip();

@@ -20,6 +20,10 @@ pub struct PhaseMap {
     pub valid: Vec<bool>,
     /// How well sinusoids fit the images.
     pub fit: FitStatistics,
+    /// Whether it was lit as it should be.
+    pub exposure: Exposure,
+    /// What the fringes have beside their sinusoid.
+    pub harmonics: Harmonics,
     /// How the scene moved while the images were taken; `None` where N images alone cannot tell.
     pub motion: Option<Motion>,
 }
@@ -50,4 +54,48 @@ pub struct Motion {
     pub one_surface_pixels: u64,
     /// Pixels left out: lit, but of their images too few show one surface, or the phase moves too fast.
     pub lost_pixels: u64,
+}
+
+/// How the lit pixels of an image were lit: those with the least modulation of a valid pixel, and those with saturated samples.
+/// What the projector does not reach, or an object does not fill, is not lit, and counts nowhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exposure {
+    /// Lit pixels.
+    pub lit_pixels: u64,
+    /// Of these, pixels with a saturated sample.
+    pub saturated_pixels: u64,
+    /// Of these, pixels without one that are modulated by less than three times what a valid pixel needs.
+    pub dim_pixels: u64,
+}
+
+/// Modulation of a pixel that is not dim, in that of one that is barely valid: there a grey level of noise makes as much δ, 0.05
+/// rad with four steps, as the error of a usual calibration.
+const DIM: f32 = 3.0;
+
+impl Exposure {
+    /// Counts a pixel.
+    pub(super) fn add(&mut self, is_saturated: bool, modulation_grey: f32, least_grey: f32) {
+        self.lit_pixels += u64::from(is_saturated || modulation_grey >= least_grey);
+        self.saturated_pixels += u64::from(is_saturated);
+        self.dim_pixels += u64::from(!is_saturated && (least_grey..DIM * least_grey).contains(&modulation_grey));
+    }
+
+    /// These pixels and others.
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            lit_pixels: self.lit_pixels + other.lit_pixels,
+            saturated_pixels: self.saturated_pixels + other.saturated_pixels,
+            dim_pixels: self.dim_pixels + other.dim_pixels,
+        }
+    }
+}
+
+/// Amplitudes of the harmonics of the fringes beside the sinusoid, in its own; `None` where the shifts do not tell: of the
+/// second with three steps, of the third with four.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Harmonics {
+    /// Of the second.
+    pub second_share: Option<f32>,
+    /// Of the third.
+    pub third_share: Option<f32>,
 }

@@ -7,6 +7,7 @@
 mod arctangent;
 mod decode;
 mod gray_code;
+mod harmonics;
 mod map;
 mod motion;
 mod residuals;
@@ -16,7 +17,7 @@ mod shifts;
 
 pub use decode::{Validity, decode};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
-pub use map::{FitStatistics, Motion, PhaseMap};
+pub use map::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
 pub use motion::{MAX_IMAGES, MotionFit, decode_moving, usual_extra_images};
 pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

@@ -3,10 +3,13 @@
 //! What comes from a file may say anything: a message that no channel could have carried is `None`.
 
 use crate::correspondence::Outcome;
-use crate::message::{self, Counts, DELTA_PARTS, DropReason, Incident, MAX_WINDOW, OUTCOMES, Skew, Stage};
+use crate::health::{HealthState, Quantity};
+use crate::message::{
+    self, Counts, DELTA_PARTS, DropReason, GaugeReport, HealthReport, Incident, MAX_WINDOW, OUTCOMES, Skew, Stage,
+};
 
 use super::schema::{
-    CloudHeader, CorrespondenceHeader, Drift, Fit, FrameHeader, MapsHeader, PatternEvent, StageReport, Window,
+    CloudHeader, CorrespondenceHeader, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent, StageReport, Window,
     WindowReport,
 };
 
@@ -181,6 +184,11 @@ impl Fit {
             brightness_share: fit.brightness_share,
             one_surface_pixels: fit.one_surface_pixels,
             lost_pixels: fit.lost_pixels,
+            lit_pixels: fit.lit_pixels,
+            saturated_pixels: fit.saturated_pixels,
+            dim_pixels: fit.dim_pixels,
+            second_harmonic_share: Some(fit.second_harmonic_share).filter(|share| *share >= 0.0),
+            third_harmonic_share: Some(fit.third_harmonic_share).filter(|share| *share >= 0.0),
         }
     }
 
@@ -195,6 +203,11 @@ impl Fit {
             brightness_share: self.brightness_share,
             one_surface_pixels: self.one_surface_pixels,
             lost_pixels: self.lost_pixels,
+            lit_pixels: self.lit_pixels,
+            saturated_pixels: self.saturated_pixels,
+            dim_pixels: self.dim_pixels,
+            second_harmonic_share: self.second_harmonic_share.unwrap_or(-1.0),
+            third_harmonic_share: self.third_harmonic_share.unwrap_or(-1.0),
         }
     }
 }
@@ -208,6 +221,7 @@ impl MapsHeader {
             cam2: Some(Fit::of(&header.cam2)),
             width_px: header.width_px,
             height_px: header.height_px,
+            skew_ns: header.skew_ns,
         }
     }
 
@@ -217,6 +231,7 @@ impl MapsHeader {
             window: self.window.as_ref()?.to_message()?,
             cam1: self.cam1.as_ref()?.to_message(),
             cam2: self.cam2.as_ref()?.to_message(),
+            skew_ns: self.skew_ns,
             width_px: self.width_px,
             height_px: self.height_px,
         })
@@ -327,9 +342,6 @@ impl Drift {
             error_px: report.error_px,
             share: report.share,
             residual_sd_rad: report.residual_sd_rad,
-            median_rad: report.median_rad,
-            limit_rad: report.limit_rad,
-            is_alarm: report.is_alarm != 0,
         }
     }
 
@@ -339,11 +351,37 @@ impl Drift {
             error_px: self.error_px,
             share: self.share,
             residual_sd_rad: self.residual_sd_rad,
-            median_rad: self.median_rad,
-            limit_rad: self.limit_rad,
             is_measured: 1,
-            is_alarm: u32::from(self.is_alarm),
         }
+    }
+}
+
+impl Gauge {
+    /// All quantities; none of a report without any limits, as windows of older recordings have it.
+    fn all_of(report: &HealthReport) -> Vec<Self> {
+        let told = Quantity::ALL.into_iter().zip(&report.gauges).filter(|(_, gauge)| gauge.bad > 0.0);
+        let gauge = |(quantity, gauge): (Quantity, &GaugeReport)| Self {
+            quantity: quantity.name().to_owned(),
+            state: HealthState::of(gauge.state).name().to_owned(),
+            level: gauge.known(),
+            warn: gauge.warn,
+            bad: gauge.bad,
+            since_ns: gauge.since_ns,
+        };
+        told.map(gauge).collect()
+    }
+
+    /// `None` for an unknown quantity or state.
+    fn to_message(&self) -> Option<(Quantity, GaugeReport)> {
+        let gauge = GaugeReport {
+            level: self.level.unwrap_or(0.0),
+            warn: self.warn,
+            bad: self.bad,
+            since_ns: self.since_ns,
+            state: HealthState::named(&self.state)? as u32,
+            is_known: u32::from(self.level.is_some()),
+        };
+        Some((Quantity::named(&self.quantity)?, gauge))
     }
 }
 
@@ -367,14 +405,21 @@ impl WindowReport {
             delta_counts: report.delta_counts.to_vec(),
             drift: report.drift.measured().map(Drift::of),
             slip_steps: if report.slip_steps == [0; 2] { Vec::new() } else { report.slip_steps.to_vec() },
+            health: Gauge::all_of(&report.health),
+            skew_ns: report.skew_ns,
         }
     }
 
-    /// `None` without a window, or with an unknown outcome.
+    /// `None` without a window, or with an unknown outcome, quantity or state.
     pub(super) fn to_message(&self) -> Option<message::WindowReport> {
         let mut outcomes = [0; OUTCOMES];
         for (name, &count) in &self.outcomes {
             outcomes[Outcome::ALL.into_iter().find(|outcome| outcome.name() == name)? as usize] = count;
+        }
+        let mut health = HealthReport::default();
+        for gauge in &self.health {
+            let (quantity, gauge) = gauge.to_message()?;
+            health.gauges[quantity as usize] = gauge;
         }
         Some(message::WindowReport {
             published: self.published,
@@ -390,6 +435,8 @@ impl WindowReport {
             expected_false_candidates: self.expected_false_candidates,
             drift: self.drift.map(Drift::to_message).unwrap_or_default(),
             slip_steps: slip_steps(&self.slip_steps)?,
+            skew_ns: self.skew_ns,
+            health,
             outcomes,
             delta_counts: delta_counts(&self.delta_counts)?,
         })

@@ -95,7 +95,7 @@ impl Recording {
     /// # Errors
     /// The text is no configuration.
     pub fn configuration(&self) -> Result<Configuration, RecordingError> {
-        Configuration::parse(&self.configuration).map_err(|e| RecordingProblem::from(e).of(&self.path))
+        Configuration::parse_recorded(&self.configuration).map_err(|e| RecordingProblem::from(e).of(&self.path))
     }
 
     /// Where and when it was begun.

@@ -166,6 +166,7 @@ mod tests {
         for other in [
             VirtualScannerOptions { seed: 10, ..usual },
             VirtualScannerOptions { gamma: 1.000_000_1, ..usual },
+            VirtualScannerOptions { exposure: 1.5, ..usual },
             VirtualScannerOptions { sweep: SweepOptions { tremor_mm: 0.02, ..usual.sweep }, ..usual },
         ] {
             let refused = ImageLoop::load(&VirtualScanner::new(other).unwrap(), &path).unwrap_err();

@@ -33,6 +33,8 @@ pub struct VirtualScannerOptions {
     pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
+    /// Light that the cameras gather, in that of a usual exposure, which saturates nothing.
+    pub exposure: f64,
     /// Samples along each side of a pixel, 1 to 4.
     pub supersampling: usize,
     /// How it is moved.
@@ -58,6 +60,7 @@ impl VirtualScanner {
     pub fn new(options: VirtualScannerOptions) -> Result<Self, SimulationError> {
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
+        check_range("exposure", options.exposure, 0.01, 100.0, "")?;
         check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples a side")?;
         let sweep = Sweep::new(options.sweep)?;
         let (poses, steps) = (sweep.poses(), options.steps);
@@ -134,7 +137,8 @@ impl VirtualScanner {
     /// The cameras.
     pub(super) fn sensor(&self) -> Sensor {
         let options = &self.options;
-        Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) }
+        let usual = Sensor::exposed(options.noise.noise(), options.gamma);
+        Sensor { format: options.format, gain: usual.gain * options.exposure, ..usual }
     }
 
     /// What the projector shows in a step.
@@ -199,6 +203,7 @@ pub(super) mod tests {
             noise: NoiseLevel::Normal,
             format: PixelFormat::Grey,
             gamma: 1.0,
+            exposure: 1.0,
             supersampling: 1,
             sweep: SweepOptions { poses: 24, ..SweepOptions::default() },
             seed: 9,

@@ -110,6 +110,8 @@ pub enum SettingsError {
 pub struct WindowImages<F> {
     /// Which images they are.
     pub window: Window,
+    /// By how much images of camera 2 begin later than those of camera 1, mean over the pairs, nanoseconds.
+    pub skew_ns: i64,
     /// Images of camera 1.
     pub cam1: Vec<F>,
     /// Images of camera 2.

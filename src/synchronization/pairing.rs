@@ -46,6 +46,12 @@ impl<F> Pair<F> {
         self.0[0].header.exposure_start_ns
     }
 
+    /// By how much the exposure of camera 2 begins later.
+    pub(super) fn skew_ns(&self) -> i64 {
+        let [cam1_ns, cam2_ns] = [0, 1].map(|camera| self.0[camera].header.exposure_start_ns as i64);
+        cam2_ns - cam1_ns
+    }
+
     /// Whether this pair's driver numbers follow those of `before` in both cameras.
     pub(super) fn follows(&self, before: &Self) -> bool {
         self.of_sessions_of(before)
@@ -111,7 +117,7 @@ impl<F> Pairing<F> {
             }
             let pair = Pair([first.take_next()?, second.take_next()?]);
             if self.agrees(a, b) {
-                self.skew.add(b.time_ns as i64 - a.time_ns as i64);
+                self.skew.add(pair.skew_ns());
                 return Some(pair);
             }
             counts.drop_many(DropReason::BadTime, 2);

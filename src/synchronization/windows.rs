@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason, MAX_WINDOW, Window};
+use crate::message::{Counts, DropReason, MAX_WINDOW, Skew, Window};
 
 use super::pairing::Image;
 use super::steps::SteppedPair;
@@ -98,6 +98,13 @@ impl<F: Clone> Windows<F> {
             images: self.run.len() as u32,
             first_step: self.run.front().map_or(0, |first| first.step as u32),
         };
-        WindowImages { window, cam1: handles(0), cam2: handles(1) }
+        WindowImages { window, skew_ns: self.skew_ns(), cam1: handles(0), cam2: handles(1) }
+    }
+
+    /// Mean over the pairs of the run.
+    fn skew_ns(&self) -> i64 {
+        let mut skew = Skew::default();
+        self.run.iter().for_each(|stepped| skew.add(stepped.pair.skew_ns()));
+        skew.mean_ns().unwrap_or(0.0).round() as i64
     }
 }

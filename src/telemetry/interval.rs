@@ -73,6 +73,10 @@ pub struct WindowSample {
     pub residual: [Option<f32>; 2],
     /// Pixels with a correspondence.
     pub points: u64,
+    /// Phase moved from image to image that a pixel in twenty exceeds, of both cameras.
+    pub fast_motion_rad: [Option<f32>; 2],
+    /// Worst state of the scanner's health.
+    pub health: Option<&'static str>,
 }
 
 impl Interval {
@@ -175,6 +179,8 @@ impl WindowSample {
             delta_median_rad: figures.delta_median_rad,
             residual: figures.residual,
             points: figures.points,
+            fast_motion_rad: figures.cameras.map(|camera| camera.motion.map(|motion| motion.fast_rad)),
+            health: figures.health.map(|health| health.state.name()),
         }
     }
 }

@@ -7,6 +7,7 @@
 
 mod cause;
 mod drop_lines;
+mod health_figures;
 mod history;
 mod interval;
 mod journey;
@@ -20,6 +21,7 @@ mod worst_windows;
 
 pub use cause::Cause;
 pub use drop_lines::{DropKind, DropLine};
+pub use health_figures::{GaugeFigures, GaugeRecord, HealthFigures, HealthRecord};
 pub use history::History;
 pub use interval::{Interval, Sample, WindowSample};
 pub use journey::{Journey, Segment};
@@ -28,5 +30,5 @@ pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
 pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
-pub use window_figures::{DeltaCounts, DriftFigures, Shares, WindowFigures};
+pub use window_figures::{CameraFigures, DeltaCounts, DriftFigures, MotionFigures, Shares, WindowFigures};
 pub use worst_windows::WorstWindows;

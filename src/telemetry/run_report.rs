@@ -2,7 +2,7 @@
 
 use crate::message::{Stage, StageReport, WindowReport};
 
-use super::{Cause, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
+use super::{Cause, HealthRecord, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
 
 /// How many of the windows that took longest a report on a run tells of.
 pub const WORST_WINDOWS: usize = 20;
@@ -25,6 +25,7 @@ pub struct RunReport {
     history: History,
     worst: WorstWindows,
     window: Option<WindowFigures>,
+    health: HealthRecord,
     /// When the first and the last cloud came.
     clouds_ns: Option<[u64; 2]>,
 }
@@ -39,6 +40,7 @@ impl RunReport {
             history: History::default(),
             worst: WorstWindows::new(most),
             window: None,
+            health: HealthRecord::default(),
             clouds_ns: None,
         }
     }
@@ -59,6 +61,7 @@ impl RunReport {
     /// Takes the figures of a window.
     pub fn add_window(&mut self, report: &WindowReport) {
         self.history.add_window(report);
+        self.health.add(report);
         self.window = Some(WindowFigures::of(report));
     }
 
@@ -94,6 +97,12 @@ impl RunReport {
     #[must_use]
     pub fn window(&self) -> Option<&WindowFigures> {
         self.window.as_ref()
+    }
+
+    /// The health over all windows.
+    #[must_use]
+    pub fn health(&self) -> &HealthRecord {
+        &self.health
     }
 
     /// Windows that were followed from exposure to cloud.

@@ -1,12 +1,13 @@
 //! The figures of a window as people and programs read them.
 
 use std::f64::consts::PI;
-use std::fmt;
 
 use serde::Serialize;
 
 use crate::correspondence::Outcome;
 use crate::message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
+
+use super::HealthFigures;
 
 /// How well a window was measured. Shares are percent of the pixels of camera 1 with a valid phase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,10 +34,48 @@ pub struct WindowFigures {
     pub residual: [Option<f32>; 2],
     /// Percent of the pixels of either camera with a valid phase.
     pub valid: [f64; 2],
+    /// Light, fringes and motion as either camera saw them.
+    pub cameras: [CameraFigures; 2],
+    /// By how much images of camera 2 begin later, mean over the pairs, milliseconds.
+    pub skew_ms: f64,
+    /// Steps by which the pattern of camera 1 and camera 2 was ahead of what was said of it.
+    pub slip_steps: [i32; 2],
+    /// Health of the scanner; `None` in older recordings.
+    pub health: Option<HealthFigures>,
     /// Pixels with a correspondence.
     pub points: u64,
     /// δ of all candidates of some pixels.
     pub delta_histogram: DeltaCounts,
+}
+
+/// Light, fringes and motion as a camera saw them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CameraFigures {
+    /// Percent of the lit pixels with saturated samples; `None` where nothing is lit.
+    pub saturated: Option<f64>,
+    /// Percent of the lit pixels that are barely lit.
+    pub dim: Option<f64>,
+    /// Amplitude of the second harmonic of the fringes ÷ modulation; `None` where the shifts do not tell.
+    pub second_harmonic: Option<f32>,
+    /// Of the third.
+    pub third_harmonic: Option<f32>,
+    /// How the scene moved; `None` where a cycle alone was decoded.
+    pub motion: Option<MotionFigures>,
+}
+
+/// How the scene moved.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MotionFigures {
+    /// Median phase moved from image to image.
+    pub median_rad: f32,
+    /// What its amount exceeds at one pixel in twenty.
+    pub fast_rad: f32,
+    /// Greatest departure of the brightness of an image from the mean, percent.
+    pub brightness: f32,
+    /// Pixels decoded from part of their images.
+    pub one_surface_pixels: u64,
+    /// Pixels left out.
+    pub lost_pixels: u64,
 }
 
 /// What the error of the calibration amounts to.
@@ -50,12 +89,6 @@ pub struct DriftFigures {
     pub agreeing: f64,
     /// Standard deviation of δ about it: what is left for noise.
     pub residual_sd_rad: f64,
-    /// Median of the root mean squares of the last windows: what the alarm is decided by.
-    pub median_rad: f64,
-    /// Limit of the alarm.
-    pub limit_rad: f64,
-    /// Whether the alarm stands: the calibration is to be made anew.
-    pub alarm: bool,
 }
 
 /// Percent of the pixels with a valid phase.
@@ -104,8 +137,33 @@ impl WindowFigures {
             delta_median_rad: report.delta_median_rad,
             residual: [&report.cam1, &report.cam2].map(residual),
             valid: [&report.cam1, &report.cam2].map(valid),
+            cameras: [&report.cam1, &report.cam2].map(CameraFigures::of),
+            skew_ms: report.skew_ns as f64 * 1e-6,
+            slip_steps: report.slip_steps,
+            health: HealthFigures::of(report),
             points,
             delta_histogram: DeltaCounts::of(&report.delta_counts),
+        }
+    }
+}
+
+impl CameraFigures {
+    fn of(fit: &Fit) -> Self {
+        let of_lit = |pixels: u64| (fit.lit_pixels > 0).then(|| percent(pixels, fit.lit_pixels));
+        let known = |share: f32| (share >= 0.0).then_some(share);
+        let motion = MotionFigures {
+            median_rad: fit.motion_rad,
+            fast_rad: fit.fast_motion_rad,
+            brightness: 100.0 * fit.brightness_share,
+            one_surface_pixels: fit.one_surface_pixels,
+            lost_pixels: fit.lost_pixels,
+        };
+        Self {
+            saturated: of_lit(fit.saturated_pixels),
+            dim: of_lit(fit.dim_pixels),
+            second_harmonic: known(fit.second_harmonic_share),
+            third_harmonic: known(fit.third_harmonic_share),
+            motion: (fit.fast_motion_rad >= 0.0).then_some(motion),
         }
     }
 }
@@ -119,26 +177,6 @@ impl DriftFigures {
             error_px: drift.error_px,
             agreeing: 100.0 * drift.share,
             residual_sd_rad: drift.residual_sd_rad,
-            median_rad: drift.median_rad,
-            limit_rad: drift.limit_rad,
-            alarm: drift.is_alarm != 0,
-        }
-    }
-}
-
-impl fmt::Display for DriftFigures {
-    /// For people: the alarm or how far it is, with the remedy.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { median_rad, limit_rad, .. } = self;
-        if self.alarm {
-            write!(
-                f,
-                "the calibration has drifted: {median_rad:.3} rad rms, beyond {limit_rad:.3} rad \
-                 (correspondence.drift_alarm_rad); calibrate anew, `fringeflow rig CALIBRATION --images RECORDING` shows \
-                 the drift"
-            )
-        } else {
-            write!(f, "drift of the calibration {median_rad:.3} rad rms, within {limit_rad:.3} rad")
         }
     }
 }

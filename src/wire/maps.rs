@@ -1,7 +1,7 @@
 //! Phase maps of both cameras: per camera phase `u16`, modulation `f32`, mean `u8`, valid `u8` (0 or 1).
 
 use crate::message::{Block, Fit, MapsHeader, Window};
-use crate::phase::{FitStatistics, Motion, PhaseMap};
+use crate::phase::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::worker::PhasePair;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
@@ -13,14 +13,15 @@ pub const fn blocks(pixels: usize) -> usize {
     2 * (blocks_of::<u16>(pixels) + blocks_of::<f32>(pixels) + 2 * blocks_of::<u8>(pixels))
 }
 
-/// The header of maps made from `window`.
+/// The header of maps made from `window`, in which images of camera 2 begin so much later than those of camera 1.
 #[must_use]
-pub fn header(maps: &PhasePair, window: &Window, published: u64) -> MapsHeader {
+pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -> MapsHeader {
     MapsHeader {
         published,
         window: *window,
         cam1: fit(&maps.cam1),
         cam2: fit(&maps.cam2),
+        skew_ns,
         width_px: maps.cam1.width as u32,
         height_px: maps.cam1.height as u32,
     }
@@ -78,6 +79,8 @@ pub fn read(header: &MapsHeader, payload: &[Block], out: &mut PhasePair) -> Resu
         map.width = header.width_px as usize;
         map.height = header.height_px as usize;
         map.fit = statistics(fit);
+        map.exposure = exposure(fit);
+        map.harmonics = harmonics(fit);
         map.motion = motion(fit);
     }
     Ok(())
@@ -92,7 +95,8 @@ fn read_map(map: &mut PhaseMap, view: &MapView<'_>) {
 }
 
 fn fit(map: &PhaseMap) -> Fit {
-    let (statistics, motion) = (&map.fit, &map.motion);
+    let (statistics, exposure, motion) = (&map.fit, &map.exposure, &map.motion);
+    let Harmonics { second_share, third_share } = map.harmonics;
     Fit {
         valid_pixels: statistics.valid_pixels,
         residual_share: statistics.residual_share.unwrap_or(-1.0),
@@ -103,6 +107,11 @@ fn fit(map: &PhaseMap) -> Fit {
         brightness_share: motion.map_or(0.0, |motion| motion.brightness_share),
         one_surface_pixels: motion.map_or(0, |motion| motion.one_surface_pixels),
         lost_pixels: motion.map_or(0, |motion| motion.lost_pixels),
+        lit_pixels: exposure.lit_pixels,
+        saturated_pixels: exposure.saturated_pixels,
+        dim_pixels: exposure.dim_pixels,
+        second_harmonic_share: second_share.unwrap_or(-1.0),
+        third_harmonic_share: third_share.unwrap_or(-1.0),
     }
 }
 
@@ -113,6 +122,16 @@ fn statistics(fit: &Fit) -> FitStatistics {
         noise_grey: fit.noise_grey,
         noise_gain: fit.noise_gain,
     }
+}
+
+fn exposure(fit: &Fit) -> Exposure {
+    let Fit { lit_pixels, saturated_pixels, dim_pixels, .. } = *fit;
+    Exposure { lit_pixels, saturated_pixels, dim_pixels }
+}
+
+fn harmonics(fit: &Fit) -> Harmonics {
+    let share = |share: f32| (share >= 0.0).then_some(share);
+    Harmonics { second_share: share(fit.second_harmonic_share), third_share: share(fit.third_harmonic_share) }
 }
 
 fn motion(fit: &Fit) -> Option<Motion> {
@@ -139,6 +158,8 @@ mod tests {
             mean: (0..pixels).map(|i| (i + seed) as u8).collect(),
             valid: (0..pixels).map(|i| (i + seed).is_multiple_of(3)).collect(),
             fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5, noise_gain: 0.7 },
+            exposure: Exposure { lit_pixels: 9, saturated_pixels: 2, dim_pixels: 1 },
+            harmonics: Harmonics { second_share: Some(0.03), third_share: None },
             motion: Some(Motion { median_rad: -0.1, fast_rad: 0.2, one_surface_pixels: 3, ..Motion::default() }),
         }
     }
@@ -149,7 +170,7 @@ mod tests {
         let maps = PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2) };
         let mut payload = vec![Block([0xff; 64]); blocks(35)];
         write(&maps, &mut payload);
-        let header = header(&maps, &Window::default(), 3);
+        let header = header(&maps, &Window::default(), 40, 3);
         let mut read_back = PhasePair { cam1: map(3, 3, 0), cam2: PhaseMap::default() };
         read(&header, &payload, &mut read_back).unwrap();
         assert_eq!(read_back, maps);

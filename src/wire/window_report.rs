@@ -2,16 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use crate::correspondence::{Candidate, Drift, DriftAlarm, Matches, OutcomeCounts};
+use crate::correspondence::{Candidate, Drift, Matches, OutcomeCounts};
+use crate::health::Health;
 use crate::message::{DriftReport, MapsHeader, OUTCOMES, WindowReport};
 use crate::worker::Correspondences;
 
 use super::correspondences::delta_counts;
+use super::health::health_report;
 
-/// The report on correspondences found in phase maps with this header, number `published` of their channel; `alarm` has
-/// taken their drift already.
+/// The report on correspondences found in phase maps with this header, number `published` of their channel; `health` has
+/// taken what they tell already.
 #[must_use]
-pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, alarm: &DriftAlarm) -> WindowReport {
+pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, health: &Health) -> WindowReport {
     let (matches, delta) = (&found.matches, &found.matches.delta);
     let mut outcomes = [0; OUTCOMES];
     for (outcome, count) in OutcomeCounts::of(&matches.outcomes).iter() {
@@ -29,23 +31,22 @@ pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64,
         delta_median_rad: median_rad(matches),
         mean_periods: delta.mean_periods,
         expected_false_candidates: delta.expected_false_candidates(),
-        drift: matches.drift.as_ref().map_or_else(DriftReport::default, |drift| drift_report(drift, alarm)),
+        drift: matches.drift.as_ref().map(drift_report).unwrap_or_default(),
+        skew_ns: maps.skew_ns,
+        health: health_report(health),
         slip_steps: found.matches.slip_steps.map(|steps| steps as i32),
         outcomes,
         delta_counts: delta_counts(matches),
     }
 }
 
-fn drift_report(drift: &Drift, alarm: &DriftAlarm) -> DriftReport {
+fn drift_report(drift: &Drift) -> DriftReport {
     DriftReport {
         rms_rad: drift.rms_rad,
         error_px: drift.error_px,
         share: drift.share,
         residual_sd_rad: drift.residual_sd_rad,
-        median_rad: alarm.median_rad().unwrap_or(0.0),
-        limit_rad: alarm.limit().rms_rad,
         is_measured: 1,
-        is_alarm: u32::from(alarm.is_raised()),
     }
 }
 
@@ -63,7 +64,9 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::{DriftLimit, Outcome};
+    use crate::correspondence::Outcome;
+    use crate::health::{HealthLimits, Quantity};
+    use crate::wire::health::measures;
 
     #[test]
     fn pixels_are_counted_by_outcome_and_the_median_is_of_the_chosen() {
@@ -75,30 +78,25 @@ mod tests {
             ..Matches::default()
         };
         let found = Correspondences { matches, ..Correspondences::default() };
-        let alarm = DriftAlarm::new(DriftLimit::default());
-        let report = window_report(&MapsHeader::default(), &found, 5, &alarm);
+        let health = Health::new(&HealthLimits::default());
+        let report = window_report(&MapsHeader::default(), &found, 5, &health);
         assert_eq!((report.outcomes[Outcome::Unique as usize], report.outcomes[Outcome::Invalid as usize]), (3, 1));
         assert_eq!((report.outcomes.iter().sum::<u64>(), report.delta_counts[0], report.published), (4, 7, 5));
         assert!((report.delta_median_rad - TAU / 8.0).abs() < 1e-12);
-        let nothing = window_report(&MapsHeader::default(), &Correspondences::default(), 0, &alarm);
+        let nothing = window_report(&MapsHeader::default(), &Correspondences::default(), 0, &health);
         assert_eq!((nothing.delta_median_rad, nothing.drift.measured()), (0.0, None));
     }
 
     #[test]
-    fn the_drift_is_told_with_its_limit_and_the_alarm() {
+    fn the_drift_and_the_health_are_told() {
         let mut found = Correspondences::default();
         let drift = found.matches.drift.insert(Drift::default());
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
-        let drift = drift.clone();
-        let mut alarm = DriftAlarm::new(DriftLimit { rms_rad: 0.1 });
-        let mut told = || {
-            alarm.add(&drift);
-            *window_report(&MapsHeader::default(), &found, 0, &alarm).drift.measured().unwrap()
-        };
-        let first = told();
-        assert_eq!([first.rms_rad, first.error_px, first.share, first.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);
-        assert_eq!([first.median_rad, first.limit_rad], [0.2, 0.1]);
-        let alarms: Vec<u32> = (0..6).map(|_| told().is_alarm).collect();
-        assert_eq!((first.is_alarm, alarms), (0, vec![0, 0, 0, 1, 1, 1]));
+        let (maps, mut health) = (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
+        (0..5).for_each(|time_ns| health.add(time_ns, &measures(&maps, &found)));
+        let report = window_report(&maps, &found, 0, &health);
+        let told = report.drift.measured().unwrap();
+        assert_eq!([told.rms_rad, told.error_px, told.share, told.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);
+        assert_eq!((report.skew_ns, report.health.gauges[Quantity::Drift as usize].known()), (7, Some(0.2)));
     }
 }

@@ -7,6 +7,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("png_encoding", &[]),
     ("geometry", &[]),
     ("grey", &[]),
+    ("health", &[]),
     ("phase", &["grey", "geometry::FringePattern"]),
     ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
     ("pixels", &["message::PixelFormat"]),
@@ -22,13 +23,14 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("evaluation", &["grey::GreyLevels", "geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["grey", "geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud"]),
-    ("telemetry", &["message", "correspondence::Outcome"]),
-    ("wire", &["message", "phase", "correspondence", "worker"]),
+    ("telemetry", &["health", "message", "correspondence::Outcome"]),
+    ("wire", &["health", "message", "phase", "correspondence", "worker"]),
     ("reconstruction", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud", "worker"]),
     (
         "config",
         &[
             "grey::PixelFormat",
+            "health",
             "pixels::SourceFormat",
             "geometry",
             "phase",
@@ -42,6 +44,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     (
         "recording",
         &[
+            "health",
             "message",
             "geometry",
             "phase",

@@ -21,6 +21,7 @@ PANELS = {
     "panel-shares",
     "panel-rates",
     "panel-drops",
+    "panel-health",
     "panel-services",
     "panel-delta",
     "panel-quality",
@@ -30,7 +31,7 @@ PANELS = {
 }
 PICTURES = ["camera1", "camera2", "phase", "modulation", "depth"]
 # Panels with plots, and how many each has.
-PLOTS = {"panel-latency": 1, "panel-shares": 1, "panel-rates": 1, "panel-delta": 1, "panel-quality": 9}
+PLOTS = {"panel-latency": 1, "panel-shares": 1, "panel-rates": 1, "panel-delta": 1, "panel-quality": 10}
 
 DESKTOP = (1440, 900)
 TABLET = (820, 1180)
@@ -138,11 +139,12 @@ class Checks:
         services = self.as_the_monitor_says("services", self.services_differ)
         stages = self.as_the_monitor_says("stages", self.flow_differs)
         self.as_the_monitor_says("drops", self.drops_differ)
+        quantities = self.as_the_monitor_says("window", self.health_differs)["health"]["quantities"]
         self.wait_for_change("#services-rows")
         self.wait_for_change("#flow-rows")
         for selector in ("#skew", "#disk-free", "#memory-free"):
             number(self.page.text(selector), selector)
-        return f"{len(services)} services, {len(stages)} stages"
+        return f"{len(services)} services, {len(stages)} stages, {len(quantities)} quantities of health"
 
     def as_the_monitor_says(self, key, differs):
         """Figures come once a second, so page and monitor are compared until they agree."""
@@ -163,6 +165,23 @@ class Checks:
             expected = (service["state"], service["why"], f"{service['restarts']}")
             if (state, why, restarts) != expected:
                 return f"{service['name']} is shown as {(state, why, restarts)}, and is {expected}"
+        return None
+
+    def health_differs(self, window):
+        health = window["health"]
+        if self.page.text("#health-state") != health["state"]:
+            return f"the health is shown as {self.page.text('#health-state')}, and is {health['state']}"
+        rows = self.page.ask("tableOf", "#health-rows")
+        if len(rows) != len(health["quantities"]):
+            return f"{len(rows)} quantities of health are shown, and there are {len(health['quantities'])}"
+        for row, gauge in zip(rows, health["quantities"]):
+            shown = (row[0].lower(), row[1])
+            if shown != (gauge["title"].lower(), gauge["state"]):
+                return f"{gauge['quantity']} is shown as {shown}, and is {gauge['title']}, {gauge['state']}"
+            if gauge["level"] is not None:
+                scale = 1 if gauge["unit"] else 100
+                if abs(number(row[2], f"level of {gauge['quantity']}") - scale * gauge["level"]) > 0.051:
+                    return f"{gauge['quantity']} is shown as {row[2]}, and is {gauge['level']}"
         return None
 
     def flow_differs(self, stages):

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use fringeflow::correspondence::DriftAlarm;
+use fringeflow::health::{Health, HealthState, Quantity};
 use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
 use fringeflow::phase::PhaseShifts;
-use fringeflow::telemetry::DriftFigures;
+use fringeflow::telemetry::{GaugeFigures, HealthFigures};
 use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow::wire;
+use fringeflow::wire::health::measures;
 use fringeflow::wire::window_report::window_report;
 use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
@@ -27,7 +28,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         header: MapsHeader::default(),
         maps: PhasePair::default(),
         found: Correspondences::default(),
-        alarm: DriftAlarm::new(measurement.drift_limit),
+        health: Health::new(&measurement.health),
+        states: [HealthState::NotKnown; Quantity::ALL.len()],
         slip_steps: [0; 2],
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
     };
@@ -40,13 +42,25 @@ struct CorrespondenceStage {
     header: MapsHeader,
     maps: PhasePair,
     found: Correspondences,
-    alarm: DriftAlarm,
+    health: Health,
+    /// States of all quantities as they were told last.
+    states: [HealthState; Quantity::ALL.len()],
     /// Slip of the window before.
     slip_steps: [usize; 2],
     reports: Publisher<(), WindowReport>,
 }
 
 impl CorrespondenceStage {
+    /// Tells of each quantity whose state has changed.
+    fn tell_health(&mut self, health: Option<HealthFigures>) {
+        for gauge in health.iter().flat_map(|health| &health.quantities) {
+            let told = std::mem::replace(&mut self.states[gauge.quantity as usize], gauge.state);
+            if GaugeFigures::is_news(told, gauge.state) {
+                if gauge.state > told { tracing::warn!("{gauge}") } else { tracing::info!("{gauge}") }
+            }
+        }
+    }
+
     /// Tells when the sequence has slipped, and when it is in step again.
     fn tell_slip(&mut self) {
         let found = self.found.matches.slip_steps;
@@ -105,15 +119,10 @@ impl Transform for CorrespondenceStage {
     }
 
     fn tell(&mut self, published: u64) -> Result<(), TransportError> {
-        let stood = self.alarm.is_raised();
-        if let Some(drift) = &self.found.matches.drift {
-            self.alarm.add(drift);
-        }
+        self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found));
         self.tell_slip();
-        let report = window_report(&self.header, &self.found, published, &self.alarm);
-        if let Some(drift) = report.drift.measured().map(DriftFigures::of).filter(|drift| drift.alarm != stood) {
-            if drift.alarm { tracing::warn!("{drift}") } else { tracing::info!("{drift}") }
-        }
+        let report = window_report(&self.header, &self.found, published, &self.health);
+        self.tell_health(HealthFigures::of(&report));
         self.reports.send_message(&report)
     }
 

@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{DriftLimit, ResolutionMethod, SegmentFileError, SegmentTable};
+use fringeflow::health::{Limits, Quantity};
+use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::phase::PhaseShifts;
@@ -55,7 +56,7 @@ pub(crate) struct Proposed {
     /// Middle of its images, counted in those of the input.
     pub(crate) image: f64,
     /// Drift of the calibration that is borne.
-    pub(crate) drift_limit: DriftLimit,
+    pub(crate) drift_limits: Limits,
 }
 
 impl ProposedArgs {
@@ -76,7 +77,7 @@ impl ProposedArgs {
         let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
         bar.finish_and_clear();
         let image = input.middle(&chosen.numbers);
-        Ok(Proposed { reconstruction: reconstruction?, image, drift_limit: configuration.drift_limit })
+        Ok(Proposed { reconstruction: reconstruction?, image, drift_limits: configuration.health.of(Quantity::Drift) })
     }
 
     /// The phase images to use.

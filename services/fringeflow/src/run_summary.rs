@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::{DriftFigures, Latency, SkewFigures, StageFigures};
+use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, SkewFigures, StageFigures};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
 
@@ -21,6 +21,9 @@ pub(crate) struct Summary<'a> {
     /// Of the last window, where the resolution measures it.
     #[serde(skip_serializing_if = "Option::is_none")]
     drift: Option<&'a DriftFigures>,
+    /// Over all windows.
+    #[serde(skip_serializing_if = "HealthRecord::is_empty")]
+    health: &'a HealthRecord,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
@@ -82,6 +85,7 @@ impl<'a> Summary<'a> {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
+            health: outcome.run.health(),
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             trace: outcome.trace.as_deref(),
@@ -118,7 +122,10 @@ impl fmt::Display for Summary<'_> {
             writeln!(f, "images of camera 2 begin {mean:.3} ms later in the mean ({least:.3} to {greatest:.3} ms)")?;
         }
         if let Some(drift) = self.drift {
-            writeln!(f, "{drift}")?;
+            writeln!(f, "drift of the calibration {:.3} rad rms in the last window", drift.rms_rad)?;
+        }
+        if !self.health.is_empty() {
+            writeln!(f, "{}", self.health)?;
         }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;

@@ -89,7 +89,7 @@ pub(crate) struct DriftFigures {
 
 impl Statistics {
     /// The figures of a reconstruction.
-    pub(crate) fn of(Proposed { reconstruction: made, drift_limit, .. }: &Proposed) -> Self {
+    pub(crate) fn of(Proposed { reconstruction: made, drift_limits, .. }: &Proposed) -> Self {
         let matches = &made.matches;
         let points = made.cloud.points.len().max(1) as f64;
         let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
@@ -107,8 +107,8 @@ impl Statistics {
                 error_px: drift.error_px,
                 residual_sd_rad: drift.residual_sd_rad,
                 share: drift.share,
-                limit_rad: drift_limit.rms_rad,
-                beyond_limit: drift.is_of_most_pixels() && drift_limit.is_exceeded_by(drift.rms_rad),
+                limit_rad: drift_limits.warn,
+                beyond_limit: drift.is_of_most_pixels() && drift.rms_rad > drift_limits.warn,
                 efc: drift.rest(&matches.delta).expected_false_candidates(),
             }),
             efc_measured: passing as f64 / points,
@@ -153,7 +153,7 @@ impl fmt::Display for Statistics {
             if drift.beyond_limit {
                 writeln!(
                     f,
-                    "warning: the drift is beyond {} rad (correspondence.drift_alarm_rad); calibrate anew, \
+                    "warning: the drift is beyond {} rad (health.drift_rad); calibrate anew, \
                      `fringeflow rig CALIBRATION --images` shows the drift",
                     drift.limit_rad
                 )?;

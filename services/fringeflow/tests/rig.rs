@@ -135,7 +135,7 @@ fn images_show_how_far_the_calibration_has_drifted() {
 
     // The same images as a recording, whose window begins with it; the limit is that of the configuration.
     let settings = folder.path().join("settings.toml");
-    std::fs::write(&settings, "[correspondence]\ndrift_alarm_rad = 0.2\n").unwrap();
+    std::fs::write(&settings, "[health]\ndrift_rad = { warn = 0.2, bad = 0.4 }\n").unwrap();
     let recorded = json(&[recording, "--images", recording, "--config", settings.to_str().unwrap()]);
     assert_eq!((&recorded["windows"][0]["rms_rad"], &recorded["windows"][0]["time_s"]), (&rms_rad.into(), &0.0.into()));
     assert_eq!((&recorded["beyond_limit"], &recorded["windows_available"]), (&false.into(), &1.into()));

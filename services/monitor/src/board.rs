@@ -1,6 +1,6 @@
 //! Everything the monitor knows, and how the page is told.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 
 use fringeflow::config::ScannerConfiguration;
@@ -95,12 +95,12 @@ impl Board {
         self.services.look(&self.tally, now_ns);
         self.statuses = self.services.statuses();
         self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
-        self.events.look_at_drift(self.window.as_ref().and_then(|window| window.drift.as_ref()), wall_ms);
+        self.events.look_at_health(self.window.as_ref().and_then(|window| window.health.as_ref()), wall_ms);
         self.room = Room::of(&self.recordings);
         self.skew = std::mem::take(&mut self.skew_span);
         let sample = self.interval.sample(now_ns, wall_ms);
         self.interval = Interval::begin(now_ns, Some(&self.interval));
-        let figures = self.figures(&sample, clients).to_string();
+        let figures = self.figures(&sample, clients, now_ns).to_string();
         self.history.push_back(sample);
         if self.history.len() > HISTORY {
             self.history.pop_front();
@@ -146,7 +146,7 @@ impl Board {
         put_out.sum::<u64>().saturating_sub(of_stage.counts.taken)
     }
 
-    fn figures(&self, sample: &Sample, clients: usize) -> Value {
+    fn figures(&self, sample: &Sample, clients: usize, now_ns: u64) -> Value {
         let counts: Vec<_> = self.tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect();
         json!({
             "type": "figures",
@@ -159,9 +159,17 @@ impl Board {
             "drops": DropLine::all_of(&counts),
             "skew": SkewFigures::of(&self.skew),
             "window": self.window,
+            "health_for_s": self.health_for_s(now_ns),
             "room": self.room,
             "clients": clients,
         })
+    }
+
+    /// For how long each quantity of health has been in its state, seconds, by name; those that are not known are left out.
+    fn health_for_s(&self, now_ns: u64) -> BTreeMap<&'static str, f64> {
+        let health = self.window.as_ref().and_then(|window| window.health.as_ref());
+        let known = health.into_iter().flat_map(|health| &health.quantities).filter(|gauge| gauge.since_ns > 0);
+        known.map(|gauge| (gauge.quantity.name(), now_ns.saturating_sub(gauge.since_ns) as f64 * 1e-9)).collect()
     }
 
     fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {

@@ -1,10 +1,11 @@
-//! What is worth telling a person: losses, faults, restarts, a calibration that has drifted, recordings, marks, as they
+//! What is worth telling a person: losses, faults, restarts, quantities of health beyond their limits, recordings, marks, as they
 //! begin or go on.
 
 use std::collections::{BTreeMap, VecDeque};
 
+use fringeflow::health::{HealthState, Quantity};
 use fringeflow::message::{Counts, ScanState, Stage};
-use fringeflow::telemetry::{DriftFigures, Tally};
+use fringeflow::telemetry::{GaugeFigures, HealthFigures, Tally};
 use serde::Serialize;
 
 use crate::services::{ServiceState, ServiceStatus};
@@ -42,8 +43,8 @@ pub(crate) struct EventLog {
     counts: BTreeMap<Stage, Counts>,
     state: Option<ScanState>,
     services: BTreeMap<&'static str, (ServiceState, u32)>,
-    /// Whether the alarm of the drift stood.
-    drift_alarm: bool,
+    /// States of health as they were told.
+    health: BTreeMap<Quantity, HealthState>,
 }
 
 impl EventLog {
@@ -56,12 +57,19 @@ impl EventLog {
         services.iter().for_each(|service| self.look_at_service(service, wall_ms));
     }
 
-    /// Looks whether the drift of the last window began or ended an alarm.
-    pub(crate) fn look_at_drift(&mut self, drift: Option<&DriftFigures>, wall_ms: f64) {
-        let Some(drift) = drift.filter(|drift| drift.alarm != self.drift_alarm) else { return };
-        self.drift_alarm = drift.alarm;
-        let level = if drift.alarm { Level::Error } else { Level::Info };
-        self.tell(wall_ms, level, Stage::Correspondence.name(), drift.to_string());
+    /// Looks which quantities of health have come to another state.
+    pub(crate) fn look_at_health(&mut self, health: Option<&HealthFigures>, wall_ms: f64) {
+        for gauge in health.into_iter().flat_map(|health| &health.quantities) {
+            let before = self.health.insert(gauge.quantity, gauge.state).unwrap_or_default();
+            let level = match gauge.state {
+                HealthState::Bad => Level::Error,
+                HealthState::Warn => Level::Warning,
+                HealthState::Ok | HealthState::NotKnown => Level::Info,
+            };
+            if GaugeFigures::is_news(before, gauge.state) {
+                self.tell(wall_ms, level, "health", gauge.to_string());
+            }
+        }
     }
 
     /// The events after one, oldest first.
@@ -146,7 +154,7 @@ impl EventLog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::{DropReason, Incident, StageReport, Text};
+    use fringeflow::message::{DropReason, GaugeReport, Incident, StageReport, Text, WindowReport};
 
     fn texts(log: &EventLog, after: u64) -> Vec<String> {
         log.after(after).map(|event| format!("{}: {}", event.source, event.text)).collect()
@@ -215,25 +223,23 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_beyond_its_limit_is_told_when_it_begins_and_when_it_ends() {
+    fn a_quantity_beyond_its_limits_is_told_when_its_state_changes() {
         let mut log = EventLog::default();
-        for (alarm, median_rad) in [(false, 0.04), (true, 0.13), (true, 0.14), (false, 0.07)] {
-            let (limit_rad, residual_sd_rad) = (0.1, 0.007);
-            let drift = DriftFigures {
-                rms_rad: 0.2,
-                error_px: 0.4,
-                agreeing: 90.0,
-                residual_sd_rad,
-                median_rad,
-                limit_rad,
-                alarm,
-            };
-            log.look_at_drift(Some(&drift), 0.0);
-            log.look_at_drift(None, 0.0);
+        let course = [(0.0, HealthState::NotKnown), (0.04, HealthState::Ok), (0.13, HealthState::Warn)];
+        let back = [(0.14, HealthState::Warn), (0.3, HealthState::Bad), (0.07, HealthState::Ok)];
+        for (level, state) in course.into_iter().chain(back) {
+            let mut report = WindowReport::default();
+            report.health.gauges[Quantity::Drift as usize] =
+                GaugeReport { level, warn: 0.1, bad: 0.2, since_ns: 1, state: state as u32, is_known: 1 };
+            log.look_at_health(HealthFigures::of(&report).as_ref(), 0.0);
+            log.look_at_health(None, 0.0);
         }
-        let [began, ended] = &texts(&log, 0)[..] else { panic!("two events") };
-        assert!(began.contains("0.130 rad rms") && began.contains("calibrate anew"), "{began}");
-        assert!(ended.contains("0.070 rad rms, within 0.100"), "{ended}");
+        let levels: Vec<Level> = log.after(0).map(|event| event.level).collect();
+        assert_eq!(levels, [Level::Warning, Level::Error, Level::Info]);
+        let [warned, bad, ended] = &texts(&log, 0)[..] else { panic!("three events") };
+        assert!(warned.contains("health: drift of the calibration: warn, 0.130 rad"), "{warned}");
+        assert!(bad.contains("0.300 rad, limit 0.200 rad") && bad.contains("calibrate anew"), "{bad}");
+        assert!(ended.contains("is ok: 0.070 rad, within 0.100"), "{ended}");
     }
 
     #[test]

@@ -1,13 +1,17 @@
 //! The board as OpenMetrics text.
 //!
 //! All label sets are fixed: every series is there from the first scrape to the last, whatever happens. Figures of windows
-//! are not a number before the first window, those of the drift as long as none is measured.
+//! are not a number before the first window, those of the drift as long as none is measured. What only some windows tell, of
+//! light, fringes, motion and health, has a series as soon as it is told, and none while it is not.
 
 use std::fmt::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use fringeflow::health::{HealthState, Quantity};
 use fringeflow::message::{DropReason, Incident, Stage};
-use fringeflow::telemetry::{BUCKETS_NS, DriftFigures, Latencies, Segment, Shares, WindowFigures};
+use fringeflow::telemetry::{
+    BUCKETS_NS, DriftFigures, GaugeFigures, HealthFigures, Latencies, MotionFigures, Segment, Shares, WindowFigures,
+};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
@@ -153,23 +157,119 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     let residuals = window.map_or([f64::NAN; 2], |w| w.residual.map(|share| share.map_or(f64::NAN, f64::from)));
     out.gauges("fit_residual_ratio", "Median of fit residual by modulation.", cameras(residuals))?;
     let valid = window.map_or([f64::NAN; 2], |w| w.valid.map(|percent| percent / 100.0));
-    out.gauges("valid_pixel_share", "Share of the pixels with a valid phase.", cameras(valid))
+    out.gauges("valid_pixel_share", "Share of the pixels with a valid phase.", cameras(valid))?;
+    light(out, window)?;
+    health(out, window.and_then(|window| window.health.as_ref()))
 }
 
 fn drift(out: &mut Out<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
     let figure = |of: fn(&DriftFigures) -> f64| drift.map_or(f64::NAN, of);
     out.gauge("drift_rms_radians", "Drift of the calibration over the measurement volume.", figure(|d| d.rms_rad))?;
-    out.gauge("drift_median_radians", "Median of it over the last windows.", figure(|d| d.median_rad))?;
-    out.gauge("drift_limit_radians", "What the median is not to exceed.", figure(|d| d.limit_rad))?;
     out.gauge("drift_error_pixels", "Calibration error that explains the drift.", figure(|d| d.error_px))?;
     out.gauge("drift_pixel_share", "Share of the pixels that agree with the drift.", figure(|d| d.agreeing / 100.0))?;
     out.gauge(
         "delta_residual_sd_radians",
         "Standard deviation of delta about the drift.",
         figure(|d| d.residual_sd_rad),
+    )
+}
+
+/// Light, fringes and motion as the cameras saw them. What is not told has no series: no number stands for it.
+fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
+    let told = |of: &dyn Fn(usize) -> Option<f64>| -> Vec<(Labels<'static>, f64)> {
+        let camera = |(name, camera): (&'static str, usize)| Some((vec![("camera", name)], of(camera)?));
+        [("1", 0), ("2", 1)].into_iter().filter_map(camera).collect()
+    };
+    let camera = |number: usize| window.map(|window| &window.cameras[number]);
+    let moved = |number: usize, of: fn(&MotionFigures) -> f64| camera(number)?.motion.as_ref().map(of);
+    let share = |percent: Option<f64>| percent.map(|percent| percent / 100.0);
+    out.gauges(
+        "saturated_pixel_share",
+        "Share of the lit pixels with saturated samples.",
+        told(&|number| share(camera(number)?.saturated)),
     )?;
-    let alarm = drift.is_some_and(|d| d.alarm);
-    out.gauge("drift_alarm", "1 while the drift stays beyond its limit.", f64::from(u8::from(alarm)))
+    out.gauges(
+        "dim_pixel_share",
+        "Share of the lit pixels that are barely lit.",
+        told(&|number| share(camera(number)?.dim)),
+    )?;
+    let harmonics = ["second", "third"].into_iter().flat_map(|order| {
+        [("1", 0), ("2", 1)].into_iter().filter_map(move |(name, number)| {
+            let camera = camera(number)?;
+            let share = if order == "second" { camera.second_harmonic } else { camera.third_harmonic };
+            Some((vec![("camera", name), ("harmonic", order)], f64::from(share?)))
+        })
+    });
+    out.gauges("fringe_harmonic_ratio", "Amplitude of a harmonic of the fringes by modulation.", harmonics)?;
+    out.gauges(
+        "motion_median_radians",
+        "Median phase moved from image to image.",
+        told(&|number| moved(number, |motion| motion.median_rad.into())),
+    )?;
+    out.gauges(
+        "motion_fast_radians",
+        "Phase moved from image to image that a pixel in twenty exceeds.",
+        told(&|number| moved(number, |motion| motion.fast_rad.into())),
+    )?;
+    out.gauges(
+        "brightness_change_share",
+        "Greatest departure of the brightness of an image from the mean.",
+        told(&|number| moved(number, |motion| f64::from(motion.brightness) / 100.0)),
+    )?;
+    out.gauges(
+        "one_surface_pixels",
+        "Pixels decoded from part of their images.",
+        told(&|number| moved(number, |motion| motion.one_surface_pixels as f64)),
+    )?;
+    out.gauges(
+        "motion_lost_pixels",
+        "Pixels left out for their motion.",
+        told(&|number| moved(number, |motion| motion.lost_pixels as f64)),
+    )?;
+    out.gauges(
+        "slip_steps",
+        "Steps by which the pattern was ahead of what was said of it; corrected.",
+        told(&|number| Some(window?.slip_steps[number].into())),
+    )
+}
+
+/// The health: every state from the beginning on, levels and limits as soon as there are any.
+fn health(out: &mut Out<'_>, health: Option<&HealthFigures>) -> Result<(), Error> {
+    let code = |state: HealthState| match state {
+        HealthState::NotKnown => -1.0,
+        HealthState::Ok => 0.0,
+        HealthState::Warn => 1.0,
+        HealthState::Bad => 2.0,
+    };
+    let gauge = |quantity: Quantity| health.and_then(|health| health.quantity(quantity));
+    let state = |quantity: Quantity| gauge(quantity).map_or(HealthState::NotKnown, |gauge| gauge.state);
+    let label = |quantity: Quantity| vec![("quantity", quantity.name()), ("unit", unit(quantity))];
+    out.gauges(
+        "health_state",
+        "State of a quantity: 0 ok, 1 warn, 2 bad, -1 not known.",
+        Quantity::ALL.map(|quantity| (vec![("quantity", quantity.name())], code(state(quantity)))),
+    )?;
+    let overall = health.map_or(HealthState::NotKnown, |health| health.state);
+    out.gauge("health_worst_state", "The worst state of all quantities.", code(overall))?;
+    let known = |of: fn(&GaugeFigures) -> Option<f64>| {
+        Quantity::ALL.into_iter().filter_map(move |quantity| Some((label(quantity), of(gauge(quantity)?)?)))
+    };
+    out.gauges(
+        "health_level",
+        "Level of a quantity over the last windows, in its unit; none while it is not known.",
+        known(|gauge| gauge.level),
+    )?;
+    out.gauges("health_warn_limit", "Level beyond which a quantity is a warning.", known(|gauge| Some(gauge.warn)))?;
+    out.gauges("health_bad_limit", "Level beyond which a quantity is bad.", known(|gauge| Some(gauge.bad)))
+}
+
+/// Unit of a quantity by Prometheus' names.
+fn unit(quantity: Quantity) -> &'static str {
+    match quantity.unit() {
+        "rad" => "radians",
+        "ms" => "milliseconds",
+        _ => "ratio",
+    }
 }
 
 fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
@@ -258,7 +358,7 @@ mod tests {
 
     use fringeflow::config::ScannerConfiguration;
     use fringeflow::dataset::Setup;
-    use fringeflow::message::{Counts, DriftReport, StageReport, WindowReport};
+    use fringeflow::message::{Counts, DriftReport, Fit, GaugeReport, StageReport, WindowReport};
 
     const MS: u64 = 1_000_000;
 
@@ -293,13 +393,31 @@ mod tests {
         let report =
             StageReport { stage, of_item: 1, exposure_start_ns, taken_ns, passed_ns, counts, ..StageReport::default() };
         board.lock().unwrap().take_report(&report);
-        let drift = DriftReport { rms_rad: 0.125, share: 0.5, is_measured: 1, is_alarm: 1, ..DriftReport::default() };
-        board.lock().unwrap().take_window(&WindowReport { delta_sd_rad: 0.25, drift, ..WindowReport::default() });
+        let drift = DriftReport { rms_rad: 0.125, share: 0.5, is_measured: 1, ..DriftReport::default() };
+        let mut report = WindowReport { delta_sd_rad: 0.25, drift, ..WindowReport::default() };
+        report.cam1 = Fit { lit_pixels: 100, saturated_pixels: 25, second_harmonic_share: 0.125, ..report.cam1 };
+        [&mut report.cam1, &mut report.cam2].map(|fit| fit.third_harmonic_share = -1.0);
+        let known = GaugeReport { level: 0.5, warn: 0.1, bad: 0.25, since_ns: 1, state: 3, is_known: 1 };
+        report.health.gauges[Quantity::SaturatedCam1 as usize] = known;
+        report.health.gauges[Quantity::HarmonicsCam2 as usize] = GaugeReport { is_known: 0, level: 0.0, state: 0, ..known };
+        board.lock().unwrap().take_window(&report);
         let after = metrics.text();
-        assert_eq!(series(&before), series(&after));
+        let [before_series, after_series] = [series(&before), series(&after)];
+        assert!(before_series.iter().all(|name| after_series.contains(name)));
         assert_eq!(value(&after, "fringeflow_delta_sd_radians"), "0.25");
         assert_eq!([&before, &after].map(|text| value(text, "fringeflow_drift_rms_radians")), ["NaN", "0.125"]);
-        assert_eq!([&before, &after].map(|text| value(text, "fringeflow_drift_alarm")), ["0.0", "1.0"]);
+        let state = |quantity: &str| format!("fringeflow_health_state{{quantity=\"{quantity}\"}}");
+        assert_eq!([&before, &after].map(|text| value(text, &state("saturated_cam1"))), ["-1.0", "2.0"]);
+        assert_eq!([&before, &after].map(|text| value(text, &state("harmonics_cam2"))), ["-1.0", "-1.0"]);
+        assert_eq!([&before, &after].map(|text| value(text, "fringeflow_health_worst_state")), ["-1.0", "2.0"]);
+        let level = "fringeflow_health_level{quantity=\"saturated_cam1\",unit=\"ratio\"}";
+        assert_eq!(value(&after, level), "0.5");
+        assert_eq!(value(&after, "fringeflow_saturated_pixel_share{camera=\"1\"}"), "0.25");
+        assert_eq!(value(&after, "fringeflow_fringe_harmonic_ratio{camera=\"1\",harmonic=\"second\"}"), "0.125");
+        let not_told = ["health_level{quantity=\"harmonics_cam2\"", "saturated_pixel_share{camera=\"2\"", "\"third\""];
+        for name in not_told {
+            assert!(!after.contains(name), "{name} in {after}");
+        }
         assert_eq!(value(&after, "fringeflow_drift_pixel_share"), "0.5");
         assert_eq!(value(&after, "fringeflow_stage_passed_total{stage=\"cloud\"}"), "7");
         assert_eq!(value(&after, "fringeflow_stage_dropped_total{stage=\"cloud\",reason=\"overrun\"}"), "1");

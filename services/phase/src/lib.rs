@@ -104,7 +104,7 @@ impl Decoding {
             return Ok(self.account.drop_one(reason(&error))?);
         }
         let published = self.account.pass()?;
-        let header = wire::maps::header(&self.maps, &images.window, published);
+        let header = wire::maps::header(&self.maps, &images.window, images.skew_ns, published);
         let blocks = wire::maps::blocks(self.maps.cam1.phase.len());
         let maps = &self.maps;
         // What could not be sent is missing in the channel, and counted there.

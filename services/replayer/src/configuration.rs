@@ -1,5 +1,6 @@
 //! The configuration of a replay: the recorded one, with the recording in the place of cameras and projector.
 
+use fringeflow::config::rename_former_keys;
 use fringeflow::message::FrameHeader;
 use fringeflow::recording::{Recording, Topic};
 use toml::{Table, Value};
@@ -26,6 +27,7 @@ pub enum ConfigurationTextError {
 /// The recorded configuration is no TOML.
 pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Result<String, ConfigurationTextError> {
     let mut table: Table = recording.configuration_text().parse()?;
+    rename_former_keys(&mut table);
     // The setup comes from the recording, too.
     for section in ["rig", "virtual_scanner", "recorder"] {
         table.remove(section);

@@ -3,31 +3,44 @@
 use std::time::Duration;
 
 use fringeflow::message::{Stage, StageReport};
-use fringeflow::telemetry::Tally;
-use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, Subscriber, TransportError, Wake};
+use fringeflow::telemetry::{Tally, WindowFigures};
+use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TransportError, Wake};
 use fringeflow_runtime::{Account, accounts_folder, clock};
+
+/// What was seen of an instance.
+#[derive(Debug)]
+pub struct Observed {
+    /// Counts and latencies of the stages.
+    pub tally: Tally,
+    /// Figures of the last window; `None` where none came meanwhile.
+    pub window: Option<WindowFigures>,
+}
 
 /// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
 /// gives none appears with the counts of its account, as silent.
 ///
 /// # Errors
 /// The instance cannot be joined.
-pub fn observe(instance: &Instance, span_ns: u64) -> Result<Tally, TransportError> {
+pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportError> {
     let node = Node::open(instance, "observer")?;
     // Reports have one size, whatever that of the images.
     let mut reports = Subscriber::open(&node, REPORT_STAGE, &ChannelSizes::default())?;
+    let mut windows = Subscriber::open(&node, REPORT_WINDOW, &ChannelSizes::default())?;
     let wake = Wake::new()?;
-    let mut tally = Tally::default();
+    let (mut tally, mut window) = (Tally::default(), None);
     let end_ns = clock::now_ns() + span_ns;
     loop {
         while let Some(report) = reports.receive()? {
             tally.add(&report);
         }
+        while let Some(report) = windows.receive()? {
+            window = Some(WindowFigures::of(&report));
+        }
         let rest_ns = end_ns.saturating_sub(clock::now_ns());
         if rest_ns == 0 {
             break;
         }
-        wake.wait(&[&reports], Duration::from_nanos(rest_ns))?;
+        wake.wait(&[&reports, &windows], Duration::from_nanos(rest_ns))?;
     }
     let accounts = accounts_folder(instance);
     for stage in Stage::ALL.into_iter().filter(|&stage| tally.stage(stage).is_none()).collect::<Vec<_>>() {
@@ -35,5 +48,5 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Tally, TransportErro
             tally.add(&StageReport { stage: stage as u32, counts, ..StageReport::default() });
         }
     }
-    Ok(tally)
+    Ok(Observed { tally, window })
 }

@@ -8,20 +8,17 @@
 //! 2. *modes*: the fields that errors of this rig's calibration can cause at all, in order of their strength: once a rig;
 //! 3. *mixture*: candidates of a sample of pixels, of which one each is true, or none;
 //! 4. *estimate*: the field of one pair of images, by expectation maximization from several starts;
-//! 5. *map*: the field over the pixels of C1, for people;
-//! 6. *alarm*: when the fields of the last windows call for a new calibration.
+//! 5. *map*: the field over the pixels of C1, for people.
 //!
 //! A wrong fringe order that is consistent over a large part of the image looks like a field too, but a field that only
 //! calibration errors of several pixels could cause: the prior of the modes refuses it.
 
-mod alarm;
 mod estimate;
 mod map;
 mod mixture;
 mod modes;
 mod place;
 
-pub use alarm::{DriftAlarm, DriftLimit, median_drift_rad};
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
-use crate::phase::map::FitStatistics;
+use crate::phase::map::{Exposure, FitStatistics};
 use crate::phase::sample::Sample;
 
 use super::fit::{LEAST_FITTED, MotionFit, solve_moving, time};
@@ -28,6 +28,17 @@ pub(super) struct OneSurface<'a, S> {
     runs: Vec<[usize; 2]>,
     /// Largest residual that is usual: grey levels, and a share of the modulation.
     usual: [f32; 2],
+}
+
+/// What was seen of the pixels on the way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Repaired {
+    /// Pixels decoded from part of their images.
+    pub(super) one_surface_pixels: u64,
+    /// Pixels left out.
+    pub(super) lost_pixels: u64,
+    /// How the pixels are lit.
+    pub(super) exposure: Exposure,
 }
 
 /// Offset, z and residual.
@@ -52,8 +63,8 @@ impl<'a, S: Sample> OneSurface<'a, S> {
         }
     }
 
-    /// Decodes the pixels again that need it; how many were decoded from part of their images, and how many are left out.
-    pub(super) fn repair(&self, decoded: &mut Decoded) -> [u64; 2] {
+    /// Decodes the pixels again that need it.
+    pub(super) fn repair(&self, decoded: &mut Decoded) -> Repaired {
         let width = self.window.width.max(1);
         let map = &mut decoded.map;
         let rows = map
@@ -66,13 +77,15 @@ impl<'a, S: Sample> OneSurface<'a, S> {
             .zip(decoded.residual.par_chunks(width))
             .enumerate();
         let counts = rows.map(|(v, (((((phase, modulation), mean), valid), motion), residual))| {
-            let mut counts = [0; 2];
+            let mut counts = Repaired::default();
             for u in 0..phase.len() {
                 let pixel = v * width + u;
                 let is_saturated = (0..self.moments.len()).any(|image| self.window.is_saturated(image, pixel));
-                let is_lit = modulation[u] >= self.validity.min_modulation_grey;
+                let least = self.validity.min_modulation_grey;
+                let is_lit = modulation[u] >= least;
                 let fits = valid[u] && residual[u] <= self.largest(modulation[u]);
                 if !is_saturated && (fits || !is_lit) {
+                    counts.exposure.add(false, modulation[u], least);
                     continue;
                 }
                 let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
@@ -83,11 +96,17 @@ impl<'a, S: Sample> OneSurface<'a, S> {
                     modulation[u] = (re * re + im * im).sqrt();
                     mean[u] = (offset + 0.5) as u8;
                 }
-                counts[usize::from(found.is_none())] += 1;
+                counts.exposure.add(is_saturated, modulation[u], least);
+                let count = if found.is_some() { &mut counts.one_surface_pixels } else { &mut counts.lost_pixels };
+                *count += 1;
             }
             counts
         });
-        counts.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+        counts.reduce(Repaired::default, |a, b| Repaired {
+            one_surface_pixels: a.one_surface_pixels + b.one_surface_pixels,
+            lost_pixels: a.lost_pixels + b.lost_pixels,
+            exposure: a.exposure.plus(b.exposure),
+        })
     }
 
     /// Largest residual of images that belong together.

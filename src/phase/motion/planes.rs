@@ -4,15 +4,16 @@ use rayon::prelude::*;
 
 use crate::grey::{GreyLevels, PixelFormat};
 use crate::phase::Validity;
-use crate::phase::map::{FitStatistics, Motion, PhaseMap};
+use crate::phase::harmonics::{self, Samples};
+use crate::phase::map::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::{Residuals, quantile};
 use crate::phase::sample::Sample;
 
 use super::brightness;
 use super::estimate;
-use super::fit::MotionFit;
+use super::fit::{MotionFit, time};
 use super::moved::Moved;
-use super::one_surface::OneSurface;
+use super::one_surface::{OneSurface, Repaired};
 
 /// Pixels of a row that are computed together: what they need stays in the first-level cache.
 pub(super) const TILE: usize = 256;
@@ -96,7 +97,9 @@ impl<'a, S: Sample> Window<'a, S> {
         let (mut decoded, residuals) = self.without_ripple(fit, &fitted, motion_rad, validity);
         let statistics = residuals.statistics(fit.freedom(), self.format, fit.noise_gain());
         let one_surface = OneSurface::new(&self, fit, validity, &statistics);
-        let [one_surface_pixels, lost_pixels] = one_surface.repair(&mut decoded);
+        let Repaired { one_surface_pixels, lost_pixels, exposure } = one_surface.repair(&mut decoded);
+        decoded.map.exposure = exposure;
+        decoded.map.harmonics = self.harmonics(fit, &decoded);
         decoded.finish(statistics, Motion { brightness_share, one_surface_pixels, lost_pixels, ..Motion::default() })
     }
 
@@ -112,6 +115,19 @@ impl<'a, S: Sample> Window<'a, S> {
     /// Whether a sample is saturated.
     pub(super) fn is_saturated(&self, image: usize, pixel: usize) -> bool {
         !self.images[image][pixel].is_below(self.saturation)
+    }
+
+    /// The harmonics of the fringes, the motion taken off.
+    fn harmonics(&self, fit: &MotionFit, decoded: &Decoded) -> Harmonics {
+        let (shifts, images) = (fit.shifts_rad(), self.images.len());
+        harmonics::measure(shifts, self.width * self.height, |pixel, out: &mut Samples| {
+            let motion_rad = f64::from(decoded.motion_rad[pixel]);
+            let angle = |image: usize| shifts[image] + motion_rad * time(image, images);
+            out.extend((0..images).map(|image| [f64::from(self.grey(image, pixel)), angle(image)]));
+            decoded.map.valid[pixel]
+                && motion_rad.is_finite()
+                && !(0..images).any(|image| self.is_saturated(image, pixel))
+        })
     }
 
     /// Offset, z and the motion's parts of every pixel.
@@ -168,6 +184,8 @@ impl<'a, S: Sample> Window<'a, S> {
             mean: vec![0; pixels],
             valid: vec![false; pixels],
             fit: FitStatistics::default(),
+            exposure: Exposure::default(),
+            harmonics: Harmonics::default(),
             motion: None,
         };
         let mut residual = vec![0.0; pixels];

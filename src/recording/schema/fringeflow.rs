@@ -101,6 +101,16 @@ pub struct Fit {
     pub one_surface_pixels: u64,
     #[prost(uint64, tag = "9")]
     pub lost_pixels: u64,
+    #[prost(uint64, tag = "10")]
+    pub lit_pixels: u64,
+    #[prost(uint64, tag = "11")]
+    pub saturated_pixels: u64,
+    #[prost(uint64, tag = "12")]
+    pub dim_pixels: u64,
+    #[prost(float, optional, tag = "13")]
+    pub second_harmonic_share: ::core::option::Option<f32>,
+    #[prost(float, optional, tag = "14")]
+    pub third_harmonic_share: ::core::option::Option<f32>,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapsHeader {
@@ -116,6 +126,8 @@ pub struct MapsHeader {
     pub width_px: u32,
     #[prost(uint32, tag = "6")]
     pub height_px: u32,
+    #[prost(sint64, tag = "7")]
+    pub skew_ns: i64,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PhaseMaps {
@@ -217,12 +229,21 @@ pub struct Drift {
     pub share: f64,
     #[prost(double, tag = "4")]
     pub residual_sd_rad: f64,
+}
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Gauge {
+    #[prost(string, tag = "1")]
+    pub quantity: ::prost::alloc::string::String,
+    #[prost(string, tag = "2")]
+    pub state: ::prost::alloc::string::String,
+    #[prost(double, optional, tag = "3")]
+    pub level: ::core::option::Option<f64>,
+    #[prost(double, tag = "4")]
+    pub warn: f64,
     #[prost(double, tag = "5")]
-    pub median_rad: f64,
-    #[prost(double, tag = "6")]
-    pub limit_rad: f64,
-    #[prost(bool, tag = "7")]
-    pub is_alarm: bool,
+    pub bad: f64,
+    #[prost(uint64, tag = "6")]
+    pub since_ns: u64,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WindowReport {
@@ -259,4 +280,8 @@ pub struct WindowReport {
     pub drift: ::core::option::Option<Drift>,
     #[prost(sint32, repeated, tag = "15")]
     pub slip_steps: ::prost::alloc::vec::Vec<i32>,
+    #[prost(message, repeated, tag = "16")]
+    pub health: ::prost::alloc::vec::Vec<Gauge>,
+    #[prost(sint64, tag = "17")]
+    pub skew_ns: i64,
 }

@@ -8,7 +8,7 @@
 mod fringeflow;
 
 pub(super) use self::fringeflow::{
-    CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, MapsHeader, PatternEvent, PhaseMaps,
+    CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent, PhaseMaps,
     StageReport, Window, WindowReport,
 };
 

@@ -14,9 +14,10 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::correspondence::Outcome;
+use crate::health::{HealthState, Quantity};
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, Incident, MapsHeader,
+    CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport, Incident, MapsHeader,
     OUTCOMES, PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
 };
 use crate::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
@@ -143,12 +144,17 @@ fn fit(valid_pixels: u64) -> Fit {
         motion_rad: -0.25,
         fast_motion_rad: 0.5,
         brightness_share: 0.015_625,
+        lit_pixels: valid_pixels + 9,
+        saturated_pixels: 5,
+        dim_pixels: 2,
+        second_harmonic_share: 0.0625,
+        third_harmonic_share: 0.031_25,
     }
 }
 
 fn maps() -> MapsHeader {
     let [width_px, height_px] = SIZE_PX.map(|n| n as u32);
-    MapsHeader { published: 3, window: window(), cam1: fit(77), cam2: fit(78), width_px, height_px }
+    MapsHeader { published: 3, window: window(), cam1: fit(77), cam2: fit(78), skew_ns: -40_000, width_px, height_px }
 }
 
 fn correspondences() -> CorrespondenceHeader {
@@ -222,12 +228,22 @@ fn window_report() -> WindowReport {
             error_px: 0.4,
             share: 0.9,
             residual_sd_rad: 0.007,
-            median_rad: 0.12,
-            limit_rad: 0.1,
             is_measured: 1,
-            is_alarm: 1,
         },
+        skew_ns: 40_000,
+        health: health_report(),
         outcomes,
         delta_counts: std::array::from_fn(|part| part as u32),
     }
+}
+
+/// Each quantity with numbers of its own, the second of which nothing is known.
+fn health_report() -> HealthReport {
+    let mut report = HealthReport::default();
+    for (gauge, n) in report.gauges.iter_mut().take(Quantity::ALL.len()).zip(1_u32..) {
+        let (limit, state) = (f64::from(n), HealthState::ALL[n as usize % 4] as u32);
+        *gauge = GaugeReport { level: 0.5 * limit, warn: limit, bad: 2.0 * limit, since_ns: n.into(), state, is_known: 1 };
+    }
+    report.gauges[1] = GaugeReport { level: 0.0, since_ns: 0, state: 0, is_known: 0, ..report.gauges[1] };
+    report
 }

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use fringeflow::recording::{Recording, Summary};
+use fringeflow::recording::{Content, Recording, RecordingError, Summary, Topic};
+use fringeflow::telemetry::HealthRecord;
 
 use crate::failure::Failure;
 use crate::json;
@@ -19,12 +20,33 @@ pub(crate) struct Args {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let summary = Recording::open(&self.input)?.summary()?;
-        if self.json { json::print(&summary) } else { Ok(print(&mut std::io::stdout().lock(), &summary)?) }
+        let recording = Recording::open(&self.input)?;
+        let report = Report { summary: recording.summary()?, health: health(&recording)? };
+        if self.json { json::print(&report) } else { Ok(print(&mut std::io::stdout().lock(), &report)?) }
     }
 }
 
-fn print(out: &mut impl std::io::Write, s: &Summary) -> std::io::Result<()> {
+#[derive(serde::Serialize)]
+struct Report {
+    #[serde(flatten)]
+    summary: Summary,
+    /// Over all recorded windows, where they told of it.
+    #[serde(skip_serializing_if = "HealthRecord::is_empty")]
+    health: HealthRecord,
+}
+
+/// What the windows tell of the health of the scanner.
+fn health(recording: &Recording) -> Result<HealthRecord, RecordingError> {
+    let mut record = HealthRecord::default();
+    for message in recording.messages_of(Topic::WindowReport) {
+        if let Content::WindowReport(report) = message?.content {
+            record.add(&report);
+        }
+    }
+    Ok(record)
+}
+
+fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) -> std::io::Result<()> {
     let [width, height] = s.image_size_px;
     let origin = &s.origin;
     let megabytes = s.bytes as f64 * 1e-6;
@@ -59,6 +81,9 @@ fn print(out: &mut impl std::io::Write, s: &Summary) -> std::io::Result<()> {
     for stage in s.stages.iter().filter(|stage| !stage.dropped.is_empty()) {
         let dropped: Vec<String> = stage.dropped.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
         writeln!(out, "stage {}: {} of {} passed, {}", stage.stage, stage.passed, stage.taken, dropped.join(", "))?;
+    }
+    if !health.is_empty() {
+        writeln!(out, "{health}")?;
     }
     match s.lost {
         Some(lost) => writeln!(out, "lost by the recorder: {lost} messages"),

@@ -1,13 +1,13 @@
 //! `fringeflow status`: what a running instance does, seen from another terminal.
 
-use std::io::Write as _;
+use std::io::Write;
 use std::time::Duration;
 
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{Latency, StageFigures, StageTally, Tally};
+use fringeflow::telemetry::{GaugeFigures, HealthFigures, Latency, StageFigures, StageTally};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::{clock, dashboard_file};
-use fringeflow_supervisor::{headline, observe, stage_line};
+use fringeflow_supervisor::{Observed, headline, observe, stage_line};
 
 use crate::failure::Failure;
 use crate::json;
@@ -37,6 +37,22 @@ struct Report {
     dashboard: Option<String>,
     stages: Vec<StageReport>,
     exposure_to_cloud: Option<Latency>,
+    /// Health of the scanner as of the last window; `null` where none came while the reports were gathered.
+    health: Option<Health>,
+}
+
+#[derive(serde::Serialize)]
+struct Health {
+    state: &'static str,
+    quantities: Vec<Quantity>,
+}
+
+#[derive(serde::Serialize)]
+struct Quantity {
+    #[serde(flatten)]
+    figures: GaugeFigures,
+    /// For how long it has been in its state; `null` while that is not known.
+    for_s: Option<f64>,
 }
 
 #[derive(serde::Serialize)]
@@ -53,9 +69,9 @@ impl Args {
         let instance = Instance::new(&self.instance)?;
         let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
         let state = request(&instance, &asked, ANSWER)?.state;
-        let tally = observe(&instance, SPAN_NS)?;
+        let observed = observe(&instance, SPAN_NS)?;
         if self.json {
-            return json::print(&self.report(&state, &tally));
+            return json::print(&self.report(&state, &observed));
         }
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
@@ -63,13 +79,14 @@ impl Args {
         if let Some(url) = dashboard(&self.instance) {
             writeln!(out, "dashboard: {url}")?;
         }
-        for (stage, of_stage) in tally.stages() {
+        for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
-        Ok(())
+        let health = observed.window.as_ref().and_then(|window| window.health.as_ref());
+        Ok(write_health(&mut out, health, now_ns)?)
     }
 
-    fn report(&self, state: &ScanState, tally: &Tally) -> Report {
+    fn report(&self, state: &ScanState, Observed { tally, window }: &Observed) -> Report {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
             figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
@@ -84,8 +101,36 @@ impl Args {
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             stages: tally.stages().map(stage).collect(),
             exposure_to_cloud: tally.total().brief(),
+            health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::of(health, now_ns)),
         }
     }
+}
+
+impl Health {
+    fn of(health: &HealthFigures, now_ns: u64) -> Self {
+        let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: for_s(figures, now_ns) };
+        Self { state: health.state.name(), quantities: health.quantities.iter().map(quantity).collect() }
+    }
+}
+
+/// For how long a quantity has been in its state, seconds.
+fn for_s(gauge: &GaugeFigures, now_ns: u64) -> Option<f64> {
+    (gauge.since_ns > 0).then(|| now_ns.saturating_sub(gauge.since_ns) as f64 * 1e-9)
+}
+
+/// A line on the whole, one on each quantity, and what to do about those that are not as they should be.
+fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u64) -> std::io::Result<()> {
+    let Some(health) = health else {
+        return writeln!(out, "health: not known, no window came in the last {:.1} s", SPAN_NS as f64 * 1e-9);
+    };
+    writeln!(out, "health: {}", health.state.name())?;
+    for gauge in &health.quantities {
+        let limits = format!("warn {}, bad {}", gauge.with_unit(gauge.warn), gauge.with_unit(gauge.bad));
+        let since = for_s(gauge, now_ns).map_or_else(String::new, |for_s| format!("  for {for_s:.0} s"));
+        let (state, level) = (gauge.state.name(), gauge.level_text());
+        writeln!(out, "  {:<9} {:<35}{level:>11}  ({limits}){since}", state, gauge.title)?;
+    }
+    health.beyond_limits().iter().try_for_each(|gauge| writeln!(out, "{gauge}"))
 }
 
 /// Where the dashboard of an instance is, if it has one.

@@ -5,7 +5,7 @@ use std::path::Path;
 use fringeflow::message::{Counts, Stage};
 use fringeflow::recording::Origin;
 use fringeflow::telemetry::{
-    DropLine, Exposures, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
+    DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
 };
 use serde::Serialize;
 
@@ -50,6 +50,7 @@ pub(crate) struct RunFigures<'a> {
     pub(crate) worst: Vec<WindowLine>,
     drops: Vec<DropLine>,
     last_window: Option<&'a WindowFigures>,
+    health: &'a HealthRecord,
     /// Names of all segments, in the order of the lists of milliseconds.
     segment_names: [&'static str; Segment::ALL.len()],
     /// Length of the spans of the time line, seconds.
@@ -102,6 +103,7 @@ impl<'a> RunFigures<'a> {
             worst: run.worst().iter().map(|journey| WindowLine::of(journey, run, wall_ms, first_ns)).collect(),
             drops: DropLine::all_of(counts),
             last_window: run.window(),
+            health: run.health(),
             segment_names: Segment::ALL.map(Segment::name),
             span_s: seconds(run.history().span_ns()),
             time_line,

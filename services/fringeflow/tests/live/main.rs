@@ -14,6 +14,7 @@ mod demo;
 mod faults;
 mod frozen;
 mod full_disk;
+mod health;
 mod killed;
 mod monitor;
 mod projector;

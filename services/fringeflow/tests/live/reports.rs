@@ -59,30 +59,6 @@ fn a_page_that_cannot_be_written_takes_nothing_from_the_run() {
     assert_eq!(data_of(&page)["instance"], "t");
 }
 
-#[test]
-fn a_calibration_that_has_drifted_is_told_once_and_recorded() {
-    let limit = "[correspondence]\ndrift_alarm_rad = 0.01\n[monitor]";
-    let bench = Bench::with(&[("sd_rad = 0.0", "sd_rad = 0.1"), ("[monitor]", limit)]);
-    let recording = bench.path("scan.mcap");
-    let ended = bench.run(&[&"--seconds", &"4", &"--record", &recording]);
-    ended.assert_undisturbed();
-    let drift = &ended.summary["drift"];
-    assert_eq!((&drift["alarm"], &drift["limit_rad"]), (&true.into(), &0.01.into()));
-    assert!(drift["rms_rad"].as_f64().unwrap() > 0.01, "{drift}");
-    assert_eq!(ended.log.matches("the calibration has drifted").count(), 1, "{}", ended.log);
-    assert!(ended.log.contains("beyond 0.010 rad") && ended.log.contains("calibrate anew"), "{}", ended.log);
-    let offline = bench.json(&[0], &[&"latency", &recording, &"--json"]);
-    assert_eq!(offline["last_window"]["drift"]["alarm"], true);
-    assert!(offline["time_line"][0]["window"]["drift_rms_rad"].is_f64(), "{}", offline["time_line"][0]);
-    let report = bench.json(&[0], &[&"rig", &recording, &"--images", &recording, &"--windows", &"3", &"--json"]);
-    assert_eq!((&report["beyond_limit"], &report["limit_rad"]), (&true.into(), &0.01.into()));
-    assert_eq!(report["windows"].as_array().unwrap().len(), 3);
-    // The drift is the calibration's, whoever measures it and when.
-    let [first, last] = ["first_rms_rad", "last_rms_rad"].map(|key| report[key].as_f64().unwrap());
-    let live = drift["median_rad"].as_f64().unwrap();
-    assert!([first, last].iter().all(|rms| (rms / live - 1.0).abs() < 0.5), "{report} {drift}");
-}
-
 /// Asserts that a recording of a replay tells nothing of its exposures.
 fn assert_a_replay_is_told(bench: &Bench, recording: &Path) {
     let again = bench.path("again.mcap");

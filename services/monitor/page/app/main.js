@@ -10,6 +10,7 @@ import { showDrops } from "./drops.js";
 import { byId } from "./elements.js";
 import { addEvents, markEventsLive, replaceEvents } from "./events.js";
 import { showFlow } from "./flow.js";
+import { showHealth } from "./health.js";
 import { startHelp } from "./help.js";
 import { History } from "./history.js";
 import { showKeyFigures } from "./key-figures.js";
@@ -65,6 +66,7 @@ function takeHello(hello) {
             makeRates(),
             makeQuality(),
             makeDelta(),
+            showHealth,
             showServices,
             showDrops,
             showFlow,

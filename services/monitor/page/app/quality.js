@@ -18,7 +18,7 @@ const FIGURES = [
     },
     {
         label: "Drift of the calibration",
-        hint: "What a calibration that is no longer exact makes of δ, and what is left of the noise without it. It is taken off; beyond the limit (correspondence.drift_alarm_rad) calibrate anew.",
+        hint: "What a calibration that is no longer exact makes of δ, and what is left of the noise without it. It is taken off; beyond its limit (health.drift_rad) calibrate anew.",
         lines: [
             { colour: "series-6", read: (window) => window.drift_rms_rad },
             { colour: "series-1", read: (window) => window.residual_sd_rad },
@@ -71,6 +71,15 @@ const FIGURES = [
             { colour: "series-2", read: (window) => window.residual?.[1] },
         ],
         text: (value) => fixed(value, 3),
+    },
+    {
+        label: "Motion an image",
+        hint: "Phase that moves from image to image of cameras 1 and 2, exceeded at one pixel in twenty. It is compensated up to about 1 rad.",
+        lines: [
+            { colour: "series-1", read: (window) => window.fast_motion_rad?.[0] },
+            { colour: "series-2", read: (window) => window.fast_motion_rad?.[1] },
+        ],
+        text: (value) => withUnit(fixed(value, 3), "rad"),
     },
 ];
 

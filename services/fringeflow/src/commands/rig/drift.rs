@@ -6,7 +6,8 @@ use std::path::Path;
 
 use fringeflow::atomic_file::check_writable;
 use fringeflow::config::Configuration;
-use fringeflow::correspondence::{Drift, DriftLimit, DriftMap, ResolutionMethod, median_drift_rad};
+use fringeflow::correspondence::{Drift, DriftMap, ResolutionMethod};
+use fringeflow::health::{Limits, Quantity, median};
 use fringeflow::geometry::MeasurementVolume;
 use fringeflow::preview::drift_picture;
 use fringeflow::reconstruction::{Reconstruction, Reconstructor};
@@ -104,7 +105,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
         calibration: &args.calibration,
         images,
         windows_available: cycles.len(),
-        summary: Summary::of(&windows, configuration.drift_limit),
+        summary: Summary::of(&windows, configuration.health.of(Quantity::Drift)),
         windows,
         unmeasured: measured.without,
     };
@@ -211,22 +212,22 @@ fn window(
 fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Result<(), Failure> {
     let any_counts = measured.windows.iter().any(|(window, _)| window.counts);
     let eligible = || measured.windows.iter().filter(|(window, _)| window.counts == any_counts);
-    let median_rad = median_drift_rad(eligible().map(|(window, _)| window.rms_rad));
+    let median_rad = median(eligible().map(|(window, _)| window.rms_rad));
     let Some((_, drift)) = eligible().find(|(window, _)| Some(window.rms_rad) == median_rad) else { return Ok(()) };
     Ok(drift_picture(&DriftMap::of(drift, reconstructor.table())).write_png(path)?)
 }
 
 impl Summary {
-    fn of(windows: &[Window], limit: DriftLimit) -> Self {
+    fn of(windows: &[Window], limits: Limits) -> Self {
         let drifts: Vec<f64> = windows.iter().filter(|window| window.counts).map(|window| window.rms_rad).collect();
-        let median_rms_rad = median_drift_rad(drifts.iter().copied());
+        let median_rms_rad = median(drifts.iter().copied());
         Self {
             first_rms_rad: drifts.first().copied(),
             last_rms_rad: drifts.last().copied(),
             largest_rms_rad: drifts.iter().copied().max_by(f64::total_cmp),
             median_rms_rad,
-            limit_rad: limit.rms_rad,
-            beyond_limit: median_rms_rad.map(|median_rad| limit.is_exceeded_by(median_rad)),
+            limit_rad: limits.warn,
+            beyond_limit: median_rms_rad.map(|median_rad| median_rad > limits.warn),
         }
     }
 }
@@ -274,7 +275,7 @@ fn verdict(summary: &Summary) -> String {
     let remedy = if beyond { "; calibrate anew" } else { "" };
     format!(
         "drift rms: first {first:.4}, last {last:.4}, largest {largest:.4}, median {median:.4} rad: {judged} the limit of \
-         {limit_rad} rad (correspondence.drift_alarm_rad){remedy}"
+         {limit_rad} rad (health.drift_rad){remedy}"
     )
 }
 
@@ -299,16 +300,16 @@ mod tests {
 
     #[test]
     fn the_verdict_is_that_of_the_median_of_the_windows_that_count() {
-        let limit = DriftLimit { rms_rad: 0.1 };
+        let limits = Limits { warn: 0.1, bad: 0.2 };
         let windows = [(0.04, true), (0.9, false), (0.3, true), (0.05, true)].map(|(rms, counts)| window(rms, counts));
-        let summary = Summary::of(&windows, limit);
+        let summary = Summary::of(&windows, limits);
         assert_eq!(
             [summary.first_rms_rad, summary.last_rms_rad, summary.largest_rms_rad, summary.median_rms_rad],
             [0.04, 0.05, 0.3, 0.05].map(Some)
         );
         assert_eq!(summary.beyond_limit, Some(false));
-        assert!(verdict(&Summary::of(&[window(0.11, true)], limit)).contains("BEYOND the limit of 0.1 rad"));
-        let none = Summary::of(&windows[1..2], limit);
+        assert!(verdict(&Summary::of(&[window(0.11, true)], limits)).contains("BEYOND the limit of 0.1 rad"));
+        let none = Summary::of(&windows[1..2], limits);
         assert!(none.beyond_limit.is_none() && verdict(&none).starts_with("no verdict"));
     }
 }

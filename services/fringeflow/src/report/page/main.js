@@ -43,10 +43,23 @@ function showRemark() {
     byId("remark").hidden = remarks.length === 0;
 }
 
-function describeDrift(drift) {
-    const limit = `limit ${withUnit(fixed(drift?.limit_rad, 3), "rad")}`;
-    const note = drift ? (drift.alarm ? `calibrate anew, ${limit}` : limit) : "not measured";
-    return [fixed(drift?.median_rad, 3), "rad", note, drift?.alarm ? "error" : undefined];
+function describeDrift(window) {
+    const drift = window?.health?.quantities.find(({ quantity }) => quantity === "drift");
+    const isBeyond = drift?.state === "warn" || drift?.state === "bad";
+    const limit = `limit ${withUnit(fixed(drift?.state === "bad" ? drift?.bad : drift?.warn, 3), "rad")}`;
+    const note = isBeyond ? `calibrate anew, ${limit}` : isNumber(drift?.level) ? limit : "not measured";
+    return [fixed(drift?.level, 3), "rad", note, isBeyond ? "error" : undefined];
+}
+
+const HEALTH_LEVELS = { ok: "ok", warn: "warning", bad: "error" };
+
+function describeHealth({ worst, windows, quantities }) {
+    if (windows === 0) {
+        return [MISSING, "", "not told"];
+    }
+    const beyond = quantities.filter(({ state }) => state === "warn" || state === "bad").length;
+    const note = beyond > 0 ? `at worst; ${plural(beyond, "quantity", "quantities")} beyond limits` : "all within their limits";
+    return [worst, "", note, HEALTH_LEVELS[worst]];
 }
 
 function showTiles(lost) {
@@ -63,7 +76,8 @@ function showTiles(lost) {
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
-        ["Calibration drift", ...describeDrift(window?.drift)],
+        ["Calibration drift", ...describeDrift(window)],
+        ["Health", ...describeHealth(run.health)],
     ];
     const tile = ([name, value, unit, note, level]) =>
         element(
@@ -121,6 +135,7 @@ showWorst(run);
 showLost(run, times);
 showRates(run, times);
 showDrops(run);
+showHealth(run);
 showQuality(run, times);
 byId("foot").textContent = `Fringeflow ${run.version}. Written once, needs nothing beside itself.`;
 startTheme();

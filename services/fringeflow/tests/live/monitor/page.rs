@@ -23,8 +23,30 @@ fn the_page_and_its_figures_tell_what_the_instance_does() {
     assert!(["supervisor", "phase", "monitor"].iter().all(|name| services.contains(name)), "{services:?}");
     let segments: f64 = figures["sample"]["segments"].as_array().into_iter().flatten().filter_map(Value::as_f64).sum();
     assert!(segments >= 0.0 && figures["window"]["points"].as_u64().unwrap() > 0, "{figures}");
+    watched.live.wait_until("the health is known", || watched.figures()["window"]["health"]["state"] == "ok");
+    let figures = watched.figures();
+    assert!(figures["health_for_s"]["delta_sd"].is_f64() && page.body.contains("panel-health"), "{figures}");
+    let metrics = watched.get("/metrics").body;
+    for line in ["fringeflow_health_worst_state 0.0", "fringeflow_health_state{quantity=\"harmonics_cam1\"} 0.0"] {
+        assert!(metrics.contains(line), "{line} is missing in {metrics}");
+    }
     watched.live.quit().assert_undisturbed();
     bench.assert_nothing_left();
+}
+
+#[test]
+fn a_scanner_that_is_not_healthy_is_told_by_metrics_page_and_events() {
+    let on = "enabled = true\naddress = \"127.0.0.1:0\"\nfoxglove = \"off\"";
+    let bench = Bench::with(&[("enabled = false", on), ("noise = \"low\"", "noise = \"low\"\ngamma = 1.4")]);
+    let watched = Watched::start(&bench, &[]);
+    watched.live.wait_until("the health is bad", || watched.figures()["window"]["health"]["state"] == "bad");
+    let metrics = watched.get("/metrics").body;
+    assert!(metrics.contains("fringeflow_health_state{quantity=\"harmonics_cam1\"} 2.0"), "{metrics}");
+    assert!(!metrics.lines().any(|line| line.starts_with("fringeflow_health") && line.ends_with("NaN")), "{metrics}");
+    let ended = watched.live.quit();
+    let told = "harmonics of the fringes, camera 1: bad";
+    assert_eq!(ended.log.matches(told).count(), 1, "{}", ended.log);
+    assert_eq!(ended.summary["health"]["worst"], "bad");
 }
 
 #[test]

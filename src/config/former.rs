@@ -1,0 +1,31 @@
+//! Keys that were called otherwise before: refused in files with the name they have now, and renamed in recordings.
+
+use toml::{Table, Value};
+
+use super::ConfigurationProblem;
+
+/// Refuses a former key. What is no TOML at all is left to whoever reads it, who says where it is not.
+pub(super) fn refuse(text: &str) -> Result<(), ConfigurationProblem> {
+    let Ok(table) = text.parse::<Table>() else { return Ok(()) };
+    let former = table.get("correspondence").and_then(|section| section.get("drift_alarm_rad"));
+    former.map_or(Ok(()), |value| {
+        Err(ConfigurationProblem::Value {
+            key: "correspondence.drift_alarm_rad",
+            value: value.to_string(),
+            expected: "the key is gone: write drift_rad = { warn = … } in table [health]",
+        })
+    })
+}
+
+/// Gives former keys of a recorded configuration the names that they have now.
+pub fn rename_former_keys(recorded: &mut Table) {
+    let Some(Value::Table(correspondence)) = recorded.get_mut("correspondence") else { return };
+    let Some(warn) = correspondence.remove("drift_alarm_rad") else { return };
+    // The limit of what is bad was none.
+    let bad = warn.as_float().map_or(Value::Float(1.0), |warn| Value::Float((2.0 * warn).max(0.2)));
+    let limits = Table::from_iter([("warn".to_owned(), warn), ("bad".to_owned(), bad)]);
+    let health = recorded.entry("health").or_insert_with(|| Value::Table(Table::new()));
+    if let Value::Table(health) = health {
+        health.entry("drift_rad").or_insert(Value::Table(limits));
+    }
+}

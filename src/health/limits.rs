@@ -1,0 +1,69 @@
+//! What is as it should be.
+
+use super::Quantity;
+
+/// Levels beyond which a quantity is no longer as it should be; `warn` below `bad`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Beyond it is [`super::HealthState::Warn`].
+    pub warn: f64,
+    /// Beyond it is [`super::HealthState::Bad`].
+    pub bad: f64,
+}
+
+/// Limits of all quantities, and how levels and states follow from windows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HealthLimits {
+    /// Limits by [`Quantity::ALL`].
+    limits: [Limits; Quantity::ALL.len()],
+    /// Last windows that a level is made of.
+    pub windows: usize,
+    /// Fewest windows that make one.
+    pub fewest_windows: usize,
+    /// Share of a limit that the level must fall below before its state ends.
+    pub release_share: f64,
+}
+
+impl Default for HealthLimits {
+    /// What `configs/reconstruct.toml` explains.
+    fn default() -> Self {
+        let limits = |[warn, bad]: [f64; 2]| Limits { warn, bad };
+        let of = |quantity: Quantity| match quantity {
+            Quantity::Drift => [0.1, 0.2],
+            Quantity::DeltaSd => [0.1, 0.2],
+            Quantity::DeltaNoise => [0.03, 0.06],
+            Quantity::DeltaMean => [0.2, 0.4],
+            Quantity::ResidualCam1 | Quantity::ResidualCam2 => [0.1, 0.2],
+            Quantity::HarmonicsCam1 | Quantity::HarmonicsCam2 => [0.04, 0.1],
+            Quantity::SaturatedCam1 | Quantity::SaturatedCam2 => [0.02, 0.1],
+            Quantity::DimCam1 | Quantity::DimCam2 => [0.3, 0.6],
+            Quantity::Skew => [1.0, 5.0],
+            Quantity::Motion => [0.4, 0.8],
+            Quantity::Brightness => [0.03, 0.1],
+            Quantity::OneSurface => [0.1, 0.25],
+            Quantity::Lost => [0.05, 0.15],
+            Quantity::Slipped => [0.1, 0.5],
+        };
+        Self {
+            limits: Quantity::ALL.map(|quantity| limits(of(quantity))),
+            windows: 9,
+            fewest_windows: 5,
+            release_share: 0.8,
+        }
+    }
+}
+
+impl HealthLimits {
+    /// Limits of a quantity.
+    #[must_use]
+    pub fn of(&self, quantity: Quantity) -> Limits {
+        self.limits[quantity as usize]
+    }
+
+    /// Sets the limits of all quantities that share a key.
+    pub fn set(&mut self, key: &str, limits: Limits) {
+        for quantity in Quantity::ALL.into_iter().filter(|quantity| quantity.key() == key) {
+            self.limits[quantity as usize] = limits;
+        }
+    }
+}

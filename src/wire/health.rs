@@ -1,0 +1,181 @@
+//! What a window tells of the health of the scanner, and the health as a report.
+
+use crate::health::{Gauge, Health, Measures, Quantity};
+use crate::message::{Fit, GAUGES, GaugeReport, HealthReport, MapsHeader};
+use crate::worker::Correspondences;
+
+/// Each quantity has its place in a report.
+const _: () = assert!(Quantity::ALL.len() <= GAUGES);
+
+/// What a window tells: phase maps with this header, and what was found in them.
+#[must_use]
+pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
+    let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
+    // A drift that few pixels agree with tells of the scene.
+    let drift = matches.drift.as_ref().filter(|drift| drift.is_of_most_pixels());
+    let fit = |camera: usize, of: fn(&Fit) -> Option<f64>| of(cameras[camera]);
+    let greater = |of: fn(&Fit) -> Option<f64>| Some(of(cameras[0])?.max(of(cameras[1])?));
+    Quantity::ALL.map(|quantity| match quantity {
+        Quantity::Drift => drift.map(|drift| drift.rms_rad),
+        Quantity::DeltaSd => Some(matches.delta.sd_rad),
+        Quantity::DeltaNoise => drift.map(|drift| drift.residual_sd_rad),
+        Quantity::DeltaMean => Some(matches.delta.mean_rad.abs()),
+        Quantity::ResidualCam1 => fit(0, residual),
+        Quantity::ResidualCam2 => fit(1, residual),
+        Quantity::HarmonicsCam1 => fit(0, harmonics),
+        Quantity::HarmonicsCam2 => fit(1, harmonics),
+        Quantity::SaturatedCam1 => fit(0, |fit| share(fit.saturated_pixels, fit.lit_pixels)),
+        Quantity::SaturatedCam2 => fit(1, |fit| share(fit.saturated_pixels, fit.lit_pixels)),
+        Quantity::DimCam1 => fit(0, |fit| share(fit.dim_pixels, fit.lit_pixels)),
+        Quantity::DimCam2 => fit(1, |fit| share(fit.dim_pixels, fit.lit_pixels)),
+        Quantity::Skew => Some(maps.skew_ns.unsigned_abs() as f64 * 1e-6),
+        Quantity::Motion => greater(|fit| moving(fit).map(|fit| fit.fast_motion_rad.into())),
+        Quantity::Brightness => greater(|fit| moving(fit).map(|fit| fit.brightness_share.into())),
+        Quantity::OneSurface => greater(|fit| share(moving(fit)?.one_surface_pixels, fit.valid_pixels)),
+        Quantity::Lost => greater(|fit| share(moving(fit)?.lost_pixels, fit.lit_pixels)),
+        Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
+    })
+}
+
+/// The health as a report.
+#[must_use]
+pub fn health_report(health: &Health) -> HealthReport {
+    let mut report = HealthReport::default();
+    report.gauges.iter_mut().zip(health.gauges()).for_each(|(entry, gauge)| *entry = gauge_report(gauge));
+    report
+}
+
+fn gauge_report(gauge: &Gauge) -> GaugeReport {
+    GaugeReport {
+        level: gauge.level().unwrap_or(0.0),
+        warn: gauge.limits().warn,
+        bad: gauge.limits().bad,
+        since_ns: gauge.since_ns(),
+        state: gauge.state() as u32,
+        is_known: u32::from(gauge.level().is_some()),
+    }
+}
+
+fn residual(fit: &Fit) -> Option<f64> {
+    (fit.residual_share >= 0.0).then_some(fit.residual_share.into())
+}
+
+/// Amplitude of all harmonics that the shifts tell.
+fn harmonics(fit: &Fit) -> Option<f64> {
+    let told = [fit.second_harmonic_share, fit.third_harmonic_share].into_iter().filter(|share| *share >= 0.0);
+    told.map(f64::from).reduce(f64::hypot)
+}
+
+/// The fit of images that tell of motion.
+fn moving(fit: &Fit) -> Option<&Fit> {
+    (fit.fast_motion_rad >= 0.0).then_some(fit)
+}
+
+fn share(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::correspondence::Drift;
+    use crate::health::{HealthLimits, HealthState};
+
+    fn drift(rms_rad: f64, residual_sd_rad: f64, share: f64) -> Drift {
+        let mut drift = Drift::default();
+        (drift.rms_rad, drift.residual_sd_rad, drift.share) = (rms_rad, residual_sd_rad, share);
+        drift
+    }
+
+    fn fit() -> Fit {
+        Fit {
+            valid_pixels: 80,
+            lit_pixels: 100,
+            saturated_pixels: 5,
+            dim_pixels: 40,
+            residual_share: 0.02,
+            second_harmonic_share: 0.03,
+            third_harmonic_share: -1.0,
+            fast_motion_rad: 0.25,
+            one_surface_pixels: 4,
+            lost_pixels: 1,
+            ..Fit::default()
+        }
+    }
+
+    #[test]
+    fn each_quantity_is_that_of_its_camera_or_the_greater() {
+        let cam2 = Fit { third_harmonic_share: 0.04, saturated_pixels: 0, fast_motion_rad: 0.5, ..fit() };
+        let maps = MapsHeader { cam1: fit(), cam2, skew_ns: -2_500_000, ..MapsHeader::default() };
+        let mut found = Correspondences::default();
+        found.matches.drift = Some(drift(0.2, 0.01, 0.9));
+        (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
+        found.matches.slip_steps = [1, 1];
+        let told = measures(&maps, &found);
+        let of = |quantity: Quantity| (told[quantity as usize].unwrap() * 1e6).round() * 1e-6;
+        for (quantity, expected) in [
+            (Quantity::Drift, 0.2),
+            (Quantity::DeltaSd, 0.21),
+            (Quantity::DeltaNoise, 0.01),
+            (Quantity::DeltaMean, 0.3),
+            (Quantity::ResidualCam2, 0.02),
+            (Quantity::HarmonicsCam1, 0.03),
+            (Quantity::HarmonicsCam2, 0.05),
+            (Quantity::SaturatedCam1, 0.05),
+            (Quantity::SaturatedCam2, 0.0),
+            (Quantity::DimCam1, 0.4),
+            (Quantity::Skew, 2.5),
+            (Quantity::Motion, 0.5),
+            (Quantity::OneSurface, 0.05),
+            (Quantity::Lost, 0.01),
+            (Quantity::Slipped, 1.0),
+        ] {
+            assert!((of(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", of(quantity));
+        }
+    }
+
+    #[test]
+    fn what_a_window_does_not_tell_is_absent() {
+        let silent = Fit {
+            residual_share: -1.0,
+            second_harmonic_share: -1.0,
+            third_harmonic_share: -1.0,
+            fast_motion_rad: -1.0,
+            ..Fit::default()
+        };
+        let maps = MapsHeader { cam1: fit(), cam2: silent, ..MapsHeader::default() };
+        let mut found = Correspondences::default();
+        found.matches.drift = Some(drift(0.9, 0.01, 0.3));
+        let told = measures(&maps, &found);
+        let absent = Quantity::ALL.into_iter().filter(|&quantity| told[quantity as usize].is_none());
+        let expected = [
+            Quantity::Drift,
+            Quantity::DeltaNoise,
+            Quantity::ResidualCam2,
+            Quantity::HarmonicsCam2,
+            Quantity::SaturatedCam2,
+            Quantity::DimCam2,
+            Quantity::Motion,
+            Quantity::Brightness,
+            Quantity::OneSurface,
+            Quantity::Lost,
+        ];
+        assert_eq!(absent.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn a_report_tells_levels_limits_and_states() {
+        let mut health = Health::new(&HealthLimits::default());
+        let mut found = Correspondences::default();
+        found.matches.drift = Some(drift(0.15, 0.01, 0.9));
+        for window in 0..5 {
+            let report = health_report(&health);
+            assert_eq!(report.gauges[Quantity::Drift as usize].known(), None, "{window}");
+            health.add(100 + window, &measures(&MapsHeader::default(), &found));
+        }
+        let told = health_report(&health).gauges[Quantity::Drift as usize];
+        let limits = HealthLimits::default().of(Quantity::Drift);
+        assert_eq!((told.known(), told.warn, told.bad), (Some(0.15), limits.warn, limits.bad));
+        assert_eq!((HealthState::of(told.state), told.since_ns), (HealthState::Warn, 104));
+    }
+}
