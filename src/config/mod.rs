@@ -7,6 +7,7 @@ mod cameras;
 mod monitor;
 mod raw;
 mod scanner;
+mod tracking;
 mod virtual_scanner;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +25,7 @@ pub use cameras::{
 };
 pub use monitor::{Listen, MonitorConfiguration};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
+pub use tracking::TrackingConfiguration;
 pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// Most images of a window beyond a cycle: 16 steps and these are the longest window.
@@ -38,6 +40,8 @@ pub struct Configuration {
     pub volume: Option<MeasurementVolume>,
     /// Drift of the calibration beyond which an alarm is raised.
     pub drift_limit: DriftLimit,
+    /// How the scanner is tracked live.
+    pub tracking: TrackingConfiguration,
 }
 
 /// Why a configuration file was refused.
@@ -139,6 +143,7 @@ impl Configuration {
             settings,
             volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
             drift_limit: drift_limit(&raw.correspondence)?,
+            tracking: tracking::configuration(&raw.tracking)?,
         })
     }
 }

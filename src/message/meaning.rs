@@ -30,6 +30,8 @@ impl DropReason {
             Self::NoSample => "no free sample was left in the channel",
             Self::Malformed => "the message contradicts itself",
             Self::Injected => "a fault that the configuration asks of the virtual scanner",
+            Self::Thinned => "the stage worked on an earlier one and took a newer one afterwards",
+            Self::NotTracked => "the cloud was not found on the model",
         }
     }
 }

@@ -29,6 +29,8 @@ pub enum Stage {
     Cloud = 8,
     /// Messages of all channels, written to a recording.
     Recorder = 9,
+    /// Clouds, registered to the model that they make.
+    Tracking = 10,
 }
 
 /// Why an item did not reach the end of its stage.
@@ -81,6 +83,10 @@ pub enum DropReason {
     Malformed = 21,
     /// Left out on purpose: a fault that the configuration asks of the virtual scanner.
     Injected = 22,
+    /// The stage worked on an earlier one and took a newer one afterwards.
+    Thinned = 23,
+    /// A cloud that was not found on the model.
+    NotTracked = 24,
 }
 
 /// Number of drop reasons that a report has room for.
@@ -238,7 +244,7 @@ impl Skew {
 
 impl Stage {
     /// All stages, in the order of the pipeline.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Camera1,
         Self::Camera2,
         Self::Projector,
@@ -248,6 +254,7 @@ impl Stage {
         Self::Phase,
         Self::Correspondence,
         Self::Cloud,
+        Self::Tracking,
         Self::Recorder,
     ];
 
@@ -271,13 +278,14 @@ impl Stage {
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
             Self::Recorder => "recorder",
+            Self::Tracking => "tracking",
         }
     }
 }
 
 impl DropReason {
     /// All reasons.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 25] = [
         Self::Overrun,
         Self::CameraLost,
         Self::Duplicate,
@@ -301,6 +309,8 @@ impl DropReason {
         Self::NoSample,
         Self::Malformed,
         Self::Injected,
+        Self::Thinned,
+        Self::NotTracked,
     ];
 
     /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
@@ -315,7 +325,9 @@ impl DropReason {
             | Self::EmptyCloud
             | Self::NotRecording
             | Self::Stopped
-            | Self::Injected => false,
+            | Self::Injected
+            | Self::Thinned
+            | Self::NotTracked => false,
             Self::Overrun
             | Self::CameraLost
             | Self::Late
@@ -360,6 +372,8 @@ impl DropReason {
             Self::NoSample => "no_sample",
             Self::Malformed => "malformed",
             Self::Injected => "injected",
+            Self::Thinned => "thinned",
+            Self::NotTracked => "not_tracked",
         }
     }
 }

@@ -7,6 +7,7 @@
 pub mod correspondences;
 pub mod maps;
 mod planes;
+pub mod tracking;
 pub mod window_report;
 
 use crate::message::Block;

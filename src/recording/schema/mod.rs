@@ -9,7 +9,7 @@ mod fringeflow;
 
 pub(super) use self::fringeflow::{
     CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, MapsHeader, PatternEvent, PhaseMaps,
-    StageReport, Window, WindowReport,
+    PoseReport, StageReport, TrackedPose, Window, WindowReport,
 };
 
 /// Descriptor set of the schema.

@@ -17,7 +17,7 @@ use crate::correspondence::Outcome;
 use crate::dataset::{Dataset, Setup};
 use crate::message::{
     CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, Incident, MapsHeader,
-    OUTCOMES, PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
+    OUTCOMES, PatternEvent, PixelFormat, PoseReport, Skew, Stage, StageReport, TrackingState, Window, WindowReport,
 };
 use crate::simulation::{Arrangement, Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -241,5 +241,28 @@ fn window_report() -> WindowReport {
         },
         outcomes,
         delta_counts: std::array::from_fn(|part| part as u32),
+    }
+}
+
+pub(super) fn pose_report() -> PoseReport {
+    PoseReport {
+        published: 8,
+        cloud: 12,
+        first_cloud: 3,
+        window: window(),
+        published_ns: 700,
+        position_m: [0.25, -0.5, 0.125],
+        rotation: [0.5, -0.5, 0.5, 0.5],
+        covariance: std::array::from_fn(|row| std::array::from_fn(|column| (10 * row + column) as f64)),
+        sd_m: 1e-6,
+        sd_rad: 1e-5,
+        rms_m: 3e-5,
+        excess: 1.5,
+        share: 0.75,
+        inliers: 5000,
+        model_points: 123_456,
+        model_clouds: 5,
+        state: TrackingState::Relocalized as u32,
+        reason: 0,
     }
 }
