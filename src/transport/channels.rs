@@ -164,7 +164,8 @@ impl ChannelId {
             Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
             Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
             Self::ReportWindow => Quality::of::<(), WindowReport>(1, 64),
-            Self::TrackingPose => Quality { subscribers: 8, ..Quality::of::<(), PoseReport>(1, 64) },
+            // Who asks how things stand is told, even when no cloud comes.
+            Self::TrackingPose => Quality { subscribers: 8, history: 1, ..Quality::of::<(), PoseReport>(1, 64) },
             // Whoever comes later sees the model before it has grown again.
             Self::TrackingModel => {
                 let bytes = sizes.model_points.max(1) * MODEL_POINT_BYTES;

@@ -7,7 +7,7 @@ use std::fmt::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fringeflow::message::{DropReason, Incident, Stage};
-use fringeflow::telemetry::{BUCKETS_NS, DriftFigures, Latencies, Segment, Shares, WindowFigures};
+use fringeflow::telemetry::{BUCKETS_NS, DriftFigures, Latencies, Segment, Shares, TrackingFigures, WindowFigures};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
@@ -59,6 +59,7 @@ impl Collector for BoardCollector {
         stages(&mut out, &board)?;
         latencies(&mut out, &board)?;
         window(&mut out, board.window.as_ref())?;
+        tracking(&mut out, board.tracking.as_ref())?;
         services(&mut out, &board.statuses)
     }
 }
@@ -170,6 +171,31 @@ fn drift(out: &mut Out<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
     )?;
     let alarm = drift.is_some_and(|d| d.alarm);
     out.gauge("drift_alarm", "1 while the drift stays beyond its limit.", f64::from(u8::from(alarm)))
+}
+
+fn tracking(out: &mut Out<'_>, tracking: Option<&TrackingFigures>) -> Result<(), Error> {
+    let figure = |of: fn(&TrackingFigures) -> f64| tracking.map_or(f64::NAN, of);
+    let states = ["tracked", "lost", "no_cloud"];
+    out.gauges(
+        "tracking_state",
+        "1 at the state of the tracking: whether the last cloud has a pose, or none came for two seconds.",
+        states.map(|state| (vec![("state", state)], f64::from(u8::from(tracking.is_some_and(|t| t.state == state))))),
+    )?;
+    out.gauge("tracking_rms_metres", "Distances of the last cloud from the model.", figure(|t| t.rms_mm * 1e-3))?;
+    out.gauge(
+        "tracking_inlier_share",
+        "Share of its points with a partner in the model.",
+        figure(|t| t.inliers / 100.0),
+    )?;
+    out.gauge(
+        "tracking_sd_metres",
+        "Standard deviation of its pose, at the model's middle.",
+        figure(|t| t.sd_mm * 1e-3),
+    )?;
+    out.gauge("tracking_sd_radians", "Standard deviation of its turn.", figure(|t| t.sd_deg.to_radians()))?;
+    out.gauge("tracked_cloud_share", "Share of all clouds that have a pose.", figure(|t| t.clouds_tracked / 100.0))?;
+    out.gauge("model_points", "Points of the model.", figure(|t| t.model_points as f64))?;
+    out.gauge("model_clouds", "Clouds that it is made of.", figure(|t| t.model_clouds as f64))
 }
 
 fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {

@@ -16,7 +16,7 @@ mod supervisor;
 pub use balance::{Balance, Imbalance};
 pub use display::{headline, stage_line};
 pub use naming::named_by_time;
-pub use observer::observe;
+pub use observer::{Observed, observe};
 pub use plan::{Outcome, Plan, RunError};
 pub use source::{Progress, Source, SourceError};
 pub use supervisor::run;

@@ -3,25 +3,40 @@
 use std::time::Duration;
 
 use fringeflow::message::{Stage, StageReport};
-use fringeflow::telemetry::Tally;
-use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, Subscriber, TransportError, Wake};
+use fringeflow::telemetry::{Tally, TrackingFigures, TrackingWatch};
+use fringeflow::transport::{
+    ChannelSizes, Instance, Node, REPORT_STAGE, Subscriber, TRACKING_POSE, TransportError, Wake,
+};
 use fringeflow_runtime::{Account, accounts_folder, clock};
+
+/// What was seen of an instance.
+#[derive(Debug)]
+pub struct Observed {
+    /// Reports of the stages.
+    pub tally: Tally,
+    /// How the tracking fares, if there is any.
+    pub tracking: Option<TrackingFigures>,
+}
 
 /// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
 /// gives none appears with the counts of its account, as silent.
 ///
 /// # Errors
 /// The instance cannot be joined.
-pub fn observe(instance: &Instance, span_ns: u64) -> Result<Tally, TransportError> {
+pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportError> {
     let node = Node::open(instance, "observer")?;
     // Reports have one size, whatever that of the images.
     let mut reports = Subscriber::open(&node, REPORT_STAGE, &ChannelSizes::default())?;
+    let mut poses = Subscriber::open(&node, TRACKING_POSE, &ChannelSizes::default())?;
     let wake = Wake::new()?;
-    let mut tally = Tally::default();
+    let (mut tally, mut watch) = (Tally::default(), TrackingWatch::default());
     let end_ns = clock::now_ns() + span_ns;
     loop {
         while let Some(report) = reports.receive()? {
             tally.add(&report);
+        }
+        while let Some(report) = poses.receive()? {
+            watch.add(&report);
         }
         let rest_ns = end_ns.saturating_sub(clock::now_ns());
         if rest_ns == 0 {
@@ -35,5 +50,7 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Tally, TransportErro
             tally.add(&StageReport { stage: stage as u32, counts, ..StageReport::default() });
         }
     }
-    Ok(tally)
+    let counts = tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
+    let tracking = watch.figures(&counts, clock::now_ns());
+    Ok(Observed { tally, tracking })
 }

@@ -34,9 +34,9 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     loop {
         // Asked before the channel is emptied, so that what the cloud service put out last is not left.
         let is_last = host.stop.is_requested();
-        while let Some(cloud) = stage.newest(&mut clouds)? {
-            stage.track(cloud, &mut host)?;
-        }
+        let newest = stage.newest(&mut clouds)?;
+        let is_idle = newest.is_none();
+        newest.map_or(Ok(()), |cloud| stage.track(cloud, &mut host))?;
         if is_last {
             break;
         }
@@ -47,7 +47,10 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             host.catch_up(&mut stage.account, DropReason::Thinned)?;
         }
         stage.shown.turn(&stage.tracker, &stage.last, clock::now_ns());
-        wake.wait(&[&clouds], BEAT)?;
+        // Another may have come meanwhile, and its wake-up have been heard.
+        if is_idle {
+            wake.wait(&[&clouds], BEAT)?;
+        }
     }
     host.catch_up(&mut stage.account, DropReason::Thinned)?;
     host.report(Stage::Tracking, stage.account.counts(), None);

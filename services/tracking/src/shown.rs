@@ -16,8 +16,8 @@ pub(crate) struct Shown {
     /// Side of the cubes that were small enough last.
     voxel_m: f64,
     sent_ns: u64,
-    /// Clouds of the model that was sent last.
-    sent_clouds: usize,
+    /// What was sent last.
+    header: ModelHeader,
     points: Vec<u8>,
 }
 
@@ -30,22 +30,25 @@ impl Shown {
             min_support: configuration.fusion().min_support,
             voxel_m: 0.0,
             sent_ns: 0,
-            sent_clouds: 0,
+            header: ModelHeader::default(),
             points: Vec::new(),
         })
     }
 
-    /// Puts out the model if it has changed and its time has come; `last` is the report on the last cloud in it.
+    /// Puts out the model when its time has come, the same again where it has not grown: whoever begins to watch while the
+    /// scanner is lost sees it too. `last` is the report on the last cloud in it.
     pub(crate) fn turn(&mut self, tracker: &Tracker, last: &PoseReport, now_ns: u64) {
-        let clouds = tracker.model().clouds();
-        if clouds == self.sent_clouds || now_ns.saturating_sub(self.sent_ns) < self.every_ns {
+        let clouds = tracker.model().clouds() as u64;
+        if clouds == 0 || now_ns.saturating_sub(self.sent_ns) < self.every_ns {
             return;
         }
-        (self.sent_clouds, self.sent_ns) = (clouds, now_ns);
-        let shown = tracker.model().thinned(self.min_support, self.limit, self.voxel_m);
-        self.voxel_m = shown.voxel_m;
-        let header = model(tracker, &shown, last, &mut self.points);
-        let header = ModelHeader { published_ns: clock::now_ns(), ..header };
+        self.sent_ns = now_ns;
+        if clouds != self.header.clouds {
+            let shown = tracker.model().thinned(self.min_support, self.limit, self.voxel_m);
+            self.voxel_m = shown.voxel_m;
+            self.header = model(tracker, &shown, last, &mut self.points);
+        }
+        let header = ModelHeader { published_ns: clock::now_ns(), ..self.header };
         // A model that nobody sees is not worth a service; the next one comes.
         if let Err(error) = self.output.send(&header, &self.points) {
             tracing::debug!(%error, "no model");

@@ -4,10 +4,10 @@ use std::io::Write as _;
 use std::time::Duration;
 
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{Latency, StageFigures, StageTally, Tally};
+use fringeflow::telemetry::{Latency, StageFigures, StageTally, TrackingFigures};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::{clock, dashboard_file};
-use fringeflow_supervisor::{headline, observe, stage_line};
+use fringeflow_supervisor::{Observed, headline, observe, stage_line};
 
 use crate::failure::Failure;
 use crate::json;
@@ -37,6 +37,8 @@ struct Report {
     dashboard: Option<String>,
     stages: Vec<StageReport>,
     exposure_to_cloud: Option<Latency>,
+    /// Where the scanner is, while clouds are tracked.
+    tracking: Option<TrackingFigures>,
 }
 
 #[derive(serde::Serialize)]
@@ -53,9 +55,9 @@ impl Args {
         let instance = Instance::new(&self.instance)?;
         let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
         let state = request(&instance, &asked, ANSWER)?.state;
-        let tally = observe(&instance, SPAN_NS)?;
+        let observed = observe(&instance, SPAN_NS)?;
         if self.json {
-            return json::print(&self.report(&state, &tally));
+            return json::print(&self.report(&state, observed));
         }
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
@@ -63,13 +65,16 @@ impl Args {
         if let Some(url) = dashboard(&self.instance) {
             writeln!(out, "dashboard: {url}")?;
         }
-        for (stage, of_stage) in tally.stages() {
+        for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
+        }
+        if let Some(tracking) = &observed.tracking {
+            writeln!(out, "{tracking}")?;
         }
         Ok(())
     }
 
-    fn report(&self, state: &ScanState, tally: &Tally) -> Report {
+    fn report(&self, state: &ScanState, Observed { tally, tracking }: Observed) -> Report {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
             figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
@@ -84,6 +89,7 @@ impl Args {
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             stages: tally.stages().map(stage).collect(),
             exposure_to_cloud: tally.total().brief(),
+            tracking,
         }
     }
 }
