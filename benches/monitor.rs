@@ -120,7 +120,7 @@ impl Running {
         let stop = Arc::new(AtomicBool::new(false));
         let pages: Vec<_> = (0..pages).map(|number| self.page(number < SILENT, &stop)).collect();
         std::thread::sleep(SETTLE);
-        let total = *observe(&self.instance, seconds * 1_000_000_000).unwrap().total().brief().as_ref().unwrap();
+        let total = *observe(&self.instance, seconds * 1_000_000_000).unwrap().tally.total().brief().as_ref().unwrap();
         let services = self.figures()["services"].take();
         let monitor = services.as_array().unwrap().iter().find(|service| service["name"] == "monitor").unwrap();
         stop.store(true, Ordering::Relaxed);

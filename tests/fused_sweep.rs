@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::dataset::CameraId;
-use fringeflow::evaluation::against_trajectory;
+use fringeflow::evaluation::{StatedPose, against_trajectory};
 use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::{Point3, Pose};
 use fringeflow::message::PixelFormat;
@@ -36,6 +36,7 @@ fn scanner() -> VirtualScanner {
         noise: NoiseLevel::Normal,
         format: PixelFormat::Grey,
         gamma: 1.0,
+        exposure: 1.0,
         supersampling: 1,
         sweep,
         seed: 3,
@@ -112,7 +113,7 @@ fn a_sweep_is_tracked_and_its_model_is_true() {
     for (k, cloud) in clouds.iter().enumerate() {
         let tracked = tracker.step(cloud);
         assert_eq!(tracked.tracking.name(), if k == 0 { "first" } else { "tracked" }, "cloud {k}: {tracked:?}");
-        poses.push(tracked.model_from_cam1);
+        poses.push(StatedPose { first_from_cam1: tracked.model_from_cam1, covariance: tracked.covariance.0 });
     }
 
     let scores = against_trajectory(&poses, &truth, &cam1_from_exact, &tracker.model().centre()).unwrap();

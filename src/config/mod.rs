@@ -9,6 +9,7 @@ mod health;
 mod monitor;
 mod raw;
 mod scanner;
+mod tracking;
 mod virtual_scanner;
 
 use std::path::{Path, PathBuf};
@@ -28,6 +29,7 @@ pub use cameras::{
 pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
+pub use tracking::TrackingConfiguration;
 pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// Most images of a window beyond a cycle: 16 steps and these are the longest window.
@@ -42,6 +44,8 @@ pub struct Configuration {
     pub volume: Option<MeasurementVolume>,
     /// What is as it should be while scanning.
     pub health: HealthLimits,
+    /// How the scanner is tracked live.
+    pub tracking: TrackingConfiguration,
 }
 
 /// Why a configuration file was refused.
@@ -138,8 +142,9 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str) -> Result<Self, ConfigurationProblem> {
-        let mut table: toml::Table =
-            text.parse().map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+        let mut table: toml::Table = text
+            .parse()
+            .map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
         rename_former_keys(&mut table);
         Self::parse(&table.to_string())
     }
@@ -154,6 +159,7 @@ impl Configuration {
             settings,
             volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
             health: health::health(&raw.health)?,
+            tracking: tracking::configuration(&raw.tracking)?,
         })
     }
 }
@@ -259,7 +265,10 @@ mod tests {
     fn a_former_key_is_refused_with_its_name_and_read_from_recordings() {
         let text = "[correspondence]\ndrift_alarm_rad = 0.05";
         let message = Configuration::parse(text).unwrap_err().to_string();
-        assert!(message.contains("correspondence.drift_alarm_rad is 0.05") && message.contains("[health]"), "{message}");
+        assert!(
+            message.contains("correspondence.drift_alarm_rad is 0.05") && message.contains("[health]"),
+            "{message}"
+        );
         let limits = Configuration::parse_recorded(text).unwrap().health.of(crate::health::Quantity::Drift);
         assert_eq!((limits.warn, limits.bad), (0.05, 0.2));
         assert!(Configuration::parse_recorded("[correspondence]\ndrift_alarm = 0.05").is_err());

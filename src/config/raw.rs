@@ -24,6 +24,7 @@ pub(super) struct RawConfiguration {
     pub(super) window: RawWindow,
     pub(super) recorder: RawRecorder,
     pub(super) monitor: RawMonitor,
+    pub(super) tracking: RawTracking,
 }
 
 impl RawConfiguration {
@@ -216,6 +217,15 @@ pub(super) struct RawMonitor {
     pub(super) token_file: Option<PathBuf>,
     pub(super) host_names: Option<Vec<String>>,
     pub(super) foxglove_origins: Option<Vec<String>>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawTracking {
+    pub(super) enabled: Option<bool>,
+    pub(super) merge_every: Option<u32>,
+    pub(super) shown_points: Option<usize>,
+    pub(super) shown_every_s: Option<f64>,
 }
 
 /// The value that a word stands for.

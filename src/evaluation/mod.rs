@@ -29,7 +29,7 @@ pub use paper_tables::{
 pub use reference_data::limit_to_gray_code;
 pub use reliability::{ReliabilityPart, reliability};
 pub use scores::Scores;
-pub use trajectory::{TrajectoryScores, against_trajectory};
+pub use trajectory::{StatedPose, TrajectoryScores, against_trajectory};
 
 /// Greatest distance in C2 between a correct point and the reference, pixels.
 pub const TOLERANCE_PX: f64 = 2.0;

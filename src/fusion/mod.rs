@@ -23,12 +23,14 @@ mod merge;
 mod model;
 mod ply;
 mod surfel;
+mod thinned;
 mod tracker;
 
 pub use closure::Closure;
 pub use model::{Merged, Model};
 pub use ply::write_model;
 pub use surfel::Surfel;
+pub use thinned::Thinned;
 pub use tracker::{FusionSettings, Tracked, Tracker, Tracking};
 
 #[cfg(test)]

@@ -3,9 +3,12 @@
 //! Each cloud is registered to the model as it would be seen from where the scanner should be by now. If that fails, it is
 //! tried once more from where it was last known to be, with a longer reach. What fails both is lost: it changes nothing, and
 //! the next cloud begins from the last known pose.
+//!
+//! Registering takes a few thousand points, merging all of them: where time is short, only some of the clouds that were
+//! tracked go into the model. Which ones, their number decides and no clock, so that the same clouds give the same poses.
 
 use crate::cloud::Cloud;
-use crate::geometry::{Camera, Pose};
+use crate::geometry::{Camera, Point3, Pose};
 use crate::registration::{Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register};
 
 use super::closure::Closure;
@@ -20,11 +23,18 @@ pub struct FusionSettings {
     pub relocalization_reach: f64,
     /// Clouds that a surfel is to be measured in, where as many could have measured it.
     pub min_support: u32,
+    /// Tracked clouds of which one is merged; 1 merges all. Those found again after they were lost always are.
+    pub merge_every: u32,
 }
 
 impl Default for FusionSettings {
     fn default() -> Self {
-        Self { registration: RegistrationSettings::default(), relocalization_reach: 4.0, min_support: 3 }
+        Self {
+            registration: RegistrationSettings::default(),
+            relocalization_reach: 4.0,
+            min_support: 3,
+            merge_every: 1,
+        }
     }
 }
 
@@ -37,7 +47,7 @@ pub enum Tracking {
     Tracked(Registration),
     /// Registered to the model from the last known pose.
     Relocalized(Registration),
-    /// Not merged. The reason is that of the last attempt.
+    /// Not found on the model, and not merged. The reason is that of the last attempt.
     Lost(Lost),
 }
 
@@ -76,6 +86,17 @@ pub struct Tracked {
     pub merged: Merged,
 }
 
+/// The model as it was drawn for camera 1 at some pose: what clouds are registered to.
+#[derive(Clone, Debug)]
+struct View {
+    model_from_cam1: Pose,
+    surface: OrganizedSurface,
+}
+
+/// A view serves as long as places move in the image by less than this, as a share of their distance: about 6 pixels of 640.
+/// What comes into the image at its border has no partner until then.
+const VIEW_SHARE: f64 = 0.01;
+
 /// Tracks a scanner and fuses its clouds.
 #[derive(Clone, Debug)]
 pub struct Tracker {
@@ -84,6 +105,13 @@ pub struct Tracker {
     model: Model,
     first: OrganizedSurface,
     last: OrganizedSurface,
+    /// The model as it was last drawn, if nothing was merged since.
+    view: Option<View>,
+    /// Clouds tracked since the last was merged.
+    unmerged: u32,
+    /// Middle of the model, and the covariance of where it stands.
+    centre: Point3,
+    standing: PoseCovariance,
     /// Last known pose of C1, and the pose before that.
     known: Option<[Pose; 2]>,
     covariance: PoseCovariance,
@@ -99,6 +127,10 @@ impl Tracker {
             model: Model::default(),
             first: OrganizedSurface::default(),
             last: OrganizedSurface::default(),
+            view: None,
+            unmerged: 0,
+            centre: Point3::origin(),
+            standing: PoseCovariance::zero(),
             known: None,
             covariance: PoseCovariance::zero(),
         }
@@ -110,12 +142,18 @@ impl Tracker {
         &self.model
     }
 
+    /// Middle of the model when a cloud was last merged, frame of C1 at the first cloud, metres.
+    #[must_use]
+    pub fn centre(&self) -> &Point3 {
+        &self.centre
+    }
+
     /// The next cloud, in the order they were taken.
     pub fn step(&mut self, cloud: &Cloud) -> Tracked {
-        let surface = OrganizedSurface::of_cloud(cloud, [self.camera.width_px(), self.camera.height_px()]);
-        let Some([pose, before]) = self.known else { return self.begin(surface) };
-        match self.locate(&surface, &pose, &before) {
-            Ok((tracking, predicted, registration)) => self.take(surface, tracking, &predicted, &registration),
+        let Some([pose, before]) = self.known else { return self.begin(self.surface(cloud)) };
+        let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
+        match self.locate(&sampled, &pose, &before) {
+            Ok((tracking, reference, registration)) => self.take(cloud, sampled, tracking, &reference, &registration),
             Err(lost) => {
                 // What the scanner did meanwhile, nobody knows.
                 self.known = Some([pose, pose]);
@@ -138,6 +176,14 @@ impl Tracker {
         }
     }
 
+    fn size_px(&self) -> [usize; 2] {
+        [self.camera.width_px(), self.camera.height_px()]
+    }
+
+    fn surface(&self, cloud: &Cloud) -> OrganizedSurface {
+        OrganizedSurface::of_cloud(cloud, self.size_px())
+    }
+
     fn begin(&mut self, surface: OrganizedSurface) -> Tracked {
         let with_normal = surface.points().iter().filter(|point| point.normal.is_some()).count();
         let least = self.settings.registration.min_associated;
@@ -153,37 +199,51 @@ impl Tracker {
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Registers a surface to the model: from where it moved on to, or else from where it was.
+    /// Registers a surface to the model: from where it moved on to, or else from where it was. The pose is that which the
+    /// registration refers to.
     fn locate(
-        &self,
+        &mut self,
         surface: &OrganizedSurface,
         pose: &Pose,
         before: &Pose,
     ) -> Result<(Tracking, Pose, Registration), Lost> {
         let predicted = pose * before.inverse() * pose;
         let settings = self.settings.registration;
-        if let Ok(found) = self.register_at(surface, &predicted, &settings) {
-            return Ok((Tracking::Tracked(found), predicted, found));
+        if let Ok((reference, found)) = self.register_at(surface, &predicted, &settings) {
+            return Ok((Tracking::Tracked(found), reference, found));
         }
         let reach_share = settings.reach_share * self.settings.relocalization_reach;
-        let found = self.register_at(surface, pose, &RegistrationSettings { reach_share, ..settings })?;
-        Ok((Tracking::Relocalized(found), *pose, found))
+        let (reference, found) = self.register_at(surface, pose, &RegistrationSettings { reach_share, ..settings })?;
+        Ok((Tracking::Relocalized(found), reference, found))
     }
 
     fn register_at(
-        &self,
+        &mut self,
         surface: &OrganizedSurface,
         model_from_cam1: &Pose,
         settings: &RegistrationSettings,
-    ) -> Result<Registration, Lost> {
-        let expected = self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support);
-        register(&self.camera, &expected, surface, &Pose::identity(), settings)
+    ) -> Result<(Pose, Registration), Lost> {
+        let centre = surface.centre();
+        let serves = |view: &View| {
+            let moved = view.model_from_cam1.inverse() * model_from_cam1 * centre;
+            (moved - centre).norm() <= VIEW_SHARE * centre.coords.norm()
+        };
+        let view = self.view.take().filter(serves).unwrap_or_else(|| View {
+            model_from_cam1: *model_from_cam1,
+            surface: self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support),
+        });
+        let start = view.model_from_cam1.inverse() * model_from_cam1;
+        let found = register(&self.camera, &view.surface, surface, &start, settings);
+        let reference = self.view.insert(view).model_from_cam1;
+        Ok((reference, found?))
     }
 
-    /// Merges a surface that was registered to the model as seen from a pose.
+    /// Takes over a pose that was found against the model as seen from `model_from_reference`, and merges the cloud when its
+    /// turn has come.
     fn take(
         &mut self,
-        surface: OrganizedSurface,
+        cloud: &Cloud,
+        sampled: OrganizedSurface,
         tracking: Tracking,
         model_from_reference: &Pose,
         registration: &Registration,
@@ -193,12 +253,18 @@ impl Tracker {
         // length would triple with every cloud.
         model_from_cam1.rotation.renormalize();
         let own = registration.covariance.seen_from(model_from_reference);
-        let covariance = PoseCovariance(own.0 + self.model.covariance().0);
-        let merged = self.merge(&surface, &model_from_cam1, covariance, registration.excess);
+        let covariance = PoseCovariance(own.0 + self.standing.0);
+        self.unmerged += 1;
+        let is_turn = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
+        let merged = if is_turn {
+            self.merge(&self.surface(cloud), &model_from_cam1, covariance, registration.excess)
+        } else {
+            Merged::default()
+        };
         let before = self.known.map_or(model_from_cam1, |[pose, _]| pose);
         self.known = Some([model_from_cam1, before]);
         self.covariance = covariance;
-        self.last = surface;
+        self.last = sampled;
         Tracked { tracking, model_from_cam1, covariance, merged }
     }
 
@@ -210,6 +276,11 @@ impl Tracker {
         excess: f64,
     ) -> Merged {
         let min_support = self.settings.min_support;
-        self.model.merge(&self.camera, surface, model_from_cam1, covariance, excess, min_support)
+        let merged = self.model.merge(&self.camera, surface, model_from_cam1, covariance, excess, min_support);
+        self.view = None;
+        self.unmerged = 0;
+        self.centre = self.model.centre();
+        self.standing = self.model.covariance();
+        merged
     }
 }

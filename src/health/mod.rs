@@ -68,7 +68,9 @@ mod tests {
         measures[Quantity::SaturatedCam1 as usize] = Some(0.9);
         (9..18).for_each(|time_ns| health.add(time_ns, &measures));
         assert_eq!(health.state(), HealthState::Bad);
-        let told = |quantity: Quantity| (health.gauges()[quantity as usize].level(), health.gauges()[quantity as usize].state());
+        let told = |quantity: Quantity| {
+            (health.gauges()[quantity as usize].level(), health.gauges()[quantity as usize].state())
+        };
         assert_eq!(told(Quantity::Drift), (Some(0.04), HealthState::Ok));
         assert_eq!(told(Quantity::HarmonicsCam2), (None, HealthState::NotKnown));
     }

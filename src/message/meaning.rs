@@ -35,6 +35,8 @@ impl DropReason {
             Self::HiddenSwap => "its images tell of two that are exchanged, though no number did",
             Self::WrongImage => "one of its images shows something else",
             Self::UnexplainedImages => "its images fit no sequence of the pattern steps",
+            Self::Thinned => "the stage worked on an earlier one and took a newer one afterwards",
+            Self::NotTracked => "the cloud was not found on the model",
         }
     }
 }

@@ -13,6 +13,8 @@
 //! | [`CloudHeader`] | `cloud` | records of the exported fields, lengths in metres |
 //! | [`StageReport`] | `report/stage` | – |
 //! | [`WindowReport`] | `report/window` | – |
+//! | [`PoseReport`] | `tracking/pose` | – |
+//! | [`ModelHeader`] | `tracking/model` | points of [`MODEL_POINT_BYTES`] |
 //! | [`ScanState`] | `control/state` | – |
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
 //!
@@ -27,6 +29,7 @@ mod maps;
 mod meaning;
 mod pattern;
 mod report;
+mod tracking;
 mod window;
 mod window_report;
 
@@ -38,6 +41,7 @@ pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
+pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
 pub use window::Window;
 pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
 

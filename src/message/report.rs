@@ -29,6 +29,8 @@ pub enum Stage {
     Cloud = 8,
     /// Messages of all channels, written to a recording.
     Recorder = 9,
+    /// Clouds, registered to the model that they make.
+    Tracking = 10,
 }
 
 /// Why an item did not reach the end of its stage.
@@ -91,6 +93,10 @@ pub enum DropReason {
     WrongImage = 26,
     /// Its images fit no sequence of the pattern steps.
     UnexplainedImages = 27,
+    /// The stage worked on an earlier one and took a newer one afterwards.
+    Thinned = 28,
+    /// A cloud that was not found on the model.
+    NotTracked = 29,
 }
 
 /// Number of drop reasons that a report has room for.
@@ -248,7 +254,7 @@ impl Skew {
 
 impl Stage {
     /// All stages, in the order of the pipeline.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Camera1,
         Self::Camera2,
         Self::Projector,
@@ -258,6 +264,7 @@ impl Stage {
         Self::Phase,
         Self::Correspondence,
         Self::Cloud,
+        Self::Tracking,
         Self::Recorder,
     ];
 
@@ -281,13 +288,14 @@ impl Stage {
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
             Self::Recorder => "recorder",
+            Self::Tracking => "tracking",
         }
     }
 }
 
 impl DropReason {
     /// All reasons.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 30] = [
         Self::Overrun,
         Self::CameraLost,
         Self::Duplicate,
@@ -316,6 +324,8 @@ impl DropReason {
         Self::HiddenSwap,
         Self::WrongImage,
         Self::UnexplainedImages,
+        Self::Thinned,
+        Self::NotTracked,
     ];
 
     /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
@@ -330,7 +340,9 @@ impl DropReason {
             | Self::EmptyCloud
             | Self::NotRecording
             | Self::Stopped
-            | Self::Injected => false,
+            | Self::Injected
+            | Self::Thinned
+            | Self::NotTracked => false,
             Self::Overrun
             | Self::CameraLost
             | Self::Late
@@ -385,6 +397,8 @@ impl DropReason {
             Self::HiddenSwap => "hidden_swap",
             Self::WrongImage => "wrong_image",
             Self::UnexplainedImages => "unexplained_images",
+            Self::Thinned => "thinned",
+            Self::NotTracked => "not_tracked",
         }
     }
 }

@@ -116,23 +116,26 @@ fn decode_tiles<S: Sample>(
         .zip(map.valid.par_chunks_mut(TILE))
         .enumerate();
     tiles
-        .fold(<(Residuals, Exposure)>::default, |(mut residuals, mut exposure), (i, (((phase, modulation), mean), valid))| {
-            let range = i * TILE..i * TILE + phase.len();
-            let mut samples: [&[S]; MAX_STEPS] = [&[]; MAX_STEPS];
-            for (sample, image) in samples.iter_mut().zip(images) {
-                *sample = &image[range.clone()];
-            }
-            let samples = &samples[..images.len()];
-            let mut sums = Sums::new();
-            sums.accumulate(samples, grey_per_value, shifts);
-            sums.leave_out_saturated(samples, grey_per_value, saturation, shifts);
-            sums.finish(shifts.steps(), validity, phase, modulation, mean, valid);
-            residuals.add(&sums.residual, modulation, valid);
-            for (&saturated, &modulation) in sums.saturated.iter().zip(&*modulation) {
-                exposure.add(saturated, modulation, validity.min_modulation_grey);
-            }
-            (residuals, exposure)
-        })
+        .fold(
+            <(Residuals, Exposure)>::default,
+            |(mut residuals, mut exposure), (i, (((phase, modulation), mean), valid))| {
+                let range = i * TILE..i * TILE + phase.len();
+                let mut samples: [&[S]; MAX_STEPS] = [&[]; MAX_STEPS];
+                for (sample, image) in samples.iter_mut().zip(images) {
+                    *sample = &image[range.clone()];
+                }
+                let samples = &samples[..images.len()];
+                let mut sums = Sums::new();
+                sums.accumulate(samples, grey_per_value, shifts);
+                sums.leave_out_saturated(samples, grey_per_value, saturation, shifts);
+                sums.finish(shifts.steps(), validity, phase, modulation, mean, valid);
+                residuals.add(&sums.residual, modulation, valid);
+                for (&saturated, &modulation) in sums.saturated.iter().zip(&*modulation) {
+                    exposure.add(saturated, modulation, validity.min_modulation_grey);
+                }
+                (residuals, exposure)
+            },
+        )
         .reduce(Default::default, |(residuals, exposure), others| (residuals.merge(others.0), exposure.plus(others.1)))
 }
 
@@ -149,7 +152,13 @@ struct Sums {
 
 impl Sums {
     fn new() -> Self {
-        Self { offset: [0.0; TILE], cosine: [0.0; TILE], sine: [0.0; TILE], residual: [0.0; TILE], saturated: [false; TILE] }
+        Self {
+            offset: [0.0; TILE],
+            cosine: [0.0; TILE],
+            sine: [0.0; TILE],
+            residual: [0.0; TILE],
+            saturated: [false; TILE],
+        }
     }
 
     fn accumulate<S: Sample>(&mut self, samples: &[&[S]], grey_per_value: f32, shifts: &PhaseShifts) {

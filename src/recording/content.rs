@@ -7,7 +7,7 @@ use prost::bytes::Bytes;
 use crate::cloud::RECORD_BYTES;
 use crate::geometry::Pose;
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, StageReport, WindowReport,
+    CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, StageReport, WindowReport,
 };
 
 use super::recordable::{least_stride_bytes, raw_encoding};
@@ -45,11 +45,13 @@ pub enum Content {
     WindowReport(Box<WindowReport>),
     /// Where the object truly was: its pose in the frame of the exact camera 1, metres.
     TruthPose(Pose),
+    /// Where the scanner was at a cloud.
+    Pose(Box<PoseReport>),
     /// A mark that a person set.
     Mark(String),
     /// What the recorder said about its own losses.
     Loss(String),
-    /// Calibration or transforms for viewers; the measurement reads the attachments.
+    /// What says again for viewers what stands elsewhere: calibration, transforms.
     ForViewers,
 }
 
@@ -110,12 +112,20 @@ impl Content {
                 Ok(Self::WindowReport(Box::new(report)))
             }
             (Topic::TruthPose, _) => Ok(Self::TruthPose(truth_poses::decoded(&decode(data)?)?)),
+            (Topic::Pose, _) => {
+                let report = decode::<schema::PoseReport>(data)?.to_message();
+                Ok(Self::Pose(Box::new(
+                    report.ok_or("field window, state, reason or pose is missing or contradicts itself")?,
+                )))
+            }
             (Topic::Log, _) => {
                 let log = decode::<Log>(data)?;
                 let is_loss = log.level >= i32::from(log::Level::Warning);
                 Ok(if is_loss { Self::Loss(log.message) } else { Self::Mark(log.message) })
             }
-            (Topic::Transforms | Topic::Cam1Calibration | Topic::Cam2Calibration, _) => Ok(Self::ForViewers),
+            (Topic::Transforms | Topic::Cam1Calibration | Topic::Cam2Calibration | Topic::Model, _) => {
+                Ok(Self::ForViewers)
+            }
             (Topic::Cam1Header | Topic::Cam2Header | Topic::CloudHeader, _) => {
                 Err("it describes nothing that is there".to_owned())
             }

@@ -12,7 +12,8 @@
 //! | `/report/stage` | fringeflow.StageReport | what the stages did and lost |
 //! | `/report/window` | fringeflow.WindowReport | how well each window was measured |
 //! | `/log` | foxglove.Log | marks, and what the recorder lost |
-//! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once |
+//! | `/tracking/pose` | fringeflow.PoseReport | where the scanner was at each cloud that was tracked, or that it was lost |
+//! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once; `cam1` in `model`, each pose |
 //! | `/truth/pose` | foxglove.FrameTransform | of the virtual scanner: `object` in `cam1_exact`, at every exposure |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
 //!
@@ -46,8 +47,10 @@ mod scan;
 mod schema;
 mod summary;
 mod topic;
+mod tracking;
 mod truth_poses;
 mod verify;
+mod verify_poses;
 mod writer;
 
 pub use check::Check;
@@ -68,6 +71,7 @@ pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
 pub use truth_poses::{TruthPose, TruthPoses};
 pub use verify::{VerifiedCloud, VerifyOutcome};
+pub use verify_poses::VerifiedPoses;
 pub use writer::Opening;
 
 #[cfg(test)]

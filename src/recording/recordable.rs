@@ -5,11 +5,11 @@ use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, 
 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MapsHeader, PatternEvent, PixelFormat, Stage,
-    StageReport, Window, WindowReport,
+    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MODEL_POINT_BYTES, MapsHeader, ModelHeader,
+    PatternEvent, PixelFormat, PoseReport, Stage, StageReport, Window, WindowReport,
 };
 
-use super::{Topic, TruthPose, schema, truth_poses};
+use super::{Topic, TruthPose, schema, tracking, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.
 const DATA_KEY: u8 = 6 << 3 | 2;
@@ -57,6 +57,17 @@ pub enum Recordable<'a> {
     WindowReport(&'a WindowReport),
     /// Where the object truly was.
     TruthPose(&'a TruthPose),
+    /// Where the scanner was at a cloud, or that it is not known.
+    Pose(&'a PoseReport),
+    /// The same pose as a transform, for viewers; of a cloud that has one.
+    PoseTransform(&'a PoseReport),
+    /// The model as it is shown.
+    Model {
+        /// What it is.
+        header: &'a ModelHeader,
+        /// Its points.
+        points: &'a [u8],
+    },
     /// A mark that a person set.
     Mark {
         /// When.
@@ -127,6 +138,12 @@ impl Recordable<'_> {
             Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
             Self::WindowReport(report) => has_steps(&report.window).then_some(Topic::WindowReport),
             Self::TruthPose(_) => Some(Topic::TruthPose),
+            Self::Pose(report) => (has_steps(&report.window) && report.state().is_some()).then_some(Topic::Pose),
+            Self::PoseTransform(report) => report.has_pose().then_some(Topic::Transforms),
+            Self::Model { header, points } => {
+                let expected = header.points.checked_mul(MODEL_POINT_BYTES as u64);
+                (Some(points.len() as u64) == expected).then_some(Topic::Model)
+            }
             Self::Mark { .. } | Self::Event { .. } => Some(Topic::Log),
         }
     }
@@ -149,6 +166,10 @@ impl Recordable<'_> {
             Self::Report(report) => times(report.time_ns, report.time_ns),
             Self::WindowReport(report) => times(report.window.received_ns, report.window.first_exposure_ns),
             Self::TruthPose(pose) => times(pose.exposure_start_ns, pose.exposure_start_ns),
+            Self::Pose(report) | Self::PoseTransform(report) => {
+                times(report.published_ns, report.window.first_exposure_ns)
+            }
+            Self::Model { header, .. } => times(header.published_ns, header.centre_ns),
             Self::Mark { time_ns, .. } | Self::Event { time_ns, .. } => times(*time_ns, *time_ns),
         }
     }
@@ -159,8 +180,14 @@ impl Recordable<'_> {
             Self::Frame { image, .. } => image.len(),
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
             Self::Cloud { records, .. } => records.len(),
+            Self::Model { points, .. } => points.len(),
             Self::Mark { text, .. } | Self::Event { text, .. } => text.len(),
-            Self::Pattern(_) | Self::Report(_) | Self::WindowReport(_) | Self::TruthPose(_) => 0,
+            Self::Pattern(_)
+            | Self::Report(_)
+            | Self::WindowReport(_)
+            | Self::TruthPose(_)
+            | Self::Pose(_)
+            | Self::PoseTransform(_) => 0,
         };
         payload + MOST_HEADER_BYTES
     }
@@ -198,6 +225,12 @@ impl Recordable<'_> {
             Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
             Self::WindowReport(report) => append(bytes, &schema::WindowReport::of(report)),
             Self::TruthPose(pose) => append(bytes, &truth_poses::encoded(pose)),
+            Self::Pose(report) => append(bytes, &schema::PoseReport::of(report).unwrap_or_default()),
+            Self::PoseTransform(report) => append(bytes, &tracking::transforms(report)),
+            Self::Model { header, points } => {
+                append(bytes, &tracking::model_cloud(header));
+                append_bytes(bytes, DATA_KEY, points);
+            }
             Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
             Self::Event { time_ns, is_warning, source, text } => {
                 let level = if *is_warning { log::Level::Warning } else { log::Level::Info };
@@ -262,19 +295,22 @@ fn point_cloud(header: &CloudHeader) -> PointCloud {
         fields.push(PackedElementField { name: name.to_owned(), offset, r#type: numeric_type(scalar).into() });
         offset += scalar.size() as u32;
     }
-    let identity =
-        Pose { position: Some(Vector3::default()), orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }) };
     PointCloud {
         timestamp: timestamp(header.window.centre_ns),
         frame_id: "cam1".to_owned(),
-        pose: Some(identity),
+        pose: Some(identity()),
         point_stride: RECORD_BYTES as u32,
         fields,
         ..PointCloud::default()
     }
 }
 
-fn numeric_type(scalar: Scalar) -> NumericType {
+/// Points as they stand in their frame.
+pub(super) fn identity() -> Pose {
+    Pose { position: Some(Vector3::default()), orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }) }
+}
+
+pub(super) fn numeric_type(scalar: Scalar) -> NumericType {
     match scalar {
         Scalar::U8 => NumericType::Uint8,
         Scalar::U16 => NumericType::Uint16,

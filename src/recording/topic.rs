@@ -40,11 +40,15 @@ pub enum Topic {
     WindowReport,
     /// Where the object truly is, at every exposure.
     TruthPose,
+    /// Where the scanner is, at every cloud.
+    Pose,
+    /// The model that grows; live alone, since clouds make it again.
+    Model,
 }
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Cam1Frame,
         Self::Cam1Header,
         Self::Cam2Frame,
@@ -61,6 +65,8 @@ impl Topic {
         Self::Cam2Calibration,
         Self::WindowReport,
         Self::TruthPose,
+        Self::Pose,
+        Self::Model,
     ];
 
     /// Its name in the file.
@@ -83,6 +89,8 @@ impl Topic {
             Self::Cam2Calibration => "/cam2/calibration",
             Self::WindowReport => "/report/window",
             Self::TruthPose => "/truth/pose",
+            Self::Pose => "/tracking/pose",
+            Self::Model => "/tracking/model",
         }
     }
 
@@ -110,7 +118,7 @@ impl Topic {
 
     /// Whether it repeats the calibration for viewers.
     pub(super) fn is_for_viewers(self) -> bool {
-        matches!(self, Self::Transforms | Self::Cam1Calibration | Self::Cam2Calibration)
+        matches!(self, Self::Transforms | Self::Cam1Calibration | Self::Cam2Calibration | Self::Model)
     }
 
     /// Whether it holds headers of another topic.
@@ -128,10 +136,11 @@ impl Topic {
             Self::Pattern => own("PatternEvent"),
             Self::PhaseMaps => own("PhaseMaps"),
             Self::CorrespondenceMap => own("CorrespondenceMap"),
-            Self::Cloud => PointCloud::get_schema(),
+            Self::Cloud | Self::Model => PointCloud::get_schema(),
             Self::CloudHeader => own("CloudHeader"),
             Self::Report => own("StageReport"),
             Self::WindowReport => own("WindowReport"),
+            Self::Pose => own("PoseReport"),
             Self::Log => Log::get_schema(),
             Self::Transforms => FrameTransforms::get_schema(),
             Self::TruthPose => FrameTransform::get_schema(),

@@ -80,8 +80,8 @@ const fn place_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize
     place
 }
 
-/// The normal of every point, towards C1.
-pub(super) fn normals(surface: &OrganizedSurface) -> Vec<Option<[f32; 3]>> {
+/// The normals towards C1 of the points at every so many-th column and row.
+pub(super) fn normals(surface: &OrganizedSurface, step_px: usize) -> Vec<Option<[f32; 3]>> {
     let [width, height] = surface.size_px();
     let mut grid = vec![None; width * height];
     for point in surface.points() {
@@ -90,7 +90,9 @@ pub(super) fn normals(surface: &OrganizedSurface) -> Vec<Option<[f32; 3]>> {
         grid[v * width + u] = Some(Place { ray: [x / z, y / z], inverse_depth: 1.0 / z });
     }
     let grid = Grid { width, height, places: grid };
-    surface.points().par_iter().with_min_len(256).map(|point| grid.normal(point)).collect()
+    let is_asked = |point: &SurfacePoint| point.cam1_px.iter().all(|&c| usize::from(c).is_multiple_of(step_px));
+    let normal = |point: &SurfacePoint| is_asked(point).then(|| grid.normal(point)).flatten();
+    surface.points().par_iter().with_min_len(256).map(normal).collect()
 }
 
 /// What all pixels hold, row by row.

@@ -41,6 +41,13 @@ pub struct OrganizedSurface {
     /// Place among the points, or [`NONE`], of every pixel, row by row.
     places: Vec<u32>,
     points: Vec<SurfacePoint>,
+    /// Normals were asked for at every so many-th column and row.
+    normal_step_px: usize,
+}
+
+/// Columns and rows of a grid that keeps about `count` of so many points; 1 at least.
+pub(super) fn grid_step(points: usize, count: usize) -> usize {
+    ((points as f64 / count.max(1) as f64).sqrt().round() as usize).max(1)
 }
 
 /// A pixel without a point.
@@ -52,6 +59,22 @@ impl OrganizedSurface {
     /// Points beyond the image are left out, as are those that lie at no distance before the camera.
     #[must_use]
     pub fn of_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
+        let mut surface = Self::without_normals(cloud, size_px);
+        surface.compute_normals(1);
+        surface
+    }
+
+    /// [`Self::of_cloud`] with normals of about `count` points alone, on a regular grid of pixels: what a registration looks at,
+    /// for a part of the time.
+    #[must_use]
+    pub fn sampled(cloud: &Cloud, size_px: [usize; 2], count: usize) -> Self {
+        let mut surface = Self::without_normals(cloud, size_px);
+        let step_px = grid_step(surface.points.len(), count);
+        surface.compute_normals(step_px);
+        surface
+    }
+
+    fn without_normals(cloud: &Cloud, size_px: [usize; 2]) -> Self {
         let points = cloud.points.iter().map(|p| SurfacePoint {
             position_m: p.position_m,
             normal: None,
@@ -59,17 +82,20 @@ impl OrganizedSurface {
             intensity: p.intensity,
             cam1_px: p.cam1_px,
         });
-        let mut surface = Self::new(size_px, points);
-        for (normal, point) in normals(&surface).into_iter().zip(&mut surface.points) {
+        Self::new(size_px, points)
+    }
+
+    fn compute_normals(&mut self, step_px: usize) {
+        self.normal_step_px = step_px;
+        for (normal, point) in normals(self, step_px).into_iter().zip(&mut self.points) {
             point.normal = normal;
         }
-        surface
     }
 
     /// Points with their normals; of two at a pixel the later stays.
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
-        let mut surface = Self { size_px, places: vec![NONE; width * height], points: Vec::new() };
+        let mut surface = Self { size_px, places: vec![NONE; width * height], points: Vec::new(), normal_step_px: 1 };
         for point in points {
             let [u, v] = point.cam1_px.map(usize::from);
             let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();
@@ -79,6 +105,11 @@ impl OrganizedSurface {
             }
         }
         surface
+    }
+
+    /// Columns and rows from one normal to the next.
+    pub(super) fn normal_step_px(&self) -> usize {
+        self.normal_step_px
     }
 
     /// Width and height of the image, pixels.

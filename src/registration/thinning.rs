@@ -1,6 +1,6 @@
 //! Which points of a surface a level looks at, and the tiles they are summed over.
 
-use super::surface::{OrganizedSurface, SurfacePoint};
+use super::surface::{OrganizedSurface, SurfacePoint, grid_step};
 
 /// Tiles along the longer side of what is seen. Errors within a tile may depend on each other (see [`super::equations`]): a
 /// tile is to be larger than what they have in common, and there must be many.
@@ -10,7 +10,7 @@ const TILES_ACROSS: usize = 16;
 /// left out.
 pub(super) fn tiles(surface: &OrganizedSurface, count: usize) -> Vec<Vec<SurfacePoint>> {
     let with_normal = || surface.points().iter().filter(|p| p.normal.is_some());
-    let stride = ((with_normal().count() as f64 / count.max(1) as f64).sqrt().round() as usize).max(1);
+    let stride = grid_step(with_normal().count(), count) * surface.normal_step_px();
     let [columns, rows] = [0, 1].map(|axis| {
         let range = with_normal().map(|p| usize::from(p.cam1_px[axis]));
         let (first, last) = range.fold((usize::MAX, 0), |(first, last), c| (first.min(c), last.max(c)));

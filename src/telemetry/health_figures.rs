@@ -236,11 +236,16 @@ mod tests {
         let figures = HealthFigures::of(&report(0.25, HealthState::Bad)).unwrap();
         assert_eq!(figures.state, HealthState::Bad);
         let text = figures.beyond_limits()[0].to_string();
-        for part in ["drift of the calibration: bad, 0.250 rad", "limit 0.200 rad", "health.drift_rad", "calibrate anew"] {
+        for part in
+            ["drift of the calibration: bad, 0.250 rad", "limit 0.200 rad", "health.drift_rad", "calibrate anew"]
+        {
             assert!(text.contains(part), "{text}");
         }
         let harmonics = figures.quantity(Quantity::HarmonicsCam1).unwrap();
-        assert_eq!((harmonics.level, harmonics.to_string().as_str()), (None, "harmonics of the fringes, camera 1: not known"));
+        assert_eq!(
+            (harmonics.level, harmonics.to_string().as_str()),
+            (None, "harmonics of the fringes, camera 1: not known")
+        );
         let json = serde_json::to_value(harmonics).unwrap();
         assert_eq!((&json["level"], &json["state"]), (&serde_json::Value::Null, &"not known".into()));
         assert_eq!(HealthFigures::of(&WindowReport::default()), None);

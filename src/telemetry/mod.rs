@@ -16,6 +16,7 @@ mod run_report;
 mod stage_figures;
 mod tally;
 mod trace;
+mod tracking_figures;
 mod window_figures;
 mod worst_windows;
 
@@ -30,5 +31,6 @@ pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
 pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
+pub use tracking_figures::{TrackingFigures, TrackingWatch};
 pub use window_figures::{CameraFigures, DeltaCounts, DriftFigures, MotionFigures, Shares, WindowFigures};
 pub use worst_windows::WorstWindows;

@@ -95,6 +95,7 @@ fn process(stage: Stage) -> &'static str {
         Stage::Pattern | Stage::Pairing | Stage::Windowing | Stage::Phase => "phase",
         Stage::Correspondence => "correspondence",
         Stage::Cloud => "cloud",
+        Stage::Tracking => "tracking",
         Stage::Recorder => "recorder",
     }
 }

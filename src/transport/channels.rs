@@ -4,8 +4,8 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use crate::message::{
-    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, StageReport,
-    WindowReport,
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader, PatternEvent,
+    PoseReport, ScanState, StageReport, WindowReport,
 };
 
 /// Images of camera 1.
@@ -24,6 +24,10 @@ pub const CLOUD: Channel<CloudHeader, [u8]> = Channel::new(ChannelId::Cloud);
 pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::ReportStage);
 /// Figures of the windows.
 pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::ReportWindow);
+/// Poses of the scanner.
+pub const TRACKING_POSE: Channel<(), PoseReport> = Channel::new(ChannelId::TrackingPose);
+/// The model that grows, thinned out.
+pub const TRACKING_MODEL: Channel<ModelHeader, [u8]> = Channel::new(ChannelId::TrackingModel);
 /// What the instance is to do; a new subscriber gets the last one.
 pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
 
@@ -38,6 +42,8 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.2` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
 /// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.4` | none |
+/// | `TrackingPose` | `tracking/pose` | `fringeflow.PoseReport.1` | none |
+/// | `TrackingModel` | `tracking/model` | slice of `u8` | `fringeflow.ModelHeader.1` |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
 /// Beside these, `control` is a request–response service, see [`super::ControlServer`].
@@ -59,6 +65,10 @@ pub enum ChannelId {
     ReportStage,
     /// Figures of the windows.
     ReportWindow,
+    /// Poses of the scanner.
+    TrackingPose,
+    /// The model that grows, thinned out.
+    TrackingModel,
     /// What the instance is to do.
     ScanState,
 }
@@ -82,6 +92,8 @@ pub struct ChannelSizes {
     pub correspondence_blocks: usize,
     /// Bytes of the largest cloud.
     pub cloud_bytes: usize,
+    /// Most points of the model that are shown; 0 where none is made.
+    pub model_points: usize,
 }
 
 /// How much a channel holds.
@@ -107,7 +119,7 @@ pub struct Quality {
 
 impl ChannelId {
     /// All channels.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Cam1Frame,
         Self::Cam2Frame,
         Self::ProjectorPattern,
@@ -116,6 +128,8 @@ impl ChannelId {
         Self::Cloud,
         Self::ReportStage,
         Self::ReportWindow,
+        Self::TrackingPose,
+        Self::TrackingModel,
         Self::ScanState,
     ];
 
@@ -131,6 +145,8 @@ impl ChannelId {
             Self::Cloud => "cloud",
             Self::ReportStage => "report/stage",
             Self::ReportWindow => "report/window",
+            Self::TrackingPose => "tracking/pose",
+            Self::TrackingModel => "tracking/model",
             Self::ScanState => "control/state",
         }
     }
@@ -148,6 +164,13 @@ impl ChannelId {
             Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
             Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
             Self::ReportWindow => Quality::of::<(), WindowReport>(1, 64),
+            // Who asks how things stand is told, even when no cloud comes.
+            Self::TrackingPose => Quality { subscribers: 8, history: 1, ..Quality::of::<(), PoseReport>(1, 64) },
+            // Whoever comes later sees the model before it has grown again.
+            Self::TrackingModel => {
+                let bytes = sizes.model_points.max(1) * MODEL_POINT_BYTES;
+                Quality { history: 1, ..Quality::of::<ModelHeader, u8>(bytes, 2) }
+            }
             Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 64) },
         }
     }

@@ -10,7 +10,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeOpenOrCreateError};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::message::{Block, PatternEvent, ScanState, StageReport, WindowReport};
+use crate::message::{Block, PatternEvent, PoseReport, ScanState, StageReport, WindowReport};
 
 use super::Ipc;
 
@@ -57,6 +57,7 @@ pub(super) trait Message: ZeroCopySend + Debug + Copy + 'static {}
 impl Message for PatternEvent {}
 impl Message for StageReport {}
 impl Message for WindowReport {}
+impl Message for PoseReport {}
 impl Message for ScanState {}
 
 /// Both kinds, word for word the same but for the functions of iceoryx2 that they choose.

@@ -131,6 +131,7 @@ mod tests {
             map_blocks: 1,
             correspondence_blocks: 1,
             cloud_bytes: 1,
+            model_points: 1,
         };
         let more = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
         // Two cameras, four subscribers, three images each, with their headers.

@@ -17,8 +17,14 @@ use crate::message::{
 const HANG: Duration = Duration::from_secs(60);
 const STEP: Duration = Duration::from_millis(20);
 
-const SIZES: ChannelSizes =
-    ChannelSizes { frame_bytes: 4096, window: 4, map_blocks: 8, correspondence_blocks: 8, cloud_bytes: 1000 };
+const SIZES: ChannelSizes = ChannelSizes {
+    frame_bytes: 4096,
+    window: 4,
+    map_blocks: 8,
+    correspondence_blocks: 8,
+    cloud_bytes: 1000,
+    model_points: 1,
+};
 
 /// An instance of its own in a folder of its own.
 struct Place {
@@ -431,6 +437,7 @@ fn what_is_required_is_what_is_allocated() {
         map_blocks: 81_920,
         correspondence_blocks: 174_080,
         cloud_bytes: 12_124_160,
+        model_points: 50_000,
     };
     let node = place.node();
     let ports = (

@@ -92,7 +92,8 @@ mod tests {
         let mut found = Correspondences::default();
         let drift = found.matches.drift.insert(Drift::default());
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
-        let (maps, mut health) = (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
+        let (maps, mut health) =
+            (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
         (0..5).for_each(|time_ns| health.add(time_ns, &measures(&maps, &found)));
         let report = window_report(&maps, &found, 0, &health);
         let told = report.drift.measured().unwrap();

@@ -12,8 +12,14 @@ use fringeflow::transport::{
 };
 
 const HANG: Duration = Duration::from_secs(60);
-const SIZES: ChannelSizes =
-    ChannelSizes { frame_bytes: 64, window: 4, map_blocks: 1, correspondence_blocks: 1, cloud_bytes: 64 };
+const SIZES: ChannelSizes = ChannelSizes {
+    frame_bytes: 64,
+    window: 4,
+    map_blocks: 1,
+    correspondence_blocks: 1,
+    cloud_bytes: 64,
+    model_points: 0,
+};
 
 /// What a supervisor holds, as far as a driver sees it.
 struct Supervisor {

@@ -46,7 +46,7 @@ impl Transform for CloudStage {
     const INPUT: Channel<CorrespondenceHeader, [Block]> = CORRESPONDENCE_MAP;
     const OUTPUT: Channel<CloudHeader, [u8]> = CLOUD;
     const STAGE: Stage = Stage::Cloud;
-    const NEXT: Option<Stage> = None;
+    const NEXT: Option<Stage> = Some(Stage::Tracking);
 
     fn published(header: &CorrespondenceHeader) -> u64 {
         header.published

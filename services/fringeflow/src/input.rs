@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow::recording::{ImagePair, Recording, cycles, windows};
+use fringeflow::recording::{ImagePair, Recording, TruthPoses, cycles, windows};
 
 use crate::failure::Failure;
 
@@ -171,10 +171,26 @@ impl Input {
 
     /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.
     pub(crate) fn exposure_s(&self, number: usize) -> Option<f64> {
+        Some(self.seconds_since_first(self.exposure_ns(number)?))
+    }
+
+    /// From the first exposure to a time, seconds.
+    pub(crate) fn seconds_since_first(&self, time_ns: u64) -> f64 {
+        time_ns.saturating_sub(self.exposure_ns(0).unwrap_or_default()) as f64 * 1e-9
+    }
+
+    /// Start of the exposure of an image pair, nanoseconds; a folder knows no times.
+    pub(crate) fn exposure_ns(&self, number: usize) -> Option<u64> {
         let Self::Recording(_, pairs) = self else { return None };
-        let [own_ns, first_ns] = [pairs.get(number)?, pairs.first()?].map(|pair| pair.cam1.exposure_start_ns);
-        let since_ns = own_ns.saturating_sub(first_ns);
-        Some(since_ns as f64 * 1e-9)
+        Some(pairs.get(number)?.cam1.exposure_start_ns)
+    }
+
+    /// Where the object truly was; without any pose where that is not known.
+    pub(crate) fn truth_poses(&self) -> Result<TruthPoses, Failure> {
+        match self {
+            Self::Folder(_) => Ok(TruthPoses::default()),
+            Self::Recording(recording, _) => Ok(recording.truth_poses()?),
+        }
     }
 
     /// Phase shift of an image pair, rad.

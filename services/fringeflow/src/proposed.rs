@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use fringeflow::config::Configuration;
-use fringeflow::health::{Limits, Quantity};
 use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
+use fringeflow::health::{Limits, Quantity};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 

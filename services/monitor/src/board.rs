@@ -5,8 +5,11 @@ use std::path::PathBuf;
 
 use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
-use fringeflow::message::{ScanState, Skew, Stage, StageReport, WindowReport};
-use fringeflow::telemetry::{DropLine, Interval, Sample, Segment, SkewFigures, StageFigures, Tally, WindowFigures};
+use fringeflow::message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
+use fringeflow::telemetry::{
+    DropLine, Interval, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures, TrackingWatch,
+    WindowFigures,
+};
 use fringeflow_runtime::{live_services, sources};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -31,6 +34,11 @@ pub(crate) struct Board {
     pub(crate) foxglove: Option<String>,
     pub(crate) tally: Tally,
     pub(crate) window: Option<WindowFigures>,
+    /// Whether clouds are tracked.
+    is_tracked: bool,
+    watch: TrackingWatch,
+    /// As it was at the last turn.
+    pub(crate) tracking: Option<TrackingFigures>,
     pub(crate) state: ScanState,
     /// Skew since the last turn, and in the second before it.
     skew_span: Skew,
@@ -67,6 +75,9 @@ impl Board {
             foxglove: None,
             tally: Tally::default(),
             window: None,
+            is_tracked: configuration.measurement.tracking.is_enabled,
+            watch: TrackingWatch::default(),
+            tracking: None,
             state: ScanState::default(),
             skew_span: Skew::default(),
             skew: Skew::default(),
@@ -90,12 +101,18 @@ impl Board {
         self.window = Some(WindowFigures::of(report));
     }
 
+    pub(crate) fn take_pose(&mut self, report: &PoseReport) {
+        self.watch.add(report);
+    }
+
     /// Ends a second: looks after the services, closes the span of the time lines, and yields the message for the page.
     pub(crate) fn turn(&mut self, now_ns: u64, wall_ms: f64, clients: usize) -> String {
         self.services.look(&self.tally, now_ns);
         self.statuses = self.services.statuses();
         self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
         self.events.look_at_health(self.window.as_ref().and_then(|window| window.health.as_ref()), wall_ms);
+        let counts = self.tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
+        self.tracking = self.watch.figures(&counts, now_ns);
         self.room = Room::of(&self.recordings);
         self.skew = std::mem::take(&mut self.skew_span);
         let sample = self.interval.sample(now_ns, wall_ms);
@@ -120,6 +137,7 @@ impl Board {
             "stages": Stage::ALL.map(Stage::name),
             "segments": Segment::ALL.map(Segment::name),
             "foxglove": self.foxglove,
+            "tracked": self.is_tracked,
             "history": self.history,
             "events": self.events.after(0).collect::<Vec<_>>(),
         });
@@ -160,6 +178,7 @@ impl Board {
             "skew": SkewFigures::of(&self.skew),
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),
+            "tracking": self.tracking,
             "room": self.room,
             "clients": clients,
         })

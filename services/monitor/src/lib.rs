@@ -21,9 +21,9 @@ mod views;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use fringeflow::message::{ScanState, Stage, StageReport, WindowReport};
+use fringeflow::message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
 use fringeflow::recording::Recordable;
-use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TransportError, Wake};
+use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, Wake};
 use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 
 pub use check::check;
@@ -112,6 +112,7 @@ struct Channels {
     windows: Subscriber<(), WindowReport>,
     /// Number of the report of a window that comes next.
     next_window: u64,
+    poses: Subscriber<(), PoseReport>,
     states: Subscriber<(), ScanState>,
     wake: Wake,
 }
@@ -122,6 +123,7 @@ impl Channels {
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             windows: Subscriber::open(&host.node, REPORT_WINDOW, &host.sizes)?,
             next_window: 0,
+            poses: Subscriber::open(&host.node, TRACKING_POSE, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
             wake: Wake::new()?,
         })
@@ -138,18 +140,25 @@ impl Channels {
             self.next_window = report.published + 1;
             viewers.send(&Recordable::WindowReport(report.payload()));
         }
+        while let Some(report) = receive(&mut self.poses) {
+            board.take_pose(report.payload());
+            viewers.send(&Recordable::Pose(report.payload()));
+            viewers.send(&Recordable::PoseTransform(report.payload()));
+        }
         while let Some(state) = receive(&mut self.states) {
             board.state = *state;
         }
     }
 
     fn wait(&self) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.reports, &self.windows, &self.states], BEAT)
+        self.wake.wait(&[&self.reports, &self.windows, &self.poses, &self.states], BEAT)
     }
 
     fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
         self.reports.ensure_connected(now_ns)?;
         host.ensure_connected(&mut self.windows, Stage::Correspondence, self.next_window, now_ns)?;
+        // Its last message is told again to whoever opens it.
+        self.poses.ensure_connected(now_ns)?;
         self.states.ensure_connected(now_ns).map(|_| ())
     }
 }

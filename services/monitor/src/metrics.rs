@@ -10,7 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use fringeflow::health::{HealthState, Quantity};
 use fringeflow::message::{DropReason, Incident, Stage};
 use fringeflow::telemetry::{
-    BUCKETS_NS, DriftFigures, GaugeFigures, HealthFigures, Latencies, MotionFigures, Segment, Shares, WindowFigures,
+    BUCKETS_NS, DriftFigures, GaugeFigures, HealthFigures, Latencies, MotionFigures, Segment, Shares, TrackingFigures,
+    WindowFigures,
 };
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
@@ -63,6 +64,7 @@ impl Collector for BoardCollector {
         stages(&mut out, &board)?;
         latencies(&mut out, &board)?;
         window(&mut out, board.window.as_ref())?;
+        tracking(&mut out, board.tracking.as_ref())?;
         services(&mut out, &board.statuses)
     }
 }
@@ -272,6 +274,31 @@ fn unit(quantity: Quantity) -> &'static str {
     }
 }
 
+fn tracking(out: &mut Out<'_>, tracking: Option<&TrackingFigures>) -> Result<(), Error> {
+    let figure = |of: fn(&TrackingFigures) -> f64| tracking.map_or(f64::NAN, of);
+    let states = ["tracked", "lost", "no_cloud"];
+    out.gauges(
+        "tracking_state",
+        "1 at the state of the tracking: whether the last cloud has a pose, or none came for two seconds.",
+        states.map(|state| (vec![("state", state)], f64::from(u8::from(tracking.is_some_and(|t| t.state == state))))),
+    )?;
+    out.gauge("tracking_rms_metres", "Distances of the last cloud from the model.", figure(|t| t.rms_mm * 1e-3))?;
+    out.gauge(
+        "tracking_inlier_share",
+        "Share of its points with a partner in the model.",
+        figure(|t| t.inliers / 100.0),
+    )?;
+    out.gauge(
+        "tracking_sd_metres",
+        "Standard deviation of its pose, at the model's middle.",
+        figure(|t| t.sd_mm * 1e-3),
+    )?;
+    out.gauge("tracking_sd_radians", "Standard deviation of its turn.", figure(|t| t.sd_deg.to_radians()))?;
+    out.gauge("tracked_cloud_share", "Share of all clouds that have a pose.", figure(|t| t.clouds_tracked / 100.0))?;
+    out.gauge("model_points", "Points of the model.", figure(|t| t.model_points as f64))?;
+    out.gauge("model_clouds", "Clouds that it is made of.", figure(|t| t.model_clouds as f64))
+}
+
 fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
     let each = |value: fn(&ServiceStatus) -> f64| {
         services.iter().map(move |service| (vec![("service", service.name)], value(service)))
@@ -396,10 +423,13 @@ mod tests {
         let drift = DriftReport { rms_rad: 0.125, share: 0.5, is_measured: 1, ..DriftReport::default() };
         let mut report = WindowReport { delta_sd_rad: 0.25, drift, ..WindowReport::default() };
         report.cam1 = Fit { lit_pixels: 100, saturated_pixels: 25, second_harmonic_share: 0.125, ..report.cam1 };
-        [&mut report.cam1, &mut report.cam2].map(|fit| fit.third_harmonic_share = -1.0);
+        for fit in [&mut report.cam1, &mut report.cam2] {
+            fit.third_harmonic_share = -1.0;
+        }
         let known = GaugeReport { level: 0.5, warn: 0.1, bad: 0.25, since_ns: 1, state: 3, is_known: 1 };
         report.health.gauges[Quantity::SaturatedCam1 as usize] = known;
-        report.health.gauges[Quantity::HarmonicsCam2 as usize] = GaugeReport { is_known: 0, level: 0.0, state: 0, ..known };
+        report.health.gauges[Quantity::HarmonicsCam2 as usize] =
+            GaugeReport { is_known: 0, level: 0.0, state: 0, ..known };
         board.lock().unwrap().take_window(&report);
         let after = metrics.text();
         let [before_series, after_series] = [series(&before), series(&after)];

@@ -1,6 +1,6 @@
 //! The newest of the large messages, for whoever watches.
 
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, PatternEvent};
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
 use fringeflow::recording::{Recordable, Topic};
 use fringeflow::transport::Received;
 use fringeflow_runtime::Host;
@@ -15,6 +15,7 @@ pub(crate) struct Wanted {
     pub(crate) maps: bool,
     pub(crate) clouds: bool,
     pub(crate) patterns: bool,
+    pub(crate) models: bool,
 }
 
 /// What has come since the last look, the newest of each channel.
@@ -23,6 +24,7 @@ pub(crate) struct News {
     pub(crate) maps: Option<Received<MapsHeader, [Block]>>,
     pub(crate) cloud: Option<Received<CloudHeader, [u8]>>,
     pattern: Option<Received<(), PatternEvent>>,
+    pub(crate) model: Option<Received<ModelHeader, [u8]>>,
 }
 
 impl Wanted {
@@ -33,6 +35,7 @@ impl Wanted {
             maps: false,
             clouds: viewers.want(Topic::Cloud),
             patterns: viewers.want(Topic::Pattern),
+            models: viewers.want(Topic::Model),
         }
     }
 
@@ -42,6 +45,7 @@ impl Wanted {
             maps: self.maps || other.maps,
             clouds: self.clouds || other.clouds,
             patterns: self.patterns || other.patterns,
+            models: self.models || other.models,
         }
     }
 }
@@ -54,6 +58,7 @@ impl News {
             frames: [cam1, cam2].map(|camera| wanted.frames.then(|| camera.newest(host, now_ns)).flatten()),
             maps: wanted.maps.then(|| taps.maps.newest(host, now_ns)).flatten(),
             cloud: wanted.clouds.then(|| taps.clouds.newest(host, now_ns)).flatten(),
+            model: wanted.models.then(|| taps.models.newest(host, now_ns)).flatten(),
             pattern: wanted.patterns.then(|| taps.patterns.newest(host, now_ns)).flatten(),
         }
     }
@@ -65,6 +70,9 @@ impl News {
         }
         if let Some(cloud) = &self.cloud {
             viewers.send(&Recordable::Cloud { header: cloud.header(), records: cloud.payload() });
+        }
+        if let Some(model) = &self.model {
+            viewers.send(&Recordable::Model { header: model.header(), points: model.payload() });
         }
         if let Some(pattern) = &self.pattern {
             viewers.send(&Recordable::Pattern(pattern.payload()));

@@ -20,6 +20,7 @@ pub(crate) struct Shared {
     pub(crate) figures: watch::Sender<Arc<str>>,
     pub(crate) pictures: View,
     pub(crate) cloud: View,
+    pub(crate) model: View,
     /// Set when everything is to end.
     pub(crate) stop: watch::Sender<bool>,
 }
@@ -45,6 +46,7 @@ impl Shared {
             figures: watch::Sender::new(Arc::from("null")),
             pictures: View::new(),
             cloud: View::new(),
+            model: View::new(),
             stop: watch::Sender::new(false),
         }
     }

@@ -1,8 +1,9 @@
 //! Channels that are looked into while somebody watches, and left alone otherwise.
 
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, PatternEvent};
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload, Received, Subscriber,
+    TRACKING_MODEL,
 };
 use fringeflow_runtime::{Host, receive};
 
@@ -16,6 +17,7 @@ pub(crate) struct Taps {
     pub(crate) maps: Tap<MapsHeader, [Block]>,
     pub(crate) clouds: Tap<CloudHeader, [u8]>,
     pub(crate) patterns: Tap<(), PatternEvent>,
+    pub(crate) models: Tap<ModelHeader, [u8]>,
 }
 
 /// One channel.
@@ -33,6 +35,7 @@ impl Taps {
             maps: Tap::new(PHASE_MAPS),
             clouds: Tap::new(CLOUD),
             patterns: Tap::new(PROJECTOR_PATTERN),
+            models: Tap::new(TRACKING_MODEL),
         }
     }
 
@@ -42,6 +45,7 @@ impl Taps {
         self.maps.tend(now_ns);
         self.clouds.tend(now_ns);
         self.patterns.tend(now_ns);
+        self.models.tend(now_ns);
     }
 }
 

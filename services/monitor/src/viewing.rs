@@ -1,8 +1,8 @@
 //! Makes pictures and clouds for the page: only while somebody is ready for them, and not more than the machine has to spare.
 
 use crate::news::{News, Wanted};
-use crate::shared::Shared;
-use crate::views::{Pictures, cloud_message};
+use crate::shared::{Shared, View};
+use crate::views::{Pictures, cloud_message, model_message};
 
 /// Bytes a second that all pages together are sent: with many, each gets fewer pictures.
 const BYTES_PER_S: u64 = 16_000_000;
@@ -18,8 +18,9 @@ impl Viewing {
     /// What pages are ready for now.
     pub(crate) fn wanted(&self, shared: &Shared, now_ns: u64) -> Wanted {
         let is_due = now_ns >= self.due_ns;
-        let (pictures, cloud) = (is_due && shared.pictures.ready() > 0, is_due && shared.cloud.ready() > 0);
-        Wanted { frames: pictures, maps: pictures, clouds: pictures || cloud, patterns: false }
+        let [pictures, cloud, models] =
+            [&shared.pictures, &shared.cloud, &shared.model].map(|view| is_due && view.ready() > 0);
+        Wanted { frames: pictures, maps: pictures, clouds: pictures || cloud, patterns: false, models }
     }
 
     /// Makes what is due of what has come.
@@ -27,7 +28,7 @@ impl Viewing {
         if now_ns < self.due_ns {
             return;
         }
-        let (pictures, clouds) = (shared.pictures.ready(), shared.cloud.ready());
+        let [pictures, clouds, models] = [&shared.pictures, &shared.cloud, &shared.model].map(View::ready);
         let mut bytes = 0;
         if pictures > 0 {
             let id = self.next_id();
@@ -38,6 +39,11 @@ impl Viewing {
             let id = self.next_id();
             let message = cloud_message(cloud.header(), cloud.payload(), id, wall_ms);
             bytes += clouds * message.map_or(0, |message| shared.cloud.put_out(id, message));
+        }
+        if let Some(model) = news.model.as_ref().filter(|_| models > 0) {
+            let id = self.next_id();
+            let message = model_message(model.header(), model.payload(), id, wall_ms);
+            bytes += models * message.map_or(0, |message| shared.model.put_out(id, message));
         }
         if bytes > 0 {
             self.due_ns = now_ns + bytes as u64 * 1_000_000_000 / BYTES_PER_S;

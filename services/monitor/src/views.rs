@@ -5,7 +5,7 @@
 
 use fringeflow::cloud::{RECORD_BYTES, decode_record};
 use fringeflow::grey::PixelFormat;
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader};
+use fringeflow::message::{Block, CloudHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader};
 use fringeflow::wire;
 use serde_json::{Value, json};
 
@@ -133,9 +133,36 @@ impl Pictures {
 pub(crate) fn cloud_message(header: &CloudHeader, records: &[u8], id: u64, wall_ms: f64) -> Option<Vec<u8>> {
     let records = records.as_chunks::<RECORD_BYTES>().0;
     let every = records.len().div_ceil(POINTS).max(1);
-    let points: Vec<_> = records.iter().step_by(every).map(decode_record).collect();
+    let point = |record| {
+        let point = decode_record(record);
+        Point { position_m: point.position_m, intensity: point.intensity }
+    };
+    let points: Vec<Point> = records.iter().step_by(every).map(point).collect();
+    points_message("cloud", header.points, &points, id, wall_ms)
+}
+
+/// The model, as far as it is shown, as [`cloud_message`] makes a cloud.
+pub(crate) fn model_message(header: &ModelHeader, payload: &[u8], id: u64, wall_ms: f64) -> Option<Vec<u8>> {
+    let float = |point: &[u8; MODEL_POINT_BYTES], at: usize| {
+        f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]])
+    };
+    let point = |point: &[u8; MODEL_POINT_BYTES]| Point {
+        position_m: [0, 4, 8].map(|at| float(point, at)),
+        intensity: point[18],
+    };
+    let points: Vec<Point> = payload.as_chunks().0.iter().map(point).collect();
+    points_message("model", header.model_points, &points, id, wall_ms)
+}
+
+/// A point as the page draws it.
+struct Point {
+    position_m: [f32; 3],
+    intensity: u8,
+}
+
+fn points_message(kind: &str, whole: u64, points: &[Point], id: u64, wall_ms: f64) -> Option<Vec<u8>> {
     let (mut least, mut greatest) = ([f32::MAX; 3], [f32::MIN; 3]);
-    for point in &points {
+    for point in points {
         for axis in 0..3 {
             least[axis] = least[axis].min(point.position_m[axis]);
             greatest[axis] = greatest[axis].max(point.position_m[axis]);
@@ -148,7 +175,7 @@ pub(crate) fn cloud_message(header: &CloudHeader, records: &[u8], id: u64, wall_
     let centre_m: [f32; 3] = std::array::from_fn(|axis| least[axis].midpoint(greatest[axis]));
     let step_m = (extent_m / (2.0 * LARGEST)).max(1e-9);
     let mut data = Vec::with_capacity(points.len() * 7 + 8);
-    for point in &points {
+    for point in points {
         for axis in 0..3 {
             let steps = ((point.position_m[axis] - centre_m[axis]) / step_m).round().clamp(-LARGEST, LARGEST);
             data.extend_from_slice(&(steps as i16).to_le_bytes());
@@ -157,7 +184,7 @@ pub(crate) fn cloud_message(header: &CloudHeader, records: &[u8], id: u64, wall_
     let intensities = data.len();
     data.extend(points.iter().map(|point| point.intensity));
     let header = json!({
-        "type": "cloud", "id": id, "wall_ms": wall_ms, "points": header.points, "shown": points.len(),
+        "type": kind, "id": id, "wall_ms": wall_ms, "points": whole, "shown": points.len(),
         "centre_m": centre_m, "step_m": step_m, "positions": 0, "intensities": intensities,
     });
     Some(message(&header, &data))

@@ -1,13 +1,13 @@
 //! All channels that are recorded, and the numbers of their messages.
 
 use fringeflow::message::{
-    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, ScanState, Stage, StageReport,
-    WindowReport,
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, ScanState, Stage,
+    StageReport, WindowReport,
 };
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, REPORT_WINDOW, Subscriber, TransportError, Wake, WakeSource,
+    REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, Wake, WakeSource,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -20,6 +20,7 @@ pub(crate) struct Channels {
     clouds: Numbered<CloudHeader, [u8]>,
     reports: Subscriber<(), StageReport>,
     window_reports: Numbered<(), WindowReport>,
+    poses: Option<Numbered<(), PoseReport>>,
     wake: Wake,
 }
 
@@ -35,6 +36,7 @@ struct Numbered<H: Header, P: Payload + ?Sized> {
 impl Channels {
     pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
         let settings = &host.configuration.recorder;
+        let is_tracked = host.configuration.measurement.tracking.is_enabled;
         Ok(Self {
             cameras: [
                 Numbered::open(host, CAM1_FRAME, Stage::Camera1)?,
@@ -49,6 +51,7 @@ impl Channels {
             clouds: Numbered::open(host, CLOUD, Stage::Cloud)?,
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
+            poses: is_tracked.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
             wake: Wake::new()?,
         })
     }
@@ -66,6 +69,7 @@ impl Channels {
         ];
         ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
         ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WakeSource));
+        ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WakeSource));
         self.wake.wait(&ports, BEAT)
     }
 
@@ -114,6 +118,17 @@ impl Channels {
                     take(&Recordable::WindowReport(report), missing);
                 },
             );
+            if let Some(poses) = &mut self.poses {
+                any |= poses.next(
+                    |(), report| report.published,
+                    |(), report, missing| {
+                        take(&Recordable::Pose(report), missing);
+                        if report.has_pose() {
+                            take(&Recordable::PoseTransform(report), 0);
+                        }
+                    },
+                );
+            }
             // Of many senders, whose messages have no common number.
             if let Some(report) = receive(&mut self.reports) {
                 take(&Recordable::Report(&report), 0);
@@ -133,6 +148,7 @@ impl Channels {
         self.correspondences.iter_mut().try_for_each(|found| found.ensure_connected(host, now_ns))?;
         self.clouds.ensure_connected(host, now_ns)?;
         self.window_reports.ensure_connected(host, now_ns)?;
+        self.poses.iter_mut().try_for_each(|poses| poses.ensure_connected(host, now_ns))?;
         self.reports.ensure_connected(now_ns).map(|_| ())
     }
 }

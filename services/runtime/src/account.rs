@@ -41,7 +41,16 @@ pub fn sources(stage: Stage) -> &'static [Source] {
         Stage::Phase => const { &[all_of(Stage::Windowing)] },
         Stage::Correspondence => const { &[all_of(Stage::Phase)] },
         Stage::Cloud => const { &[all_of(Stage::Correspondence)] },
+        Stage::Tracking => const { &[all_of(Stage::Cloud)] },
     }
+}
+
+/// Messages that a stage has put into its channel, by its counts: those on clouds without a pose count as dropped, and are
+/// told nevertheless.
+#[must_use]
+pub fn messages(stage: Stage, counts: &Counts) -> u64 {
+    let told = if stage == Stage::Tracking { counts.dropped(DropReason::NotTracked) } else { 0 };
+    counts.passed + told
 }
 
 /// What the file holds.
@@ -189,9 +198,17 @@ impl Account {
     /// # Errors
     /// The file cannot be written.
     pub fn arrive(&mut self, source: usize, published: u64) -> Result<bool, AccountError> {
+        self.arrive_after(source, published, DropReason::Overrun)
+    }
+
+    /// [`Self::arrive`] at a stage for which it is no loss if messages are overwritten, with the reason that it has for it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn arrive_after(&mut self, source: usize, published: u64, reason: DropReason) -> Result<bool, AccountError> {
         let Some(missing) = self.arrivals[source].arrive(published) else { return Ok(false) };
         self.record.counts.taken += missing + 1;
-        self.record.counts.drop_many(DropReason::Overrun, missing);
+        self.record.counts.drop_many(reason, missing);
         self.write()?;
         Ok(true)
     }

@@ -246,6 +246,7 @@ pub fn channel_sizes(setup: &Setup, configuration: &ScannerConfiguration) -> Cha
         map_blocks: wire::maps::blocks(pixels),
         correspondence_blocks: wire::correspondences::blocks(pixels),
         cloud_bytes: pixels * RECORD_BYTES,
+        model_points: configuration.measurement.tracking.channel_points(),
     }
 }
 

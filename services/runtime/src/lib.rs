@@ -12,10 +12,10 @@ mod services;
 mod stop;
 mod transform;
 
-pub use account::{Account, AccountError, Arrivals, SOURCES, Source, sources};
+pub use account::{Account, AccountError, Arrivals, SOURCES, Source, messages, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
 pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes, dashboard_file};
 pub use receive::{ensure_connected, receive};
-pub use services::{ServiceKind, WORKERS, live_services};
+pub use services::{ServiceKind, live_services, workers};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};

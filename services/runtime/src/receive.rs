@@ -5,7 +5,7 @@ use std::path::Path;
 use fringeflow::message::Stage;
 use fringeflow::transport::{Header, Payload, Received, Subscriber, TransportError};
 
-use crate::Account;
+use crate::account::{Account, messages};
 
 /// The next message of a port, if there is one. A port that fails has lost its other side: it is opened anew at the next look at
 /// the connections, and what it missed shows in the numbers.
@@ -29,7 +29,7 @@ pub fn ensure_connected<H: Header, P: Payload + ?Sized>(
     next: u64,
     now_ns: u64,
 ) -> Result<(), TransportError> {
-    if Account::read(accounts, from).is_some_and(|counts| counts.passed <= next) {
+    if Account::read(accounts, from).is_some_and(|counts| messages(from, &counts) <= next) {
         port.forgive_silence();
     }
     port.ensure_connected(now_ns).map(|_| ())

@@ -20,6 +20,8 @@ pub enum ServiceKind {
     Correspondence,
     /// Correspondences to clouds.
     Cloud,
+    /// Clouds to poses and a model.
+    Tracking,
     /// Everything to a recording.
     Recorder,
     /// Metrics, dashboard, live view.
@@ -38,6 +40,7 @@ impl ServiceKind {
             Self::Phase => "phase",
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
+            Self::Tracking => "tracking",
             Self::Recorder => "recorder",
             Self::Monitor => "monitor",
         }
@@ -54,6 +57,7 @@ impl ServiceKind {
             Self::Phase => &[Stage::Pattern, Stage::Pairing, Stage::Windowing, Stage::Phase],
             Self::Correspondence => &[Stage::Correspondence],
             Self::Cloud => &[Stage::Cloud],
+            Self::Tracking => &[Stage::Tracking],
             Self::Recorder => &[Stage::Recorder],
             Self::Monitor => &[],
         }
@@ -70,9 +74,12 @@ pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
         CameraSource::External => &[],
     };
     let monitor = configuration.monitor.is_enabled.then_some(ServiceKind::Monitor);
-    let scan = projector.into_iter().chain(cameras.iter().copied()).chain(WORKERS);
+    let scan = projector.into_iter().chain(cameras.iter().copied()).chain(workers(configuration));
     scan.chain([ServiceKind::Recorder]).chain(monitor).collect()
 }
 
-/// The services that make clouds of images, in the order of the pipeline.
-pub const WORKERS: [ServiceKind; 3] = [ServiceKind::Phase, ServiceKind::Correspondence, ServiceKind::Cloud];
+/// The services that make clouds of images, and poses of clouds where these are wanted, in the order of the pipeline.
+pub fn workers(configuration: &ScannerConfiguration) -> impl Iterator<Item = ServiceKind> {
+    let tracking = configuration.measurement.tracking.is_enabled.then_some(ServiceKind::Tracking);
+    [ServiceKind::Phase, ServiceKind::Correspondence, ServiceKind::Cloud].into_iter().chain(tracking)
+}

@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use fringeflow::message::{Stage, StageReport};
-use fringeflow::telemetry::{Tally, WindowFigures};
-use fringeflow::transport::{ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TransportError, Wake};
+use fringeflow::telemetry::{Tally, TrackingFigures, TrackingWatch, WindowFigures};
+use fringeflow::transport::{
+    ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, Wake,
+};
 use fringeflow_runtime::{Account, accounts_folder, clock};
 
 /// What was seen of an instance.
@@ -14,6 +16,8 @@ pub struct Observed {
     pub tally: Tally,
     /// Figures of the last window; `None` where none came meanwhile.
     pub window: Option<WindowFigures>,
+    /// How the tracking fares, if there is any.
+    pub tracking: Option<TrackingFigures>,
 }
 
 /// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
@@ -26,8 +30,9 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
     // Reports have one size, whatever that of the images.
     let mut reports = Subscriber::open(&node, REPORT_STAGE, &ChannelSizes::default())?;
     let mut windows = Subscriber::open(&node, REPORT_WINDOW, &ChannelSizes::default())?;
+    let mut poses = Subscriber::open(&node, TRACKING_POSE, &ChannelSizes::default())?;
     let wake = Wake::new()?;
-    let (mut tally, mut window) = (Tally::default(), None);
+    let (mut tally, mut window, mut watch) = (Tally::default(), None, TrackingWatch::default());
     let end_ns = clock::now_ns() + span_ns;
     loop {
         while let Some(report) = reports.receive()? {
@@ -35,6 +40,9 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
         }
         while let Some(report) = windows.receive()? {
             window = Some(WindowFigures::of(&report));
+        }
+        while let Some(report) = poses.receive()? {
+            watch.add(&report);
         }
         let rest_ns = end_ns.saturating_sub(clock::now_ns());
         if rest_ns == 0 {
@@ -48,5 +56,7 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
             tally.add(&StageReport { stage: stage as u32, counts, ..StageReport::default() });
         }
     }
-    Ok(Observed { tally, window })
+    let counts = tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
+    let tracking = watch.figures(&counts, clock::now_ns());
+    Ok(Observed { tally, window, tracking })
 }

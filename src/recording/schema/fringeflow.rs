@@ -285,3 +285,47 @@ pub struct WindowReport {
     #[prost(sint64, tag = "17")]
     pub skew_ns: i64,
 }
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct TrackedPose {
+    #[prost(double, repeated, tag = "1")]
+    pub position_m: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "2")]
+    pub rotation: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "3")]
+    pub covariance: ::prost::alloc::vec::Vec<f64>,
+}
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PoseReport {
+    #[prost(uint64, tag = "1")]
+    pub published: u64,
+    #[prost(uint64, tag = "2")]
+    pub cloud: u64,
+    #[prost(uint64, tag = "3")]
+    pub first_cloud: u64,
+    #[prost(message, optional, tag = "4")]
+    pub window: ::core::option::Option<Window>,
+    #[prost(uint64, tag = "5")]
+    pub published_ns: u64,
+    #[prost(string, tag = "6")]
+    pub state: ::prost::alloc::string::String,
+    #[prost(string, tag = "7")]
+    pub reason: ::prost::alloc::string::String,
+    #[prost(message, optional, tag = "8")]
+    pub pose: ::core::option::Option<TrackedPose>,
+    #[prost(double, tag = "9")]
+    pub sd_m: f64,
+    #[prost(double, tag = "10")]
+    pub sd_rad: f64,
+    #[prost(double, tag = "11")]
+    pub rms_m: f64,
+    #[prost(double, tag = "12")]
+    pub excess: f64,
+    #[prost(double, tag = "13")]
+    pub share: f64,
+    #[prost(uint64, tag = "14")]
+    pub inliers: u64,
+    #[prost(uint64, tag = "15")]
+    pub model_points: u64,
+    #[prost(uint64, tag = "16")]
+    pub model_clouds: u64,
+}

@@ -8,8 +8,8 @@
 mod fringeflow;
 
 pub(super) use self::fringeflow::{
-    CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent, PhaseMaps,
-    StageReport, Window, WindowReport,
+    CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent,
+    PhaseMaps, PoseReport, StageReport, TrackedPose, Window, WindowReport,
 };
 
 /// Descriptor set of the schema.

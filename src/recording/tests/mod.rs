@@ -14,11 +14,12 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::correspondence::Outcome;
-use crate::health::{HealthState, Quantity};
 use crate::dataset::{Dataset, Setup};
+use crate::health::{HealthState, Quantity};
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport, Incident, MapsHeader,
-    OUTCOMES, PatternEvent, PixelFormat, Skew, Stage, StageReport, Window, WindowReport,
+    CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport,
+    Incident, MapsHeader, OUTCOMES, PatternEvent, PixelFormat, PoseReport, Skew, Stage, StageReport, TrackingState,
+    Window, WindowReport,
 };
 use crate::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -223,13 +224,7 @@ fn window_report() -> WindowReport {
         delta_median_rad: -0.5,
         mean_periods: 6.5,
         expected_false_candidates: 0.2,
-        drift: DriftReport {
-            rms_rad: 0.11,
-            error_px: 0.4,
-            share: 0.9,
-            residual_sd_rad: 0.007,
-            is_measured: 1,
-        },
+        drift: DriftReport { rms_rad: 0.11, error_px: 0.4, share: 0.9, residual_sd_rad: 0.007, is_measured: 1 },
         skew_ns: 40_000,
         health: health_report(),
         outcomes,
@@ -242,8 +237,32 @@ fn health_report() -> HealthReport {
     let mut report = HealthReport::default();
     for (gauge, n) in report.gauges.iter_mut().take(Quantity::ALL.len()).zip(1_u32..) {
         let (limit, state) = (f64::from(n), HealthState::ALL[n as usize % 4] as u32);
-        *gauge = GaugeReport { level: 0.5 * limit, warn: limit, bad: 2.0 * limit, since_ns: n.into(), state, is_known: 1 };
+        *gauge =
+            GaugeReport { level: 0.5 * limit, warn: limit, bad: 2.0 * limit, since_ns: n.into(), state, is_known: 1 };
     }
     report.gauges[1] = GaugeReport { level: 0.0, since_ns: 0, state: 0, is_known: 0, ..report.gauges[1] };
     report
+}
+
+pub(super) fn pose_report() -> PoseReport {
+    PoseReport {
+        published: 8,
+        cloud: 12,
+        first_cloud: 3,
+        window: window(),
+        published_ns: 700,
+        position_m: [0.25, -0.5, 0.125],
+        rotation: [0.5, -0.5, 0.5, 0.5],
+        covariance: std::array::from_fn(|row| std::array::from_fn(|column| (10 * row + column) as f64)),
+        sd_m: 1e-6,
+        sd_rad: 1e-5,
+        rms_m: 3e-5,
+        excess: 1.5,
+        share: 0.75,
+        inliers: 5000,
+        model_points: 123_456,
+        model_clouds: 5,
+        state: TrackingState::Relocalized as u32,
+        reason: 0,
+    }
 }

@@ -30,6 +30,8 @@ enum Service {
     Correspondence(ServiceArgs),
     /// Correspondences to clouds.
     Cloud(ServiceArgs),
+    /// Clouds to poses and a model.
+    Tracking(ServiceArgs),
     /// All channels to recordings.
     Recorder(ServiceArgs),
     /// Metrics, dashboard and live view.
@@ -53,6 +55,7 @@ impl Service {
             Self::Phase(_) => ServiceKind::Phase,
             Self::Correspondence(_) => ServiceKind::Correspondence,
             Self::Cloud(_) => ServiceKind::Cloud,
+            Self::Tracking(_) => ServiceKind::Tracking,
             Self::Monitor(_) => ServiceKind::Monitor,
             Self::Recorder(_) => ServiceKind::Recorder,
         }
@@ -68,6 +71,7 @@ impl Service {
             Self::Phase(arguments) => fringeflow_phase::run(arguments),
             Self::Correspondence(arguments) => fringeflow_correspondence::run(arguments),
             Self::Cloud(arguments) => fringeflow_cloud::run(arguments),
+            Self::Tracking(arguments) => fringeflow_tracking::run(arguments),
             Self::Monitor(arguments) => fringeflow_monitor::run(arguments),
             Self::Recorder(arguments) => return Ok(recorded(fringeflow_recorder::run(arguments)?)),
         };

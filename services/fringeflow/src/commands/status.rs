@@ -4,7 +4,7 @@ use std::io::Write;
 use std::time::Duration;
 
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{GaugeFigures, HealthFigures, Latency, StageFigures, StageTally};
+use fringeflow::telemetry::{GaugeFigures, HealthFigures, Latency, StageFigures, StageTally, TrackingFigures};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::{clock, dashboard_file};
 use fringeflow_supervisor::{Observed, headline, observe, stage_line};
@@ -39,6 +39,8 @@ struct Report {
     exposure_to_cloud: Option<Latency>,
     /// Health of the scanner as of the last window; `null` where none came while the reports were gathered.
     health: Option<Health>,
+    /// Where the scanner is, while clouds are tracked.
+    tracking: Option<TrackingFigures>,
 }
 
 #[derive(serde::Serialize)]
@@ -71,7 +73,7 @@ impl Args {
         let state = request(&instance, &asked, ANSWER)?.state;
         let observed = observe(&instance, SPAN_NS)?;
         if self.json {
-            return json::print(&self.report(&state, &observed));
+            return json::print(&self.report(&state, observed));
         }
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
@@ -82,11 +84,14 @@ impl Args {
         for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
+        if let Some(tracking) = &observed.tracking {
+            writeln!(out, "{tracking}")?;
+        }
         let health = observed.window.as_ref().and_then(|window| window.health.as_ref());
         Ok(write_health(&mut out, health, now_ns)?)
     }
 
-    fn report(&self, state: &ScanState, Observed { tally, window }: &Observed) -> Report {
+    fn report(&self, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Report {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
             figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
@@ -102,6 +107,7 @@ impl Args {
             stages: tally.stages().map(stage).collect(),
             exposure_to_cloud: tally.total().brief(),
             health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::of(health, now_ns)),
+            tracking,
         }
     }
 }

@@ -67,8 +67,7 @@ fn a_projector_that_is_not_linear_and_too_much_light_are_told_apart() {
     let monitor = "enabled = true\naddress = \"127.0.0.1:0\"\nfoxglove = \"off\"";
     let crooked = Bench::with(&[("noise = \"low\"", "noise = \"low\"\ngamma = 1.4"), ("enabled = false", monitor)]);
     let bright = Bench::with(&[("noise = \"low\"", "noise = \"low\"\nexposure = 2.0"), ("enabled = false", monitor)]);
-    for (bench, beyond, within) in
-        [(&crooked, "harmonics_cam", "saturated_cam"), (&bright, "saturated_cam", "dim_cam")]
+    for (bench, beyond, within) in [(&crooked, "harmonics_cam", "saturated_cam"), (&bright, "saturated_cam", "dim_cam")]
     {
         let live = bench.start(&[]);
         live.wait_for_clouds(20);

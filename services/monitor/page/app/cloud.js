@@ -1,4 +1,4 @@
-// The live cloud, seen from where camera 1 is until somebody turns it. Drawn when a cloud comes or the view changes.
+// The live cloud, or the model, seen from where camera 1 is until somebody turns it. Drawn when a cloud comes or the view changes.
 // The scene counts in metres in the frame of camera 1, turned by half a turn about x, since three.js looks along −z
 // with y up.
 
@@ -71,6 +71,12 @@ class CloudView {
         this.#place(message);
         this.#describe(message);
         this.#draw();
+    }
+
+    /** What comes next is something else: it is looked at anew. */
+    forget() {
+        this.#fitted = null;
+        this.#touched = false;
     }
 
     #listen() {

@@ -24,6 +24,7 @@ import { showServices } from "./services.js";
 import { makeShares } from "./shares.js";
 import { showConnection, showInstance, showState } from "./status.js";
 import { startTheme } from "./theme.js";
+import { showTracking, startTracking } from "./tracking.js";
 
 const history = new History();
 const cloudView = makeCloudView();
@@ -40,6 +41,7 @@ const handlers = {
     events: ({ events }) => addEvents(events ?? []),
     pictures: showPictures,
     cloud: (message, reply) => cloudView?.show(message, reply),
+    model: (message, reply) => cloudView?.show(message, reply),
 };
 
 const connection = new Connection(new URL("/live", location.href.replace(/^http/, "ws")), {
@@ -71,9 +73,11 @@ function takeHello(hello) {
             showDrops,
             showFlow,
             markEventsLive,
+            showTracking,
         ];
     }
     showInstance(hello);
+    startTracking(hello);
     history.replace(hello.history ?? []);
     replaceEvents(hello.events ?? []);
 }
@@ -104,10 +108,15 @@ function takeConnection(state) {
 // Nothing large is sent to a tab that nobody sees.
 function sendWant() {
     const seen = !document.hidden;
-    connection.send({ type: "want", pictures: seen, cloud: seen && cloudView !== null });
+    const source = seen && cloudView !== null ? byId("cloud-source").value : null;
+    connection.send({ type: "want", pictures: seen, cloud: source === "cloud", model: source === "model" });
 }
 
 document.addEventListener("visibilitychange", sendWant);
+byId("cloud-source").addEventListener("change", () => {
+    cloudView?.forget();
+    sendWant();
+});
 startTheme(byId("button-theme"), () => {
     forgetColours();
     redrawPlots();

@@ -11,7 +11,7 @@ function decodeBinary(buffer) {
     const length = new DataView(buffer).getUint32(0, true);
     const message = JSON.parse(utf8.decode(new Uint8Array(buffer, 4, length)));
     const begin = 4 + length;
-    if (message.type === "cloud") {
+    if (message.type === "cloud" || message.type === "model") {
         return decodeCloud(message, buffer, begin);
     }
     if (message.type === "pictures") {

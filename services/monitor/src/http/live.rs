@@ -25,7 +25,12 @@ const SEND_TIME: Duration = Duration::from_secs(10);
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Said {
     /// What it would see.
-    Want { pictures: bool, cloud: bool },
+    Want {
+        pictures: bool,
+        cloud: bool,
+        #[serde(default)]
+        model: bool,
+    },
     /// It has drawn a message.
     Shown { id: u64 },
 }
@@ -59,10 +64,10 @@ async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) -> Option<()> {
     send(&mut socket, Message::Text(hello.into())).await?;
     let mut stop = shared.stop.subscribe();
     let mut figures = shared.figures.subscribe();
-    let (mut pictures, mut cloud) = (Feed::new(&shared.pictures), Feed::new(&shared.cloud));
+    let mut feeds = [&shared.pictures, &shared.cloud, &shared.model].map(Feed::new);
     loop {
         tokio::select! {
-            said = socket.recv() => listen(&said?.ok()?, &mut pictures, &mut cloud),
+            said = socket.recv() => listen(&said?.ok()?, &mut feeds),
             changed = figures.changed() => {
                 changed.ok()?;
                 let message = figures.borrow_and_update().to_string();
@@ -76,8 +81,7 @@ async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) -> Option<()> {
                     send(&mut socket, Message::Text(events.into())).await?;
                 }
             }
-            message = pictures.next() => send(&mut socket, Message::Binary(message?)).await?,
-            message = cloud.next() => send(&mut socket, Message::Binary(message?)).await?,
+            message = next(&mut feeds) => send(&mut socket, Message::Binary(message?)).await?,
             () = ended(&mut stop) => return send(&mut socket, Message::Close(None)).await,
         }
     }
@@ -88,18 +92,23 @@ async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
     tokio::time::timeout(SEND_TIME, socket.send(message)).await.ok()?.ok()
 }
 
+/// The next message of any kind.
+async fn next([pictures, cloud, model]: &mut [Feed<'_>; 3]) -> Option<Bytes> {
+    tokio::select! {
+        message = pictures.next() => message,
+        message = cloud.next() => message,
+        message = model.next() => message,
+    }
+}
+
 /// Follows what a page says; what cannot be understood is passed over.
-fn listen(message: &Message, pictures: &mut Feed<'_>, cloud: &mut Feed<'_>) {
+fn listen(message: &Message, feeds: &mut [Feed<'_>; 3]) {
     let Message::Text(text) = message else { return };
     match serde_json::from_str(text) {
-        Ok(Said::Want { pictures: wants_pictures, cloud: wants_cloud }) => {
-            pictures.want(wants_pictures);
-            cloud.want(wants_cloud);
+        Ok(Said::Want { pictures, cloud, model }) => {
+            feeds.iter_mut().zip([pictures, cloud, model]).for_each(|(feed, is_wanted)| feed.want(is_wanted));
         }
-        Ok(Said::Shown { id }) => {
-            pictures.shown(id);
-            cloud.shown(id);
-        }
+        Ok(Said::Shown { id }) => feeds.iter_mut().for_each(|feed| feed.shown(id)),
         Err(_) => {}
     }
 }
@@ -119,7 +128,7 @@ impl<'s> Feed<'s> {
         self.is_wanted = is_wanted;
     }
 
-    /// The page has drawn a message; both kinds share their numbers, so it is told whose it was.
+    /// The page has drawn a message; all kinds share their numbers, so it is told whose it was.
     fn shown(&mut self, id: u64) {
         if self.is_wanted && self.ready.is_none() && self.sent == id {
             self.get_ready();

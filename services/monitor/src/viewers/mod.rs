@@ -20,7 +20,7 @@ const STANDING_NS: u64 = 2_000_000_000;
 const ENCODING: &str = "protobuf";
 
 /// The topics that viewers are offered.
-const TOPICS: [Topic; 13] = [
+const TOPICS: [Topic; 15] = [
     Topic::Cam1Frame,
     Topic::Cam1Header,
     Topic::Cam2Frame,
@@ -30,6 +30,8 @@ const TOPICS: [Topic; 13] = [
     Topic::CloudHeader,
     Topic::Report,
     Topic::WindowReport,
+    Topic::Pose,
+    Topic::Model,
     Topic::Log,
     Topic::Transforms,
     Topic::Cam1Calibration,

@@ -1,5 +1,6 @@
 //! `fringeflow fuse`: the clouds of a moving scanner, tracked and fused into one model.
 
+mod drift;
 mod scan;
 mod summary;
 mod trajectory;
@@ -71,7 +72,8 @@ impl Args {
         }
         let export = CloudExport { unit: self.units, dataset: &input.setup().name };
         let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
-        let summary = Summary::of(&self.output, &scan, &tracker, surfels);
+        let truth = drift::against_truth(&input, &scan, &tracker)?;
+        let summary = Summary::of(&self.output, &scan, &tracker, surfels, truth.as_ref());
         if self.json {
             json::print(&summary)?;
         } else {

@@ -16,6 +16,8 @@ pub(crate) struct Looked {
     pub(crate) first_pair: usize,
     /// Middle of its exposures since the first of the recording, seconds.
     pub(crate) time_s: f64,
+    /// The same as a time of the recording, nanoseconds.
+    pub(crate) time_ns: u64,
     /// What the tracking says of its cloud, or why it has none.
     pub(crate) tracked: Result<Tracked, String>,
 }
@@ -73,7 +75,8 @@ impl Scan {
                 Err(error) => Err(error.to_string()),
             };
             let first_pair = images.numbers.first().copied().unwrap_or_default();
-            scan.looked.push(Looked { first_pair, time_s: middle_s(input, &images.numbers), tracked });
+            let time_ns = middle_ns(input, &images.numbers);
+            scan.looked.push(Looked { first_pair, time_s: input.seconds_since_first(time_ns), time_ns, tracked });
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -82,7 +85,7 @@ impl Scan {
 }
 
 /// Middle between the first and the last exposure.
-fn middle_s(input: &Input, numbers: &[usize]) -> f64 {
-    let times = || numbers.iter().filter_map(|&n| input.exposure_s(n));
-    (times().fold(f64::INFINITY, f64::min) + times().fold(0.0, f64::max)) / 2.0
+fn middle_ns(input: &Input, numbers: &[usize]) -> u64 {
+    let times = || numbers.iter().filter_map(|&n| input.exposure_ns(n));
+    times().min().unwrap_or_default().midpoint(times().max().unwrap_or_default())
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
+use fringeflow::evaluation::TrajectoryScores;
 use fringeflow::fusion::{Tracked, Tracker, Tracking};
 use serde::Serialize;
 
@@ -32,6 +33,8 @@ pub(crate) struct Summary<'a> {
     /// Standard deviation of the model's centre by the pose: of the second cloud, of the last, and the largest.
     pose_sd_mm: Option<[f64; 3]>,
     closure: Option<ClosureSummary>,
+    /// Poses against the true ones, where the recording holds these.
+    truth: Option<TruthSummary>,
     /// Time that tracking and fusing took a cloud.
     tracking_ms: f64,
 }
@@ -52,8 +55,39 @@ struct ClosureSummary {
     share: f64,
 }
 
+/// How far the poses are from the true ones.
+#[derive(Serialize)]
+struct TruthSummary {
+    poses: usize,
+    rms_mm: f64,
+    max_mm: f64,
+    last_mm: f64,
+    rms_deg: f64,
+    /// Errors in the standard deviations that the poses state: 1 where these hold.
+    rms_sd: Option<f64>,
+}
+
+impl TruthSummary {
+    fn of(scores: &TrajectoryScores) -> Self {
+        Self {
+            poses: scores.poses,
+            rms_mm: scores.rms_m * 1e3,
+            max_mm: scores.max_m * 1e3,
+            last_mm: scores.last_m * 1e3,
+            rms_deg: scores.rms_rad.to_degrees(),
+            rms_sd: scores.rms_sd,
+        }
+    }
+}
+
 impl<'a> Summary<'a> {
-    pub(crate) fn of(model: &'a Path, scan: &Scan, tracker: &Tracker, surfels: usize) -> Self {
+    pub(crate) fn of(
+        model: &'a Path,
+        scan: &Scan,
+        tracker: &Tracker,
+        surfels: usize,
+        truth: Option<&TrajectoryScores>,
+    ) -> Self {
         let merged: Vec<_> = scan.looked.iter().filter_map(Looked::merged).collect();
         let centre = tracker.model().centre();
         let registered: Vec<_> = merged.iter().filter_map(|tracked| tracked.tracking.registration()).collect();
@@ -87,6 +121,7 @@ impl<'a> Summary<'a> {
                 sd_mm: closure.direct.covariance.sd_at(&centre) * 1e3,
                 share: closure.direct.share,
             }),
+            truth: truth.map(TruthSummary::of),
             tracking_ms: scan.tracking.as_secs_f64() * 1e3 / scan.looked.len().max(1) as f64,
         }
     }
@@ -116,6 +151,14 @@ impl<'a> Summary<'a> {
                 share * 100.0
             )?,
             None => writeln!(out, "open        the last cloud has too little in common with the first")?,
+        }
+        if let Some(TruthSummary { rms_mm, max_mm, last_mm, rms_deg, rms_sd, .. }) = &self.truth {
+            let in_sd = rms_sd.map_or_else(String::new, |sd| format!(", {sd:.1} times what they state"));
+            writeln!(
+                out,
+                "truth       poses are off by {rms_mm:.4} mm and {rms_deg:.4}° rms{in_sd}; {max_mm:.4} mm at worst, \
+                 {last_mm:.4} mm at last"
+            )?;
         }
         Ok(writeln!(out, "tracking    {:.1} ms a cloud", self.tracking_ms)?)
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
-use fringeflow_runtime::{ServiceArgs, ServiceKind, WORKERS};
+use fringeflow_runtime::{ServiceArgs, ServiceKind, workers};
 use fringeflow_supervisor::{Plan, run};
 
 use super::{Args, no_clouds};
@@ -57,8 +57,9 @@ impl Args {
             supervised: false,
         };
         let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
+        let services = workers(&arguments.configuration()?).chain(recorder).collect();
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
-        super::super::run::plan(&arguments, globals, WORKERS.into_iter().chain(recorder).collect(), recording)
+        super::super::run::plan(&arguments, globals, services, recording)
     }
 
     fn judge(&self, compared: &Compared) -> Result<(), Failure> {

@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 
-use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifyOutcome};
+use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifiedPoses, VerifyOutcome};
 
 use super::{Args, no_clouds};
 use crate::failure::Failure;
@@ -16,6 +16,9 @@ struct Report<'a> {
     images_missing: usize,
     before_recording: usize,
     no_cloud: usize,
+    /// Poses of a scanner that was tracked, computed again from the recorded clouds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    poses: Option<VerifiedPoses>,
     results: &'a [VerifiedCloud],
 }
 
@@ -25,6 +28,12 @@ impl Args {
         let bar = progress::bar("clouds", recording.count(Topic::Cloud) as u64);
         let results = recording.verify(|_| bar.inc(1))?;
         bar.finish_and_clear();
+        let poses = (recording.count(Topic::Pose) > 0).then(|| {
+            let bar = progress::bar("poses", recording.count(Topic::Pose) as u64);
+            let verified = recording.verify_poses(|| bar.inc(1));
+            bar.finish_and_clear();
+            verified
+        });
         let count = |is: fn(&VerifyOutcome) -> bool| results.iter().filter(|cloud| is(&cloud.outcome)).count();
         let report = Report {
             clouds: results.len(),
@@ -33,6 +42,7 @@ impl Args {
             images_missing: count(|outcome| *outcome == VerifyOutcome::ImagesMissing),
             before_recording: count(|outcome| *outcome == VerifyOutcome::BeforeRecording),
             no_cloud: count(|outcome| matches!(outcome, VerifyOutcome::NoCloud(_))),
+            poses: poses.transpose()?,
             results: &results,
         };
         if self.json {
@@ -67,6 +77,15 @@ impl Args {
             report.images_missing,
             report.before_recording
         )?;
+        if let Some(VerifiedPoses { poses, same, different, without_clouds, first_different }) = report.poses {
+            let first = first_different.map_or_else(String::new, |cloud| format!(", the first at cloud {cloud}"));
+            writeln!(
+                out,
+                "{}: {same} of {poses} poses are the same to the last bit, {different} differ{first}, {without_clouds} rest on \
+                 clouds that are not recorded",
+                self.input.display()
+            )?;
+        }
         Ok(())
     }
 
@@ -74,6 +93,9 @@ impl Args {
         let file = self.input.display();
         if report.clouds == 0 {
             return Err(no_clouds(&self.input));
+        }
+        if let Some(poses) = report.poses.filter(|poses| poses.different > 0) {
+            return Err(Failure::Refuted(format!("{file}: {} poses are not those of their clouds", poses.different)));
         }
         match report.different + report.no_cloud {
             0 if report.images_missing == 0 => Ok(()),

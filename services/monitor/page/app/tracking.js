@@ -1,0 +1,32 @@
+// Where the scanner stands, beside the cloud: whether it is tracked, and how well its pose is known.
+
+import { byId, setState, setText } from "./elements.js";
+import { fixed, plural, short, withUnit } from "./format.js";
+
+/** The choice of the model is there where one is made. */
+export function startTracking({ tracked }) {
+    byId("cloud-source-choice").hidden = !tracked;
+    byId("tracking-state").hidden = !tracked;
+    if (!tracked && byId("cloud-source").value === "model") {
+        byId("cloud-source").value = "cloud";
+        byId("cloud-source").dispatchEvent(new Event("change"));
+    }
+}
+
+export function showTracking({ figures: { tracking } }) {
+    const line = byId("tracking-state");
+    setText(line, tracking ? describe(tracking) : "not tracked yet");
+    setState(line, "level", tracking?.state === "lost" ? "error" : null);
+}
+
+function describe({ state, reason, sd_mm: sd, model_points: points, model_clouds: clouds }) {
+    const model = `model ${plural(points, "point")} of ${plural(clouds, "cloud")}`;
+    switch (state) {
+        case "tracked":
+            return `tracked to ${withUnit(short(1000 * sd), "µm")} · ${model}`;
+        case "lost":
+            return `lost: ${(reason ?? "").replaceAll("_", " ")} · ${model}`;
+        default:
+            return `no cloud · ${model}`;
+    }
+}
