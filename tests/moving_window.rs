@@ -37,6 +37,7 @@ fn scanner(sweep: SweepOptions) -> VirtualScanner {
         noise: NoiseLevel::Normal,
         format: PixelFormat::Grey,
         gamma: 1.0,
+        exposure: 1.0,
         supersampling: 1,
         sweep,
         seed: 3,
