@@ -21,3 +21,4 @@ mod recorded_run;
 mod refused;
 mod reports;
 mod support;
+mod tracking;
