@@ -253,7 +253,7 @@ impl Skew {
 }
 
 impl Stage {
-    /// All stages, in the order of the pipeline.
+    /// All stages, in the order of the pipeline; what stands beside it last.
     pub const ALL: [Self; 11] = [
         Self::Camera1,
         Self::Camera2,
@@ -264,8 +264,8 @@ impl Stage {
         Self::Phase,
         Self::Correspondence,
         Self::Cloud,
-        Self::Tracking,
         Self::Recorder,
+        Self::Tracking,
     ];
 
     /// The stage of a report; `None` for a number that is none.

@@ -115,9 +115,12 @@ impl PoseReport {
     }
 }
 
+/// Place, turn and covariance.
+type PoseNumbers = ([f64; 3], [f64; 4], [[f64; 6]; 6]);
+
 impl TrackedPose {
-    /// Place, turn and covariance; `None` where they are no pose.
-    fn numbers(&self) -> Option<([f64; 3], [f64; 4], [[f64; 6]; 6])> {
+    /// What makes it a pose; `None` where it is none.
+    fn numbers(&self) -> Option<PoseNumbers> {
         let position_m: [f64; 3] = self.position_m.as_slice().try_into().ok()?;
         let rotation: [f64; 4] = self.rotation.as_slice().try_into().ok()?;
         let (rows, rest) = self.covariance.as_chunks::<6>();

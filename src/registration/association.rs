@@ -33,6 +33,8 @@ pub(super) struct Pair {
     pub(super) sd_m: f64,
     /// Its change by shift and turn.
     pub(super) row: Vector6<f64>,
+    /// Pixel of the moved point.
+    pub(super) cam1_px: [u16; 2],
 }
 
 impl Pair {
@@ -78,6 +80,7 @@ impl Association<'_> {
             residual_m: off.dot(&normal),
             sd_m: noise_m.hypot(LEAST_SD_M),
             row: Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z),
+            cam1_px: moved.cam1_px,
         })
     }
 }

@@ -4,7 +4,8 @@
 //! the residuals themselves. Neighbouring points err alike where calibration or motion moved them together, so counting
 //! them as independent would promise too much. The covariance is therefore the sandwich `A⁻¹ B A⁻¹` for clustered data
 //! (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear models"): B adds up the gradients of whole
-//! tiles, and is as large as these really scatter.
+//! tiles, and is as large as these really scatter. What tiles have in common, a smooth error of the surfaces, is added to B
+//! by [`super::smooth_error`].
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -26,6 +27,16 @@ pub(super) fn scale(pairs: &[Vec<Pair>]) -> f64 {
     }
     let (_, median, _) = magnitudes.select_nth_unstable_by(middle, f64::total_cmp);
     (*median / NORMAL_MEDIAN).max(LEAST_SCALE)
+}
+
+/// How far a residual is out, squared; 1 and more does not count.
+fn outlier_share(pair: &Pair, scale: f64) -> f64 {
+    (pair.normalized() / (TUKEY * scale)).powi(2)
+}
+
+/// Weight of a pair, 1/m².
+pub(super) fn weight(pair: &Pair, scale: f64) -> f64 {
+    (1.0 - outlier_share(pair, scale)).max(0.0).powi(2) / (pair.sd_m * pair.sd_m)
 }
 
 /// Fewest tiles whose gradients tell how much they scatter.
@@ -63,7 +74,7 @@ impl Equations {
         for tile in pairs.iter().filter(|tile| !tile.is_empty()) {
             let mut gradient = Vector6::zeros();
             for pair in tile {
-                let share = (pair.normalized() / (TUKEY * scale)).powi(2);
+                let share = outlier_share(pair, scale);
                 if share < 1.0 {
                     let precision = 1.0 / (pair.sd_m * pair.sd_m);
                     let weight = (1.0 - share) * (1.0 - share) * precision;
@@ -106,7 +117,9 @@ impl Equations {
     }
 
     /// Covariance of the step; `None` where it is not determined.
-    pub(super) fn covariance(&self) -> Option<Matrix6<f64>> {
+    ///
+    /// `smooth` is the covariance of the gradient by errors that tiles have in common.
+    pub(super) fn covariance(&self, smooth: &Matrix6<f64>) -> Option<Matrix6<f64>> {
         let inverse = self.curvature.cholesky()?.inverse();
         // Six unknowns were fitted to the gradients, which makes them scatter less; with few more than six tiles nothing
         // would be left.
@@ -114,7 +127,7 @@ impl Equations {
             return None;
         }
         let tiles = self.tiles as f64;
-        let covariance = inverse * self.scatter * inverse * (tiles / (tiles - 6.0));
+        let covariance = inverse * (self.scatter * (tiles / (tiles - 6.0)) + smooth) * inverse;
         Some((covariance + covariance.transpose()) / 2.0)
     }
 }

@@ -8,6 +8,7 @@ use super::association::{Association, Motion, Pair};
 use super::covariance::PoseCovariance;
 use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
+use super::smooth_error::gradient_covariance;
 use super::surface::{OrganizedSurface, SurfacePoint};
 use super::thinning::tiles;
 
@@ -37,6 +38,8 @@ struct Settled {
     equations: Equations,
     scale: f64,
     last_step_sd: f64,
+    /// The pairs of the last step.
+    paired: Vec<Vec<Pair>>,
 }
 
 /// Registers a moved surface to a reference that camera 1 saw, from a rough pose.
@@ -87,9 +90,9 @@ fn settle(
         let scale = scale(&pairs);
         let equations = Equations::of(&pairs, scale);
         if taken == steps || last_step_sd <= CONVERGED_SD {
-            let pairs = pairs.iter().map(Vec::len).sum();
-            let motion = association.motion;
-            return Ok(Settled { reference_from_moved: pose, motion, pairs, equations, scale, last_step_sd });
+            let (motion, paired) = (association.motion, pairs);
+            let pairs = paired.iter().map(Vec::len).sum();
+            return Ok(Settled { reference_from_moved: pose, motion, pairs, equations, scale, last_step_sd, paired });
         }
         let step = step(&pairs, &equations)?;
         last_step_sd = equations.step_sd(&step, scale);
@@ -125,7 +128,8 @@ fn judge(
         return Err(Lost::NotConverged { step_sd: found.last_step_sd });
     }
     let Motion { centre, radius_m } = found.motion;
-    let covariance = equations.covariance().ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
+    let smooth = gradient_covariance(&found.paired, found.scale);
+    let covariance = equations.covariance(&smooth).ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
     Ok(Registration {

@@ -16,6 +16,7 @@ mod equations;
 mod icp;
 mod normals;
 mod outcome;
+mod smooth_error;
 mod surface;
 mod thinning;
 

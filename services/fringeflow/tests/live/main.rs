@@ -22,3 +22,4 @@ mod recorded_run;
 mod refused;
 mod reports;
 mod support;
+mod tracking;

@@ -65,8 +65,9 @@ impl Ended {
             (passed("windowing"), "phase"),
             (passed("phase"), "correspondence"),
             (passed("correspondence"), "cloud"),
+            (passed("cloud"), "tracking"),
         ];
-        for (sent, to) in arrows {
+        for (sent, to) in arrows.into_iter().filter(|(_, to)| self.stages.contains_key(*to)) {
             assert!(sent.is_none_or(|sent| sent == self.stage(to).taken), "{sent:?} were sent to {to}: {self:?}");
         }
     }

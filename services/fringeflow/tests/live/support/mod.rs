@@ -57,8 +57,8 @@ enabled = false
 "#;
 
 /// The services of the instance, in the order of the pipeline.
-pub(crate) const SERVICES: [&str; 7] =
-    ["virtual-projector", "virtual-cameras", "phase", "correspondence", "cloud", "recorder", "monitor"];
+pub(crate) const SERVICES: [&str; 8] =
+    ["virtual-projector", "virtual-cameras", "phase", "correspondence", "cloud", "tracking", "recorder", "monitor"];
 
 /// Arguments of a command.
 pub(crate) type Arguments<'a> = &'a [&'a dyn AsRef<OsStr>];

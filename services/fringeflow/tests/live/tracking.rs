@@ -1,0 +1,94 @@
+//! A scanner that is tracked while it scans: poses, the state that is shown, and the account of every cloud.
+
+use fringeflow::message::{DropReason, TrackingState};
+use fringeflow::recording::{Content, Recording, Topic};
+
+use crate::support::{Bench, NAME};
+
+/// Tracking, of an object that takes this table.
+const TRACKED: &str = "[tracking]\nenabled = true\nmerge_every = 2\nshown_every_s = 0.1\n[monitor]";
+
+/// Of a body with relief, in images that show it.
+fn bench() -> Bench {
+    Bench::with(&[
+        ("[monitor]", TRACKED),
+        ("object = \"plane\"", "object = \"nose\""),
+        ("size_px = [96, 80]", "size_px = [160, 128]"),
+        ("period_px = 48.0", "period_px = 32.0"),
+    ])
+}
+
+#[test]
+fn poses_are_recorded_add_up_and_come_again_to_the_bit() {
+    let bench = bench();
+    let recording = bench.path("scan.mcap");
+    let ended = bench.run(&[&"--seconds", &"4", &"--record", &recording]);
+    ended.assert_undisturbed();
+    bench.assert_nothing_left();
+    let stage = ended.stage("tracking");
+    assert!(stage.passed > 3, "{ended:?}");
+    assert_eq!(stage.taken, ended.stage("cloud").passed);
+    let told = stage.passed + stage.dropped(DropReason::NotTracked);
+    let lost = ended.stage("recorder").dropped(DropReason::Overrun);
+
+    let opened = Recording::open(&recording).unwrap();
+    let (mut first, mut poses, mut reports) = (None, 0, 0);
+    for message in opened.messages_of(Topic::Pose) {
+        let Content::Pose(report) = message.unwrap().content else { panic!("no pose") };
+        reports += 1;
+        assert_eq!(*first.get_or_insert(report.first_cloud), report.first_cloud, "one model");
+        if report.has_pose() {
+            poses += 1;
+            let begins = report.state() == Some(TrackingState::First);
+            assert_eq!((report.cloud == report.first_cloud, report.sd_m == 0.0), (begins, begins), "{report:?}");
+            // The sweep leads a millimetre to each side.
+            assert!(report.position_m.iter().all(|x| x.abs() < 0.005), "{report:?}");
+        } else {
+            assert_eq!((report.rotation, report.position_m), ([0.0; 4], [0.0; 3]), "{report:?}");
+        }
+    }
+    assert!(reports <= told && reports + lost >= told, "{reports} of {told} reports: {ended:?}");
+    // The transforms of the rig, and one for every pose.
+    assert_eq!(opened.count(Topic::Transforms) as u64, 1 + poses);
+
+    let codes: &[i32] = if lost > 0 { &[0, 3] } else { &[0] };
+    for threads in ["1", "2"] {
+        let verified = bench.json(codes, &[&"--threads", &threads, &"replay", &recording, &"--verify", &"--json"]);
+        let verified = &verified["poses"];
+        assert_eq!((&verified["poses"], &verified["different"]), (&reports.into(), &0.into()), "{verified}");
+        assert!(lost > 0 || verified["same"] == reports, "{verified}");
+    }
+    // A replay that waits for every stage tracks every cloud.
+    let replayed = bench.replay(&[&"replay", &recording, &"--rate", &"max", &"--verify"]);
+    replayed.assert_balanced();
+    assert_eq!(replayed.stage("tracking").dropped(DropReason::Thinned), 0, "{replayed:?}");
+    assert_eq!(replayed.stage("tracking").taken, replayed.stage("cloud").passed);
+}
+
+#[test]
+fn a_scanner_that_is_lost_says_so_and_puts_out_no_pose() {
+    // Along a plane nothing tells how far it was moved.
+    let bench = Bench::with(&[("[monitor]", TRACKED)]);
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    let mut tracking = serde_json::Value::Null;
+    let mut becomes = |state: &str| {
+        live.wait_until(state, || {
+            tracking = bench.json(&[0], &[&"status", &NAME, &"--json"])["tracking"].take();
+            tracking["state"] == state
+        });
+        tracking.clone()
+    };
+    let lost = becomes("lost");
+    assert_eq!((&lost["reason"], &lost["model_clouds"]), (&"degenerate".into(), &1.into()), "{lost}");
+    assert!(bench.done(&[0], &[&"status", &NAME]).contains("tracking: lost (degenerate)"));
+    bench.done(&[0], &[&"control", &"--instance", &NAME, &"stop"]);
+    becomes("no_cloud");
+    let ended = live.quit();
+    ended.assert_undisturbed();
+    let stage = ended.stage("tracking");
+    assert!(stage.passed == 1 && stage.dropped(DropReason::NotTracked) > 0, "{ended:?}");
+    let opened = Recording::open(&recording).unwrap();
+    assert!(opened.count(Topic::Pose) > 1 && opened.count(Topic::Transforms) <= 2);
+    bench.assert_nothing_left();
+}
