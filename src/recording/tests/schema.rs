@@ -89,6 +89,8 @@ fn the_structs_write_exactly_the_fields_of_the_descriptor() {
     let maps_message = schema::PhaseMaps { header: Some(schema::MapsHeader::of(&maps())), payload: vec![1].into() };
     let map = schema::CorrespondenceHeader::of(&correspondences());
     let map_message = schema::CorrespondenceMap { header: Some(map.clone()), payload: vec![1].into() };
+    // One has either a pose or a reason why there is none.
+    let pose = schema::PoseReport { reason: "overlap".to_owned(), ..schema::PoseReport::of(&pose_report()).unwrap() };
     // None of the fields has its default, so every one is on the wire.
     let written = [
         ("FrameHeader", schema::FrameHeader::of(&header).encode_to_vec()),
@@ -103,6 +105,8 @@ fn the_structs_write_exactly_the_fields_of_the_descriptor() {
         ("Drift", schema::WindowReport::of(&window_report()).drift.unwrap().encode_to_vec()),
         ("Gauge", schema::WindowReport::of(&window_report()).health[0].encode_to_vec()),
         ("WindowReport", schema::WindowReport::of(&window_report()).encode_to_vec()),
+        ("TrackedPose", pose.pose.as_ref().unwrap().encode_to_vec()),
+        ("PoseReport", pose.encode_to_vec()),
         ("StageReport", schema::StageReport::of(&report()).unwrap().encode_to_vec()),
     ];
     let written: BTreeMap<&str, Vec<i32>> =
