@@ -36,7 +36,7 @@ impl Default for HealthLimits {
             Quantity::ResidualCam1 | Quantity::ResidualCam2 => [0.1, 0.2],
             Quantity::HarmonicsCam1 | Quantity::HarmonicsCam2 => [0.04, 0.1],
             Quantity::SaturatedCam1 | Quantity::SaturatedCam2 => [0.02, 0.1],
-            Quantity::DimCam1 | Quantity::DimCam2 => [0.3, 0.6],
+            Quantity::DimCam1 | Quantity::DimCam2 => [0.7, 0.9],
             Quantity::Skew => [1.0, 5.0],
             Quantity::Motion => [0.4, 0.8],
             Quantity::Brightness => [0.03, 0.1],

@@ -93,7 +93,7 @@ fn decode_images<S: Sample>(
     map.exposure = exposure;
     map.harmonics = harmonics::measure(shifts.shifts_rad(), map.phase.len(), |pixel, out: &mut Samples| {
         let samples = || images.iter().map(|image| image[pixel]).zip(shifts.shifts_rad());
-        out.extend(samples().map(|(value, shift)| [f64::from(value.grey(grey_per_value)), *shift]));
+        out.extend(samples().map(|(value, shift)| [f64::from(value.grey(grey_per_value)), *shift, 0.0]));
         map.valid[pixel] && samples().all(|(value, _)| value.is_below(saturation))
     });
     residuals

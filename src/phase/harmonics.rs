@@ -5,10 +5,11 @@
 //! `I_k = A + B·Σ_h Re(c_h·e^(i·h·(φ + α_k)))`, h from 1 to 3, `c_1 = 1`. At one pixel N images show no more than N numbers, but
 //! `c_2` and `c_3` are those of the projector and the same everywhere, so that pixels of different phase tell them apart: least
 //! squares over all of them, of what no fundamental explains. Motion, edges and noise make residuals too, but not at twice and
-//! three times the phase of their pixel. An exponent γ of the projector makes `c_2 = (γ − 1)/(γ + 2)`.
+//! three times the phase of their pixel. What an error of the motion makes is taken off beside the fundamental, where there are
+//! images enough: harmonics disturb its measurement. An exponent γ of the projector makes `c_2 = (γ − 1)/(γ + 2)`.
 //! Cost: about a microsecond a pixel asked, whatever the size of the image.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::map::Harmonics;
 
@@ -25,8 +26,8 @@ const MIN_EIGENVALUE: f64 = 0.05;
 /// Real and imaginary part of `c_2` and `c_3`.
 const UNKNOWNS: usize = 4;
 
-/// Samples of a pixel: grey level and angle of each image, rad.
-pub(super) type Samples = Vec<[f64; 2]>;
+/// Samples of a pixel: grey level, angle, rad, and time since the centre of the window, images; 0 where nothing moves.
+pub(super) type Samples = Vec<[f64; 3]>;
 
 /// Measures the harmonics in images with these shifts; `take` fills in the samples of a pixel, or says that it tells nothing:
 /// invalid, dim or saturated.
@@ -85,13 +86,25 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, samples: &Samples) {
-        let rows = || samples.iter().map(|&[grey, angle]| (row(angle), grey));
-        let Some(inverse) = normal(samples.iter().map(|&[_, angle]| angle)).try_inverse() else { return };
-        let fundamental: Vector3<f64> = inverse * rows().map(|(row, grey)| row * grey).sum::<Vector3<f64>>();
-        let [offset, re, im] = [fundamental[0], fundamental[1], fundamental[2]];
+        let Some(inverse) = normal(samples.iter().map(|&[_, angle, _]| angle)).try_inverse() else { return };
+        let sums: Vector3<f64> = samples.iter().map(|&[grey, angle, _]| row(angle) * grey).sum();
+        let [_, re, im] = <[f64; 3]>::from(inverse * sums);
         let modulation = re.hypot(im);
+        // Beside the fundamental what it changes by when the motion does.
+        let rows = || {
+            samples.iter().map(move |&[grey, angle, t]| {
+                let row = row(angle);
+                (Vector4::new(row[0], row[1], row[2], t * (im * row[1] - re * row[2]) / modulation), grey)
+            })
+        };
+        let mut normal: Matrix4<f64> = rows().map(|(row, _)| row * row.transpose()).sum();
+        if samples.iter().all(|&[_, _, t]| t == 0.0) {
+            normal[(3, 3)] = 1.0;
+        }
+        let Some(inverse) = normal.try_inverse().filter(|_| modulation > 0.0) else { return };
+        let fitted: Vector4<f64> = inverse * rows().map(|(row, grey)| row * grey).sum::<Vector4<f64>>();
         let (mut normal, mut right) = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros(), SVector::<f64, UNKNOWNS>::zeros());
-        let mut explained = SMatrix::<f64, 3, UNKNOWNS>::zeros();
+        let mut explained = SMatrix::<f64, 4, UNKNOWNS>::zeros();
         let mut squares = 0.0;
         for (row, grey) in rows() {
             // B·e^(i(φ + α)), and its powers of the same amount.
@@ -100,14 +113,14 @@ impl Sums {
             let (p2, q2) = (p * c - q * s, p * s + q * c);
             let (p3, q3) = (p2 * c - q2 * s, p2 * s + q2 * c);
             let harmonics = SVector::<f64, UNKNOWNS>::new(p2, -q2, p3, -q3);
-            let residual = grey - offset - p;
+            let residual = grey - fitted.dot(&row);
             squares += residual * residual;
             normal += harmonics * harmonics.transpose();
             right += harmonics * residual;
             explained += row * harmonics.transpose();
         }
         let is_edge = squares > EDGE_SHARE * EDGE_SHARE * modulation * modulation * samples.len() as f64;
-        if modulation > 0.0 && !is_edge {
+        if !is_edge {
             self.normal += normal - explained.transpose() * inverse * explained;
             self.right += right;
             self.pixels += 1;
@@ -188,12 +201,14 @@ mod tests {
                     let Harmonics { second_share, third_share } = decoded(steps, count, gamma, motion_rad).harmonics;
                     let second = (gamma - 1.0) / (gamma + 2.0);
                     let third = second * (gamma - 2.0) / (gamma + 3.0);
+                    // A third of a radian an image turns the harmonic by more than two within the window.
+                    let tolerance = 0.004 + f64::abs(motion_rad) * (0.02 + 0.5 * second.abs());
                     let what = format!("{steps} steps, {count} images, γ {gamma}, moving {motion_rad}");
                     let found = f64::from(second_share.unwrap());
-                    assert!((found - second.abs()).abs() < 0.008, "{what}: {found} for {second}");
+                    assert!((found - second.abs()).abs() < tolerance, "{what}: {found} for {second}");
                     assert_eq!(third_share.is_some(), steps > 4, "{what}");
                     let found = third_share.map_or(third.abs(), f64::from);
-                    assert!((found - third.abs()).abs() < 0.008, "{what}: {found} for {third}");
+                    assert!((found - third.abs()).abs() < tolerance, "{what}: {found} for {third}");
                 }
             }
         }

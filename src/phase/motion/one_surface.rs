@@ -97,6 +97,10 @@ impl<'a, S: Sample> OneSurface<'a, S> {
                     mean[u] = (offset + 0.5) as u8;
                 }
                 counts.exposure.add(is_saturated, modulation[u], least);
+                if is_saturated {
+                    // Too much light, not motion.
+                    continue;
+                }
                 let count = if found.is_some() { &mut counts.one_surface_pixels } else { &mut counts.lost_pixels };
                 *count += 1;
             }

@@ -122,8 +122,11 @@ impl<'a, S: Sample> Window<'a, S> {
         let (shifts, images) = (fit.shifts_rad(), self.images.len());
         harmonics::measure(shifts, self.width * self.height, |pixel, out: &mut Samples| {
             let motion_rad = f64::from(decoded.motion_rad[pixel]);
-            let angle = |image: usize| shifts[image] + motion_rad * time(image, images);
-            out.extend((0..images).map(|image| [f64::from(self.grey(image, pixel)), angle(image)]));
+            let sample = |image: usize| {
+                let t = time(image, images);
+                [f64::from(self.grey(image, pixel)), shifts[image] + motion_rad * t, t]
+            };
+            out.extend((0..images).map(sample));
             decoded.map.valid[pixel]
                 && motion_rad.is_finite()
                 && !(0..images).any(|image| self.is_saturated(image, pixel))
