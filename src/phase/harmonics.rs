@@ -19,6 +19,9 @@ const PIXELS: usize = 4000;
 const LEAST_PIXELS: usize = 200;
 /// Residual ÷ modulation from which on a pixel is at an edge and says nothing.
 const EDGE_SHARE: f64 = 0.5;
+/// Phase that a pixel may have moved by from the centre of the window to its ends, rad: beyond, the error of its motion looks like
+/// a harmonic.
+const MOST_MOVED_RAD: f64 = 1.0;
 /// Share of a harmonic that shifts must tell apart from offset and fundamental.
 const VISIBLE_SHARE: f64 = 0.2;
 /// Least eigenvalue of the normal matrix, of a mean of 1, that tells its unknowns apart.
@@ -44,7 +47,7 @@ pub(super) fn measure(
     for pixel in spread(pixels) {
         samples.clear();
         if take(pixel, &mut samples) {
-            sums.add(&samples);
+            sums.add(&samples, shifts_rad);
         }
     }
     sums.solve(visible)
@@ -85,7 +88,12 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, samples: &Samples) {
+    /// Takes a pixel; `shifts_rad` are those of its samples.
+    fn add(&mut self, samples: &Samples, shifts_rad: &[f64]) {
+        let moved_rad = |(sample, shift): (&[f64; 3], &f64)| (sample[1] - shift).abs();
+        if samples.iter().zip(shifts_rad).any(|pair| moved_rad(pair) > MOST_MOVED_RAD) {
+            return;
+        }
         let Some(inverse) = normal(samples.iter().map(|&[_, angle, _]| angle)).try_inverse() else { return };
         let sums: Vector3<f64> = samples.iter().map(|&[grey, angle, _]| row(angle) * grey).sum();
         let [_, re, im] = <[f64; 3]>::from(inverse * sums);
@@ -198,7 +206,12 @@ mod tests {
         for (steps, count) in [(4, 4), (4, 6), (5, 5), (5, 7), (6, 6), (8, 10), (16, 16)] {
             for gamma in [1.0, 1.1, 1.2, 1.4, 0.8] {
                 for motion_rad in if count > steps { vec![0.0, 0.15, -0.3] } else { vec![0.0] } {
-                    let Harmonics { second_share, third_share } = decoded(steps, count, gamma, motion_rad).harmonics;
+                    let harmonics = decoded(steps, count, gamma, motion_rad).harmonics;
+                    if f64::abs(motion_rad) * (count - 1) as f64 > 2.2 * MOST_MOVED_RAD {
+                        assert_eq!(harmonics, Harmonics::default(), "{steps} steps, {count} images, moving {motion_rad}");
+                        continue;
+                    }
+                    let Harmonics { second_share, third_share } = harmonics;
                     let second = (gamma - 1.0) / (gamma + 2.0);
                     let third = second * (gamma - 2.0) / (gamma + 3.0);
                     // A third of a radian an image turns the harmonic by more than two within the window.

@@ -22,7 +22,10 @@ const MIN_CELLS: usize = 16;
 /// Lengths ℓ that are tried, cells. Longer ones are nearly a pose of their own, and residuals say nothing about them.
 const LENGTHS: [f64; 4] = [1.0, 1.5, 2.25, 3.4];
 /// Variances σ² that are tried, in median variances of a cell's noise.
-const VARIANCES: [f64; 7] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+const VARIANCES: [f64; 8] = [0.0625, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+/// A smooth error must explain the residuals so much better than none: by the two numbers that it has more (Akaike 1974, "A new
+/// look at the statistical model identification").
+const MIN_GAIN: f64 = 4.0;
 
 /// Sums over the pairs of a cell.
 #[derive(Clone, Copy, Default)]
@@ -45,7 +48,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
         return Matrix6::zeros();
     }
     let field = Field::of(&cells, scale);
-    let mut best = (field.misfit(&DMatrix::zeros(cells.len(), cells.len())), None);
+    let mut best = (field.misfit(&DMatrix::zeros(cells.len(), cells.len())) - MIN_GAIN, None);
     for length in LENGTHS {
         let correlation = correlation(&cells, length);
         for variance in VARIANCES.map(|times| times * field.median_noise) {
