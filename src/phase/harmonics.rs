@@ -208,7 +208,11 @@ mod tests {
                 for motion_rad in if count > steps { vec![0.0, 0.15, -0.3] } else { vec![0.0] } {
                     let harmonics = decoded(steps, count, gamma, motion_rad).harmonics;
                     if f64::abs(motion_rad) * (count - 1) as f64 > 2.2 * MOST_MOVED_RAD {
-                        assert_eq!(harmonics, Harmonics::default(), "{steps} steps, {count} images, moving {motion_rad}");
+                        assert_eq!(
+                            harmonics,
+                            Harmonics::default(),
+                            "{steps} steps, {count} images, moving {motion_rad}"
+                        );
                         continue;
                     }
                     let Harmonics { second_share, third_share } = harmonics;

@@ -4,7 +4,7 @@ use crate::grey::PixelFormat;
 
 /// A stored value.
 pub(super) trait Sample: Copy + Send + Sync + bytemuck::Pod {
-    /// Its grey level; `grey_per_value` is that of its format.
+    /// Its grey level; `grey_per_value` is that of its format, less where its image is brighter than the others of a window.
     fn grey(self, grey_per_value: f32) -> f32;
 
     /// The value from which on a grey level is at least `grey`.
@@ -16,8 +16,8 @@ pub(super) trait Sample: Copy + Send + Sync + bytemuck::Pod {
 
 /// 8 bits.
 impl Sample for u8 {
-    fn grey(self, _: f32) -> f32 {
-        f32::from(self)
+    fn grey(self, grey_per_value: f32) -> f32 {
+        f32::from(self) * grey_per_value
     }
 
     fn from_grey(grey: u8, _: PixelFormat) -> Self {
@@ -32,7 +32,6 @@ impl Sample for u8 {
 /// More than 8 bits, little endian; at any address.
 impl Sample for [u8; 2] {
     fn grey(self, grey_per_value: f32) -> f32 {
-        // A power of two: exact.
         f32::from(u16::from_le_bytes(self)) * grey_per_value
     }
 

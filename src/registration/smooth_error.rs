@@ -158,7 +158,7 @@ mod tests {
             let [x, y] = [u, v].map(|c| f64::from(c) / 160.0 - 1.0);
             let wave = (5.0 * x + a).sin() * (4.0 * y + b).cos();
             let residual_m = SD_M * normal() + smooth_m * wave;
-            Pair { residual_m, sd_m: SD_M, row: Vector6::new(x, y, 1.0, y, -x, x * y), cam1_px: [u, v] }
+            Pair { residual_m, sd_m: SD_M, row: Vector6::new(x, y, 1.0, x * x, y * y, x * y), cam1_px: [u, v] }
         };
         vec![(0..32).flat_map(|v| (0..32).map(move |u| (10 * u, 10 * v))).map(|(u, v)| pair(u, v)).collect()]
     }

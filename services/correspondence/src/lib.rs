@@ -52,8 +52,8 @@ struct CorrespondenceStage {
 
 impl CorrespondenceStage {
     /// Tells of each quantity whose state has changed.
-    fn tell_health(&mut self, health: Option<HealthFigures>) {
-        for gauge in health.iter().flat_map(|health| &health.quantities) {
+    fn tell_health(&mut self, health: Option<&HealthFigures>) {
+        for gauge in health.into_iter().flat_map(|health| &health.quantities) {
             let told = std::mem::replace(&mut self.states[gauge.quantity as usize], gauge.state);
             if GaugeFigures::is_news(told, gauge.state) {
                 if gauge.state > told { tracing::warn!("{gauge}") } else { tracing::info!("{gauge}") }
@@ -122,7 +122,7 @@ impl Transform for CorrespondenceStage {
         self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found));
         self.tell_slip();
         let report = window_report(&self.header, &self.found, published, &self.health);
-        self.tell_health(HealthFigures::of(&report));
+        self.tell_health(HealthFigures::of(&report).as_ref());
         self.reports.send_message(&report)
     }
 
