@@ -40,7 +40,7 @@ impl Default for HealthLimits {
             Quantity::Skew => [1.0, 5.0],
             Quantity::Motion => [0.4, 0.8],
             Quantity::Brightness => [0.03, 0.1],
-            Quantity::OneSurface => [0.1, 0.25],
+            Quantity::OneSurface => [0.2, 0.4],
             Quantity::Lost => [0.05, 0.15],
             Quantity::Slipped => [0.1, 0.5],
         };

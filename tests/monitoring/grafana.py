@@ -55,6 +55,8 @@ def mistyped(value, wanted, path):
         typed = wanted.from_json(value)
         yield from lost(value, plain(typed), path)
         yield from mistyped_fields(typed, path)
+    elif isinstance(value, enum.Enum) and type(value.value) is wanted:
+        return
     elif type(value) is not wanted and not (wanted is float and type(value) is int):
         yield f"{path}: {value!r} is no {getattr(wanted, '__name__', wanted)}"
 

@@ -103,6 +103,7 @@ fn the_structs_write_exactly_the_fields_of_the_descriptor() {
         ("CorrespondenceMap", map_message.encode_to_vec()),
         ("CloudHeader", schema::CloudHeader::of(&cloud(3)).encode_to_vec()),
         ("Drift", schema::WindowReport::of(&window_report()).drift.unwrap().encode_to_vec()),
+        ("Gauge", schema::WindowReport::of(&window_report()).health[0].encode_to_vec()),
         ("WindowReport", schema::WindowReport::of(&window_report()).encode_to_vec()),
         ("TrackedPose", pose.pose.clone().unwrap().encode_to_vec()),
         ("PoseReport", pose.encode_to_vec()),

@@ -11,12 +11,14 @@ fn a_killed_service_is_started_again_and_the_others_go_on() {
     let bench = Bench::with(&[("enabled = false", "address = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"")]);
     let live = bench.start(&[&"--record", &bench.path("scan.mcap")]);
     live.wait_for_clouds(10);
-    for service in SERVICES {
-        let before = SERVICES.map(|service| bench.pid_of(service));
+    let running: Vec<&str> = SERVICES.into_iter().filter(|service| bench.pid_of(service).is_some()).collect();
+    assert!(running.len() >= 7, "{running:?}");
+    for &service in &running {
+        let before: Vec<Option<u32>> = running.iter().map(|service| bench.pid_of(service)).collect();
         let killed = live.signal(service, Signal::KILL);
         live.wait_until("it is started again", || bench.pid_of(service).is_some_and(|pid| pid != killed));
         live.wait_for_clouds(10);
-        for (other, pid) in SERVICES.into_iter().zip(before).filter(|(other, _)| *other != service) {
+        for (other, pid) in running.iter().zip(before).filter(|(other, _)| **other != service) {
             assert_eq!(bench.pid_of(other), pid, "{other}, when {service} was killed");
         }
     }
