@@ -53,7 +53,7 @@ fn what_can_be_seen_is_found_and_motion_is_no_fault() {
                 if matches!(injection, Injection::Frozen(_)) || is_visible(expected, steps, first_step, motion_rad) {
                     visible += 1;
                     let what = format!("{injection:?} of {steps} steps, {mm_per_image} mm, {motion_rad} rad");
-                    // Through a long window of a quick scene few blocks move alike.
+                    // Through a long window of a quick scene motion may leave as much as the fault does.
                     assert!(fault.is_some() || (steps > 4 && mm_per_image > 0.0), "{what}: not found");
                     found += usize::from(fault.is_some());
                     rightly += usize::from(fault.is_some_and(|fault| fault.kind == expected));
@@ -64,7 +64,7 @@ fn what_can_be_seen_is_found_and_motion_is_no_fault() {
         }
     }
     assert!(visible > 300 && invisible * 8 < visible, "{visible} visible, {invisible} not");
-    assert!(found * 100 >= visible * 88, "{found} of {visible} found");
+    assert!(found * 100 >= visible * 97, "{found} of {visible} found");
     assert!(rightly * 100 >= found * 85, "{rightly} of {found} named rightly");
 }
 

@@ -24,24 +24,28 @@ const FEW_TRIED: usize = 12;
 const MOST_TRIED: usize = 64;
 const PROMISING: f64 = 2.0;
 /// Greatest variance beside the fringes, a share of the squared modulation, of a block whose pixels move alike.
-const MAX_NOISE_SQUARE: f64 = 0.04;
+const MAX_NOISE_SQUARE: f64 = 0.08;
 /// Unexplained share of the modulation from which on other steps are tried: a hand that is waved before the cameras leaves up to
 /// 0.075. Of longer cycles it is less, as a step is.
 const SUSPICIOUS_SHARE: f64 = 0.06;
 const SUSPICIOUS_STEPS: usize = 8;
-/// How much less of the modulation the true steps must leave than the said ones.
-const LESS: f64 = 3.0;
+/// How much less of the modulation the true steps must leave than the said ones, and in what share of the blocks they must
+/// leave less: what motion leaves of both differs from block to block, and other steps suit some of them by chance.
+const LESS: f64 = 1.3;
+const AGREEMENT: f64 = 0.9;
+/// How much less the other images must leave without the one that shows something else: no block says by itself which.
+const LESS_WITHOUT: f64 = 3.0;
 /// Share of the modulation that any steps may leave.
 const FLOOR_SHARE: f64 = 0.01;
 /// Faults that leave up to so many times as much as the best, and the floor, explain the images as well: the likelier is named.
 const AS_GOOD: f64 = 1.5;
 /// How much less must be left without an image than with a fault of order, which keeps them all.
-const WITHOUT_IMAGE_LESS: f64 = 1.5;
+const LESS_THAN_ANY_ORDER: f64 = 1.5;
 /// Share of the blocks that must move alike without an image for it to be the one that shows something else.
 const MOST: f64 = 0.75;
 /// Unexplained share of the modulation that no motion makes.
 const UNEXPLAINED_SHARE: f64 = 0.2;
-/// One in so many lit blocks must move alike for the said steps to be judged by them.
+/// The said steps are judged by one in so many lit blocks, those whose pixels move most alike.
 const ONE_IN: usize = 5;
 /// Mean squared difference of images that are the same image, grey levels.
 const SAME_SQUARE: f64 = 1e-6;
@@ -70,6 +74,16 @@ struct Left {
     share: f64,
     /// Motion that most blocks have at least and at most, rad an image.
     motions_rad: [f64; 2],
+}
+
+/// A fault of order that explains the images.
+#[derive(Clone, Copy, Debug)]
+struct Order {
+    kind: SequenceFaultKind,
+    /// What it leaves, a share of the modulation.
+    share: f64,
+    /// Share of the blocks of which it leaves less than the said steps do.
+    agreement: f64,
 }
 
 impl SequenceCheck {
@@ -153,9 +167,21 @@ struct Told<'a> {
 }
 
 impl Told<'_> {
-    /// The signals of the blocks whose pixels move alike.
+    /// The signals of the blocks whose pixels move alike, those that do most first.
     fn alike(&self) -> Vec<&Signal> {
-        self.blocks.iter().map(|(_, signal)| signal).filter(|signal| is_alike(signal)).collect()
+        let mut alike: Vec<&Signal> = self.blocks.iter().map(|(_, signal)| signal).filter(|s| is_alike(s)).collect();
+        alike.sort_by(|a, b| a.noise_square.total_cmp(&b.noise_square));
+        alike
+    }
+
+    /// Those that the steps are judged by; `None` where too few can tell.
+    fn judges(&self) -> Option<Vec<&Signal>> {
+        let mut alike = self.alike();
+        let judges = self.blocks.len().div_ceil(ONE_IN).max(LEAST_BLOCKS);
+        (alike.len() >= judges).then(|| {
+            alike.truncate(judges);
+            alike
+        })
     }
 
     /// An image that came twice: no two exposures have the same noise.
@@ -168,57 +194,69 @@ impl Told<'_> {
 
     /// Whether the said steps leave much, or most blocks cannot tell.
     fn is_suspicious(&self) -> bool {
-        let suspicious = |left: Left| left.share >= self.check.least_residual_share();
-        self.nominal(&self.alike()).is_none_or(suspicious)
-    }
-
-    /// What the said steps leave; `None` where too few blocks can tell.
-    fn nominal(&self, alike: &[&Signal]) -> Option<Left> {
-        left(&self.check.nominal, alike).filter(|_| ONE_IN * alike.len() >= self.blocks.len())
+        let nominal = self.judges().and_then(|judges| left(&self.check.nominal, &judges));
+        nominal.is_none_or(|left| left.share >= self.check.least_residual_share())
     }
 
     fn fault(&self) -> Option<SequenceFault> {
-        let alike = self.alike();
-        let Some(nominal) = self.nominal(&alike) else {
-            let (kind, explained_share) = self.wrong_image(MOST)?;
+        let Some(judges) = self.judges() else {
             let residual_share = self.residual_share();
-            let fault = SequenceFault { kind, residual_share, explained_share };
-            return explains(explained_share, residual_share).then_some(fault);
+            let (kind, explained_share) =
+                self.wrong_image(MOST).filter(|&(_, share)| is_less(LESS_WITHOUT, share, residual_share))?;
+            return Some(SequenceFault { kind, residual_share, explained_share });
         };
-        let residual_share = nominal.share;
-        let order = self.fault_of_order(&alike);
-        let order_share = order.map_or(f64::INFINITY, |(_, share)| share);
-        let without = self.wrong_image(1.0 / ONE_IN as f64);
-        let best = without.filter(|(_, share)| WITHOUT_IMAGE_LESS * share.max(FLOOR_SHARE) < order_share).or(order);
-        let fault = |(kind, explained_share)| SequenceFault { kind, residual_share, explained_share };
-        match best {
-            Some(best) if explains(best.1, residual_share) => Some(fault(best)),
+        let residual_share = left(&self.check.nominal, &judges)?.share;
+        let order = self.fault_of_order(&judges);
+        let order_share = order.map_or(f64::INFINITY, |order| order.share);
+        let is_clear = |share: f64| {
+            is_less(LESS_THAN_ANY_ORDER, share, order_share) && is_less(LESS_WITHOUT, share, residual_share)
+        };
+        let fault = |kind, explained_share| Some(SequenceFault { kind, residual_share, explained_share });
+        if let Some((kind, share)) = self.wrong_image(1.0 / ONE_IN as f64).filter(|&(_, share)| is_clear(share)) {
+            return fault(kind, share);
+        }
+        match order {
+            Some(Order { kind, share, agreement })
+                if is_less(LESS, share, residual_share) && agreement >= AGREEMENT =>
+            {
+                fault(kind, share)
+            }
             _ if residual_share < UNEXPLAINED_SHARE => None,
-            best => Some(fault((SequenceFaultKind::Unexplained, best.map_or(residual_share, |(_, share)| share)))),
+            _ => fault(SequenceFaultKind::Unexplained, order_share.min(residual_share)),
         }
     }
 
     /// The fault of order that explains the images best, and what it leaves.
-    fn fault_of_order(&self, alike: &[&Signal]) -> Option<(SequenceFaultKind, f64)> {
+    fn fault_of_order(&self, judges: &[&Signal]) -> Option<Order> {
         let check = self.check;
         let hypotheses = Hypothesis::of_order(check.images, check.cycle);
         let all: Vec<&Hypothesis> = hypotheses.iter().collect();
-        let promising = self.shares(&all, &thinned_out(alike, FEW_TRIED));
+        let promising = self.shares(&all, &thinned_out(judges, FEW_TRIED));
         let limit = PROMISING * least_share(&promising).max(FLOOR_SHARE);
         let kept: Vec<&Hypothesis> =
             all.into_iter().zip(promising).filter(|&(_, share)| share <= limit).map(|(kept, _)| kept).collect();
-        let shares = self.shares(&kept, &thinned_out(alike, MOST_TRIED));
+        let tried = thinned_out(judges, MOST_TRIED);
+        let shares = self.shares(&kept, &tried);
         let limit = AS_GOOD * least_share(&shares).max(FLOOR_SHARE);
         let (best, share) = kept.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
-        Some((best.kind?, share))
+        let planes = self.planes(best);
+        let is_better = |signal: &&&Signal| {
+            let square = |planes: &Planes| planes.unexplained(&signal.directions).square;
+            square(&planes) < square(&check.nominal)
+        };
+        let agreement = tried.iter().filter(is_better).count() as f64 / tried.len() as f64;
+        Some(Order { kind: best.kind?, share, agreement })
+    }
+
+    /// The planes of a fault.
+    fn planes(&self, hypothesis: &Hypothesis) -> Planes {
+        planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad())
     }
 
     /// What hypotheses leave of signals.
     fn shares(&self, hypotheses: &[&Hypothesis], signals: &[&Signal]) -> Vec<f64> {
-        let share = |hypothesis: &&Hypothesis| {
-            let planes = planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad());
-            left(&planes, signals).map_or(f64::INFINITY, |left| left.share)
-        };
+        let share =
+            |hypothesis: &&Hypothesis| left(&self.planes(hypothesis), signals).map_or(f64::INFINITY, |left| left.share);
         hypotheses.par_iter().map(share).collect()
     }
 
@@ -253,8 +291,7 @@ impl Told<'_> {
         }
         let tried = thinned_out(&alike, MOST_TRIED);
         Hypothesis::of_order(self.check.images, self.check.cycle).iter().find_map(|hypothesis| {
-            let planes = planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad());
-            let left = left(&planes, &tried)?;
+            let left = left(&self.planes(hypothesis), &tried)?;
             let rests = left.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
             let fault =
                 SequenceFault { kind: hypothesis.kind?, residual_share: said.share, explained_share: left.share };
@@ -278,9 +315,9 @@ impl Told<'_> {
     }
 }
 
-/// Whether steps that leave so much explain what the said ones leave.
-fn explains(share: f64, said_share: f64) -> bool {
-    LESS * share.max(FLOOR_SHARE) <= said_share
+/// Whether one share is so many times less than another.
+fn is_less(times: f64, share: f64, than: f64) -> bool {
+    times * share.max(FLOOR_SHARE) <= than
 }
 
 fn is_alike(signal: &Signal) -> bool {

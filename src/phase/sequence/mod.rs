@@ -15,8 +15,10 @@
 //! moments of the block; the other directions hold the noise, which so is known as well. A block across which an edge moves
 //! has no such plane and is not asked. What is left of the seen plane beside that of the said steps, at the ε that suits
 //! best, is the residual: a share of the modulation, with the noise already taken off. Motion of any steady speed, texture
-//! and noise leave next to nothing of it, a wrong step a third of the modulation. The median over the blocks decides, so
-//! that no object that moves through a part of the image can. Only where it is large others than the said steps are tried.
+//! and noise leave next to nothing of it, a wrong step a third of the modulation. The median over the fifth of the blocks that
+//! move most alike decides. Only where it is large others than the said steps are tried; they must leave less in nearly all
+//! of these blocks: motion that is not steady leaves something too, but no other steps explain it in one block after the
+//! other.
 //!
 //! # What cannot be seen
 //!
