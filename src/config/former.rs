@@ -29,3 +29,12 @@ pub fn rename_former_keys(recorded: &mut Table) {
         health.entry("drift_rad").or_insert(Value::Table(limits));
     }
 }
+
+/// The text of a recorded configuration with the names of now.
+pub(super) fn renamed(recorded: &str) -> Result<String, ConfigurationProblem> {
+    let mut table: Table = recorded
+        .parse()
+        .map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+    rename_former_keys(&mut table);
+    Ok(table.to_string())
+}

@@ -142,11 +142,7 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str) -> Result<Self, ConfigurationProblem> {
-        let mut table: toml::Table = text
-            .parse()
-            .map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
-        rename_former_keys(&mut table);
-        Self::parse(&table.to_string())
+        Self::parse(&former::renamed(text)?)
     }
 
     fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {

@@ -157,6 +157,14 @@ impl ScannerConfiguration {
         })
     }
 
+    /// [`Self::parse`] on the text of a recording, which may be older than this version.
+    ///
+    /// # Errors
+    /// [`ConfigurationProblem`], which names key and value.
+    pub fn parse_recorded(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
+        Self::parse(&super::former::renamed(text)?, folder)
+    }
+
     /// Time from one image to the next, nanoseconds.
     #[must_use]
     pub fn frame_period_ns(&self) -> u64 {

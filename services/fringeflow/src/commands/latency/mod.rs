@@ -45,7 +45,7 @@ impl Args {
         }
         let run = self.gather(&recording)?;
         let counts: Vec<(Stage, Counts)> = run.tally().stages().map(|(stage, tally)| (stage, tally.counts)).collect();
-        let configuration = ScannerConfiguration::parse(recording.configuration_text(), Path::new(".")).ok();
+        let configuration = ScannerConfiguration::parse_recorded(recording.configuration_text(), Path::new(".")).ok();
         let about = About {
             instance: configuration.as_ref().map(|configuration| configuration.name.as_str()),
             version: recording.writer_version(),
