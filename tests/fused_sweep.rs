@@ -12,12 +12,10 @@ use fringeflow::dataset::CameraId;
 use fringeflow::evaluation::{StatedPose, against_trajectory};
 use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::{Point3, Pose};
-use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
-    Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, Surface, SweepOptions, View, VirtualScanner,
-    VirtualScannerOptions,
+    Board, ImageLoop, Object, RigOptions, Scene, Surface, SweepOptions, View, VirtualScanner, VirtualScannerOptions,
 };
 
 const SIZE_PX: [usize; 2] = [320, 256];
@@ -29,17 +27,12 @@ fn scanner() -> VirtualScanner {
     let sweep =
         SweepOptions { poses: POSES, travel_mm: [0.8, 0.7, 0.2], turn_deg: [0.6, 0.8, 0.8], ..SweepOptions::default() };
     VirtualScanner::new(VirtualScannerOptions {
-        object: Object::Elephant,
         board: Board::Dark,
         rig: RigOptions { size_px: SIZE_PX, seed: 3, ..RigOptions::usual(0.03) },
         steps: STEPS,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        exposure: 1.0,
-        supersampling: 1,
         sweep,
         seed: 3,
+        ..VirtualScannerOptions::usual(Object::Elephant)
     })
     .unwrap()
 }

@@ -8,12 +8,10 @@ use fringeflow::calibration::Unit;
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::dataset::CameraId;
 use fringeflow::evaluation::{Frames, Scores, against_rendered};
-use fringeflow::message::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow::simulation::{
-    Board, ImageLoop, NoiseLevel, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner, VirtualScannerOptions,
-    truth,
+    ImageLoop, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner, VirtualScannerOptions, truth,
 };
 
 const SIZE_PX: [usize; 2] = [320, 256];
@@ -30,17 +28,11 @@ const RESTING: SweepOptions = SweepOptions {
 
 fn scanner(sweep: SweepOptions) -> VirtualScanner {
     VirtualScanner::new(VirtualScannerOptions {
-        object: Object::Tooth,
-        board: Board::Visible,
         rig: RigOptions { size_px: SIZE_PX, seed: 3, ..RigOptions::usual(0.025) },
         steps: STEPS,
-        noise: NoiseLevel::Normal,
-        format: PixelFormat::Grey,
-        gamma: 1.0,
-        exposure: 1.0,
-        supersampling: 1,
         sweep,
         seed: 3,
+        ..VirtualScannerOptions::usual(Object::Tooth)
     })
     .unwrap()
 }

@@ -6,8 +6,7 @@ use std::str::FromStr;
 use crate::dataset::FringeSequence;
 use crate::grey::PixelFormat;
 use crate::simulation::{
-    Arrangement, Board, FaultOptions, Faults, NoiseLevel, Object, RigOptions, SimulationError, SweepOptions,
-    VirtualScannerOptions,
+    FaultOptions, Faults, Object, RigOptions, SimulationError, SweepOptions, VirtualScannerOptions,
 };
 
 use super::ConfigurationProblem;
@@ -32,24 +31,25 @@ pub(super) fn configuration(
     folder: &Path,
 ) -> Result<VirtualScannerConfiguration, ConfigurationProblem> {
     let object = word("virtual_scanner.object", raw.object.as_deref(), Object::Elephant)?;
-    let seed = raw.seed.unwrap_or(1);
+    let usual = VirtualScannerOptions::usual(object);
+    let seed = raw.seed.unwrap_or(usual.seed);
     let scanner = VirtualScannerOptions {
         object,
-        board: word("virtual_scanner.board", raw.board.as_deref(), Board::Visible)?,
+        board: word("virtual_scanner.board", raw.board.as_deref(), usual.board)?,
         rig: RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: raw.size_px.unwrap_or([640, 512]),
-            depth_m: raw.depth_mm.map_or(object.usual_depth_m(), |mm| mm * 1e-3),
+            arrangement: usual.rig.arrangement,
+            size_px: raw.size_px.unwrap_or(usual.rig.size_px),
+            depth_m: raw.depth_mm.map_or(usual.rig.depth_m, |mm| mm * 1e-3),
             period_px: sequence.pattern.period_px,
-            sd_rad: raw.sd_rad.unwrap_or(0.041),
+            sd_rad: raw.sd_rad.unwrap_or(usual.rig.sd_rad),
             seed,
         },
         steps: sequence.shifts_rad.len(),
         format,
-        noise: word("virtual_scanner.noise", raw.noise.as_deref(), NoiseLevel::Normal)?,
-        gamma: raw.gamma.unwrap_or(1.0),
-        exposure: raw.exposure.unwrap_or(1.0),
-        supersampling: raw.supersampling.unwrap_or(1),
+        noise: word("virtual_scanner.noise", raw.noise.as_deref(), usual.noise)?,
+        gamma: raw.gamma.unwrap_or(usual.gamma),
+        exposure: raw.exposure.unwrap_or(usual.exposure),
+        supersampling: raw.supersampling.unwrap_or(usual.supersampling),
         sweep: sweep(&raw.sweep, seed),
         seed,
     };

@@ -6,7 +6,7 @@ use crate::grey::{GreyLevels, PixelFormat};
 
 use super::arctangent::turn_fraction;
 use super::harmonics::{self, Samples};
-use super::map::{Exposure, FitStatistics, Harmonics, PhaseMap};
+use super::map::{Exposure, PhaseMap};
 use super::residuals::Residuals;
 use super::sample::Sample;
 use super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
@@ -56,18 +56,7 @@ pub fn decode(
     if images.len() != shifts.steps() || !images.iter().all(fits) {
         return None;
     }
-    let mut map = PhaseMap {
-        width,
-        height,
-        phase: vec![0; pixels],
-        modulation: vec![0.0; pixels],
-        mean: vec![0; pixels],
-        valid: vec![false; pixels],
-        fit: FitStatistics::default(),
-        exposure: Exposure::default(),
-        harmonics: Harmonics::default(),
-        motion: None,
-    };
+    let mut map = PhaseMap::empty(width, height);
     let bytes = images.iter().map(|image| image.bytes);
     let residuals = match format {
         PixelFormat::Grey => decode_images(&bytes.collect::<Vec<&[u8]>>(), format, shifts, validity, &mut map),
@@ -255,6 +244,7 @@ fn solve(greys: &[f64], shifts_rad: &[f64]) -> Option<[f32; 4]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::map::FitStatistics;
     use super::*;
     use std::f64::consts::TAU;
 

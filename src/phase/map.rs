@@ -28,6 +28,22 @@ pub struct PhaseMap {
     pub motion: Option<Motion>,
 }
 
+impl PhaseMap {
+    /// One without a valid pixel.
+    pub(super) fn empty(width: usize, height: usize) -> Self {
+        let pixels = width * height;
+        Self {
+            width,
+            height,
+            phase: vec![0; pixels],
+            modulation: vec![0.0; pixels],
+            mean: vec![0; pixels],
+            valid: vec![false; pixels],
+            ..Self::default()
+        }
+    }
+}
+
 /// Statistics of the sinusoid fit over the valid pixels of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FitStatistics {

@@ -231,14 +231,7 @@ mod tests {
     use super::*;
 
     fn options() -> RigOptions {
-        RigOptions {
-            arrangement: Arrangement::TABLE_TOP,
-            size_px: [640, 512],
-            depth_m: 0.025,
-            period_px: 16.0,
-            sd_rad: 0.041,
-            seed: 1,
-        }
+        RigOptions::usual(0.025)
     }
 
     #[test]

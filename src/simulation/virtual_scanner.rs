@@ -43,6 +43,26 @@ pub struct VirtualScannerOptions {
     pub seed: u64,
 }
 
+impl VirtualScannerOptions {
+    /// What a scanner is like unless more is asked.
+    #[must_use]
+    pub fn usual(object: Object) -> Self {
+        Self {
+            object,
+            board: Board::Visible,
+            rig: RigOptions::usual(object.usual_depth_m()),
+            steps: 4,
+            noise: NoiseLevel::Normal,
+            format: PixelFormat::Grey,
+            gamma: 1.0,
+            exposure: 1.0,
+            supersampling: 1,
+            sweep: SweepOptions::default(),
+            seed: 1,
+        }
+    }
+}
+
 /// A scanner and its sweep over an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualScanner {
@@ -182,32 +202,14 @@ impl VirtualScanner {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::Arrangement;
     use super::*;
     use crate::dataset::Setup;
 
     /// A small and fast scanner.
     pub(in super::super) fn options() -> VirtualScannerOptions {
-        VirtualScannerOptions {
-            object: Object::Tooth,
-            board: Board::Visible,
-            rig: RigOptions {
-                arrangement: Arrangement::TABLE_TOP,
-                size_px: [80, 64],
-                depth_m: 0.025,
-                period_px: 16.0,
-                sd_rad: 0.041,
-                seed: 3,
-            },
-            steps: 4,
-            noise: NoiseLevel::Normal,
-            format: PixelFormat::Grey,
-            gamma: 1.0,
-            exposure: 1.0,
-            supersampling: 1,
-            sweep: SweepOptions { poses: 24, ..SweepOptions::default() },
-            seed: 9,
-        }
+        let usual = VirtualScannerOptions::usual(Object::Tooth);
+        let rig = RigOptions { size_px: [80, 64], seed: 3, ..usual.rig };
+        VirtualScannerOptions { rig, sweep: SweepOptions { poses: 24, ..usual.sweep }, seed: 9, ..usual }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::grey::{GreyLevels, PixelFormat};
 use crate::phase::Validity;
 use crate::phase::harmonics::{self, Samples};
-use crate::phase::map::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
+use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::{Residuals, quantile};
 use crate::phase::sample::Sample;
 
@@ -179,18 +179,7 @@ impl<'a, S: Sample> Window<'a, S> {
         validity: &Validity,
     ) -> (Decoded, Residuals) {
         let pixels = self.width * self.height;
-        let mut map = PhaseMap {
-            width: self.width,
-            height: self.height,
-            phase: vec![0; pixels],
-            modulation: vec![0.0; pixels],
-            mean: vec![0; pixels],
-            valid: vec![false; pixels],
-            fit: FitStatistics::default(),
-            exposure: Exposure::default(),
-            harmonics: Harmonics::default(),
-            motion: None,
-        };
+        let mut map = PhaseMap::empty(self.width, self.height);
         let mut residual = vec![0.0; pixels];
         let width = self.width.max(1);
         let rows = map
