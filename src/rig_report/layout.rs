@@ -1,5 +1,7 @@
 //! Lengths, angles and coverage of a rig.
 
+use std::f64::consts::TAU;
+
 use serde::Serialize;
 
 use crate::geometry::{Pixel, Point3, Vector3};
@@ -37,6 +39,9 @@ pub struct Layout {
     pub pixel_footprint_m: f64,
     /// Depth (z of C1) that moves a point by one pixel in C2, metres.
     pub depth_per_pixel_m: f64,
+    /// Depth (z of C1) that moves a point by a rad of the fringes, metres: by so much a rad of δ the depth by both cameras and
+    /// that by C1 and P disagree. Infinite where fringes and depth have nothing to do with each other.
+    pub depth_per_rad_m: f64,
     /// Period of the fringes, projector pixels.
     pub period_px: f64,
     /// Period of the fringes at the centre of the volume, across the projector's axis, metres.
@@ -82,6 +87,7 @@ pub(super) fn layout(setup: &RigSetup, assumptions: &Assumptions) -> Layout {
         volume_depth_m: setup.depth_m(),
         pixel_footprint_m: centre.z / rig.cam1.focal_px()[0],
         depth_per_pixel_m: depth_per_pixel_m(setup, &centre),
+        depth_per_rad_m: depth_per_rad_m(setup, &centre),
         period_px: setup.pattern.period_px,
         period_m: setup.pattern.period_px * depth_at_projector / rig.projector.focal_px()[0],
         phase_sd_rad: assumptions.phase_sd_rad(),
@@ -95,6 +101,18 @@ fn depth_per_pixel_m(setup: &RigSetup, point: &Point3) -> f64 {
     // Derivative of (x/z, y/z) in C2 by the depth in C1.
     let of = |i: usize| (moved[i] - in_cam2[i] / in_cam2.z * moved.z) / in_cam2.z * setup.rig.cam2.focal_px()[i];
     1.0 / of(0).hypot(of(1))
+}
+
+/// Depth that moves a point of C1's ray by a rad of the fringes.
+fn depth_per_rad_m(setup: &RigSetup, point: &Point3) -> f64 {
+    /// To either side, as a share of the distance.
+    const STEP: f64 = 1e-3;
+    let turns = |share: f64| {
+        let pixel = setup.rig.project_projector(&Point3::from(point.coords * share))?;
+        Some(setup.pattern.phase_turns(pixel.x))
+    };
+    let moved = turns(1.0 + STEP).zip(turns(1.0 - STEP)).map_or(0.0, |(far, near)| (far - near).abs());
+    2.0 * STEP * point.z / (TAU * moved)
 }
 
 /// Coverage of image and volume.

@@ -155,6 +155,8 @@ fn lengths_angles_and_coverage_are_those_of_the_rig() {
     assert_close(layout.volume_depth_m, 4.0, 1e-9);
     assert_close(layout.pixel_footprint_m, 5.0 / FOCAL_PX, 1e-9);
     assert_close(layout.depth_per_pixel_m, 25.0 / (FOCAL_PX * BASE_M), 1e-9);
+    // Half the base, and a period a turn.
+    assert_close(layout.depth_per_rad_m, layout.depth_per_pixel_m * 2.0 * layout.period_px / TAU, 1e-5);
     assert_eq!(report.coverage.image_with_segment, 1.0);
     assert_eq!(report.coverage.image_measurable, 1.0);
     assert!(report.coverage.volume_measurable > 0.0 && report.coverage.volume_measurable < 1.0);

@@ -53,7 +53,13 @@ fn layout(out: &mut impl Write, l: &Layout) -> io::Result<()> {
         mm(l.pixel_footprint_m),
         mm(l.depth_per_pixel_m)
     )?;
-    writeln!(out, "  fringe period       {:8.3}   ({:.2} projector pixels)", mm(l.period_m), l.period_px)
+    writeln!(
+        out,
+        "  fringe period       {:8.3}   ({:.2} projector pixels), depth per rad of δ {:.3}",
+        mm(l.period_m),
+        l.period_px,
+        mm(l.depth_per_rad_m)
+    )
 }
 
 fn coverage(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
