@@ -83,6 +83,9 @@ NEED_A_SCAN = {
     "Residual of the fit",
     "Points",
     "Skew of the cameras",
+    "Motion of the phase",
+    "Pose of the scanner",
+    "Tracked clouds",
 }
 
 

@@ -9,14 +9,16 @@ use crate::support::{Bench, NAME};
 const TRACKED: &str = "[tracking]\nenabled = true\nmerge_every = 2\nshown_every_s = 0.1\n[monitor]";
 
 /// Of a body with relief, in images that show it.
+pub(crate) const TRACKED_BODY: [(&str, &str); 5] = [
+    ("[monitor]", TRACKED),
+    ("object = \"plane\"", "object = \"nose\""),
+    ("size_px = [96, 80]", "size_px = [160, 128]"),
+    ("period_px = 48.0", "period_px = 32.0"),
+    ("poses = 8", "poses = 60"),
+];
+
 fn bench() -> Bench {
-    Bench::with(&[
-        ("[monitor]", TRACKED),
-        ("object = \"plane\"", "object = \"nose\""),
-        ("size_px = [96, 80]", "size_px = [160, 128]"),
-        ("period_px = 48.0", "period_px = 32.0"),
-        ("poses = 8", "poses = 60"),
-    ])
+    Bench::with(&TRACKED_BODY)
 }
 
 #[test]

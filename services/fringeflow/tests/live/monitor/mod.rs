@@ -34,8 +34,13 @@ struct Answer {
 
 /// An instance with a monitor on ports that are free, and what else its `[monitor]` says.
 fn bench(more: &str) -> Bench {
+    bench_with(&[], more)
+}
+
+/// [`bench`] with changes to the configuration.
+fn bench_with(changes: &[(&str, &str)], more: &str) -> Bench {
     let on = format!("enabled = true\naddress = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"\n{more}");
-    Bench::with(&[("enabled = false", &on)])
+    Bench::with(&[changes, &[("enabled = false", on.as_str())]].concat())
 }
 
 impl<'a> Watched<'a> {

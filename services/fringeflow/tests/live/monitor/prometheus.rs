@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use super::*;
+use crate::tracking::TRACKED_BODY;
 
 /// Allowed distance between percentiles of the two, beside the bucket: a histogram of two digits.
 const DIGITS: f64 = 0.02;
@@ -36,7 +37,7 @@ fn prometheus_rules_and_dashboard_find_what_they_ask_for() {
     let promtool = PathBuf::from(&binaries).join("promtool");
     script(Command::new(promtool).args(["test", "rules"]).arg(monitoring("alerts_test.yml")));
 
-    let bench = bench("");
+    let bench = bench_with(&TRACKED_BODY, "");
     let recording = bench.path("run.mcap");
     let watched = Watched::start(&bench, &[&"--record", &recording]);
     watched.live.wait_for_clouds(20);
