@@ -206,7 +206,7 @@ impl Told<'_> {
             return Some(SequenceFault { kind, residual_share, explained_share });
         };
         let residual_share = left(&self.check.nominal, &judges)?.share;
-        let order = self.fault_of_order(&judges);
+        let order = self.fault_of_order(&judges, residual_share);
         let order_share = order.map_or(f64::INFINITY, |order| order.share);
         let is_clear = |share: f64| {
             is_less(LESS_THAN_ANY_ORDER, share, order_share) && is_less(LESS_WITHOUT, share, residual_share)
@@ -226,8 +226,9 @@ impl Told<'_> {
         }
     }
 
-    /// The fault of order that explains the images best, and what it leaves.
-    fn fault_of_order(&self, judges: &[&Signal]) -> Option<Order> {
+    /// The likeliest of the faults of order that explain the images well, or at least better than the said steps, which leave so
+    /// much.
+    fn fault_of_order(&self, judges: &[&Signal], residual_share: f64) -> Option<Order> {
         let check = self.check;
         let hypotheses = Hypothesis::of_order(check.images, check.cycle);
         let all: Vec<&Hypothesis> = hypotheses.iter().collect();
@@ -237,7 +238,8 @@ impl Told<'_> {
             all.into_iter().zip(promising).filter(|&(_, share)| share <= limit).map(|(kept, _)| kept).collect();
         let tried = thinned_out(judges, MOST_TRIED);
         let shares = self.shares(&kept, &tried);
-        let limit = AS_GOOD * least_share(&shares).max(FLOOR_SHARE);
+        let least = least_share(&shares).max(FLOOR_SHARE);
+        let limit = (AS_GOOD * least).min(residual_share / LESS).max(least);
         let (best, share) = kept.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
         let planes = self.planes(best);
         let is_better = |signal: &&&Signal| {
