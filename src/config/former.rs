@@ -32,9 +32,7 @@ pub fn rename_former_keys(recorded: &mut Table) {
 
 /// The text of a recorded configuration with the names of now.
 pub(super) fn renamed(recorded: &str) -> Result<String, ConfigurationProblem> {
-    let mut table: Table = recorded
-        .parse()
-        .map_err(|e: toml::de::Error| ConfigurationProblem::Toml(e.to_string().trim_end().to_owned()))?;
+    let mut table: Table = recorded.parse()?;
     rename_former_keys(&mut table);
     Ok(table.to_string())
 }

@@ -118,6 +118,12 @@ pub enum ConfigurationProblem {
     Volume(#[source] crate::dataset::Problem),
 }
 
+impl From<toml::de::Error> for ConfigurationProblem {
+    fn from(error: toml::de::Error) -> Self {
+        Self::Toml(error.to_string().trim_end().to_owned())
+    }
+}
+
 impl Configuration {
     /// Reads and checks a configuration file.
     ///

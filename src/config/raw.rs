@@ -29,9 +29,8 @@ pub(super) struct RawConfiguration {
 
 impl RawConfiguration {
     pub(super) fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        let fail = |error: toml::de::Error| ConfigurationProblem::Toml(error.to_string().trim_end().to_owned());
         former::refuse(text)?;
-        toml::from_str(text).map_err(fail)
+        Ok(toml::from_str(text)?)
     }
 }
 

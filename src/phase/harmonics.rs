@@ -238,16 +238,9 @@ mod tests {
     #[test]
     fn motion_that_a_window_of_one_cycle_cannot_tell_is_no_harmonic() {
         for motion_rad in [0.05, 0.2] {
-            let second = decoded_while_moving(motion_rad).harmonics.second_share.unwrap();
+            let second = decoded(4, 4, 1.0, motion_rad).harmonics.second_share.unwrap();
             assert!(second < 0.01, "{motion_rad}: {second}");
         }
-    }
-
-    fn decoded_while_moving(motion_rad: f64) -> PhaseMap {
-        let (bytes, shifts) = images(4, 4, 1.0, motion_rad);
-        let levels: Vec<GreyLevels<'_>> =
-            bytes.iter().map(|bytes| GreyLevels { format: PixelFormat::Y16, bytes }).collect();
-        decode(&levels, WIDTH, HEIGHT, &PhaseShifts::new(&shifts).unwrap(), &Validity::default()).unwrap()
     }
 
     #[test]

@@ -104,6 +104,12 @@ impl GaugeFigures {
         }
     }
 
+    /// For how long it has been in its state, seconds; `None` while that is not known.
+    #[must_use]
+    pub fn for_s(&self, now_ns: u64) -> Option<f64> {
+        (self.since_ns > 0).then(|| now_ns.saturating_sub(self.since_ns) as f64 * 1e-9)
+    }
+
     /// Whether a change of state is worth telling: not that something is as it should be from the beginning.
     #[must_use]
     pub fn is_news(before: HealthState, now: HealthState) -> bool {

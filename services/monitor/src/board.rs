@@ -187,8 +187,8 @@ impl Board {
     /// For how long each quantity of health has been in its state, seconds, by name; those that are not known are left out.
     fn health_for_s(&self, now_ns: u64) -> BTreeMap<&'static str, f64> {
         let health = self.window.as_ref().and_then(|window| window.health.as_ref());
-        let known = health.into_iter().flat_map(|health| &health.quantities).filter(|gauge| gauge.since_ns > 0);
-        known.map(|gauge| (gauge.quantity.name(), now_ns.saturating_sub(gauge.since_ns) as f64 * 1e-9)).collect()
+        let quantities = health.into_iter().flat_map(|health| &health.quantities);
+        quantities.filter_map(|gauge| Some((gauge.quantity.name(), gauge.for_s(now_ns)?))).collect()
     }
 
     fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {

@@ -265,12 +265,11 @@ impl Told<'_> {
     /// The image without which the others fit best, and what they leave; so many of the blocks must move alike then.
     fn wrong_image(&self, least_alike: f64) -> Option<(SequenceFaultKind, f64)> {
         let check = self.check;
-        let order: Vec<usize> = (0..check.images).collect();
+        let blocks: Vec<&Block> = self.blocks.iter().map(|(block, _)| block).collect();
+        let blocks = thinned_out(&blocks, MOST_TRIED);
         let of = |image: usize| {
-            let kept: Vec<usize> = order.iter().copied().filter(|&i| i != image).collect();
+            let kept: Vec<usize> = (0..check.images).filter(|&i| i != image).collect();
             let hypothesis = Hypothesis { kind: None, steps: kept.clone(), times: kept };
-            let blocks: Vec<&Block> =
-                thinned_out(&self.blocks.iter().map(|(block, _)| block).collect::<Vec<_>>(), MOST_TRIED);
             let signals: Vec<Signal> =
                 blocks.iter().filter_map(|block| block.without(image).signal(self.validity)).collect();
             let alike: Vec<&Signal> = signals.iter().filter(|signal| is_alike(signal)).collect();

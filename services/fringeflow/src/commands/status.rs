@@ -114,14 +114,9 @@ impl Args {
 
 impl Health {
     fn of(health: &HealthFigures, now_ns: u64) -> Self {
-        let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: for_s(figures, now_ns) };
+        let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: figures.for_s(now_ns) };
         Self { state: health.state.name(), quantities: health.quantities.iter().map(quantity).collect() }
     }
-}
-
-/// For how long a quantity has been in its state, seconds.
-fn for_s(gauge: &GaugeFigures, now_ns: u64) -> Option<f64> {
-    (gauge.since_ns > 0).then(|| now_ns.saturating_sub(gauge.since_ns) as f64 * 1e-9)
 }
 
 /// A line on the whole, one on each quantity, and what to do about those that are not as they should be.
@@ -132,7 +127,7 @@ fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u6
     writeln!(out, "health: {}", health.state.name())?;
     for gauge in &health.quantities {
         let limits = format!("warn {}, bad {}", gauge.with_unit(gauge.warn), gauge.with_unit(gauge.bad));
-        let since = for_s(gauge, now_ns).map_or_else(String::new, |for_s| format!("  for {for_s:.0} s"));
+        let since = gauge.for_s(now_ns).map_or_else(String::new, |for_s| format!("  for {for_s:.0} s"));
         let (state, level) = (gauge.state.name(), gauge.level_text());
         writeln!(out, "  {:<9} {:<35}{level:>11}  ({limits}){since}", state, gauge.title)?;
     }

@@ -17,6 +17,7 @@ const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE")
 const SCRIPT: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.js"),
     include_str!("../../../monitor/page/app/format.js"),
+    include_str!("../../../monitor/page/app/gauges.js"),
     include_str!("../../../monitor/page/app/names.js"),
     include_str!("page/format.js"),
     include_str!("../../../monitor/page/app/colours.js"),

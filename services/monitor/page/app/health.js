@@ -2,10 +2,10 @@
 
 import { byId, setState, setText } from "./elements.js";
 import { MISSING, fixed, isNumber, withUnit } from "./format.js";
+import { HEALTH_LEVELS, gaugeValue } from "./gauges.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
 
-const LEVELS = { ok: "ok", warn: "warning", bad: "error" };
 const MINUTE_S = 60;
 const HOUR_S = 3600;
 
@@ -14,7 +14,7 @@ export function showHealth({ figures }) {
     const state = health?.state ?? "not known";
     const overall = byId("health-state");
     setText(overall, state);
-    setState(overall, "level", LEVELS[state] ?? "idle");
+    setState(overall, "level", HEALTH_LEVELS[state] ?? "idle");
     showRows(byId("health-rows"), (health?.quantities ?? []).map((gauge) => cellsOf(gauge, figures.health_for_s ?? {})));
     markLive("panel-health");
 }
@@ -22,20 +22,12 @@ export function showHealth({ figures }) {
 function cellsOf({ quantity, title, unit, state, level, warn, bad }, forS) {
     return [
         { head: true, text: capital(title ?? quantity), title: quantity },
-        { badge: "badge", text: state, level: LEVELS[state] ?? "idle" },
-        { number: true, text: measured(level, unit), level: state === "ok" ? null : LEVELS[state] },
-        { number: true, text: measured(warn, unit) },
-        { number: true, text: measured(bad, unit) },
+        { badge: "badge", text: state, level: HEALTH_LEVELS[state] ?? "idle" },
+        { number: true, text: gaugeValue(level, unit), level: state === "ok" ? null : HEALTH_LEVELS[state] },
+        { number: true, text: gaugeValue(warn, unit) },
+        { number: true, text: gaugeValue(bad, unit) },
         { number: true, text: since(forS[quantity]) },
     ];
-}
-
-/** Level or limit with its unit; shares in percent. */
-export function measured(value, unit) {
-    if (!isNumber(value)) {
-        return MISSING;
-    }
-    return unit ? withUnit(fixed(value, 3), unit) : withUnit(fixed(100 * value, 1), "%");
 }
 
 function since(seconds) {

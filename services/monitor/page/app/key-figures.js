@@ -1,7 +1,8 @@
 // The few figures that tell from a step away whether all is well.
 
 import { byId, setState, setText } from "./elements.js";
-import { MISSING, fixed, isNumber, milliseconds, short, withUnit } from "./format.js";
+import { MISSING, fixed, milliseconds, short, withUnit } from "./format.js";
+import { describeDrift } from "./gauges.js";
 import { markLive } from "./panels.js";
 
 const MINUTE_MS = 60_000;
@@ -15,15 +16,13 @@ export function showKeyFigures({ figures, history }) {
     set("points", fixed(window?.points), "in the last cloud");
     showLosses(figures, history);
     set("efc", short(window?.efc), "efc: per true candidate");
-    showDrift(window?.health?.quantities?.find(({ quantity }) => quantity === "drift"));
+    showDrift(window);
     markLive("panel-key-figures");
 }
 
-function showDrift(drift) {
-    const isBeyond = drift?.state === "warn" || drift?.state === "bad";
-    const limit = `limit ${withUnit(fixed(drift?.state === "bad" ? drift?.bad : drift?.warn, 3), "rad")}`;
-    const note = isBeyond ? `calibrate anew, ${limit}` : isNumber(drift?.level) ? limit : "not measured";
-    set("drift", fixed(drift?.level, 3), note);
+function showDrift(window) {
+    const { level, isBeyond, note } = describeDrift(window);
+    set("drift", level, note);
     setState(byId("tile-drift"), "level", isBeyond ? "error" : null);
 }
 

@@ -43,15 +43,10 @@ function showRemark() {
     byId("remark").hidden = remarks.length === 0;
 }
 
-function describeDrift(window) {
-    const drift = window?.health?.quantities.find(({ quantity }) => quantity === "drift");
-    const isBeyond = drift?.state === "warn" || drift?.state === "bad";
-    const limit = `limit ${withUnit(fixed(drift?.state === "bad" ? drift?.bad : drift?.warn, 3), "rad")}`;
-    const note = isBeyond ? `calibrate anew, ${limit}` : isNumber(drift?.level) ? limit : "not measured";
-    return [fixed(drift?.level, 3), "rad", note, isBeyond ? "error" : undefined];
+function driftTile(window) {
+    const { level, isBeyond, note } = describeDrift(window);
+    return [level, "rad", note, isBeyond ? "error" : undefined];
 }
-
-const HEALTH_LEVELS = { ok: "ok", warn: "warning", bad: "error" };
 
 function describeHealth({ worst, windows, quantities }) {
     if (windows === 0) {
@@ -76,7 +71,7 @@ function showTiles(lost) {
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
-        ["Calibration drift", ...describeDrift(window)],
+        ["Calibration drift", ...driftTile(window)],
         ["Health", ...describeHealth(run.health)],
     ];
     const tile = ([name, value, unit, note, level]) =>

@@ -195,18 +195,16 @@ function showHealth(run) {
         run.health.windows > 0
             ? `${run.health.worst} at worst, over ${plural(run.health.windows, "window")}. Each quantity as it was at its worst; shares in percent.`
             : "No window told of it.";
-    const measured = (value, unit) => (unit ? withUnit(fixed(value, 3), unit) : withUnit(fixed(isNumber(value) ? 100 * value : value, 1), "%"));
-    const levels = { ok: "ok", warn: "warning", bad: "error" };
-    const state = ({ state }) => element("span", { class: "badge", "data-level": levels[state] ?? "idle" }, state);
+    const state = ({ state }) => element("span", { class: "badge", "data-level": HEALTH_LEVELS[state] ?? "idle" }, state);
     showTable(
         byId("health"),
         "Each quantity of health at its worst",
         [
             { title: "quantity", text: ({ title }) => title },
             { title: "worst", cell: state },
-            { title: "value", number: true, text: ({ level, unit }) => measured(level, unit) },
-            { title: "warn beyond", number: true, text: ({ warn, unit }) => measured(warn, unit) },
-            { title: "bad beyond", number: true, text: ({ bad, unit }) => measured(bad, unit) },
+            { title: "value", number: true, text: ({ level, unit }) => gaugeValue(level, unit) },
+            { title: "warn beyond", number: true, text: ({ warn, unit }) => gaugeValue(warn, unit) },
+            { title: "bad beyond", number: true, text: ({ bad, unit }) => gaugeValue(bad, unit) },
             { title: "windows warn", number: true, text: ({ windows_warn }) => fixed(windows_warn) },
             { title: "windows bad", number: true, text: ({ windows_bad }) => fixed(windows_bad) },
         ],
