@@ -28,6 +28,7 @@
 //! |---|---|
 //! | [`atomic_file`] | writing files all or not at all |
 //! | [`grey`] | grey levels, and how images of 8 to 16 bits store them |
+//! | [`simd`] | instruction sets of kernels, chosen at run time |
 //! | [`geometry`] | cameras, distortion, rig, measurement volume, epipolar frame |
 //! | [`calibration`] | reading and checking calibration files |
 //! | [`dataset`] | dataset folders: images, pattern, volume, truth |
@@ -72,6 +73,7 @@ pub mod reconstruction;
 pub mod recording;
 pub mod registration;
 pub mod rig_report;
+pub mod simd;
 pub mod simulation;
 pub mod synchronization;
 pub mod telemetry;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::correspondence::{Candidate, Matches, SegmentTable};
 use crate::geometry::{EpipolarFrame, Pixel, Vector3};
+use crate::phase::Modulation;
 
 use super::{Cloud, CloudPoint};
 
@@ -19,8 +20,8 @@ pub struct TriangulationInput<'a> {
     pub width: usize,
     /// Mean grey level of every pixel of C1, see [`crate::phase::PhaseMap`].
     pub mean: &'a [u8],
-    /// Modulation of every pixel of C1, grey levels.
-    pub modulation: &'a [f32],
+    /// Modulation of every pixel of C1.
+    pub modulation: &'a [Modulation],
     /// Standard deviation of the phase of C1 and of C2, times the modulation, grey levels: noise of the grey levels times its
     /// gain, see [`crate::phase::FitStatistics`].
     pub phase_noise_grey: [f32; 2],
@@ -72,6 +73,6 @@ fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate:
 /// Standard deviation of the column of a correspondence, pixels.
 fn column_sd_px(input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> f64 {
     let noise_grey = f64::from(input.phase_noise_grey[0]).hypot(f64::from(input.phase_noise_grey[1]));
-    let phase_sd_turns = noise_grey / f64::from(input.modulation[i]) / TAU;
+    let phase_sd_turns = noise_grey / f64::from(input.modulation[i].grey()) / TAU;
     phase_sd_turns * 65536.0 / f64::from(candidate.slope.unsigned_abs().max(1))
 }

@@ -54,7 +54,7 @@ pub struct Fit {
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.3")]
+#[type_name("fringeflow.MapsHeader.4")]
 pub struct MapsHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -75,7 +75,7 @@ pub struct MapsHeader {
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.4")]
+#[type_name("fringeflow.CorrespondenceHeader.5")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,

@@ -12,6 +12,7 @@
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::map::Harmonics;
+use super::shifts::MAX_STEPS;
 
 /// Pixels that are asked.
 const PIXELS: usize = 4000;
@@ -39,12 +40,12 @@ pub(super) fn measure(
     pixels: usize,
     mut take: impl FnMut(usize, &mut Samples) -> bool,
 ) -> Harmonics {
-    let visible = [2.0, 3.0].map(|order| visible_share(shifts_rad, order) >= VISIBLE_SHARE);
+    let visible = visible(shifts_rad);
     if !visible.contains(&true) {
         return Harmonics::default();
     }
     let (mut sums, mut samples) = (Sums::default(), Samples::with_capacity(shifts_rad.len()));
-    for pixel in spread(pixels) {
+    for pixel in spread(pixels, PIXELS) {
         samples.clear();
         if take(pixel, &mut samples) {
             sums.add(&samples, shifts_rad);
@@ -53,10 +54,104 @@ pub(super) fn measure(
     sums.solve(visible)
 }
 
-/// Pixels all over the image whose distances have nothing in common with any fringe period.
-fn spread(pixels: usize) -> impl Iterator<Item = usize> {
+/// What N images of a scene at rest tell beside their sinusoid: the same for all pixels but for their phase.
+pub(super) struct AtRest {
+    visible: [bool; 2],
+    steps: usize,
+    /// Cosine and sine of the shifts.
+    angles: [[f64; 2]; MAX_STEPS],
+    /// Weights of the samples in offset, cosine and sine.
+    fundamental: [[f64; MAX_STEPS]; 3],
+    /// Of cos 2s, sin 2s, cos 3s and sin 3s of the shifts s what the fundamental leaves, and their products.
+    beside: [[f64; MAX_STEPS]; UNKNOWNS],
+    products: [[f64; UNKNOWNS]; UNKNOWNS],
+}
+
+/// What one pixel leaves beside its sinusoid.
+pub(super) struct Beside {
+    pub(super) modulation: f64,
+    /// Sum of the squares of the samples less the sinusoid.
+    pub(super) squares: f64,
+}
+
+impl AtRest {
+    /// For images with these shifts, which determine a phase.
+    pub(super) fn new(shifts_rad: &[f64]) -> Self {
+        let steps = shifts_rad.len();
+        let inverse = normal(shifts_rad.iter().copied()).try_inverse().unwrap_or_else(Matrix3::zeros);
+        let (mut fundamental, mut beside) = ([[0.0; MAX_STEPS]; 3], [[0.0; MAX_STEPS]; UNKNOWNS]);
+        for (k, &shift) in shifts_rad.iter().enumerate() {
+            let weights = inverse * row(shift);
+            (0..3).for_each(|i| fundamental[i][k] = weights[i]);
+        }
+        for (i, beside) in beside.iter_mut().enumerate() {
+            let order = (2 + i / 2) as f64;
+            let of = |s: f64| if i % 2 == 0 { (order * s).cos() } else { (order * s).sin() };
+            let along: Vector3<f64> = shifts_rad.iter().map(|&s| row(s) * of(s)).sum();
+            let explained = inverse * along;
+            beside.iter_mut().zip(shifts_rad).for_each(|(b, &s)| *b = of(s) - explained.dot(&row(s)));
+        }
+        let products = std::array::from_fn(|i| std::array::from_fn(|j| dot(&beside[i], &beside[j])));
+        let mut angles = [[0.0; 2]; MAX_STEPS];
+        angles.iter_mut().zip(shifts_rad).for_each(|(angle, s)| *angle = [s.cos(), s.sin()]);
+        Self { angles, visible: visible(shifts_rad), steps, fundamental, beside, products }
+    }
+
+    /// Takes a pixel with these samples, those beyond the images 0.
+    pub(super) fn add(&self, samples: &[f64; MAX_STEPS], sums: &mut Sums) -> Beside {
+        let [offset, re, im] = std::array::from_fn(|i| dot(&self.fundamental[i], samples));
+        let power = re * re + im * im;
+        let squares = self.squares_left(samples, [offset, re, im]);
+        let beside = Beside { modulation: power.sqrt(), squares };
+        if squares > EDGE_SHARE * EDGE_SHARE * power * self.steps as f64 || power <= 0.0 {
+            return beside;
+        }
+        let right: [f64; UNKNOWNS] = std::array::from_fn(|i| dot(&self.beside[i], samples));
+        // B·e^(2iφ) and B·e^(3iφ).
+        let (c, s) = (re / beside.modulation, im / beside.modulation);
+        let (re2, im2) = (re * c - im * s, re * s + im * c);
+        let (re3, im3) = (re2 * c - im2 * s, re2 * s + im2 * c);
+        // Each unknown is seen as two of the vectors beside the fundamental.
+        let seen = [[re2, -im2], [-im2, -re2], [re3, -im3], [-im3, -re3]];
+        for (i, of_i) in seen.iter().enumerate() {
+            let first = i / 2 * 2;
+            sums.right[i] += of_i[0] * right[first] + of_i[1] * right[first + 1];
+            for (j, of_j) in seen.iter().enumerate() {
+                let second = j / 2 * 2;
+                let product = |a: usize| {
+                    of_j[0] * self.products[first + a][second] + of_j[1] * self.products[first + a][second + 1]
+                };
+                sums.normal[(i, j)] += of_i[0] * product(0) + of_i[1] * product(1);
+            }
+        }
+        sums.pixels += 1;
+        beside
+    }
+
+    fn squares_left(&self, samples: &[f64; MAX_STEPS], [offset, re, im]: [f64; 3]) -> f64 {
+        let off = |(sample, [cos, sin]): (&f64, &[f64; 2])| (sample - offset - re * cos + im * sin).powi(2);
+        samples.iter().zip(&self.angles).take(self.steps).map(off).sum()
+    }
+
+    /// The harmonics of all pixels that were taken.
+    pub(super) fn solve(&self, sums: Sums) -> Harmonics {
+        if self.visible.contains(&true) { sums.solve(self.visible) } else { Harmonics::default() }
+    }
+}
+
+fn dot(a: &[f64; MAX_STEPS], b: &[f64; MAX_STEPS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Which of the second and third harmonic the shifts tell.
+fn visible(shifts_rad: &[f64]) -> [bool; 2] {
+    [2.0, 3.0].map(|order| visible_share(shifts_rad, order) >= VISIBLE_SHARE)
+}
+
+/// So many of the pixels, all over the image, whose distances have nothing in common with any fringe period.
+pub(super) fn spread(pixels: usize, count: usize) -> impl Iterator<Item = usize> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
-    (0..PIXELS.min(pixels)).map(move |i| ((i as f64 * GOLDEN).fract() * pixels as f64) as usize)
+    (0..count.min(pixels)).map(move |i| ((i as f64 * GOLDEN).fract() * pixels as f64) as usize)
 }
 
 /// What is left of a harmonic, of 1, when offset and fundamental are taken off.
@@ -81,7 +176,7 @@ fn normal(angles: impl Iterator<Item = f64>) -> Matrix3<f64> {
 
 /// Sums of the least squares over the pixels.
 #[derive(Default)]
-struct Sums {
+pub(super) struct Sums {
     normal: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
     pixels: usize,
@@ -258,8 +353,8 @@ mod tests {
     #[test]
     fn asked_pixels_lie_all_over_the_image() {
         let mut rows = [0; 8];
-        spread(80_000).for_each(|pixel| rows[pixel / 10_000] += 1);
+        spread(80_000, PIXELS).for_each(|pixel| rows[pixel / 10_000] += 1);
         assert!(rows.iter().all(|&n| (480..=520).contains(&n)), "{rows:?}");
-        assert!(spread(7).all(|pixel| pixel < 7));
+        assert!(spread(7, PIXELS).all(|pixel| pixel < 7));
     }
 }

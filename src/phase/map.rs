@@ -12,8 +12,8 @@ pub struct PhaseMap {
     pub height: usize,
     /// Wrapped phase, turns · 65536.
     pub phase: Vec<u16>,
-    /// Modulation B, grey levels.
-    pub modulation: Vec<f32>,
+    /// Modulation B.
+    pub modulation: Vec<Modulation>,
     /// Mean grey level A of the fringes, the texture of the scene.
     pub mean: Vec<u8>,
     /// Whether the phase can be trusted: modulation, saturation and fit residual.
@@ -31,16 +31,43 @@ pub struct PhaseMap {
 impl PhaseMap {
     /// One without a valid pixel.
     pub(super) fn empty(width: usize, height: usize) -> Self {
+        let mut map = Self::default();
+        map.resize(width, height);
+        map
+    }
+
+    /// Gives it another size; what its planes hold is of no meaning then.
+    pub(super) fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
         let pixels = width * height;
-        Self {
-            width,
-            height,
-            phase: vec![0; pixels],
-            modulation: vec![0.0; pixels],
-            mean: vec![0; pixels],
-            valid: vec![false; pixels],
-            ..Self::default()
-        }
+        self.phase.resize(pixels, 0);
+        self.modulation.resize(pixels, Modulation::default());
+        self.mean.resize(pixels, 0);
+        self.valid.resize(pixels, false);
+    }
+}
+
+/// Modulation of a pixel, in steps of 1/128 grey level, 512 grey levels at most: far finer than its noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub struct Modulation(pub(super) u16);
+
+impl Modulation {
+    /// Steps of a grey level.
+    const PER_GREY: f32 = 128.0;
+
+    /// That of so many grey levels, rounded down; what is more than it can say is its most.
+    #[must_use]
+    #[inline]
+    pub fn of_grey(grey: f32) -> Self {
+        Self((grey * Self::PER_GREY) as u16)
+    }
+
+    /// As grey levels.
+    #[must_use]
+    #[inline]
+    pub fn grey(self) -> f32 {
+        f32::from(self.0) / Self::PER_GREY
     }
 }
 
@@ -86,7 +113,7 @@ pub struct Exposure {
 
 /// Modulation of a pixel that is not dim, in that of one that is barely valid: there a grey level of noise makes as much δ, 0.05
 /// rad with four steps, as the error of a usual calibration.
-const DIM: f32 = 3.0;
+pub(super) const DIM: f32 = 3.0;
 
 impl Exposure {
     /// Counts a pixel.

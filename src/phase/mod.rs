@@ -15,9 +15,9 @@ mod sample;
 mod sequence;
 mod shifts;
 
-pub use decode::{Validity, decode};
+pub use decode::{Validity, decode, decode_into};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
-pub use map::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
+pub use map::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
 pub use motion::{MAX_IMAGES, MotionFit, decode_moving, usual_extra_images};
 pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

@@ -26,12 +26,10 @@ impl Default for Residuals {
 }
 
 impl Residuals {
-    pub(super) fn add(&mut self, residual: &[f32], modulation: &[f32], valid: &[bool]) {
+    pub(super) fn add(&mut self, residual_grey: f32, modulation_grey: f32) {
         let bin = |value: f32, range: f32| ((value / range * BINS as f32) as usize).min(BINS - 1);
-        for i in (0..valid.len()).filter(|&i| valid[i]) {
-            self.share[bin(residual[i] / modulation[i], SHARE_RANGE)] += 1;
-            self.residual[bin(residual[i], RESIDUAL_RANGE_GREY)] += 1;
-        }
+        self.share[bin(residual_grey / modulation_grey, SHARE_RANGE)] += 1;
+        self.residual[bin(residual_grey, RESIDUAL_RANGE_GREY)] += 1;
     }
 
     pub(super) fn merge(mut self, other: Self) -> Self {

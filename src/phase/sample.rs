@@ -1,9 +1,24 @@
 //! What a camera stores for a pixel, as the kernels read it: where it lies, without a copy.
 
 use crate::grey::PixelFormat;
+use crate::simd::{LANES, Lanes};
 
 /// A stored value.
-pub(super) trait Sample: Copy + Send + Sync + bytemuck::Pod {
+pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {
+    /// Whether it is stored in 8 bits.
+    const IS_BYTE: bool;
+    /// What [`Self::words`] adds to stored values, so that all are signed words.
+    const BIAS: i16;
+
+    /// Stored values with their bias.
+    fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words;
+
+    /// Stored values as unsigned words, from those with their bias.
+    fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words;
+
+    /// The stored value.
+    fn value(self) -> u16;
+
     /// Its grey level; `grey_per_value` is that of its format, less where its image is brighter than the others of a window.
     fn grey(self, grey_per_value: f32) -> f32;
 
@@ -16,6 +31,23 @@ pub(super) trait Sample: Copy + Send + Sync + bytemuck::Pod {
 
 /// 8 bits.
 impl Sample for u8 {
+    const IS_BYTE: bool = true;
+    const BIAS: i16 = 0;
+
+    #[inline(always)]
+    fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
+        lanes.words_of_bytes(samples)
+    }
+
+    #[inline(always)]
+    fn unsigned<L: Lanes>(_: L, words: L::Words) -> L::Words {
+        words
+    }
+
+    fn value(self) -> u16 {
+        u16::from(self)
+    }
+
     fn grey(self, grey_per_value: f32) -> f32 {
         f32::from(self) * grey_per_value
     }
@@ -31,6 +63,23 @@ impl Sample for u8 {
 
 /// More than 8 bits, little endian; at any address.
 impl Sample for [u8; 2] {
+    const IS_BYTE: bool = false;
+    const BIAS: i16 = i16::MIN;
+
+    #[inline(always)]
+    fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
+        lanes.add(lanes.words_of_le(samples), lanes.word(Self::BIAS))
+    }
+
+    #[inline(always)]
+    fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words {
+        lanes.sub(words, lanes.word(Self::BIAS))
+    }
+
+    fn value(self) -> u16 {
+        u16::from_le_bytes(self)
+    }
+
     fn grey(self, grey_per_value: f32) -> f32 {
         f32::from(u16::from_le_bytes(self)) * grey_per_value
     }

@@ -77,12 +77,13 @@ impl PhaseShifts {
         if let Some(index) = shifts_rad.iter().position(|s| !s.is_finite()) {
             return Err(ShiftError::NotFinite { index, value: shifts_rad[index] });
         }
-        let weights = if equally_spaced(shifts_rad) {
+        let weights = if slots(shifts_rad).is_some() {
             equal_weights(shifts_rad)
         } else {
             least_squares_weights(shifts_rad)
                 .ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?
         };
+        let weights = weights.map(|w| w.into_iter().map(|w| w as f32).collect());
         Ok(Self { shifts_rad: shifts_rad.to_vec(), weights })
     }
 
@@ -110,6 +111,18 @@ impl PhaseShifts {
         &self.shifts_rad
     }
 
+    /// The images of evenly spaced shifts, in whatever order they are, by rising shift from the first image on; `None` for any
+    /// others.
+    pub(super) fn even_order(&self) -> Option<[usize; MAX_STEPS]> {
+        slots(&self.shifts_rad)
+    }
+
+    /// Weights in A, C and S of images with these angles, rad, as many and as evenly spaced as the shifts.
+    pub(super) fn weights_at(&self, angles_rad: &[f64]) -> [Vec<f64>; 3] {
+        let solved = if self.even_order().is_some() { None } else { least_squares_weights(angles_rad) };
+        solved.unwrap_or_else(|| equal_weights(angles_rad))
+    }
+
     /// Weights of the images in A, C and S, N each.
     pub(super) fn weights(&self) -> [&[f32]; 3] {
         [&self.weights[0], &self.weights[1], &self.weights[2]]
@@ -123,28 +136,30 @@ impl PhaseShifts {
     }
 }
 
-/// Whether the shifts are, in whatever order, N places 2π/N apart.
-fn equally_spaced(shifts_rad: &[f64]) -> bool {
+/// Which shift is the k-th from the first on, if the shifts are, in whatever order, N places 2π/N apart.
+fn slots(shifts_rad: &[f64]) -> Option<[usize; MAX_STEPS]> {
     let step = TAU / shifts_rad.len() as f64;
-    let mut taken = [false; MAX_STEPS];
-    shifts_rad.iter().all(|s| {
+    let (mut order, mut taken) = ([0; MAX_STEPS], [false; MAX_STEPS]);
+    let even = shifts_rad.iter().enumerate().all(|(image, s)| {
         let place = (s - shifts_rad[0]).rem_euclid(TAU) / step;
         let slot = place.round() as usize % shifts_rad.len();
+        order[slot] = image;
         let fits = (place - place.round()).abs() * step < SPACING_TOLERANCE_RAD;
         fits && !std::mem::replace(&mut taken[slot], true)
-    })
+    });
+    even.then_some(order)
 }
 
-fn equal_weights(shifts_rad: &[f64]) -> [Vec<f32>; 3] {
+fn equal_weights(shifts_rad: &[f64]) -> [Vec<f64>; 3] {
     let n = shifts_rad.len() as f64;
     [
-        vec![(1.0 / n) as f32; shifts_rad.len()],
-        shifts_rad.iter().map(|s| (2.0 / n * s.cos()) as f32).collect(),
-        shifts_rad.iter().map(|s| (-2.0 / n * s.sin()) as f32).collect(),
+        vec![1.0 / n; shifts_rad.len()],
+        shifts_rad.iter().map(|s| 2.0 / n * s.cos()).collect(),
+        shifts_rad.iter().map(|s| -2.0 / n * s.sin()).collect(),
     ]
 }
 
-fn least_squares_weights(shifts_rad: &[f64]) -> Option<[Vec<f32>; 3]> {
+fn least_squares_weights(shifts_rad: &[f64]) -> Option<[Vec<f64>; 3]> {
     let rows: Vec<Vector3<f64>> = shifts_rad.iter().map(|s| Vector3::new(1.0, s.cos(), -s.sin())).collect();
     let normal: Matrix3<f64> = rows.iter().map(|r| r * r.transpose()).sum();
     let smallest = normal.symmetric_eigenvalues().min();
@@ -152,7 +167,7 @@ fn least_squares_weights(shifts_rad: &[f64]) -> Option<[Vec<f32>; 3]> {
         return None;
     }
     let inverse = normal.try_inverse()?;
-    Some([0, 1, 2].map(|i| rows.iter().map(|r| (inverse * r)[i] as f32).collect()))
+    Some([0, 1, 2].map(|i| rows.iter().map(|r| (inverse * r)[i]).collect()))
 }
 
 #[cfg(test)]
@@ -164,7 +179,7 @@ mod tests {
         for n in MIN_STEPS..=MAX_STEPS {
             // Any start, sense and order.
             let shifts: Vec<f64> = (0..n).rev().map(|k| 0.3 - TAU * k as f64 / n as f64).collect();
-            assert!(equally_spaced(&shifts));
+            assert!(slots(&shifts).is_some());
             let (closed, general) = (equal_weights(&shifts), least_squares_weights(&shifts).unwrap());
             for (a, b) in closed.iter().flatten().zip(general.iter().flatten()) {
                 assert!((a - b).abs() < 1e-6);

@@ -1,6 +1,6 @@
 //! Wrapped phase and modulation as pictures.
 
-use crate::phase::PhaseMap;
+use crate::phase::{Modulation, PhaseMap};
 
 use super::colour::{INVALID, cyclic_map};
 use super::picture::Picture;
@@ -25,19 +25,19 @@ pub fn phase_picture(map: &PhaseMap) -> Picture {
 pub fn modulation_picture(map: &PhaseMap) -> Picture {
     let white = upper_percentile(&map.modulation);
     Picture::of([map.width, map.height], |i| {
-        // The cast takes what lies outside 0 to 255, and what is no number, to the nearest grey level.
-        [(map.modulation[i] / white * 255.0).round() as u8; 3]
+        // The cast takes what lies beyond white to it.
+        [(map.modulation[i].grey() / white * 255.0).round() as u8; 3]
     })
 }
 
-fn upper_percentile(modulation: &[f32]) -> f32 {
-    let mut sorted: Vec<f32> = modulation.iter().copied().filter(|m| m.is_finite()).collect();
+fn upper_percentile(modulation: &[Modulation]) -> f32 {
+    let mut sorted = modulation.to_vec();
     let rank = ((sorted.len() as f64 * (1.0 - WHITE_SHARE)) as usize).min(sorted.len().saturating_sub(1));
     if sorted.is_empty() {
         return 1.0;
     }
-    let (_, &mut white, _) = sorted.select_nth_unstable_by(rank, f32::total_cmp);
-    white.max(f32::MIN_POSITIVE)
+    let (_, white, _) = sorted.select_nth_unstable(rank);
+    white.grey().max(f32::MIN_POSITIVE)
 }
 
 #[cfg(test)]
@@ -50,7 +50,7 @@ mod tests {
             width: 40,
             height: 30,
             phase: (0..count).map(|i| (i * 997) as u16).collect(),
-            modulation: (0..count).map(|i| i as f32 / 10.0).collect(),
+            modulation: (0..count).map(|i| Modulation::of_grey(i as f32 / 10.0)).collect(),
             mean: vec![0; count],
             valid: (0..count).map(|i| i % 7 != 0).collect(),
             ..PhaseMap::default()
@@ -83,7 +83,7 @@ mod tests {
         assert_eq!(greys[0], [0; 3]);
         assert_eq!(greys[1199], [255; 3]);
         assert!((120..=135).contains(&greys[600][0]));
-        let none = PhaseMap { width: 2, height: 1, modulation: vec![0.0, f32::NAN], ..PhaseMap::default() };
+        let none = PhaseMap { width: 2, height: 1, modulation: vec![Modulation::default(); 2], ..PhaseMap::default() };
         assert_eq!(modulation_picture(&none).pixels(), [[0; 3], [0; 3]]);
     }
 }

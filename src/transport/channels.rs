@@ -37,8 +37,8 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// |---|---|---|---|
 /// | `Cam1Frame`, `Cam2Frame` | `cam1/frame`, `cam2/frame` | slice of `u8` | `fringeflow.FrameHeader.1` |
 /// | `ProjectorPattern` | `projector/pattern` | `fringeflow.PatternEvent.1` | none |
-/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.3` |
-/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.3` |
+/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.4` |
+/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.5` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.2` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
 /// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.4` | none |

@@ -1,10 +1,11 @@
-//! Correspondences of all pixels of C1: column of q in the epipolar frame `f32`, modulation `f32`, fringe order `i16`, δ
+//! Correspondences of all pixels of C1: column of q in the epipolar frame `f32`, modulation `u16`, fringe order `i16`, δ
 //! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), confidence `u16` (probability · 65535), outcome
 //! `u8`, candidates that passed the test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero where nothing was
 //! found.
 
 use crate::correspondence::{Candidate, Confidence, DeltaStatistics, Matches, Outcome};
 use crate::message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
+use crate::phase::Modulation;
 use crate::worker::Correspondences;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
@@ -13,7 +14,7 @@ use super::{WireError, checked_pixels};
 /// Blocks of the payload for images of `pixels` pixels.
 #[must_use]
 pub const fn blocks(pixels: usize) -> usize {
-    2 * blocks_of::<f32>(pixels) + 4 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
+    blocks_of::<f32>(pixels) + 5 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
 }
 
 /// The header of correspondences made from `window`.
@@ -46,7 +47,7 @@ pub(super) fn delta_counts(matches: &Matches) -> [u32; DELTA_PARTS] {
 /// The planes of a payload, in their order.
 struct Planes<'a> {
     column_px: &'a [f32],
-    modulation: &'a [f32],
+    modulation: &'a [Modulation],
     order: &'a [i16],
     delta: &'a [i16],
     slope: &'a [i16],
@@ -175,7 +176,7 @@ mod tests {
             width: 7,
             matches,
             mean: (0..35).collect(),
-            modulation: (0..35).map(|i| i as f32 * 0.7).collect(),
+            modulation: (0..35).map(|i| Modulation::of_grey(i as f32 * 0.7)).collect(),
             phase_noise_grey: [1.5, 2.5],
         }
     }
@@ -196,7 +197,7 @@ mod tests {
         let found = found();
         let mut payload = vec![Block([0; 64]); blocks(35)];
         write(&found, &mut payload);
-        let outcomes = 2 * blocks_of::<f32>(35) + 4 * blocks_of::<i16>(35);
+        let outcomes = blocks_of::<f32>(35) + 5 * blocks_of::<i16>(35);
         payload[outcomes].0[4] = 99;
         let header = header(&found, &Window::default(), 3);
         let refused = read(&header, &payload, &mut Correspondences::default());

@@ -1,7 +1,7 @@
-//! Phase maps of both cameras: per camera phase `u16`, modulation `f32`, mean `u8`, valid `u8` (0 or 1).
+//! Phase maps of both cameras: per camera phase `u16`, modulation `u16`, mean `u8`, valid `u8` (0 or 1).
 
 use crate::message::{Block, Fit, MapsHeader, Window};
-use crate::phase::{Exposure, FitStatistics, Harmonics, Motion, PhaseMap};
+use crate::phase::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
 use crate::worker::PhasePair;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
@@ -10,7 +10,7 @@ use super::{WireError, checked_pixels};
 /// Blocks of the payload for images of `pixels` pixels.
 #[must_use]
 pub const fn blocks(pixels: usize) -> usize {
-    2 * (blocks_of::<u16>(pixels) + blocks_of::<f32>(pixels) + 2 * blocks_of::<u8>(pixels))
+    2 * (2 * blocks_of::<u16>(pixels) + 2 * blocks_of::<u8>(pixels))
 }
 
 /// The header of maps made from `window`, in which images of camera 2 begin so much later than those of camera 1.
@@ -45,8 +45,8 @@ pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
 pub struct MapView<'a> {
     /// Wrapped phase, turns · 65536.
     pub phase: &'a [u16],
-    /// Modulation, grey levels.
-    pub modulation: &'a [f32],
+    /// Modulation.
+    pub modulation: &'a [Modulation],
     /// Mean grey level.
     pub mean: &'a [u8],
     /// 1 where the phase can be trusted, else 0.
@@ -154,7 +154,7 @@ mod tests {
             width,
             height,
             phase: (0..pixels).map(|i| (i * 7919 + seed) as u16).collect(),
-            modulation: (0..pixels).map(|i| (i + seed) as f32 / 3.0).collect(),
+            modulation: (0..pixels).map(|i| Modulation::of_grey((i + seed) as f32 / 3.0)).collect(),
             mean: (0..pixels).map(|i| (i + seed) as u8).collect(),
             valid: (0..pixels).map(|i| (i + seed).is_multiple_of(3)).collect(),
             fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5, noise_gain: 0.7 },

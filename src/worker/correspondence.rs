@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::correspondence::{MatchError, MatchSettings, Matches, SegmentTable, match_phases};
-use crate::phase::PhaseShifts;
+use crate::phase::{Modulation, PhaseShifts};
 
 use super::PhasePair;
 
@@ -16,8 +16,8 @@ pub struct Correspondences {
     pub matches: Matches,
     /// Mean grey level of every pixel of C1.
     pub mean: Vec<u8>,
-    /// Modulation of every pixel of C1, grey levels.
-    pub modulation: Vec<f32>,
+    /// Modulation of every pixel of C1.
+    pub modulation: Vec<Modulation>,
     /// Standard deviation of the phase of C1 and of C2, times the modulation, grey levels.
     pub phase_noise_grey: [f32; 2],
 }

@@ -8,7 +8,8 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("grey", &[]),
     ("health", &[]),
-    ("phase", &["grey", "geometry::FringePattern"]),
+    ("simd", &[]),
+    ("phase", &["grey", "simd", "geometry::FringePattern"]),
     ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
     ("pixels", &["message::PixelFormat"]),
     ("transport", &["message"]),
@@ -77,4 +78,5 @@ pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
 ];
 
 /// Files that may hold `unsafe`: SIMD kernels and the V4L2 queue.
-pub(crate) const UNSAFE_FILES: &[&str] = &["services/capture/src/ioctl.rs"];
+pub(crate) const UNSAFE_FILES: &[&str] =
+    &["services/capture/src/ioctl.rs", "src/simd/mod.rs", "src/simd/arrays.rs", "src/simd/avx512.rs"];

@@ -8,6 +8,8 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use crate::phase::Modulation;
+
 use super::super::drift::{DepthPolynomial, RowPolynomial};
 use super::super::row_view::RowView;
 use super::super::segment_table::Segment;
@@ -47,10 +49,10 @@ pub(super) struct DeltaScale {
 impl DeltaScale {
     pub(super) fn of(scene: &Scene<'_>) -> Self {
         let cam1 = scene.cam1;
-        let mut grey: Vec<f32> =
-            cam1.modulation.iter().zip(&cam1.valid).filter(|(_, valid)| **valid).map(|(&grey, _)| grey).collect();
-        let middle = grey.len() / 2;
-        let median_grey = if grey.is_empty() { 1.0 } else { *grey.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let lit = cam1.modulation.iter().zip(&cam1.valid).filter(|(_, valid)| **valid);
+        let mut lit: Vec<Modulation> = lit.map(|(&modulation, _)| modulation).collect();
+        let middle = lit.len() / 2;
+        let median_grey = if lit.is_empty() { 1.0 } else { lit.select_nth_unstable(middle).1.grey() };
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
         Self { sd_turns, median_grey }
     }
@@ -154,7 +156,7 @@ pub(super) fn gather(scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale) -
                 continue;
             }
             let outlook = Outlook::new(scene, windows, &drift, pixel, u);
-            let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel]);
+            let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
             for (lane, energy) in orders[..count].iter_mut().enumerate() {
                 *energy = best_energy(&outlook, i32::from(windows.first[pixel]) + lane as i32, sd_turns, &energies);
             }

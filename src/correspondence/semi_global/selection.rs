@@ -42,7 +42,7 @@ pub(super) fn select(
             let pixel = v * width + u;
             if windows.count[pixel] > 0 {
                 let outlook = Outlook::new(scene, windows, &drift, pixel, u);
-                let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel]);
+                let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
                 *selected = best_of_order(&outlook, verdicts[pixel].order, sd_turns);
             }
         }

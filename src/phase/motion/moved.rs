@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
+use crate::phase::map::Modulation;
 use crate::phase::sample::Sample;
 
 use super::MAX_IMAGES;
@@ -152,17 +153,18 @@ impl Moved {
         &self,
         validity: &Validity,
         phase: &mut [u16],
-        modulation: &mut [f32],
+        modulation: &mut [Modulation],
         mean: &mut [u8],
         valid: &mut [bool],
     ) {
         for p in 0..self.pixels.len() {
             let [re, im] = [self.z[0][p], self.z[1][p]];
             phase[p] = turn_fraction(im, re);
-            modulation[p] = (re * re + im * im).sqrt();
+            let modulation_grey = (re * re + im * im).sqrt();
+            modulation[p] = Modulation::of_grey(modulation_grey);
             mean[p] = (self.offset[p] + 0.5) as u8;
-            let fits = self.residual[p] <= validity.max_residual_share * modulation[p];
-            valid[p] = self.known[p] && modulation[p] >= validity.min_modulation_grey && fits;
+            let fits = self.residual[p] <= validity.max_residual_share * modulation_grey;
+            valid[p] = self.known[p] && modulation_grey >= validity.min_modulation_grey && fits;
         }
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
+use crate::phase::map::Modulation;
 use crate::phase::map::{Exposure, FitStatistics};
 use crate::phase::sample::Sample;
 
@@ -82,10 +83,11 @@ impl<'a, S: Sample> OneSurface<'a, S> {
                 let pixel = v * width + u;
                 let is_saturated = (0..self.moments.len()).any(|image| self.window.is_saturated(image, pixel));
                 let least = self.validity.min_modulation_grey;
-                let is_lit = modulation[u] >= least;
-                let fits = valid[u] && residual[u] <= self.largest(modulation[u]);
+                let modulation_grey = modulation[u].grey();
+                let is_lit = modulation_grey >= least;
+                let fits = valid[u] && residual[u] <= self.largest(modulation_grey);
                 if !is_saturated && (fits || !is_lit) {
-                    counts.exposure.add(false, modulation[u], least);
+                    counts.exposure.add(false, modulation_grey, least);
                     continue;
                 }
                 let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
@@ -93,10 +95,10 @@ impl<'a, S: Sample> OneSurface<'a, S> {
                 valid[u] = found.is_some();
                 if let Some([offset, re, im, _]) = found {
                     phase[u] = turn_fraction(im, re);
-                    modulation[u] = (re * re + im * im).sqrt();
+                    modulation[u] = Modulation::of_grey((re * re + im * im).sqrt());
                     mean[u] = (offset + 0.5) as u8;
                 }
-                counts.exposure.add(is_saturated, modulation[u], least);
+                counts.exposure.add(is_saturated, modulation[u].grey(), least);
                 if is_saturated {
                     // Too much light, not motion.
                     continue;

@@ -204,7 +204,9 @@ impl<'a, S: Sample> Window<'a, S> {
                         moved.finish(validity, phase, modulation, &mut mean[tile.clone()], &mut valid[tile.clone()]);
                         residual[tile.clone()].copy_from_slice(&moved.residual[..tile.len()]);
                     }
-                    residuals.add(residual, modulation, valid);
+                    for u in (0..width).filter(|&u| valid[u]) {
+                        residuals.add(residual[u], modulation[u].grey());
+                    }
                     residuals
                 },
             )

@@ -71,7 +71,7 @@ fn a_resting_scene_has_its_phase_and_no_motion() {
         let motion = map.motion.unwrap();
         assert!(motion.median_rad.abs() < 0.005 && motion.brightness_share < 1e-3, "{motion:?}");
         assert_eq!((motion.one_surface_pixels, motion.lost_pixels), (0, 0));
-        assert!(map.modulation.iter().all(|b| (b - 60.0).abs() < 0.1) && map.mean.iter().all(|&m| m == 100));
+        assert!(map.modulation.iter().all(|b| (b.grey() - 60.0).abs() < 0.1) && map.mean.iter().all(|&m| m == 100));
     }
 }
 

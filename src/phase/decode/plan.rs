@@ -1,0 +1,82 @@
+//! What phase shifts make of the samples, in whole numbers: the weights of the least-squares sums.
+
+use std::f64::consts::TAU;
+
+use super::super::shifts::{MAX_STEPS, PhaseShifts};
+
+/// Bits of the fraction of a weight. Weights of evenly spaced shifts are 2/3 at most, so that 16 bits hold them, and the sums
+/// of samples of 16 bits fit 31.
+const WEIGHT_BITS: i32 = 14;
+/// Greatest sum of the amounts of all weights of one sum that fits with samples of 16 bits.
+const MOST_WEIGHT: f64 = 3.9;
+
+/// The weights of two images in the sums of offset, cosine and sine.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PairWeights {
+    pub(super) offset: [i16; 2],
+    pub(super) cosine: [i16; 2],
+    pub(super) sine: [i16; 2],
+}
+
+/// The sums, in steps of 2^−bits of a stored value.
+pub(super) struct Plan {
+    /// Images in the order of their weights: of evenly spaced shifts by rising shift, from the first image.
+    pub(super) order: [usize; MAX_STEPS],
+    /// Weights of each two images in that order; of an odd number the last one has a partner of weight 0.
+    pub(super) pairs: [PairWeights; MAX_STEPS / 2],
+    /// Angles of the images in that order, as cosine and sine.
+    pub(super) angles: [[f32; 2]; MAX_STEPS],
+    pub(super) steps: usize,
+    /// Whether the shifts are evenly spaced; then the angles begin at 0.
+    pub(super) is_even: bool,
+    /// What the phase of these sums is ahead of the wanted one, turns · 65536.
+    pub(super) ahead: u16,
+    /// Stored values a step of the sums.
+    pub(super) value_per_step: f32,
+}
+
+impl Plan {
+    pub(super) fn new(shifts: &PhaseShifts) -> Self {
+        let steps = shifts.steps();
+        let (order, begin_rad) = match shifts.even_order() {
+            Some(order) => (order, shifts.shifts_rad()[0]),
+            None => (std::array::from_fn(|k| k), 0.0),
+        };
+        let is_even = shifts.even_order().is_some();
+        let mut angles_rad = [0.0; MAX_STEPS];
+        for (k, angle) in angles_rad.iter_mut().enumerate().take(steps) {
+            *angle = if is_even { TAU * k as f64 / steps as f64 } else { shifts.shifts_rad()[k] };
+        }
+        let weights = shifts.weights_at(&angles_rad[..steps]);
+        let heaviest = weights.iter().map(|w| w.iter().map(|w| w.abs()).sum::<f64>()).fold(1.0, f64::max);
+        let bits = WEIGHT_BITS - (heaviest / MOST_WEIGHT).log2().ceil().max(0.0) as i32;
+        let scale = f64::from(bits).exp2();
+        let [offset, cosine, sine] = [(0, scale), (1, 0.0), (2, 0.0)].map(|(i, sum)| whole(&weights[i], scale, sum));
+        let mut pairs = [PairWeights::default(); MAX_STEPS / 2];
+        for (p, pair) in pairs.iter_mut().enumerate() {
+            let of = |w: &[i16; MAX_STEPS]| [w[2 * p], w[2 * p + 1]];
+            *pair = PairWeights { offset: of(&offset), cosine: of(&cosine), sine: of(&sine) };
+        }
+        Self {
+            order,
+            pairs,
+            angles: angles_rad.map(|angle| [angle.cos() as f32, angle.sin() as f32]),
+            steps,
+            is_even,
+            ahead: (begin_rad.rem_euclid(TAU) / TAU * 65536.0).round() as u32 as u16,
+            value_per_step: (1.0 / scale) as f32,
+        }
+    }
+}
+
+/// Weights as whole numbers that have exactly the wanted sum: what rounding leaves goes to the greatest. With a sum of 0 no
+/// offset of the samples, however great, leaks into cosine and sine.
+fn whole(weights: &[f64], scale: f64, sum: f64) -> [i16; MAX_STEPS] {
+    let mut rounded = [0_i16; MAX_STEPS];
+    rounded.iter_mut().zip(weights).for_each(|(rounded, weight)| *rounded = (weight * scale).round() as i16);
+    let excess = rounded.iter().map(|&w| i64::from(w)).sum::<i64>() - sum as i64;
+    if let Some(greatest) = rounded.iter_mut().max_by_key(|w| w.unsigned_abs()) {
+        *greatest -= excess as i16;
+    }
+    rounded
+}

@@ -1,0 +1,47 @@
+//! What some of the pixels tell of all: how well sinusoids fit, and what harmonics the fringes have.
+
+use crate::grey::PixelFormat;
+
+use super::super::harmonics::{AtRest, Sums, spread};
+use super::super::map::{FitStatistics, PhaseMap};
+use super::super::residuals::Residuals;
+use super::super::sample::Sample;
+use super::super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
+use super::block::Limits;
+
+/// Valid pixels that are asked: their medians err by a twentieth, and harmonics by a thousandth of the modulation at usual noise.
+const PIXELS: usize = 640;
+/// Pixels looked at for one that is asked, at most: where the scene fills less of the image, fewer are asked.
+const MOST_TRIES: usize = 32;
+
+/// Fills in fit statistics and harmonics of a map whose planes are there and that has so many valid pixels.
+pub(super) fn measure<S: Sample>(
+    images: &[&[S]],
+    format: PixelFormat,
+    shifts: &PhaseShifts,
+    at_rest: &AtRest,
+    limits: &Limits,
+    valid_pixels: u64,
+    map: &mut PhaseMap,
+) {
+    let pixels = map.phase.len();
+    let tries = (PIXELS as u64 * pixels as u64).div_ceil(valid_pixels.max(1)).min((MOST_TRIES * PIXELS) as u64);
+    let freedom = shifts.steps() - MIN_STEPS;
+    let (mut sums, mut residuals) = (Sums::default(), Residuals::default());
+    for pixel in spread(pixels, tries as usize).filter(|&pixel| map.valid[pixel]) {
+        if images.iter().any(|image| limits.saturates(image[pixel])) {
+            continue;
+        }
+        let mut samples = [0.0; MAX_STEPS];
+        for (sample, image) in samples.iter_mut().zip(images) {
+            *sample = f64::from(image[pixel].grey(limits.grey_per_value));
+        }
+        let beside = at_rest.add(&samples, &mut sums);
+        if freedom > 0 {
+            residuals.add((beside.squares / freedom as f64).sqrt() as f32, beside.modulation as f32);
+        }
+    }
+    let statistics = residuals.statistics(freedom, format, shifts.noise_gain() as f32);
+    map.fit = FitStatistics { valid_pixels, ..statistics };
+    map.harmonics = at_rest.solve(sums);
+}

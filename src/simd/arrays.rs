@@ -1,0 +1,221 @@
+//! Lanes as arrays: the reference, which the compiler turns into whatever vectors the level has.
+
+use super::{LANES, Lanes};
+
+/// Lanes of every machine.
+#[derive(Clone, Copy)]
+pub(crate) struct Arrays;
+
+type Words = [i16; LANES];
+type Longs = [i32; LANES];
+type Floats = [f32; LANES];
+/// All bits of a true lane are set.
+type Mask = [i16; LANES];
+
+#[inline(always)]
+fn map<A: Copy, R: Copy + Default>(a: [A; LANES], f: impl Fn(A) -> R) -> [R; LANES] {
+    let mut out = [R::default(); LANES];
+    for i in 0..LANES {
+        out[i] = f(a[i]);
+    }
+    out
+}
+
+#[inline(always)]
+fn zip<A: Copy, B: Copy, R: Copy + Default>(a: [A; LANES], b: [B; LANES], f: impl Fn(A, B) -> R) -> [R; LANES] {
+    let mut out = [R::default(); LANES];
+    for i in 0..LANES {
+        out[i] = f(a[i], b[i]);
+    }
+    out
+}
+
+#[inline(always)]
+fn truth(value: bool) -> i16 {
+    -i16::from(value)
+}
+
+impl Lanes for Arrays {
+    type Words = Words;
+    type Longs = Longs;
+    type Floats = Floats;
+    type Mask = Mask;
+
+    #[inline(always)]
+    fn word(self, value: i16) -> Words {
+        [value; LANES]
+    }
+    #[inline(always)]
+    fn words_of_bytes(self, bytes: &[u8; LANES]) -> Words {
+        map(*bytes, i16::from)
+    }
+    #[inline(always)]
+    fn load(self, words: &[u16; LANES]) -> Words {
+        map(*words, |w| w as i16)
+    }
+    #[inline(always)]
+    fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
+        map(*words, i16::from_le_bytes)
+    }
+    #[inline(always)]
+    fn add(self, a: Words, b: Words) -> Words {
+        zip(a, b, i16::wrapping_add)
+    }
+    #[inline(always)]
+    fn sub(self, a: Words, b: Words) -> Words {
+        zip(a, b, i16::wrapping_sub)
+    }
+    #[inline(always)]
+    fn abs(self, a: Words) -> Words {
+        map(a, i16::wrapping_abs)
+    }
+    #[inline(always)]
+    fn max_unsigned(self, a: Words, b: Words) -> Words {
+        zip(a, b, |a, b| (a as u16).max(b as u16) as i16)
+    }
+    #[inline(always)]
+    fn min_unsigned(self, a: Words, b: Words) -> Words {
+        zip(a, b, |a, b| (a as u16).min(b as u16) as i16)
+    }
+    #[inline(always)]
+    fn times(self, a: Words, b: Words) -> Words {
+        zip(a, b, |a, b| ((i32::from(a) * i32::from(b) + (1 << 14)) >> 15) as i16)
+    }
+    #[inline(always)]
+    fn times_high(self, a: Words, b: Words) -> Words {
+        zip(a, b, |a, b| ((u32::from(a as u16) * u32::from(b as u16)) >> 16) as i16)
+    }
+    #[inline(always)]
+    fn shift_left<const BITS: u32>(self, a: Words) -> Words {
+        map(a, |a| a << BITS)
+    }
+    #[inline(always)]
+    fn shift_right<const BITS: u32>(self, a: Words) -> Words {
+        map(a, |a| (a as u16 >> BITS) as i16)
+    }
+    #[inline(always)]
+    fn is_greater(self, a: Words, b: Words) -> Mask {
+        zip(a, b, |a, b| truth(a > b))
+    }
+    #[inline(always)]
+    fn is_at_least(self, a: Words, b: Words) -> Mask {
+        zip(a, b, |a, b| truth(a as u16 >= b as u16))
+    }
+    #[inline(always)]
+    fn select(self, mask: Mask, yes: Words, no: Words) -> Words {
+        let mut out = no;
+        for i in 0..LANES {
+            out[i] = (yes[i] & mask[i]) | (no[i] & !mask[i]);
+        }
+        out
+    }
+    #[inline(always)]
+    fn and(self, a: Mask, b: Mask) -> Mask {
+        zip(a, b, |a, b| a & b)
+    }
+    #[inline(always)]
+    fn and_not(self, a: Mask, b: Mask) -> Mask {
+        zip(a, b, |a, b| a & !b)
+    }
+    #[inline(always)]
+    fn count(self, mask: Mask) -> u32 {
+        let sum: i16 = mask.iter().sum();
+        -i32::from(sum) as u32
+    }
+    #[inline(always)]
+    fn bits(self, mask: Mask) -> u32 {
+        mask.iter().enumerate().fold(0, |bits, (k, &m)| bits | ((m as u32 & 1) << k))
+    }
+    #[inline(always)]
+    fn store(self, a: Words, to: &mut [u16; LANES]) {
+        *to = map(a, |a| a as u16);
+    }
+    #[inline(always)]
+    fn store_bytes(self, a: Words, to: &mut [u8; LANES]) {
+        *to = map(a, |a| a as u8);
+    }
+    #[inline(always)]
+    fn store_mask(self, mask: Mask, to: &mut [bool; LANES]) {
+        *to = map(mask, |m| m != 0);
+    }
+
+    #[inline(always)]
+    fn long(self, value: i32) -> Longs {
+        [value; LANES]
+    }
+    #[inline(always)]
+    fn widen(self, a: Words) -> Longs {
+        map(a, i32::from)
+    }
+    #[inline(always)]
+    fn weighted(self, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
+        zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b))
+    }
+    #[inline(always)]
+    fn squares(self, a: Words, b: Words) -> Longs {
+        zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b))
+    }
+    #[inline(always)]
+    fn add_long(self, a: Longs, b: Longs) -> Longs {
+        zip(a, b, i32::wrapping_add)
+    }
+    #[inline(always)]
+    fn sub_long(self, a: Longs, b: Longs) -> Longs {
+        zip(a, b, i32::wrapping_sub)
+    }
+    #[inline(always)]
+    fn times_long(self, a: Longs, b: Longs) -> Longs {
+        zip(a, b, i32::wrapping_mul)
+    }
+    #[inline(always)]
+    fn is_negative(self, a: Longs) -> Mask {
+        map(a, |a| truth(a < 0))
+    }
+    #[inline(always)]
+    fn narrow(self, a: Longs) -> Words {
+        map(a, |a| a.clamp(0, 0xffff) as u16 as i16)
+    }
+    #[inline(always)]
+    fn floats(self, a: Longs) -> Floats {
+        map(a, |a| a as f32)
+    }
+
+    #[inline(always)]
+    fn float(self, value: f32) -> Floats {
+        [value; LANES]
+    }
+    #[inline(always)]
+    fn abs_float(self, a: Floats) -> Floats {
+        map(a, f32::abs)
+    }
+    #[inline(always)]
+    fn add_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn times_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn over(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn max_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn min_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn is_greater_float(self, a: Floats, b: Floats) -> Mask {
+        zip(a, b, |a, b| truth(a > b))
+    }
+    #[inline(always)]
+    #[allow(unsafe_code, reason = "a saturating conversion is several times slower")]
+    fn longs(self, a: Floats) -> Longs {
+        // SAFETY: whoever calls it promises numbers of the range of longs.
+        map(a, |a| unsafe { a.to_int_unchecked() })
+    }
+}

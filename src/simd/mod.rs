@@ -1,0 +1,228 @@
+//! The same kernel for every instruction set: written once over [`Lanes`], compiled for each [`Level`], chosen at run time.
+//!
+//! All levels compute the same bits: operations are whole numbers, or single additions, multiplications and divisions of
+//! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests hold every kernel of the others to it.
+
+mod arrays;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
+use std::sync::atomic::{AtomicU8, Ordering};
+
+pub(crate) use arrays::Arrays;
+
+/// Pixels that a kernel handles together.
+pub(crate) const LANES: usize = 32;
+
+/// Instruction sets that kernels are compiled for, the least first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// What every machine of the architecture has.
+    Portable,
+    /// AVX2 and what came with it.
+    Avx2,
+    /// AVX-512 with bytes and words (F, BW, DQ, VL, CD, VBMI, VNNI).
+    Avx512,
+}
+
+/// Highest level in use, as number of [`Level::ALL`]; kernels never exceed what the machine has.
+static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
+
+impl Level {
+    /// All levels, the least first.
+    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// Whether this machine has it.
+    #[must_use]
+    pub fn is_available(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        match self {
+            Self::Portable => true,
+            Self::Avx2 => has_avx2(),
+            Self::Avx512 => has_avx512(),
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        matches!(self, Self::Portable)
+    }
+
+    /// The highest level that this machine has and that is not beyond the limit.
+    #[must_use]
+    pub fn in_use() -> Self {
+        let limit = usize::from(LIMIT.load(Ordering::Relaxed)).min(Self::ALL.len() - 1);
+        Self::ALL[..=limit].iter().rev().copied().find(|level| level.is_available()).unwrap_or(Self::Portable)
+    }
+
+    /// Lets kernels use no higher level from now on, in the whole process: results are the same, slower.
+    pub fn limit_to(self) {
+        LIMIT.store(self as u8, Ordering::Relaxed);
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") && is_x86_feature_detected!("lzcnt")
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    has_avx2()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512cd")
+        && is_x86_feature_detected!("avx512vbmi")
+        && is_x86_feature_detected!("avx512vnni")
+}
+
+/// Work that is compiled for every level. `run` and all that it calls with lanes must be `#[inline(always)]`: only then does it
+/// become code of the level.
+pub(crate) trait Kernel {
+    /// What it yields.
+    type Output;
+
+    /// The work, with the vectors of a level.
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
+}
+
+/// Runs a kernel at a level, or at the highest below it that the machine has.
+#[inline]
+#[allow(unsafe_code, reason = "code of a level that the machine has been asked for")]
+pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn avx2<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run(Arrays)
+        }
+        #[target_feature(
+            enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
+        )]
+        fn avx512<K: Kernel>(kernel: K, lanes: avx512::Avx512) -> K::Output {
+            kernel.run(lanes)
+        }
+        if level >= Level::Avx512
+            && let Some(lanes) = avx512::Avx512::new()
+        {
+            // SAFETY: the lanes exist only where the machine has these instructions.
+            return unsafe { avx512(kernel, lanes) };
+        }
+        if level >= Level::Avx2 && Level::Avx2.is_available() {
+            // SAFETY: the machine was asked for these instructions.
+            return unsafe { avx2(kernel) };
+        }
+    }
+    kernel.run(Arrays)
+}
+
+/// Vectors of [`LANES`] numbers, a pixel each, and what can be done with them.
+///
+/// *Words* are 16-bit whole numbers, signed or not as the operation says; *longs* 32-bit signed ones; *floats* `f32`. The
+/// order of lanes in longs and floats is that of the level: they are made of words, and become words again.
+pub(crate) trait Lanes: Copy {
+    /// 16 bits a lane.
+    type Words: Copy;
+    /// 32 bits a lane, signed.
+    type Longs: Copy;
+    /// `f32` a lane.
+    type Floats: Copy;
+    /// A truth a lane.
+    type Mask: Copy;
+
+    /// The same word in all lanes.
+    fn word(self, value: i16) -> Self::Words;
+    /// Bytes, widened.
+    fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
+    /// Words as they lie in memory.
+    fn load(self, words: &[u16; LANES]) -> Self::Words;
+    /// Little-endian words at any address.
+    fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
+    /// a + b, wrapping.
+    fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a − b, wrapping.
+    fn sub(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// |a| of signed words.
+    fn abs(self, a: Self::Words) -> Self::Words;
+    /// The greater of unsigned words.
+    fn max_unsigned(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The lesser of unsigned words.
+    fn min_unsigned(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a·b of signed words as fractions of 2^15, rounded.
+    fn times(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The high word of a·b, unsigned.
+    fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a·2^BITS.
+    fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
+    /// a/2^BITS of unsigned words, rounded down.
+    fn shift_right<const BITS: u32>(self, a: Self::Words) -> Self::Words;
+    /// a > b, signed.
+    fn is_greater(self, a: Self::Words, b: Self::Words) -> Self::Mask;
+    /// a ≥ b, unsigned.
+    fn is_at_least(self, a: Self::Words, b: Self::Words) -> Self::Mask;
+    /// `yes` where the mask says so, else `no`.
+    fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
+    /// Both.
+    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// The first and not the second.
+    fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// In how many lanes it is true.
+    fn count(self, mask: Self::Mask) -> u32;
+    /// Bit k is that of lane k.
+    fn bits(self, mask: Self::Mask) -> u32;
+    /// Stores words.
+    fn store(self, a: Self::Words, to: &mut [u16; LANES]);
+    /// Stores the low bytes of words.
+    fn store_bytes(self, a: Self::Words, to: &mut [u8; LANES]);
+    /// Stores truths.
+    fn store_mask(self, mask: Self::Mask, to: &mut [bool; LANES]);
+
+    /// The same long in all lanes.
+    fn long(self, value: i32) -> Self::Longs;
+    /// Signed words as longs.
+    fn widen(self, a: Self::Words) -> Self::Longs;
+    /// a·weights[0] + b·weights[1] of signed words.
+    fn weighted(self, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
+    /// a² + b² of signed words.
+    fn squares(self, a: Self::Words, b: Self::Words) -> Self::Longs;
+    /// a + b, wrapping.
+    fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// a − b, wrapping.
+    fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// a·b, wrapping.
+    fn times_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// Which longs are below zero.
+    fn is_negative(self, a: Self::Longs) -> Self::Mask;
+    /// Longs as words, those beyond 0 to 65535 at its ends.
+    fn narrow(self, a: Self::Longs) -> Self::Words;
+    /// Longs as floats, rounded to nearest.
+    fn floats(self, a: Self::Longs) -> Self::Floats;
+
+    /// The same float in all lanes.
+    fn float(self, value: f32) -> Self::Floats;
+    /// |a|.
+    fn abs_float(self, a: Self::Floats) -> Self::Floats;
+    /// a + b.
+    fn add_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// a·b.
+    fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// a / b.
+    fn over(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// The greater of two, neither NaN.
+    fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// The lesser of two, neither NaN.
+    fn min_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// a > b.
+    fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
+    /// Floats of the range of longs as longs, rounded towards zero.
+    fn longs(self, a: Self::Floats) -> Self::Longs;
+}
