@@ -76,5 +76,6 @@ pub mod simulation;
 pub mod synchronization;
 pub mod telemetry;
 pub mod transport;
+mod vector;
 pub mod wire;
 pub mod worker;

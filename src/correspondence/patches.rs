@@ -107,9 +107,10 @@ impl<const FIELDS: usize> Patches<FIELDS> {
     /// The fields along a row of pixels.
     #[inline(always)]
     pub(super) fn row(&self, v: usize) -> FieldRow<'_, FIELDS> {
-        let length = self.patches[0] * FIELDS;
-        let of_row = &self.coefficients[POWERS * length * (v / PATCH_PX)..][..POWERS * length];
-        let power = |i: usize| &of_row[i * length..(i + 1) * length];
+        let columns = self.patches[0];
+        let (groups, _) = self.coefficients.as_chunks::<FIELDS>();
+        let of_row = &groups[POWERS * columns * (v / PATCH_PX)..][..POWERS * columns];
+        let power = |i: usize| &of_row[i * columns..][..columns];
         FieldRow { powers: [power(0), power(1), power(2), power(3)], t: COLUMNS[v % PATCH_PX] }
     }
 }
@@ -117,39 +118,61 @@ impl<const FIELDS: usize> Patches<FIELDS> {
 /// Fields along a row of pixels.
 #[derive(Clone, Copy)]
 pub(super) struct FieldRow<'a, const FIELDS: usize> {
-    /// Coefficients of each power of the row.
-    powers: [&'a [[f32; POWERS]]; POWERS],
+    /// Coefficients of each power of the row, patch by patch.
+    powers: [&'a [[[f32; POWERS]; FIELDS]]; POWERS],
     /// The row, from the centre of its patches.
     t: f32,
 }
 
-impl<const FIELDS: usize> FieldRow<'_, FIELDS> {
-    /// All fields at the sixteen columns of a patch.
+impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
+    /// Number of patches.
     #[inline(always)]
-    pub(super) fn patch(&self, patch: usize) -> [[f32; PATCH_PX]; FIELDS] {
-        let powers = self.powers.map(|power| power[patch * FIELDS..].first_chunk::<FIELDS>());
-        let mut values = [[0.0; PATCH_PX]; FIELDS];
-        let [Some(p0), Some(p1), Some(p2), Some(p3)] = powers else { return values };
-        let mut cubics = [[0.0; POWERS]; FIELDS];
-        for field in 0..FIELDS {
-            for i in 0..POWERS {
-                cubics[field][i] = cubic([p0[field][i], p1[field][i], p2[field][i], p3[field][i]], self.t);
-            }
-        }
-        for field in 0..FIELDS {
-            for i in 0..PATCH_PX {
-                values[field][i] = cubic(cubics[field], COLUMNS[i]);
-            }
-        }
-        values
+    pub(super) fn patches(&self) -> usize {
+        self.powers[0].len()
+    }
+
+    /// The fields along the sixteen columns of a patch.
+    #[inline(always)]
+    pub(super) fn patch(&self, patch: usize) -> FieldPatch<'a, FIELDS> {
+        let [p0, p1, p2, p3] = self.powers;
+        FieldPatch { powers: [&p0[patch], &p1[patch], &p2[patch], &p3[patch]], t: self.t }
     }
 
     /// One field at a column.
     #[inline]
     pub(super) fn at(&self, field: usize, u: usize) -> f32 {
-        let [p0, p1, p2, p3] = self.powers.map(|power| power[u / PATCH_PX * FIELDS + field]);
-        let along = |i: usize| cubic([p0[i], p1[i], p2[i], p3[i]], self.t);
-        cubic([along(0), along(1), along(2), along(3)], COLUMNS[u % PATCH_PX])
+        cubic(self.patch(u / PATCH_PX).along_row(field), COLUMNS[u % PATCH_PX])
+    }
+}
+
+/// Fields along the sixteen columns of a patch.
+#[derive(Clone, Copy)]
+pub(super) struct FieldPatch<'a, const FIELDS: usize> {
+    powers: [&'a [[f32; POWERS]; FIELDS]; POWERS],
+    t: f32,
+}
+
+impl<const FIELDS: usize> FieldPatch<'_, FIELDS> {
+    /// One field at all columns.
+    #[inline(always)]
+    pub(super) fn values(&self, field: usize) -> [f32; PATCH_PX] {
+        let coefficients = self.along_row(field);
+        let mut values = [0.0; PATCH_PX];
+        for i in 0..PATCH_PX {
+            values[i] = cubic(coefficients, COLUMNS[i]);
+        }
+        values
+    }
+
+    /// Coefficients of the powers of the column.
+    #[inline(always)]
+    fn along_row(&self, field: usize) -> [f32; POWERS] {
+        let [p0, p1, p2, p3] = self.powers;
+        let mut coefficients = [0.0; POWERS];
+        for i in 0..POWERS {
+            coefficients[i] = cubic([p0[field][i], p1[field][i], p2[field][i], p3[field][i]], self.t);
+        }
+        coefficients
     }
 }
 
@@ -237,14 +260,15 @@ mod tests {
         let patches = patches(f64::INFINITY);
         let row = patches.row(19);
         for u in 0..40 {
-            assert_eq!(row.at(1, u).to_bits(), row.patch(u / PATCH_PX)[1][u % PATCH_PX].to_bits());
+            assert_eq!(row.at(1, u).to_bits(), row.patch(u / PATCH_PX).values(1)[u % PATCH_PX].to_bits());
         }
     }
 
     #[test]
     fn a_patch_with_an_undefined_node_is_undefined_all_over() {
         let patches = patches(30.0);
-        assert_eq!((patches.row(5).at(0, 15), patches.row(5).at(1, 40 - 1)), (patches.row(5).at(0, 15), -2.0));
-        assert_eq!(patches.row(5).patch(1), [[-1.0; PATCH_PX], [-2.0; PATCH_PX]]);
+        let row = patches.row(5);
+        assert!((f64::from(row.at(0, 15)) - exact(15.0, 5.0)).abs() < 1e-4);
+        assert_eq!([0, 1].map(|field| row.patch(1).values(field)), [[-1.0; PATCH_PX], [-2.0; PATCH_PX]]);
     }
 }

@@ -135,7 +135,7 @@ mod tests {
     /// A row whose columns 2 to 5 see a surface with 0.1 turn a column.
     fn image() -> EpipolarImage {
         let phase = |column: u16| if (2..=5).contains(&column) { 6554 * column } else { EpipolarImage::NO_PHASE };
-        EpipolarImage { width: 8, phase: (0..8).map(phase).collect() }
+        EpipolarImage { width: 8, phase: (0..8).map(phase).collect(), ..EpipolarImage::default() }
     }
 
     fn rims(phase: u16) -> Vec<(f32, i32)> {

@@ -12,7 +12,7 @@ use super::segment_table::{FIELDS, Limits, NO_LIMITS, RAY_X, RAY_Y, ROW, Segment
 const VOLUME_MARGIN: f64 = 0.02;
 /// Rise of Φ over the volume, turns, at which half of what distortion bends Φ is left out: where a ray runs along a fringe,
 /// nothing tells what its denominator has to do with that.
-const LEAST_RISE_TURNS: f64 = 0.25;
+const LEAST_RISE_TURNS: f64 = 0.05;
 /// Depths of a volume that reaches the camera begin at this share of their end.
 const MIN_DEPTH_SHARE: f64 = 0.05;
 /// Greatest half extent of a volume in inverse depth, in that of its middle: the segment ends before infinity.
@@ -104,9 +104,10 @@ impl Builder<'_> {
         limits.par_chunks_mut(patches.max(1)).enumerate().for_each(|(v, row)| {
             let fields = fields.row(v);
             for (patch, limits) in row.iter_mut().enumerate() {
-                let values = fields.patch(patch);
+                let fields = fields.patch(patch);
+                let (x, y, row_px) = (fields.values(RAY_X), fields.values(RAY_Y), fields.values(ROW));
                 for i in 0..PATCH_PX.min(width - patch * PATCH_PX) {
-                    if let Some([begin, end]) = ends(values[RAY_X][i], values[RAY_Y][i], values[ROW][i]) {
+                    if let Some([begin, end]) = ends(x[i], y[i], row_px[i]) {
                         (limits[0][i], limits[1][i]) = (begin, end);
                     }
                 }

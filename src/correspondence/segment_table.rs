@@ -7,10 +7,11 @@
 //! calibration alone is done here, once, in `f64`. Whatever reads whole images takes [rows](SegmentTable::row).
 
 use crate::geometry::{EpipolarError, EpipolarFrame, FringePattern, MeasurementVolume, Rig};
+use crate::vector;
 
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
-use super::patches::{PATCH_PX, Patches};
+use super::patches::{FieldRow, PATCH_PX, Patches};
 use super::segment::{Segment, SegmentRow};
 use super::segment_builder::Builder;
 use super::source_map::SourceMap;
@@ -143,30 +144,12 @@ impl SegmentTable {
     }
 
     /// Fills in the segments of row `v` of C1.
-    #[inline]
     pub fn row(&self, v: usize, row: &mut SegmentRow) {
         let patches = self.size_px[0].div_ceil(PATCH_PX);
         row.resize(patches);
-        let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
-        let fields = self.fields.row(v);
         let limits = &self.limits[v * patches..(v + 1) * patches];
-        for (patch, [begin, end]) in limits.iter().enumerate() {
-            let values = fields.patch(patch);
-            let mut b = [0.0; PATCH_PX];
-            for i in 0..PATCH_PX {
-                b[i] = values[RISE][i] + values[AT_REFERENCE][i] * values[DENOMINATOR][i];
-            }
-            let columns = patch * PATCH_PX..(patch + 1) * PATCH_PX;
-            row.begin_px[columns.clone()].copy_from_slice(&begin.map(|units| f32::from(units) * per_px));
-            row.end_px[columns.clone()].copy_from_slice(&end.map(|units| f32::from(units) * per_px));
-            row.row_px[columns.clone()].copy_from_slice(&values[ROW]);
-            row.reference_px[columns.clone()].copy_from_slice(&values[REFERENCE]);
-            row.a[columns.clone()].copy_from_slice(&values[AT_REFERENCE]);
-            row.b[columns.clone()].copy_from_slice(&b);
-            row.d[columns.clone()].copy_from_slice(&values[DENOMINATOR]);
-            row.ray_x[columns.clone()].copy_from_slice(&values[RAY_X]);
-            row.ray_y[columns].copy_from_slice(&values[RAY_Y]);
-        }
+        let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
+        vector::run(RowKernel { fields: self.fields.row(v), limits, per_px, row });
     }
 
     /// First and last column of the segment of a pixel; the first is the greater where there is none.
@@ -255,5 +238,38 @@ impl SegmentTable {
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         self.fingerprint
+    }
+}
+
+/// Fills in a row.
+struct RowKernel<'a> {
+    fields: FieldRow<'a, FIELDS>,
+    limits: &'a [Limits],
+    /// Pixels of the unit of limits.
+    per_px: f32,
+    row: &'a mut SegmentRow,
+}
+
+impl vector::Kernel for RowKernel<'_> {
+    #[inline(always)]
+    fn run(self) {
+        for ((patch, [begin, end]), out) in self.limits.iter().enumerate().zip(self.row.patches()) {
+            let fields = self.fields.patch(patch);
+            let (a, rise, d) = (fields.values(AT_REFERENCE), fields.values(RISE), fields.values(DENOMINATOR));
+            for i in 0..PATCH_PX {
+                out.b[i] = rise[i] + a[i] * d[i];
+            }
+            (*out.a, *out.d) = (a, d);
+            *out.row_px = fields.values(ROW);
+            *out.reference_px = fields.values(REFERENCE);
+            *out.ray_x = fields.values(RAY_X);
+            *out.ray_y = fields.values(RAY_Y);
+            for i in 0..PATCH_PX {
+                out.begin_px[i] = f32::from(begin[i]) * self.per_px;
+            }
+            for i in 0..PATCH_PX {
+                out.end_px[i] = f32::from(end[i]) * self.per_px;
+            }
+        }
     }
 }

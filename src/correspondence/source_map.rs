@@ -50,17 +50,23 @@ pub(super) struct SourceRow<'a> {
 }
 
 impl SourceRow<'_> {
-    /// Columns and rows of the places of a patch, 1/2048 pixel; below zero or beyond the image where there is none.
+    /// Number of patches.
     #[inline(always)]
-    pub(super) fn patch(&self, patch: usize) -> [[i32; PATCH_PX]; 2] {
+    pub(super) fn patches(&self) -> usize {
+        self.places.patches()
+    }
+
+    /// Columns (`axis` 0) or rows (1) of the places of a patch, 1/2048 pixel; below zero or beyond the image where there is
+    /// none.
+    #[inline(always)]
+    pub(super) fn patch(&self, patch: usize, axis: usize) -> [i32; PATCH_PX] {
         let bias = self.bias_px.to_bits();
         let shift = PLACE_BITS + bias.wrapping_shr(23) - (127 + 23);
-        let mut parts = [[0; PATCH_PX]; 2];
-        for (parts, places_px) in parts.iter_mut().zip(self.places.patch(patch)) {
-            for i in 0..PATCH_PX {
-                let biased = places_px[i].max(OUTSIDE_PX) + self.bias_px;
-                parts[i] = (biased.to_bits().wrapping_sub(bias) as i32).wrapping_shl(shift);
-            }
+        let places_px = self.places.patch(patch).values(axis);
+        let mut parts = [0; PATCH_PX];
+        for i in 0..PATCH_PX {
+            let place_px = if places_px[i] > OUTSIDE_PX { places_px[i] } else { OUTSIDE_PX };
+            parts[i] = ((place_px + self.bias_px).to_bits().wrapping_sub(bias) as i32).wrapping_shl(shift);
         }
         parts
     }
@@ -104,8 +110,8 @@ mod tests {
                 for column in (row % 7..frame.width_px()).step_by(7) {
                     let exact = frame.cam2_pixel(&Pixel::new(column as f64, row as f64)).filter(|p| rig.cam2.sees(p));
                     let Some(exact) = exact else { continue };
-                    let places = map.row(row).patch(column / PATCH_PX);
-                    let place = places.map(|places| f64::from(places[column % PATCH_PX]) / 2048.0);
+                    let parts = [0, 1].map(|axis| map.row(row).patch(column / PATCH_PX, axis)[column % PATCH_PX]);
+                    let place = parts.map(|parts| f64::from(parts) / 2048.0);
                     let off_px = (exact - Pixel::new(place[0], place[1])).amax();
                     assert!(off_px < 0.005, "{off_px} px at {column}, {row}");
                     inside += 1;
@@ -122,7 +128,7 @@ mod tests {
                 let nodes = Nodes::of([16, 16]);
                 let values = nodes.map(|_, _| Some([f64::from(place_px); 2]));
                 let map = SourceMap::with_places(Patches::through(nodes, &values, [0.0; 2]), [side_px; 2]);
-                let [columns, _] = map.row(3).patch(0);
+                let columns = map.row(3).patch(0, 0);
                 assert!(columns.iter().all(|parts| !(0..(side_px as i32) << PLACE_BITS).contains(parts)), "{place_px}");
             }
         }

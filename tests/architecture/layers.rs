@@ -6,6 +6,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("atomic_file", &[]),
     ("png_encoding", &[]),
     ("geometry", &[]),
+    ("vector", &[]),
     ("grey", &[]),
     ("health", &[]),
     ("phase", &["grey", "geometry::FringePattern"]),
@@ -16,7 +17,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["grey", "geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
-    ("correspondence", &["geometry", "phase", "atomic_file"]),
+    ("correspondence", &["geometry", "vector", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("registration", &["geometry", "cloud::Cloud"]),
     ("fusion", &["geometry", "registration", "cloud", "atomic_file"]),
@@ -77,4 +78,4 @@ pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
 ];
 
 /// Files that may hold `unsafe`: SIMD kernels and the V4L2 queue.
-pub(crate) const UNSAFE_FILES: &[&str] = &["services/capture/src/ioctl.rs"];
+pub(crate) const UNSAFE_FILES: &[&str] = &["services/capture/src/ioctl.rs", "src/vector.rs"];
