@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 use crate::vector;
 
-use super::patches::PATCH_PX;
+use super::patches::{Columns, PATCH_PX, POWERS};
 use super::segment_table::SegmentTable;
 use super::source_map::{PLACE_BITS, SourceRow};
 
@@ -56,8 +56,8 @@ impl EpipolarImage {
         self.width = width;
         self.phase.resize(width * height, Self::NO_PHASE);
         let image = Marked { phase: &self.marked, width: map.width };
-        self.phase.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
-            vector::run(RowKernel { image, sources: table.sources.row(row), out });
+        self.phase.par_chunks_mut(width).enumerate().for_each_init(Vec::new, |along_row, (row, out)| {
+            vector::run(RowKernel { image, sources: table.sources.row(row), along_row, out });
         });
         true
     }
@@ -112,24 +112,26 @@ struct Marked<'a> {
 struct RowKernel<'a> {
     image: Marked<'a>,
     sources: SourceRow<'a>,
+    /// Room for coefficients.
+    along_row: &'a mut Vec<[[f32; POWERS]; 2]>,
     out: &'a mut [u16],
 }
 
 impl vector::Kernel for RowKernel<'_> {
     #[inline(always)]
     fn run(self) {
-        let mut block = Block::default();
-        for (i, out) in self.out.chunks_mut(BLOCK_PX).enumerate() {
-            let first = i * BLOCK_PATCHES;
-            let patches = first..(first + BLOCK_PATCHES).min(self.sources.patches());
-            for (patch, places) in patches.zip(block.columns.as_chunks_mut().0) {
-                *places = self.sources.patch(patch, 0);
+        let Self { image, sources, along_row, out } = self;
+        along_row.resize(out.len().div_ceil(PATCH_PX), [[0.0; POWERS]; 2]);
+        sources.along_row(along_row);
+        let (mut block, of_patch) = (Block::default(), Columns::new());
+        for (out, coefficients) in out.chunks_mut(BLOCK_PX).zip(along_row.chunks(BLOCK_PATCHES)) {
+            let places = block.columns.as_chunks_mut().0.iter_mut().zip(block.rows.as_chunks_mut().0);
+            for (coefficients, (columns, rows)) in coefficients.iter().zip(places) {
+                let [column, row] = coefficients;
+                *columns = sources.places(&of_patch, column);
+                *rows = sources.places(&of_patch, row);
             }
-            let patches = first..(first + BLOCK_PATCHES).min(self.sources.patches());
-            for (patch, places) in patches.zip(block.rows.as_chunks_mut().0) {
-                *places = self.sources.patch(patch, 1);
-            }
-            block.resample(self.image);
+            block.resample(image);
             out.copy_from_slice(&block.phase[..out.len()]);
         }
     }
@@ -192,10 +194,8 @@ impl Block {
 /// Two neighbours of a row, the left one in the lower half of the bits.
 #[inline(always)]
 fn pair(phase: &[u16], first: usize) -> u32 {
-    match phase.get(first..first + 2) {
-        Some(&[left, right]) => u32::from(left) | u32::from(right) << 16,
-        _ => 0,
-    }
+    let pair = &phase[first..first + 2];
+    u32::from(pair[0]) | u32::from(pair[1]) << 16
 }
 
 /// Phase between four pixels, of which the shares to the right and below are given in 1/2048; without a branch, so that

@@ -11,21 +11,21 @@ pub(super) const PATCH_PX: usize = 16;
 /// Nodes along a side of a patch, without the last, which is the first of the next patch.
 const STEPS: usize = 3;
 /// Coefficients of a cubic polynomial.
-const POWERS: usize = 4;
+pub(super) const POWERS: usize = 4;
 /// Half a side: places in a patch are counted from its centre, which keeps rounding small.
 const HALF_PX: f64 = PATCH_PX as f64 / 2.0;
-/// Columns of a patch, from its centre.
+/// Columns of a patch, from its centre: it reaches half a pixel beyond their centres, like a pixel.
 const COLUMNS: [f32; PATCH_PX] = {
     let mut columns = [0.0; PATCH_PX];
     let mut i = 0;
     while i < PATCH_PX {
-        columns[i] = i as f32 - HALF_PX as f32;
+        columns[i] = i as f32 + 0.5 - HALF_PX as f32;
         i += 1;
     }
     columns
 };
 
-/// The nodes of an image, row by row. Those of the last patches may lie somewhat outside of it.
+/// The nodes of an image, row by row. Those at its border lie somewhat outside of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nodes {
     /// Patches along either axis.
@@ -41,7 +41,7 @@ impl Nodes {
     /// A value for each node, from its place in pixels; computed in parallel.
     pub(super) fn map<T: Send>(&self, value: impl Fn(f64, f64) -> T + Sync) -> Vec<T> {
         let [columns, rows] = self.patches.map(|patches| STEPS * patches + 1);
-        let place_px = |node: usize| node as f64 * (PATCH_PX as f64 / STEPS as f64);
+        let place_px = |node: usize| node as f64 * (PATCH_PX as f64 / STEPS as f64) - 0.5;
         let value = &value;
         (0..rows)
             .into_par_iter()
@@ -125,54 +125,47 @@ pub(super) struct FieldRow<'a, const FIELDS: usize> {
 }
 
 impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
-    /// Number of patches.
-    #[inline(always)]
-    pub(super) fn patches(&self) -> usize {
-        self.powers[0].len()
-    }
-
-    /// The fields along the sixteen columns of a patch.
-    #[inline(always)]
-    pub(super) fn patch(&self, patch: usize) -> FieldPatch<'a, FIELDS> {
-        let [p0, p1, p2, p3] = self.powers;
-        FieldPatch { powers: [&p0[patch], &p1[patch], &p2[patch], &p3[patch]], t: self.t }
-    }
-
     /// One field at a column.
     #[inline]
     pub(super) fn at(&self, field: usize, u: usize) -> f32 {
-        cubic(self.patch(u / PATCH_PX).along_row(field), COLUMNS[u % PATCH_PX])
+        let patch = u / PATCH_PX;
+        let [p0, p1, p2, p3] = self.powers.map(|power| &power[patch][field]);
+        let along_row = std::array::from_fn(|i| cubic([p0[i], p1[i], p2[i], p3[i]], self.t));
+        cubic(along_row, COLUMNS[u % PATCH_PX])
+    }
+
+    /// The coefficients of the powers of the column, patch by patch and field by field, into `out`.
+    #[inline(always)]
+    pub(super) fn along_row(&self, out: &mut [[[f32; POWERS]; FIELDS]]) {
+        let [p0, p1, p2, p3] = self.powers.map(|power| power.as_flattened().as_flattened());
+        let out = out.as_flattened_mut().as_flattened_mut();
+        for ((((out, &c0), &c1), &c2), &c3) in out.iter_mut().zip(p0).zip(p1).zip(p2).zip(p3) {
+            *out = cubic([c0, c1, c2, c3], self.t);
+        }
     }
 }
 
-/// Fields along the sixteen columns of a patch.
+/// The sixteen columns of a patch.
 #[derive(Clone, Copy)]
-pub(super) struct FieldPatch<'a, const FIELDS: usize> {
-    powers: [&'a [[f32; POWERS]; FIELDS]; POWERS],
-    t: f32,
-}
+pub(super) struct Columns([f32; PATCH_PX]);
 
-impl<const FIELDS: usize> FieldPatch<'_, FIELDS> {
-    /// One field at all columns.
+impl Columns {
+    /// Numbers that the compiler does not see: those that differ in sign alone it would take apart.
     #[inline(always)]
-    pub(super) fn values(&self, field: usize) -> [f32; PATCH_PX] {
-        let coefficients = self.along_row(field);
+    pub(super) fn new() -> Self {
+        Self(std::hint::black_box(COLUMNS))
+    }
+
+    /// A cubic polynomial at the columns.
+    #[inline(always)]
+    pub(super) fn values(&self, coefficients: &[f32; POWERS]) -> [f32; PATCH_PX] {
+        // Each patch by itself: of several at a time the numbers would lie apart.
+        let coefficients = *std::hint::black_box(coefficients);
         let mut values = [0.0; PATCH_PX];
         for i in 0..PATCH_PX {
-            values[i] = cubic(coefficients, COLUMNS[i]);
+            values[i] = cubic(coefficients, self.0[i]);
         }
         values
-    }
-
-    /// Coefficients of the powers of the column.
-    #[inline(always)]
-    fn along_row(&self, field: usize) -> [f32; POWERS] {
-        let [p0, p1, p2, p3] = self.powers;
-        let mut coefficients = [0.0; POWERS];
-        for i in 0..POWERS {
-            coefficients[i] = cubic([p0[field][i], p1[field][i], p2[field][i], p3[field][i]], self.t);
-        }
-        coefficients
     }
 }
 
@@ -259,8 +252,13 @@ mod tests {
     fn a_pixel_has_the_bits_of_its_patch() {
         let patches = patches(f64::INFINITY);
         let row = patches.row(19);
+        let mut along_row = [[[0.0; POWERS]; 2]; 3];
+        row.along_row(&mut along_row);
         for u in 0..40 {
-            assert_eq!(row.at(1, u).to_bits(), row.patch(u / PATCH_PX).values(1)[u % PATCH_PX].to_bits());
+            assert_eq!(
+                row.at(1, u).to_bits(),
+                Columns::new().values(&along_row[u / PATCH_PX][1])[u % PATCH_PX].to_bits()
+            );
         }
     }
 
@@ -269,6 +267,6 @@ mod tests {
         let patches = patches(30.0);
         let row = patches.row(5);
         assert!((f64::from(row.at(0, 15)) - exact(15.0, 5.0)).abs() < 1e-4);
-        assert_eq!([0, 1].map(|field| row.patch(1).values(field)), [[-1.0; PATCH_PX], [-2.0; PATCH_PX]]);
+        assert_eq!([16, 31].map(|u| [row.at(0, u), row.at(1, u)]), [[-1.0, -2.0]; 2]);
     }
 }

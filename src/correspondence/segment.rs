@@ -1,6 +1,7 @@
 //! An epipolar segment, and a row of them.
 
-use super::patches::PATCH_PX;
+use super::patches::{PATCH_PX, POWERS};
+use super::segment_table::FIELDS;
 
 /// The epipolar segment of one pixel of C1, in the epipolar frame of C2.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +86,8 @@ pub struct SegmentRow {
     pub ray_x: Vec<f32>,
     /// y.
     pub ray_y: Vec<f32>,
+    /// Coefficients of the fields of the table along the row.
+    pub(super) along_row: Vec<[[f32; POWERS]; FIELDS]>,
 }
 
 impl SegmentRow {
@@ -107,26 +110,7 @@ impl SegmentRow {
         for array in self.arrays() {
             array.resize(patches * PATCH_PX, 0.0);
         }
-    }
-
-    /// Sixteen pixels at a time, to be overwritten.
-    #[inline(always)]
-    pub(super) fn patches(&mut self) -> impl Iterator<Item = PatchMut<'_>> {
-        let rest = (patches(&mut self.a).zip(patches(&mut self.b)).zip(patches(&mut self.d)))
-            .zip(patches(&mut self.ray_x).zip(patches(&mut self.ray_y)));
-        let places = (patches(&mut self.begin_px).zip(patches(&mut self.end_px)))
-            .zip(patches(&mut self.row_px).zip(patches(&mut self.reference_px)));
-        places.zip(rest).map(|(((begin_px, end_px), (row_px, reference_px)), (((a, b), d), (ray_x, ray_y)))| PatchMut {
-            begin_px,
-            end_px,
-            row_px,
-            reference_px,
-            a,
-            b,
-            d,
-            ray_x,
-            ray_y,
-        })
+        self.along_row.resize(patches, [[0.0; POWERS]; FIELDS]);
     }
 
     fn arrays(&mut self) -> [&mut Vec<f32>; 9] {
@@ -142,22 +126,4 @@ impl SegmentRow {
             &mut self.ray_y,
         ]
     }
-}
-
-/// Sixteen pixels of a row of segments.
-pub(super) struct PatchMut<'a> {
-    pub(super) begin_px: &'a mut [f32; PATCH_PX],
-    pub(super) end_px: &'a mut [f32; PATCH_PX],
-    pub(super) row_px: &'a mut [f32; PATCH_PX],
-    pub(super) reference_px: &'a mut [f32; PATCH_PX],
-    pub(super) a: &'a mut [f32; PATCH_PX],
-    pub(super) b: &'a mut [f32; PATCH_PX],
-    pub(super) d: &'a mut [f32; PATCH_PX],
-    pub(super) ray_x: &'a mut [f32; PATCH_PX],
-    pub(super) ray_y: &'a mut [f32; PATCH_PX],
-}
-
-#[inline(always)]
-fn patches(array: &mut [f32]) -> std::slice::IterMut<'_, [f32; PATCH_PX]> {
-    array.as_chunks_mut().0.iter_mut()
 }

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig, Vector3};
 
-use super::patches::{Nodes, PATCH_PX, Patches};
-use super::segment_table::{FIELDS, Limits, NO_LIMITS, RAY_X, RAY_Y, ROW, SegmentTableError, units_per_px};
+use super::patches::{Nodes, Patches};
+use super::segment_table::{FIELDS, NO_LIMITS, RAY_X, RAY_Y, ROW, SegmentTableError, padded, units_per_px};
 
 /// Share of a segment that is added at either end: the place of the volume is known no better than the calibration.
 const VOLUME_MARGIN: f64 = 0.02;
@@ -78,10 +78,9 @@ impl Builder<'_> {
         Some(self.pattern.phase_turns(column))
     }
 
-    /// Where the segments of all pixels begin and end, sixteen pixels at a time, row by row.
-    pub(super) fn limits(&self, fields: &Patches<FIELDS>) -> Vec<Limits> {
+    /// Where the segments of all pixels begin and end, row by row, with the ends after the beginnings.
+    pub(super) fn limits(&self, fields: &Patches<FIELDS>) -> Vec<u16> {
         let [width, height] = self.size_px();
-        let patches = width.div_ceil(PATCH_PX);
         let clip = self.volume.seen_from_cam1();
         let last_row = (self.frame.height_px() - 1) as f32;
         let last_px = (self.frame.width_px() - 1) as f64;
@@ -100,17 +99,14 @@ impl Builder<'_> {
             let end = (a.max(b) + margin).min(last_px);
             (begin < end).then(|| [(begin * units).floor() as u16, (end * units).ceil() as u16])
         };
-        let mut limits = vec![NO_LIMITS; patches * height];
-        limits.par_chunks_mut(patches.max(1)).enumerate().for_each(|(v, row)| {
+        let room = padded(width);
+        let mut limits = vec![0; 2 * room * height];
+        limits.par_chunks_mut(2 * room).enumerate().for_each(|(v, row)| {
             let fields = fields.row(v);
-            for (patch, limits) in row.iter_mut().enumerate() {
-                let fields = fields.patch(patch);
-                let (x, y, row_px) = (fields.values(RAY_X), fields.values(RAY_Y), fields.values(ROW));
-                for i in 0..PATCH_PX.min(width - patch * PATCH_PX) {
-                    if let Some([begin, end]) = ends(x[i], y[i], row_px[i]) {
-                        (limits[0][i], limits[1][i]) = (begin, end);
-                    }
-                }
+            let (begin, end) = row.split_at_mut(room);
+            for u in 0..room {
+                let [x, y, row_px] = [RAY_X, RAY_Y, ROW].map(|field| fields.at(field, u));
+                [begin[u], end[u]] = if u < width { ends(x, y, row_px).unwrap_or(NO_LIMITS) } else { NO_LIMITS };
             }
         });
         limits

@@ -13,8 +13,8 @@ use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
-use super::patches::{PATCH_PX, Patches};
-use super::segment_table::{FIELDS, Limits, SegmentTable, SegmentTableError, units_per_px};
+use super::patches::Patches;
+use super::segment_table::{FIELDS, SegmentTable, SegmentTableError, padded, units_per_px};
 use super::source_map::SourceMap;
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
@@ -169,7 +169,7 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     }
     let mut modes = vec![0.0_f64; DriftModes::NUMBERS];
     let mut fields = Patches::zeroed(size_px);
-    let mut limits: Vec<Limits> = vec![[[0; PATCH_PX]; 2]; limits_of(size_px)];
+    let mut limits = vec![0_u16; limits_of(size_px)];
     let mut places = Patches::zeroed(epipolar_size_px);
     let mut crc = crc32fast::Hasher::new();
     crc.update(bytemuck::bytes_of(&header.sizes_px));
@@ -179,7 +179,7 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     reading.fill(fields.coefficients_mut().as_flattened_mut(), "fields", are_finite)?;
     let last = (epipolar_size_px[0] as u32 - 1) * units_per_px(epipolar_size_px[0]);
     let in_frame = |limits: &[u16]| limits.iter().fold(0, |most, &end| most.max(end)) <= last as u16;
-    reading.fill(limits.as_flattened_mut().as_flattened_mut(), "segments", in_frame)?;
+    reading.fill(&mut limits, "segments", in_frame)?;
     reading.fill(places.coefficients_mut().as_flattened_mut(), "source pixels", are_finite)?;
     reading.finish(header.crc)?;
     if !header.base.iter().all(|b| b.is_finite()) {
@@ -204,13 +204,13 @@ fn promised_bytes(size_px: [usize; 2], epipolar_size_px: [usize; 2]) -> u64 {
     let bytes = size_of::<Header>()
         + DriftModes::NUMBERS * size_of::<f64>()
         + fields * size_of::<f32>()
-        + limits_of(size_px) * size_of::<Limits>();
+        + limits_of(size_px) * size_of::<u16>();
     bytes as u64
 }
 
-/// Groups of sixteen pixels of an image.
+/// First and last columns of the segments of an image.
 fn limits_of([width, height]: [usize; 2]) -> usize {
-    width.div_ceil(PATCH_PX) * height
+    2 * padded(width) * height
 }
 
 /// A forged file with a fitting checksum must hold numbers. Where they lead matters less: whoever looks into an image by
@@ -308,7 +308,7 @@ mod tests {
             base: [1.0, 0.0, 0.0],
             modes: None,
             fields,
-            limits: (0..6).map(|i| [[100 * i; PATCH_PX], [2000; PATCH_PX]]).collect(),
+            limits: (0..2 * 32 * 3).map(|i| 10 * i).collect(),
             sources: SourceMap::with_places(places, [19, 4]),
         }
     }
@@ -356,7 +356,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("forged.segments");
         let mut outside = table();
-        outside.limits[3][1][5] = 65535;
+        outside.limits[101] = 65535;
         let [mut nan, mut infinite] = [table(), table()];
         nan.fields.coefficients_mut()[50][2] = f32::NAN;
         infinite.sources.places.coefficients_mut()[3][0] = f32::NEG_INFINITY;

@@ -11,7 +11,7 @@ use crate::vector;
 
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
-use super::patches::{FieldRow, PATCH_PX, Patches};
+use super::patches::{Columns, FieldRow, PATCH_PX, POWERS, Patches};
 use super::segment::{Segment, SegmentRow};
 use super::segment_builder::Builder;
 use super::source_map::SourceMap;
@@ -35,10 +35,13 @@ const DENOMINATOR: usize = 6;
 /// Number of fields.
 pub(super) const FIELDS: usize = 7;
 
-/// First and last columns of sixteen pixels in parts of a pixel, see [`units_per_px`].
-pub(super) type Limits = [[u16; PATCH_PX]; 2];
-/// Those of pixels whose ray misses the volume or whose segment lies outside the image of C2.
-pub(super) const NO_LIMITS: Limits = [[1; PATCH_PX], [0; PATCH_PX]];
+/// First and last column of pixels whose ray misses the volume or whose segment lies outside the image of C2.
+pub(super) const NO_LIMITS: [u16; 2] = [1, 0];
+
+/// Pixels for which there is room in a row.
+pub(super) fn padded(width: usize) -> usize {
+    width.next_multiple_of(PATCH_PX)
+}
 
 /// Parts of a pixel in which limits are counted: the finest power of two with which the last column of an epipolar frame
 /// fits 16 bits.
@@ -69,8 +72,8 @@ pub struct SegmentTable {
     pub(super) base: [f32; 3],
     pub(super) modes: Option<DriftModes>,
     pub(super) fields: Patches<FIELDS>,
-    /// Sixteen pixels at a time, row by row.
-    pub(super) limits: Vec<Limits>,
+    /// Row by row the first columns of all pixels, then the last ones, in parts of a pixel; see [`units_per_px`].
+    pub(super) limits: Vec<u16>,
     pub(super) sources: SourceMap,
 }
 
@@ -108,7 +111,8 @@ impl SegmentTable {
         let builder = Builder { rig, volume, pattern, frame: &frame };
         let fields = builder.fields();
         let limits = builder.limits(&fields);
-        if limits.iter().all(|limits| *limits == NO_LIMITS) {
+        // Any other end is beyond its beginning.
+        if limits.iter().all(|limit| NO_LIMITS.contains(limit)) {
             return Err(builder.why_none());
         }
         let mut table = Self {
@@ -147,9 +151,9 @@ impl SegmentTable {
     pub fn row(&self, v: usize, row: &mut SegmentRow) {
         let patches = self.size_px[0].div_ceil(PATCH_PX);
         row.resize(patches);
-        let limits = &self.limits[v * patches..(v + 1) * patches];
+        let (begin, end) = self.limits_of_row(v);
         let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
-        vector::run(RowKernel { fields: self.fields.row(v), limits, per_px, row });
+        vector::run(RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
     }
 
     /// First and last column of the segment of a pixel; the first is the greater where there is none.
@@ -157,9 +161,9 @@ impl SegmentTable {
     #[inline]
     pub fn limits_px(&self, pixel: usize) -> [f32; 2] {
         let (u, v) = self.column_and_row(pixel);
-        let limits = &self.limits[v * self.size_px[0].div_ceil(PATCH_PX) + u / PATCH_PX];
+        let (begin, end) = self.limits_of_row(v);
         let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
-        limits.map(|ends| f32::from(ends[u % PATCH_PX]) * per_px)
+        [begin[u], end[u]].map(|units| f32::from(units) * per_px)
     }
 
     /// Whether a pixel of C1 has a segment.
@@ -176,6 +180,13 @@ impl SegmentTable {
     pub fn row_px(&self, pixel: usize) -> f32 {
         let (u, v) = self.column_and_row(pixel);
         self.fields.row(v).at(ROW, u)
+    }
+
+    /// First and last columns of the segments of a row, in parts of a pixel.
+    #[inline]
+    fn limits_of_row(&self, v: usize) -> (&[u16], &[u16]) {
+        let width = padded(self.size_px[0]);
+        self.limits[2 * width * v..2 * width * (v + 1)].split_at(width)
     }
 
     #[inline]
@@ -244,7 +255,8 @@ impl SegmentTable {
 /// Fills in a row.
 struct RowKernel<'a> {
     fields: FieldRow<'a, FIELDS>,
-    limits: &'a [Limits],
+    begin: &'a [u16],
+    end: &'a [u16],
     /// Pixels of the unit of limits.
     per_px: f32,
     row: &'a mut SegmentRow,
@@ -253,23 +265,33 @@ struct RowKernel<'a> {
 impl vector::Kernel for RowKernel<'_> {
     #[inline(always)]
     fn run(self) {
-        for ((patch, [begin, end]), out) in self.limits.iter().enumerate().zip(self.row.patches()) {
-            let fields = self.fields.patch(patch);
-            let (a, rise, d) = (fields.values(AT_REFERENCE), fields.values(RISE), fields.values(DENOMINATOR));
-            for i in 0..PATCH_PX {
-                out.b[i] = rise[i] + a[i] * d[i];
-            }
-            (*out.a, *out.d) = (a, d);
-            *out.row_px = fields.values(ROW);
-            *out.reference_px = fields.values(REFERENCE);
-            *out.ray_x = fields.values(RAY_X);
-            *out.ray_y = fields.values(RAY_Y);
-            for i in 0..PATCH_PX {
-                out.begin_px[i] = f32::from(begin[i]) * self.per_px;
-            }
-            for i in 0..PATCH_PX {
-                out.end_px[i] = f32::from(end[i]) * self.per_px;
-            }
+        let Self { fields, begin, end, per_px, row } = self;
+        fields.along_row(&mut row.along_row);
+        let along_row = &row.along_row;
+        fill(&mut row.ray_x, along_row, RAY_X);
+        fill(&mut row.ray_y, along_row, RAY_Y);
+        fill(&mut row.row_px, along_row, ROW);
+        fill(&mut row.reference_px, along_row, REFERENCE);
+        fill(&mut row.a, along_row, AT_REFERENCE);
+        fill(&mut row.b, along_row, RISE);
+        fill(&mut row.d, along_row, DENOMINATOR);
+        for ((b, a), d) in row.b.iter_mut().zip(&row.a).zip(&row.d) {
+            *b += a * d;
         }
+        for (px, &units) in row.begin_px.iter_mut().zip(begin) {
+            *px = f32::from(units) * per_px;
+        }
+        for (px, &units) in row.end_px.iter_mut().zip(end) {
+            *px = f32::from(units) * per_px;
+        }
+    }
+}
+
+/// Evaluates a field along a row.
+#[inline(always)]
+fn fill(out: &mut [f32], along_row: &[[[f32; POWERS]; FIELDS]], field: usize) {
+    let columns = Columns::new();
+    for (out, coefficients) in out.as_chunks_mut().0.iter_mut().zip(along_row) {
+        *out = columns.values(&coefficients[field]);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::geometry::{Camera, EpipolarFrame, Pixel};
 
-use super::patches::{FieldRow, Nodes, PATCH_PX, Patches};
+use super::patches::{Columns, FieldRow, Nodes, PATCH_PX, POWERS, Patches};
 
 /// Places in the raw image are counted in 1/2048 of a pixel.
 pub(super) const PLACE_BITS: u32 = 11;
@@ -50,19 +50,19 @@ pub(super) struct SourceRow<'a> {
 }
 
 impl SourceRow<'_> {
-    /// Number of patches.
+    /// Coefficients of both fields along the row, patch by patch, into `out`.
     #[inline(always)]
-    pub(super) fn patches(&self) -> usize {
-        self.places.patches()
+    pub(super) fn along_row(&self, out: &mut [[[f32; POWERS]; 2]]) {
+        self.places.along_row(out);
     }
 
-    /// Columns (`axis` 0) or rows (1) of the places of a patch, 1/2048 pixel; below zero or beyond the image where there is
-    /// none.
+    /// Columns or rows of the places of a patch, from the coefficients of their field, 1/2048 pixel; below zero or beyond the
+    /// image where there is none.
     #[inline(always)]
-    pub(super) fn patch(&self, patch: usize, axis: usize) -> [i32; PATCH_PX] {
+    pub(super) fn places(&self, columns: &Columns, coefficients: &[f32; POWERS]) -> [i32; PATCH_PX] {
         let bias = self.bias_px.to_bits();
-        let shift = PLACE_BITS + bias.wrapping_shr(23) - (127 + 23);
-        let places_px = self.places.patch(patch).values(axis);
+        let shift = PLACE_BITS + (bias >> 23) - (127 + 23);
+        let places_px = columns.values(coefficients);
         let mut parts = [0; PATCH_PX];
         for i in 0..PATCH_PX {
             let place_px = if places_px[i] > OUTSIDE_PX { places_px[i] } else { OUTSIDE_PX };
@@ -100,6 +100,12 @@ mod tests {
         rigs
     }
 
+    fn places_of(map: &SourceMap, row: usize, patch: usize) -> [[i32; PATCH_PX]; 2] {
+        let mut along_row = vec![[[0.0; POWERS]; 2]; 400];
+        map.row(row).along_row(&mut along_row);
+        along_row[patch].map(|coefficients| map.row(row).places(&Columns::new(), &coefficients))
+    }
+
     #[test]
     fn places_err_by_less_than_a_two_hundredth_of_a_pixel() {
         let mut inside = 0;
@@ -110,7 +116,7 @@ mod tests {
                 for column in (row % 7..frame.width_px()).step_by(7) {
                     let exact = frame.cam2_pixel(&Pixel::new(column as f64, row as f64)).filter(|p| rig.cam2.sees(p));
                     let Some(exact) = exact else { continue };
-                    let parts = [0, 1].map(|axis| map.row(row).patch(column / PATCH_PX, axis)[column % PATCH_PX]);
+                    let parts = places_of(&map, row, column / PATCH_PX).map(|parts| parts[column % PATCH_PX]);
                     let place = parts.map(|parts| f64::from(parts) / 2048.0);
                     let off_px = (exact - Pixel::new(place[0], place[1])).amax();
                     assert!(off_px < 0.005, "{off_px} px at {column}, {row}");
@@ -128,7 +134,7 @@ mod tests {
                 let nodes = Nodes::of([16, 16]);
                 let values = nodes.map(|_, _| Some([f64::from(place_px); 2]));
                 let map = SourceMap::with_places(Patches::through(nodes, &values, [0.0; 2]), [side_px; 2]);
-                let columns = map.row(3).patch(0, 0);
+                let [columns, _] = places_of(&map, 3, 0);
                 assert!(columns.iter().all(|parts| !(0..(side_px as i32) << PLACE_BITS).contains(parts)), "{place_px}");
             }
         }
