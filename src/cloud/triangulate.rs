@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use crate::correspondence::{Candidate, Matches, SegmentTable};
+use crate::correspondence::{Candidate, Matches, Segment, SegmentRow, SegmentTable};
 use crate::geometry::{EpipolarFrame, Pixel, Vector3};
 use crate::phase::Modulation;
 
@@ -38,15 +38,22 @@ pub struct TriangulationInput<'a> {
 #[must_use]
 pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>) -> Cloud {
     let width = input.width.max(1);
-    let rows = (0..matches.chosen.len() / width).into_par_iter().map(|v| {
-        let row = (v * width..(v + 1) * width).filter_map(|i| Some((i, matches.chosen[i]?)));
-        row.filter_map(|(i, candidate)| point(matches, &input, i, &candidate)).collect::<Vec<_>>()
+    let rows = (0..matches.chosen.len() / width).into_par_iter().map_init(SegmentRow::default, |segments, v| {
+        input.table.row(v, segments);
+        let row = (0..width).filter_map(|u| Some((u, matches.chosen[v * width + u]?)));
+        let points = row.filter_map(|(u, c)| point(matches, &input, v * width + u, &segments.segment(u), &c));
+        points.collect::<Vec<_>>()
     });
     Cloud { points: rows.collect::<Vec<_>>().concat() }
 }
 
-fn point(matches: &Matches, input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> Option<CloudPoint> {
-    let segment = &input.table.segments()[i];
+fn point(
+    matches: &Matches,
+    input: &TriangulationInput<'_>,
+    i: usize,
+    segment: &Segment,
+    candidate: &Candidate,
+) -> Option<CloudPoint> {
     let ray = Vector3::new(f64::from(segment.ray[0]), f64::from(segment.ray[1]), 1.0);
     let line = input.frame.line(&ray)?;
     let column_px = f64::from(candidate.column_px);

@@ -9,7 +9,7 @@
 use std::ops::ControlFlow;
 
 use super::row_view::RowView;
-use super::segment_table::Segment;
+use super::segment::Segment;
 
 /// A point q of a segment with the phase of the pixel p.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +75,7 @@ pub(super) fn projector_side_search(
     found: &mut Vec<Candidate>,
 ) {
     let first = found.len();
-    let (at_begin, at_end) = (segment.phase[0], segment.phase_turns(segment.end_px));
+    let (at_begin, at_end) = (segment.phase_turns(segment.begin_px), segment.phase_turns(segment.end_px));
     if (at_end - at_begin).abs() <= FLAT_TURNS {
         return plain_scan(row, segment, phase, gate, found);
     }

@@ -47,13 +47,13 @@ impl DeltaHistogram {
         for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
             for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
                 let i = v * cam1.width + u;
-                let segment = &table.segments()[i];
+                let segment = table.segment(i);
                 if !cam1.valid[i] || segment.is_none() {
                     continue;
                 }
                 found.clear();
                 let phase = cam1.phase[i].wrapping_sub(ahead);
-                plain_scan(&RowView::new(cam2, segment.row_px), segment, phase, &DeltaGate::OPEN, &mut found);
+                plain_scan(&RowView::new(cam2, segment.row_px), &segment, phase, &DeltaGate::OPEN, &mut found);
                 histogram.pixels += u32::from(!found.is_empty());
                 for candidate in &found {
                     histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;

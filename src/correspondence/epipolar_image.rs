@@ -3,8 +3,11 @@
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::segment_table::{SegmentTable, SourcePixel};
+use super::patches::{Columns, PATCH_PX, POWERS};
+use super::segment_table::SegmentTable;
+use super::source_map::{PLACE_BITS, SourceRow};
 
 /// Largest phase difference between neighbours that are taken for one surface, turns · 65536: three eighths of a turn, the
 /// phase of fringes of little more than two and a half pixels.
@@ -12,100 +15,324 @@ pub(super) const MAX_NEIGHBOUR_STEP: i32 = 24576;
 /// Largest difference of the steps along opposite sides of four pixels that are taken for one surface (33°). Where
 /// surfaces meet, the wrapped phase jumps by anything, and few jumps are alike on both sides.
 const MAX_TWIST: i32 = 6000;
+/// Parts of a pixel in which places are counted.
+const PARTS: i32 = 1 << PLACE_BITS;
 
 /// Wrapped phase of C2 in the epipolar frame, row by row.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct EpipolarImage {
     /// Width, pixels.
     pub width: usize,
-    /// Wrapped phase, turns · 65536.
+    /// Wrapped phase, turns · 65536; [`Self::NO_PHASE`] where there is none.
     pub phase: Vec<u16>,
-    /// Whether there is a phase.
-    pub valid: Vec<bool>,
+    /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
+    marked: Vec<u16>,
 }
 
 impl EpipolarImage {
+    /// Stands where there is no phase. A phase that happens to equal it is a step less, 1e-4 rad.
+    pub const NO_PHASE: u16 = u16::MAX;
+
     /// Resamples a phase map of C2; `None` if it has another size than the table was built for.
+    #[must_use]
+    pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
+        let mut image = Self::default();
+        image.resample_into(map, table).then_some(image)
+    }
+
+    /// Resamples a phase map of C2 into the room of another image; tells whether it has the size that the table was built
+    /// for, and else leaves the image as it is.
     ///
     /// The four neighbours are mixed bilinearly where all are valid and of one surface, else the nearest one is taken:
     /// mixing across a jump would invent phases that no surface has. On a steep surface, where opposite sides show the
     /// same large step, the nearest one alone would err by half of it.
     #[must_use]
-    pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
+    pub fn resample_into(&mut self, map: &PhaseMap, table: &SegmentTable) -> bool {
         if [map.width, map.height] != table.cam2_size_px {
-            return None;
+            return false;
         }
-        let width = table.epipolar_width;
-        let mut image = Self { width, phase: vec![0; table.sources.len()], valid: vec![false; table.sources.len()] };
-        let rows = image.phase.par_chunks_mut(width).zip(image.valid.par_chunks_mut(width));
-        rows.zip(table.sources.par_chunks(width)).for_each(|((phase, valid), sources)| {
-            for (i, source) in sources.iter().enumerate() {
-                if let Some(p) = mix(map, source) {
-                    phase[i] = p;
-                    valid[i] = true;
-                }
-            }
+        self.mark(map);
+        let [width, height] = table.epipolar_size_px;
+        self.width = width;
+        self.phase.resize(width * height, Self::NO_PHASE);
+        let image = Marked { phase: &self.marked, width: map.width };
+        self.phase.par_chunks_mut(width).enumerate().for_each_init(Vec::new, |along_row, (row, out)| {
+            simd::run(Level::in_use(), RowKernel { image, sources: table.sources.row(row), along_row, out });
         });
-        Some(image)
+        true
+    }
+
+    /// Takes over the phases of a map.
+    fn mark(&mut self, map: &PhaseMap) {
+        self.marked.resize(map.phase.len(), Self::NO_PHASE);
+        let rows = self.marked.par_chunks_mut(map.width).zip(map.phase.par_chunks(map.width));
+        rows.zip(map.valid.par_chunks(map.width)).for_each(|((out, phase), valid)| {
+            simd::run(Level::in_use(), MarkKernel { phase, valid, out });
+        });
+    }
+
+    /// Takes a phase off everywhere, turns · 65536.
+    pub(super) fn turn_back(&mut self, by: u16) {
+        for phase in self.phase.iter_mut().filter(|phase| **phase != Self::NO_PHASE) {
+            *phase = marked(phase.wrapping_sub(by));
+        }
     }
 }
 
-/// Phase at a place between four pixels.
-#[inline]
-fn mix(map: &PhaseMap, source: &SourcePixel) -> Option<u16> {
-    if source.index == SourcePixel::OUTSIDE {
-        return None;
+/// A phase that is not taken for none.
+#[inline(always)]
+fn marked(phase: u16) -> u16 {
+    phase.min(EpipolarImage::NO_PHASE - 1)
+}
+
+/// Marks the phases of a row.
+struct MarkKernel<'a> {
+    phase: &'a [u16],
+    valid: &'a [bool],
+    out: &'a mut [u16],
+}
+
+impl Kernel for MarkKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        for ((out, &phase), &valid) in self.out.iter_mut().zip(self.phase).zip(self.valid) {
+            *out = if valid { marked(phase) } else { EpipolarImage::NO_PHASE };
+        }
     }
-    let first = source.index as usize;
-    let corners = [first, first + 1, first + map.width, first + map.width + 1];
-    let (right, below) = (i64::from(source.right), i64::from(source.below));
-    let nearest = corners[usize::from(right >= 32768) + 2 * usize::from(below >= 32768)];
-    let [upper_left, upper_right, lower_left, lower_right] = corners.map(|corner| map.phase[corner]);
+}
+
+/// The raw image of C2 with its phases marked.
+#[derive(Clone, Copy)]
+struct Marked<'a> {
+    phase: &'a [u16],
+    width: usize,
+}
+
+/// Resamples a row.
+struct RowKernel<'a> {
+    image: Marked<'a>,
+    sources: SourceRow<'a>,
+    /// Room for coefficients.
+    along_row: &'a mut Vec<[[f32; POWERS]; 2]>,
+    out: &'a mut [u16],
+}
+
+impl Kernel for RowKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { image, sources, along_row, out } = self;
+        along_row.resize(out.len().div_ceil(PATCH_PX), [[0.0; POWERS]; 2]);
+        sources.along_row(along_row);
+        let (mut block, of_patch) = (Block::default(), Columns::new());
+        for (out, coefficients) in out.chunks_mut(BLOCK_PX).zip(along_row.chunks(BLOCK_PATCHES)) {
+            let places = block.columns.as_chunks_mut().0.iter_mut().zip(block.rows.as_chunks_mut().0);
+            for (coefficients, (columns, rows)) in coefficients.iter().zip(places) {
+                let [column, row] = coefficients;
+                *columns = sources.places(&of_patch, column);
+                *rows = sources.places(&of_patch, row);
+            }
+            block.resample(image);
+            out.copy_from_slice(&block.phase[..out.len()]);
+        }
+    }
+}
+
+/// Patches that are resampled at a time: enough for loops that take many pixels a step, few enough to stay in the cache.
+const BLOCK_PATCHES: usize = 8;
+const BLOCK_PX: usize = BLOCK_PATCHES * PATCH_PX;
+
+/// Part of a row on its way through the resampling.
+struct Block {
+    /// Places in the raw image, 1/2048 pixel.
+    columns: [i32; BLOCK_PX],
+    rows: [i32; BLOCK_PX],
+    /// Index of the upper left of the four pixels around each.
+    first: [u32; BLOCK_PX],
+    /// All bits where there are four pixels.
+    inside: [u16; BLOCK_PX],
+    /// The upper and the lower two, the left one in the lower half of the bits.
+    upper: [u32; BLOCK_PX],
+    lower: [u32; BLOCK_PX],
+    phase: [u16; BLOCK_PX],
+}
+
+impl Default for Block {
+    #[inline(always)]
+    fn default() -> Self {
+        let (places, pairs) = ([0; BLOCK_PX], [0; BLOCK_PX]);
+        let (inside, phase) = ([0; BLOCK_PX], [0; BLOCK_PX]);
+        Self { columns: places, rows: places, first: pairs, inside, upper: pairs, lower: pairs, phase }
+    }
+}
+
+impl Block {
+    /// Phases at the places.
+    #[inline(always)]
+    fn resample(&mut self, image: Marked<'_>) {
+        let width = image.width as i32;
+        let height = (image.phase.len() / image.width.max(1)) as i32;
+        for i in 0..BLOCK_PX {
+            let (u, v) = (self.columns[i] >> PLACE_BITS, self.rows[i] >> PLACE_BITS);
+            let is_inside = (u >= 0) & (v >= 0) & (u < width - 1) & (v < height - 1);
+            self.inside[i] = if is_inside { u16::MAX } else { 0 };
+            self.first[i] = if is_inside { v.wrapping_mul(width).wrapping_add(u) as u32 } else { 0 };
+        }
+        for i in 0..BLOCK_PX {
+            let first = self.first[i] as usize;
+            self.upper[i] = pair(image.phase, first);
+            self.lower[i] = pair(image.phase, first + image.width);
+        }
+        for i in 0..BLOCK_PX {
+            let (upper, lower) = (self.upper[i], self.lower[i]);
+            let corners = [upper as u16, (upper >> 16) as u16, lower as u16, (lower >> 16) as u16];
+            let shares = [self.columns[i] & (PARTS - 1), self.rows[i] & (PARTS - 1)];
+            self.phase[i] = mix(corners, shares) | !self.inside[i];
+        }
+    }
+}
+
+/// Two neighbours of a row, the left one in the lower half of the bits.
+#[inline(always)]
+fn pair(phase: &[u16], first: usize) -> u32 {
+    let pair = &phase[first..first + 2];
+    u32::from(pair[0]) | u32::from(pair[1]) << 16
+}
+
+/// Phase between four pixels, of which the shares to the right and below are given in 1/2048; without a branch, so that
+/// many are mixed at a time.
+#[inline(always)]
+fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> u16 {
+    let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
     let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
     let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
     let (at_left, at_right) = (step(upper_left, lower_left), step(upper_right, lower_right));
-    let is_small = |step: i32| step.abs() <= MAX_NEIGHBOUR_STEP;
-    let smooth = corners.into_iter().all(|corner| map.valid[corner])
-        && [top, bottom, at_left, at_right].into_iter().all(is_small)
-        && (top - bottom).abs() <= MAX_TWIST
-        && (at_left - at_right).abs() <= MAX_TWIST;
-    if smooth {
-        // Unwrapped from the upper left corner, the phase of all four runs on.
-        let upper = i64::from(top) * right;
-        let lower = (i64::from(at_left) << 16) + i64::from(bottom) * right;
-        let sum = upper * (65536 - below) + lower * below;
-        return Some(upper_left.wrapping_add(((sum + (1 << 31)) >> 32) as u16));
-    }
-    map.valid[nearest].then_some(map.phase[nearest])
+    let is_small = |step: i32| (step >= -MAX_NEIGHBOUR_STEP) & (step <= MAX_NEIGHBOUR_STEP);
+    let is_flat = |twist: i32| (twist >= -MAX_TWIST) & (twist <= MAX_TWIST);
+    let smooth = is_phase(upper_left)
+        & is_phase(upper_right)
+        & is_phase(lower_left)
+        & is_phase(lower_right)
+        & is_small(top)
+        & is_small(bottom)
+        & is_small(at_left)
+        & is_small(at_right)
+        & is_flat(top - bottom)
+        & is_flat(at_left - at_right);
+    // Unwrapped from the upper left corner, the phase of all four runs on. With the limits above 32 bits hold it all, if five
+    // of the 22 bits after the point go first; beyond them it is not used.
+    let down = at_left * PARTS + (bottom - top) * right;
+    let rise = top * right + ((down >> 6).wrapping_mul(below) >> 5);
+    let mixed = marked(upper_left.wrapping_add(((rise + PARTS / 2) >> PLACE_BITS) as u16));
+    let upper = if right >= PARTS / 2 { upper_right } else { upper_left };
+    let lower = if right >= PARTS / 2 { lower_right } else { lower_left };
+    let nearest = if below >= PARTS / 2 { lower } else { upper };
+    if smooth { mixed } else { nearest }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn map(phase: [u16; 4], valid: [bool; 4]) -> PhaseMap {
-        PhaseMap { width: 2, height: 2, phase: phase.to_vec(), valid: valid.to_vec(), ..PhaseMap::default() }
+    const NONE: u16 = EpipolarImage::NO_PHASE;
+
+    /// The same as a sum of the four corners in 64 bits, pixel by pixel: the oracle.
+    fn plain(image: Marked<'_>, place: [i32; 2]) -> u16 {
+        let height = image.phase.len() / image.width;
+        let [u, v] = place.map(|parts| i64::from(parts >> PLACE_BITS));
+        if !((0..image.width as i64 - 1).contains(&u) && (0..height as i64 - 1).contains(&v)) {
+            return NONE;
+        }
+        let first = v as usize * image.width + u as usize;
+        let corners = [0, 1, image.width, image.width + 1].map(|offset| image.phase[first + offset]);
+        let [right, below] = place.map(|parts| f64::from(parts & (PARTS - 1)) / f64::from(PARTS));
+        let nearest = corners[usize::from(right >= 0.5) + 2 * usize::from(below >= 0.5)];
+        let step = |from: usize, to: usize| f64::from(corners[to].wrapping_sub(corners[from]) as i16);
+        let [top, bottom, at_left, at_right] = [step(0, 1), step(2, 3), step(0, 2), step(1, 3)];
+        let smooth = corners.iter().all(|&phase| phase != NONE)
+            && [top, bottom, at_left, at_right].iter().all(|step| step.abs() <= f64::from(MAX_NEIGHBOUR_STEP))
+            && [top - bottom, at_left - at_right].iter().all(|twist| twist.abs() <= f64::from(MAX_TWIST));
+        if !smooth {
+            return nearest;
+        }
+        let rise = top * right * (1.0 - below) + (at_left + bottom * right) * below;
+        corners[0].wrapping_add((rise + 0.5).floor() as i64 as u16)
+    }
+
+    fn mixed(corners: [u16; 4], place: [i32; 2]) -> u16 {
+        let mut block = Block { columns: [place[0]; BLOCK_PX], rows: [place[1]; BLOCK_PX], ..Block::default() };
+        block.resample(Marked { phase: &corners, width: 2 });
+        block.phase[7]
     }
 
     #[test]
     fn phases_are_mixed_across_the_wrap() {
-        let middle = SourcePixel { index: 0, right: 32768, below: 0 };
-        assert_eq!(mix(&map([65000, 536, 65000, 536], [true; 4]), &middle), Some(0));
+        assert_eq!(mixed([65000, 536, 65000, 536], [1024, 0]), 0);
     }
 
     #[test]
     fn short_fringes_of_a_steep_surface_are_mixed() {
-        let middle = SourcePixel { index: 0, right: 32768, below: 32768 };
         // 0.31 and 0.15 turns from pixel to pixel: the far corners are half a turn apart.
-        assert_eq!(mix(&map([0, 20000, 10000, 30000], [true; 4]), &middle), Some(15000));
-        assert_eq!(mix(&map([0, 20000, 10000, 40000], [true; 4]), &middle), Some(40000));
+        assert_eq!(mixed([0, 20000, 10000, 30000], [1024, 1024]), 15000);
+        assert_eq!(mixed([0, 20000, 10000, 40000], [1024, 1024]), 40000);
     }
 
     #[test]
     fn jumps_and_invalid_neighbours_leave_the_nearest() {
-        let left = SourcePixel { index: 0, right: 10000, below: 0 };
-        assert_eq!(mix(&map([100, 30000, 100, 30000], [true; 4]), &left), Some(100));
-        assert_eq!(mix(&map([100, 200, 100, 200], [true, false, true, true]), &left), Some(100));
-        assert_eq!(mix(&map([100, 200, 100, 200], [false, true, true, true]), &left), None);
+        assert_eq!(mixed([100, 30000, 100, 30000], [312, 0]), 100);
+        assert_eq!(mixed([100, NONE, 100, 200], [312, 0]), 100);
+        assert_eq!(mixed([NONE, 200, 100, 200], [312, 0]), NONE);
+    }
+
+    #[test]
+    fn a_place_outside_the_image_has_no_phase() {
+        for outside in [[-1, 0], [0, -1], [2048, 0], [0, 2048], [i32::MAX, 0], [0, i32::MIN]] {
+            assert_eq!(mixed([100; 4], outside), NONE);
+        }
+        assert_eq!(mixed([100; 4], [2047, 2047]), 100);
+    }
+
+    #[test]
+    fn a_block_at_a_time_is_what_one_by_one_gives() {
+        let mut state = 5_u64;
+        let mut random = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let (width, height) = (37, 29);
+        let (mut smooth, mut other) = (0, 0);
+        for _ in 0..100 {
+            let [du, dv, noise] = [random(26_000), random(26_000), 1 + random(9000)];
+            let pixel = |i: usize, noise: u64| (i % width) as u64 * du + (i / width) as u64 * dv + noise;
+            let phase: Vec<u16> = (0..width * height)
+                .map(|i| if random(20) == 0 { NONE } else { marked(pixel(i, random(noise)) as u16) })
+                .collect();
+            let image = Marked { phase: &phase, width };
+            let mut block = Block {
+                columns: std::array::from_fn(|_| random(40 << PLACE_BITS) as i32 - 2000),
+                rows: std::array::from_fn(|_| random(32 << PLACE_BITS) as i32 - 2000),
+                ..Block::default()
+            };
+            block.resample(image);
+            for (i, &phase) in block.phase.iter().enumerate() {
+                let wanted = plain(image, [block.columns[i], block.rows[i]]);
+                let off = i32::from(phase.wrapping_sub(wanted) as i16);
+                // Bits that go first can turn a tie.
+                assert!(off.abs() <= 1 && (phase == NONE) == (wanted == NONE), "{phase} for {wanted}");
+                smooth += usize::from(!image.phase.contains(&phase));
+                other += usize::from(phase == NONE);
+            }
+        }
+        assert!(smooth > 1000 && other > 500, "{smooth} mixed, {other} without a phase");
+    }
+
+    #[test]
+    fn a_phase_is_never_taken_for_none() {
+        let mut image = EpipolarImage { width: 3, phase: vec![7, NONE, 10], ..EpipolarImage::default() };
+        image.turn_back(8);
+        assert_eq!(image.phase, [NONE - 1, NONE, 2]);
     }
 }

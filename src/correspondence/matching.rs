@@ -13,6 +13,7 @@ use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::resolution::{Pass, ResolutionSettings};
 use super::row_view::RowView;
+use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
@@ -137,7 +138,7 @@ pub fn match_phases_with_grounds(
             let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
             let mut map = cam1.clone();
             map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
-            cam2.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam2));
+            cam2.turn_back(of_cam2);
             histogram = DeltaHistogram::of_all_candidates(&map, &cam2, table, 0);
             corrected = Some(map);
         }
@@ -269,16 +270,20 @@ fn explain_pixels_without_candidates(
     table: &SegmentTable,
     outcomes: &mut [Outcome],
 ) {
-    outcomes.par_iter_mut().enumerate().for_each(|(i, outcome)| {
-        let segment = &table.segments()[i];
-        if !cam1.valid[i] {
-            *outcome = Outcome::Invalid;
-        } else if segment.is_none() {
-            *outcome = Outcome::OutsideVolume;
-        } else if *outcome == Outcome::NoCandidate
-            && occurs(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i])
-        {
-            *outcome = Outcome::RejectedByDelta;
+    let width = cam1.width.max(1);
+    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
+        table.row(v, segments);
+        for (u, outcome) in outcomes.iter_mut().enumerate() {
+            let (segment, i) = (segments.segment(u), v * width + u);
+            if !cam1.valid[i] {
+                *outcome = Outcome::Invalid;
+            } else if segment.is_none() {
+                *outcome = Outcome::OutsideVolume;
+            } else if *outcome == Outcome::NoCandidate
+                && occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i])
+            {
+                *outcome = Outcome::RejectedByDelta;
+            }
         }
     });
 }

@@ -4,7 +4,7 @@
 //! reason why it has none ([`Outcome`]). Steps, one module each:
 //!
 //! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
-//!    a rig;
+//!    a rig, what is smooth in *patches*;
 //! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
@@ -19,17 +19,22 @@ mod delta_histogram;
 mod delta_statistics;
 mod drift;
 mod epipolar_image;
+mod fingerprint;
 mod matching;
 mod neighbourhood;
 mod outcome;
+mod patches;
 pub mod reference_methods;
 mod resolution;
 mod row_view;
 mod search;
+mod segment;
+mod segment_builder;
 mod segment_file;
 mod segment_table;
 mod semi_global;
 mod slip;
+mod source_map;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
@@ -37,10 +42,12 @@ pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use drift::{Drift, DriftMap, DriftModes, estimate_drift};
 pub use epipolar_image::EpipolarImage;
+pub use fingerprint::Fingerprint;
 pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};
+pub use segment::{Segment, SegmentRow};
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
-pub use segment_table::{EpipolarAxis, Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
+pub use segment_table::{EpipolarAxis, SegmentTable, SegmentTableError};
 pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};

@@ -18,8 +18,6 @@ const RIM_REACH_PX: f32 = 1.0;
 pub(super) struct RowView<'a> {
     upper: &'a [u16],
     lower: &'a [u16],
-    upper_valid: &'a [bool],
-    lower_valid: &'a [bool],
     /// Share of the lower row, 1/65536.
     below: i32,
 }
@@ -35,8 +33,6 @@ impl<'a> RowView<'a> {
         Self {
             upper: &image.phase[row(upper)],
             lower: &image.phase[row(lower)],
-            upper_valid: &image.valid[row(upper)],
-            lower_valid: &image.valid[row(lower)],
             below: ((row_px - upper as f32) * 65536.0) as i32,
         }
     }
@@ -46,12 +42,13 @@ impl<'a> RowView<'a> {
     fn at(&self, column: usize) -> Option<u16> {
         let (upper, lower) = (self.upper[column], self.lower[column]);
         let step = i32::from(lower.wrapping_sub(upper) as i16);
-        match (self.upper_valid[column], self.lower_valid[column]) {
+        let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
+        match (is_phase(upper), is_phase(lower)) {
             (true, true) if step.abs() <= MAX_NEIGHBOUR_STEP => {
                 Some(upper.wrapping_add(((i64::from(step) * i64::from(self.below) + 32768) >> 16) as u16))
             }
-            (upper_valid, _) if self.below < 32768 => upper_valid.then_some(upper),
-            (_, lower_valid) => lower_valid.then_some(lower),
+            (has_upper, _) if self.below < 32768 => has_upper.then_some(upper),
+            (_, has_lower) => has_lower.then_some(lower),
         }
     }
 
@@ -137,8 +134,8 @@ mod tests {
 
     /// A row whose columns 2 to 5 see a surface with 0.1 turn a column.
     fn image() -> EpipolarImage {
-        let phase = (0..8).map(|c| if (2..=5).contains(&c) { 6554 * c } else { 0 }).collect();
-        EpipolarImage { width: 8, phase, valid: (0..8).map(|c| (2..=5).contains(&c)).collect() }
+        let phase = |column: u16| if (2..=5).contains(&column) { 6554 * column } else { EpipolarImage::NO_PHASE };
+        EpipolarImage { width: 8, phase: (0..8).map(phase).collect(), ..EpipolarImage::default() }
     }
 
     fn rims(phase: u16) -> Vec<(f32, i32)> {

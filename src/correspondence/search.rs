@@ -7,6 +7,7 @@ use crate::phase::PhaseMap;
 use super::candidates::{Candidate, DeltaGate, plain_scan, projector_side_search};
 use super::epipolar_image::EpipolarImage;
 use super::row_view::RowView;
+use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
 /// How candidates are searched; all forms yield the same bits.
@@ -57,14 +58,15 @@ pub fn find_candidates(
     };
     let rows: Vec<(Vec<u8>, Vec<Candidate>)> = (0..cam1.height)
         .into_par_iter()
-        .map(|v| {
+        .map_init(SegmentRow::default, |segments, v| {
+            table.row(v, segments);
             let (mut counts, mut found) = (vec![0_u8; cam1.width], Vec::with_capacity(2 * cam1.width));
             for (u, count) in counts.iter_mut().enumerate() {
                 let i = v * cam1.width + u;
-                let segment = &table.segments()[i];
+                let segment = segments.segment(u);
                 if cam1.valid[i] && !segment.is_none() {
                     let before = found.len();
-                    search(&RowView::new(cam2, segment.row_px), segment, cam1.phase[i], gate, &mut found);
+                    search(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i], gate, &mut found);
                     // A segment has far fewer than 255 fringe periods; should one have more, the rest is left out.
                     found.truncate(before + usize::from(u8::MAX));
                     *count = (found.len() - before) as u8;

@@ -1,7 +1,8 @@
 //! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
 //!
 //! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, the direction
-//! of the base, then the modes of the drift, the segments and the source pixels as they stand in memory.
+//! of the base, then the modes of the drift, the fields of the pixels of C1, the ends of their segments, and the places of
+//! the pixels of the epipolar frame, as they stand in memory.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -11,12 +12,17 @@ use crate::atomic_file::{WriteError, write_atomically};
 use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 
 use super::drift::DriftModes;
-use super::segment_table::{Fingerprint, Segment, SegmentTable, SegmentTableError, SourcePixel};
+use super::fingerprint::Fingerprint;
+use super::patches::Patches;
+use super::segment_table::{FIELDS, SegmentTable, SegmentTableError, padded, units_per_px};
+use super::source_map::SourceMap;
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Largest side of an image, pixels; larger ones in a header are damage.
 const MAX_SIDE_PX: u32 = 65535;
+/// Bytes that are read, summed and checked at a time: they stay in the cache from one to the next.
+const BLOCK_BYTES: usize = 1 << 18;
 
 /// What stands before the payload.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -102,9 +108,13 @@ impl SegmentTable {
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), SegmentFileError> {
         let modes = self.modes.as_ref().map_or_else(|| vec![0.0; DriftModes::NUMBERS], DriftModes::to_numbers);
-        let payload: [&[u8]; 3] =
-            [bytemuck::cast_slice(&modes), bytemuck::cast_slice(&self.segments), bytemuck::cast_slice(&self.sources)];
-        let sizes_px = [self.size_px(), self.cam2_size_px, self.epipolar_size_px()].map(|size| size.map(|s| s as u32));
+        let payload: [&[u8]; 4] = [
+            bytemuck::cast_slice(&modes),
+            bytemuck::cast_slice(self.fields.coefficients()),
+            bytemuck::cast_slice(&self.limits),
+            bytemuck::cast_slice(self.sources.places.coefficients()),
+        ];
+        let sizes_px = [self.size_px, self.cam2_size_px, self.epipolar_size_px].map(|size| size.map(|s| s as u32));
         let mut crc = crc32fast::Hasher::new();
         crc.update(bytemuck::bytes_of(&sizes_px));
         crc.update(bytemuck::bytes_of(&self.base));
@@ -151,44 +161,96 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     let mut file = File::open(path).map_err(SegmentFileProblem::Unreadable)?;
     let length = file.metadata().map_err(SegmentFileProblem::Unreadable)?.len();
     let header = read_header(&mut file, expected)?;
-    let [cam1_px, cam2_px, epipolar_px] = header.sizes_px.map(|size| size.map(|s| s as usize));
-    let (segments, sources) = (cam1_px[0] * cam1_px[1], epipolar_px[0] * epipolar_px[1]);
-    let mut modes = vec![0.0_f64; DriftModes::NUMBERS];
-    let promised = size_of::<Header>()
-        + size_of_val(modes.as_slice())
-        + segments * size_of::<Segment>()
-        + sources * size_of::<SourcePixel>();
-    if length != promised as u64 {
-        return Err(SegmentFileProblem::Length { found: length, expected: promised as u64 });
+    let [size_px, cam2_size_px, epipolar_size_px] = header.sizes_px.map(|size| size.map(|s| s as usize));
+    let promised = promised_bytes(size_px, epipolar_size_px);
+    // Before any memory is asked for.
+    if length != promised {
+        return Err(SegmentFileProblem::Length { found: length, expected: promised });
     }
-    let mut table = SegmentTable {
-        fingerprint: expected,
-        width: cam1_px[0],
-        cam2_size_px: cam2_px,
-        epipolar_width: epipolar_px[0],
-        base: header.base,
-        modes: None,
-        segments: vec![bytemuck::Zeroable::zeroed(); segments],
-        sources: vec![bytemuck::Zeroable::zeroed(); sources],
-    };
+    let mut modes = vec![0.0_f64; DriftModes::NUMBERS];
+    let mut fields = Patches::zeroed(size_px);
+    let mut limits = vec![0_u16; limits_of(size_px)];
+    let mut places = Patches::zeroed(epipolar_size_px);
     let mut crc = crc32fast::Hasher::new();
     crc.update(bytemuck::bytes_of(&header.sizes_px));
     crc.update(bytemuck::bytes_of(&header.base));
-    let parts: [&mut [u8]; 3] = [
-        bytemuck::cast_slice_mut(&mut modes),
-        bytemuck::cast_slice_mut(&mut table.segments),
-        bytemuck::cast_slice_mut(&mut table.sources),
-    ];
-    for part in parts {
-        file.read_exact(part).map_err(SegmentFileProblem::Unreadable)?;
-        crc.update(part);
+    let mut reading = Reading { file, crc, damaged: None };
+    reading.fill(&mut modes, "drift modes", |numbers: &[f64]| numbers.iter().all(|n| n.is_finite()))?;
+    reading.fill(fields.coefficients_mut().as_flattened_mut(), "fields", are_finite)?;
+    let last = (epipolar_size_px[0] as u32 - 1) * units_per_px(epipolar_size_px[0]);
+    let in_frame = |limits: &[u16]| limits.iter().fold(0, |most, &end| most.max(end)) <= last as u16;
+    reading.fill(&mut limits, "segments", in_frame)?;
+    reading.fill(places.coefficients_mut().as_flattened_mut(), "source pixels", are_finite)?;
+    reading.finish(header.crc)?;
+    if !header.base.iter().all(|b| b.is_finite()) {
+        return Err(SegmentFileProblem::Damaged { field: "base" });
     }
-    if crc.finalize() != header.crc {
-        return Err(SegmentFileProblem::Damaged { field: "checksum" });
+    Ok(SegmentTable {
+        fingerprint: expected,
+        size_px,
+        cam2_size_px,
+        epipolar_size_px,
+        base: header.base,
+        modes: read_modes(&modes)?,
+        fields,
+        limits,
+        sources: SourceMap::with_places(places, cam2_size_px),
+    })
+}
+
+/// Length of the file of a table.
+fn promised_bytes(size_px: [usize; 2], epipolar_size_px: [usize; 2]) -> u64 {
+    let fields = Patches::<FIELDS>::numbers(size_px) + Patches::<2>::numbers(epipolar_size_px);
+    let bytes = size_of::<Header>()
+        + DriftModes::NUMBERS * size_of::<f64>()
+        + fields * size_of::<f32>()
+        + limits_of(size_px) * size_of::<u16>();
+    bytes as u64
+}
+
+/// First and last columns of the segments of an image.
+fn limits_of([width, height]: [usize; 2]) -> usize {
+    2 * padded(width) * height
+}
+
+/// A forged file with a fitting checksum must hold numbers. Where they lead matters less: whoever looks into an image by
+/// them stays within it.
+fn are_finite(numbers: &[f32]) -> bool {
+    let magnitude = |number: &f32| number.to_bits() & (u32::MAX >> 1);
+    numbers.iter().map(magnitude).fold(0, u32::max) < f32::INFINITY.to_bits()
+}
+
+/// The payload on its way from the file.
+struct Reading {
+    file: File,
+    crc: crc32fast::Hasher,
+    /// The first part whose content cannot be.
+    damaged: Option<&'static str>,
+}
+
+impl Reading {
+    /// Reads a part block by block, each summed and checked while it is in the cache.
+    fn fill<T: bytemuck::Pod>(
+        &mut self,
+        part: &mut [T],
+        field: &'static str,
+        is_sound: impl Fn(&[T]) -> bool,
+    ) -> Result<(), SegmentFileProblem> {
+        for block in part.chunks_mut(BLOCK_BYTES / size_of::<T>()) {
+            self.file.read_exact(bytemuck::cast_slice_mut(block)).map_err(SegmentFileProblem::Unreadable)?;
+            self.crc.update(bytemuck::cast_slice(block));
+            if !is_sound(block) {
+                self.damaged = self.damaged.or(Some(field));
+            }
+        }
+        Ok(())
     }
-    table.modes = read_modes(&modes)?;
-    check_content(&table)?;
-    Ok(table)
+
+    /// What is wrong with what was read: the checksum, else the content.
+    fn finish(self, crc: u32) -> Result<(), SegmentFileProblem> {
+        let checksum = (self.crc.finalize() != crc).then_some("checksum");
+        checksum.or(self.damaged).map_or(Ok(()), |field| Err(SegmentFileProblem::Damaged { field }))
+    }
 }
 
 /// Modes as they were saved; all zero where there are none.
@@ -221,31 +283,6 @@ fn read_header(file: &mut File, expected: Fingerprint) -> Result<Header, Segment
     Ok(header)
 }
 
-/// A forged file with a fitting checksum must not lead outside an image.
-fn check_content(table: &SegmentTable) -> Result<(), SegmentFileProblem> {
-    let [width, height] = table.epipolar_size_px().map(|s| s as f32);
-    let segment_fits = |s: &Segment| {
-        let numbers = [s.ray[0], s.ray[1], s.row_px, s.begin_px, s.end_px, s.phase[0], s.phase[1], s.phase[2]];
-        numbers.iter().all(|n| n.is_finite())
-            && (s.is_none() || (s.begin_px >= 0.0 && s.end_px < width && s.row_px >= 0.0 && s.row_px < height))
-    };
-    if !table.base.iter().all(|b| b.is_finite()) {
-        return Err(SegmentFileProblem::Damaged { field: "base" });
-    }
-    if !table.segments.iter().all(segment_fits) {
-        return Err(SegmentFileProblem::Damaged { field: "segments" });
-    }
-    let [width, height] = table.cam2_size_px;
-    let source_fits = |s: &SourcePixel| {
-        s.index == SourcePixel::OUTSIDE
-            || (s.index as usize % width + 1 < width && s.index as usize / width + 1 < height)
-    };
-    if !table.sources.iter().all(source_fits) {
-        return Err(SegmentFileProblem::Damaged { field: "source pixels" });
-    }
-    Ok(())
-}
-
 /// Enough of a fingerprint to tell two apart.
 fn short(fingerprint: &[u8; 32]) -> String {
     fingerprint[..6].iter().map(|byte| format!("{byte:02x}")).collect()
@@ -253,25 +290,26 @@ fn short(fingerprint: &[u8; 32]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::patches::Nodes;
     use super::*;
 
     fn table() -> SegmentTable {
-        let segment = |i: usize| Segment {
-            ray: [0.1, -0.2],
-            row_px: 1.5,
-            begin_px: 0.25 * i as f32,
-            end_px: 4.0,
-            phase: [10.0, 0.1, 1e-4],
-        };
+        let [size_px, epipolar_size_px] = [[18, 3], [20, 2]];
+        let fields = Nodes::of(size_px);
+        let fields =
+            Patches::through(fields, &fields.map(|u, v| Some([u, 0.1 * v, 1.5, 7.0, 3.0, 0.2, 1e-3])), [0.0; 7]);
+        let places = Nodes::of(epipolar_size_px);
+        let places = Patches::through(places, &places.map(|u, v| Some([u, v])), [0.0; 2]);
         SegmentTable {
             fingerprint: Fingerprint([7; 32]),
-            width: 4,
-            cam2_size_px: [5, 4],
-            epipolar_width: 6,
+            size_px,
+            cam2_size_px: [19, 4],
+            epipolar_size_px,
             base: [1.0, 0.0, 0.0],
             modes: None,
-            segments: (0..12).map(segment).collect(),
-            sources: (0..18).map(|i| SourcePixel { index: i % 3, right: 100, below: 200 }).collect(),
+            fields,
+            limits: (0..2 * 32 * 3).map(|i| 10 * i).collect(),
+            sources: SourceMap::with_places(places, [19, 4]),
         }
     }
 
@@ -314,14 +352,15 @@ mod tests {
     }
 
     #[test]
-    fn a_forged_file_does_not_lead_outside_the_image() {
+    fn a_forged_file_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("forged.segments");
         let mut outside = table();
-        outside.sources[3].index = 19;
-        let mut nan = table();
-        nan.segments[5].end_px = f32::NAN;
-        for (forged, field) in [(outside, "source pixels"), (nan, "segments")] {
+        outside.limits[101] = 65535;
+        let [mut nan, mut infinite] = [table(), table()];
+        nan.fields.coefficients_mut()[50][2] = f32::NAN;
+        infinite.sources.places.coefficients_mut()[3][0] = f32::NEG_INFINITY;
+        for (forged, field) in [(outside, "segments"), (nan, "fields"), (infinite, "source pixels")] {
             forged.save(&path).unwrap();
             let refused = SegmentTable::load(&path, Fingerprint([7; 32])).unwrap_err().to_string();
             assert!(refused.contains(field), "{refused}");

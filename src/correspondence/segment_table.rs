@@ -1,24 +1,53 @@
 //! The segment table: for every pixel of C1 its epipolar segment in C2, as far as the measurement volume leaves it, and
 //! the back-projection phase along it (paper, sections 2.1 and 2.3).
 //!
-//! In: rig, measurement volume, fringe pattern. Out: 32 bytes a pixel of C1, a map that resamples an image of C2 into the
-//! epipolar frame, and the fields of δ that calibration errors cause. Everything that depends on the calibration alone is done here, once, in `f64`.
+//! In: rig, measurement volume, fringe pattern. Out: both ends of the segment of each pixel of C1, 4 bytes a pixel; what is
+//! smooth over the image as polynomials of patches, not 2 bytes a pixel; the map that resamples an image of C2 into the
+//! epipolar frame, half a byte; and the fields of δ that calibration errors cause. Everything that depends on the
+//! calibration alone is done here, once, in `f64`. Whatever reads whole images takes [rows](SegmentTable::row).
 
-use nalgebra::Point2;
-use rayon::prelude::*;
-use sha2::{Digest, Sha256};
-
-use crate::geometry::{
-    EpipolarError, EpipolarFrame, EpipolarLine, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3,
-};
+use crate::geometry::{EpipolarError, EpipolarFrame, FringePattern, MeasurementVolume, Rig};
+use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::drift::DriftModes;
-
-/// Share of a segment that is added at either end: the place of the volume is known no better than the calibration.
-const VOLUME_MARGIN: f64 = 0.02;
+use super::fingerprint::Fingerprint;
+use super::patches::{Columns, FieldRow, PATCH_PX, POWERS, Patches};
+use super::segment::{Segment, SegmentRow};
+use super::segment_builder::Builder;
+use super::source_map::SourceMap;
 
 /// Pixels along either axis of which one is asked how its row changes.
-const AXIS_STRIDE: usize = 8;
+const AXIS_STRIDE: usize = 16;
+
+/// Fields that are smooth over the image of C1: the ray, x and y at z = 1,
+pub(super) const RAY_X: usize = 0;
+pub(super) const RAY_Y: usize = 1;
+/// the row of the epipolar frame, pixels,
+pub(super) const ROW: usize = 2;
+/// the column in the middle of the volume, pixels,
+pub(super) const REFERENCE: usize = 3;
+/// and Φ along the segment, `a + r·s / (1 + d·s)` with s the column from there: a, turns,
+const AT_REFERENCE: usize = 4;
+/// r, turns a pixel: apart from a its rounding does not grow with the number of fringes,
+const RISE: usize = 5;
+/// and d, 1/pixel.
+const DENOMINATOR: usize = 6;
+/// Number of fields.
+pub(super) const FIELDS: usize = 7;
+
+/// First and last column of pixels whose ray misses the volume or whose segment lies outside the image of C2.
+pub(super) const NO_LIMITS: [u16; 2] = [1, 0];
+
+/// Pixels for which there is room in a row.
+pub(super) fn padded(width: usize) -> usize {
+    width.next_multiple_of(PATCH_PX)
+}
+
+/// Parts of a pixel in which limits are counted: the finest power of two with which the last column of an epipolar frame
+/// fits 16 bits.
+pub(super) fn units_per_px(epipolar_width: usize) -> u32 {
+    1 << (u32::from(u16::MAX) / (epipolar_width as u32 - 1).max(1)).max(1).ilog2()
+}
 
 /// Axis of C1's image along which the epipolar lines run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,103 +58,23 @@ pub enum EpipolarAxis {
     Vertical,
 }
 
-/// The epipolar segment of one pixel of C1, in the epipolar frame of C2.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Segment {
-    /// Ray of the pixel in the frame of C1, scaled to z = 1: x and y.
-    pub ray: [f32; 2],
-    /// Row, pixels.
-    pub row_px: f32,
-    /// First column, pixels; beyond `end_px` where there is no segment.
-    pub begin_px: f32,
-    /// Last column, pixels.
-    pub end_px: f32,
-    /// Coefficients (a, b, d) of the back-projection phase, see [`Self::phase_turns`].
-    pub phase: [f32; 3],
-}
-
-impl Segment {
-    /// A pixel whose ray misses the volume or whose segment lies outside the image of C2.
-    const NONE: Self = Self { ray: [0.0; 2], row_px: 0.0, begin_px: 1.0, end_px: 0.0, phase: [0.0; 3] };
-
-    /// Whether the pixel has no segment.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        self.begin_px > self.end_px
-    }
-
-    /// First and last column, pixels.
-    #[must_use]
-    #[inline]
-    pub fn limits_px(&self) -> [f32; 2] {
-        [self.begin_px, self.end_px]
-    }
-
-    /// Back-projection phase Φ in turns of the point seen at a column: `(a + b·t) / (1 + d·t)`, t the column from
-    /// `begin_px`. Exact for a projector without distortion, to 0.002 turns with.
-    #[must_use]
-    #[inline]
-    pub fn phase_turns(&self, column_px: f32) -> f32 {
-        let [a, b, d] = self.phase;
-        let t = column_px - self.begin_px;
-        (a + b * t) / (1.0 + d * t)
-    }
-
-    /// Column at which the back-projection phase has a value, turns; infinite or NaN where it has none.
-    #[must_use]
-    #[inline]
-    pub fn column_of_phase(&self, phase_turns: f32) -> f32 {
-        let [a, b, d] = self.phase;
-        self.begin_px + (phase_turns - a) / (b - d * phase_turns)
-    }
-
-    /// That column, and how many columns the phase takes there for a turn.
-    #[inline]
-    pub(super) fn column_and_columns_per_turn(&self, phase_turns: f32) -> (f32, f32) {
-        let [a, b, d] = self.phase;
-        let inverse = 1.0 / (b - d * phase_turns);
-        (self.begin_px + (phase_turns - a) * inverse, (b - a * d) * inverse * inverse)
-    }
-}
-
-/// Where one pixel of the epipolar frame lies in the raw image of C2.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct SourcePixel {
-    /// Index of the upper left of the four pixels around it; [`Self::OUTSIDE`] where the image does not reach.
-    pub index: u32,
-    /// Share of the right neighbours, 1/65536.
-    pub right: u16,
-    /// Share of the lower neighbours, 1/65536.
-    pub below: u16,
-}
-
-impl SourcePixel {
-    /// Index of pixels that the image of C2 does not reach.
-    pub const OUTSIDE: u32 = u32::MAX;
-    const NONE: Self = Self { index: Self::OUTSIDE, right: 0, below: 0 };
-}
-
-/// Hash of everything that a segment table depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fingerprint(pub [u8; 32]);
-
 /// The lookup table of all epipolar segments of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SegmentTable {
     pub(super) fingerprint: Fingerprint,
-    /// Width of C1's image, pixels.
-    pub(super) width: usize,
+    /// Width and height of C1's image, pixels.
+    pub(super) size_px: [usize; 2],
     /// Width and height of C2's image, pixels.
     pub(super) cam2_size_px: [usize; 2],
-    /// Width of the epipolar frame, pixels.
-    pub(super) epipolar_width: usize,
+    /// Width and height of the epipolar frame, pixels.
+    pub(super) epipolar_size_px: [usize; 2],
     /// Direction from the centre of C1 to the centre of C2 in the frame of C1, of length 1.
     pub(super) base: [f32; 3],
     pub(super) modes: Option<DriftModes>,
-    pub(super) segments: Vec<Segment>,
-    pub(super) sources: Vec<SourcePixel>,
+    pub(super) fields: Patches<FIELDS>,
+    /// Row by row the first columns of all pixels, then the last ones, in parts of a pixel; see [`units_per_px`].
+    pub(super) limits: Vec<u16>,
+    pub(super) sources: SourceMap,
 }
 
 /// Why no segment table can be built.
@@ -153,56 +102,108 @@ pub enum SegmentTableError {
 impl SegmentTable {
     /// Computes the table, in parallel over rows.
     ///
+    /// A patch of 16 × 16 pixels at whose border the lens of C1 has no ray, or P lights nothing, has no segments.
+    ///
     /// # Errors
     /// A rig without epipolar frame, or a volume that C2 never sees or P never lights.
     pub fn build(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Result<Self, SegmentTableError> {
         let frame = EpipolarFrame::new(rig)?;
-        let (width, height) = (rig.cam1.width_px(), rig.cam1.height_px());
         let builder = Builder { rig, volume, pattern, frame: &frame };
-        let mut segments = vec![Segment::NONE; width * height];
-        segments.par_chunks_mut(width).enumerate().for_each(|(v, row)| {
-            for (u, segment) in row.iter_mut().enumerate() {
-                *segment = builder.segment(u, v).unwrap_or(Segment::NONE);
-            }
-        });
-        if segments.iter().all(Segment::is_none) {
+        let fields = builder.fields();
+        let limits = builder.limits(&fields);
+        // Any other end is beyond its beginning.
+        if limits.iter().all(|limit| NO_LIMITS.contains(limit)) {
             return Err(builder.why_none());
         }
-        let mut sources = vec![SourcePixel::NONE; frame.width_px() * frame.height_px()];
-        sources.par_chunks_mut(frame.width_px()).enumerate().for_each(|(row, sources)| {
-            for (column, source) in sources.iter_mut().enumerate() {
-                *source = builder.source(column, row).unwrap_or(SourcePixel::NONE);
-            }
-        });
-        let fingerprint = Fingerprint::of(rig, volume, pattern);
-        let cam2_size_px = [rig.cam2.width_px(), rig.cam2.height_px()];
-        let base = rig.centre_of_cam2().coords.normalize().cast::<f32>().into();
-        let modes = DriftModes::of(rig, volume, pattern, &frame, &segments);
-        Ok(Self { fingerprint, width, cam2_size_px, epipolar_width: frame.width_px(), base, modes, segments, sources })
+        let mut table = Self {
+            fingerprint: Fingerprint::of(rig, volume, pattern),
+            size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
+            cam2_size_px: [rig.cam2.width_px(), rig.cam2.height_px()],
+            epipolar_size_px: [frame.width_px(), frame.height_px()],
+            base: rig.centre_of_cam2().coords.normalize().cast::<f32>().into(),
+            modes: None,
+            fields,
+            limits,
+            sources: SourceMap::of(&frame, &rig.cam2),
+        };
+        table.modes = DriftModes::of(rig, volume, pattern, &frame, &table);
+        Ok(table)
     }
 
-    /// Segments of all pixels of C1, row by row.
+    /// The segment of a pixel of C1. Bits are those of [`Self::row`], which is much faster for all pixels of a row.
     #[must_use]
-    pub fn segments(&self) -> &[Segment] {
-        &self.segments
+    pub fn segment(&self, pixel: usize) -> Segment {
+        let (u, v) = self.column_and_row(pixel);
+        let fields = self.fields.row(v);
+        let [a, rise, d] = [AT_REFERENCE, RISE, DENOMINATOR].map(|field| fields.at(field, u));
+        let [begin_px, end_px] = self.limits_px(pixel);
+        Segment {
+            ray: [fields.at(RAY_X, u), fields.at(RAY_Y, u)],
+            row_px: fields.at(ROW, u),
+            begin_px,
+            end_px,
+            reference_px: fields.at(REFERENCE, u),
+            phase: [a, rise + a * d, d],
+        }
+    }
+
+    /// Fills in the segments of row `v` of C1.
+    pub fn row(&self, v: usize, row: &mut SegmentRow) {
+        let patches = self.size_px[0].div_ceil(PATCH_PX);
+        row.resize(patches);
+        let (begin, end) = self.limits_of_row(v);
+        let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
+        simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
+    }
+
+    /// First and last column of the segment of a pixel; the first is the greater where there is none.
+    #[must_use]
+    #[inline]
+    pub fn limits_px(&self, pixel: usize) -> [f32; 2] {
+        let (u, v) = self.column_and_row(pixel);
+        let (begin, end) = self.limits_of_row(v);
+        let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
+        [begin[u], end[u]].map(|units| f32::from(units) * per_px)
+    }
+
+    /// Whether a pixel of C1 has a segment.
+    #[must_use]
+    #[inline]
+    pub fn has_segment(&self, pixel: usize) -> bool {
+        let [begin_px, end_px] = self.limits_px(pixel);
+        begin_px <= end_px
+    }
+
+    /// Row of the epipolar frame in which a pixel of C1 has its segment, pixels.
+    #[must_use]
+    #[inline]
+    pub fn row_px(&self, pixel: usize) -> f32 {
+        let (u, v) = self.column_and_row(pixel);
+        self.fields.row(v).at(ROW, u)
+    }
+
+    /// First and last columns of the segments of a row, in parts of a pixel.
+    #[inline]
+    fn limits_of_row(&self, v: usize) -> (&[u16], &[u16]) {
+        let width = padded(self.size_px[0]);
+        self.limits[2 * width * v..2 * width * (v + 1)].split_at(width)
+    }
+
+    #[inline]
+    fn column_and_row(&self, pixel: usize) -> (usize, usize) {
+        (pixel % self.size_px[0], pixel / self.size_px[0])
     }
 
     /// Width and height of C1's image, pixels.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
-        [self.width, self.segments.len() / self.width]
+        self.size_px
     }
 
     /// Width and height of the epipolar frame, pixels.
     #[must_use]
     pub fn epipolar_size_px(&self) -> [usize; 2] {
-        [self.epipolar_width, self.sources.len() / self.epipolar_width]
-    }
-
-    /// Where the pixels of the epipolar frame lie in C2, row by row.
-    #[must_use]
-    pub fn sources(&self) -> &[SourcePixel] {
-        &self.sources
+        self.epipolar_size_px
     }
 
     /// The axis of C1's image that epipolar lines are closest to: the one along which the row changes less.
@@ -210,14 +211,17 @@ impl SegmentTable {
     pub fn epipolar_axis(&self) -> EpipolarAxis {
         let (mut along_rows, mut along_columns) = (0.0_f64, 0.0_f64);
         let change = |a: usize, b: usize| {
-            let (a, b) = (&self.segments[a], &self.segments[b]);
-            if a.is_none() || b.is_none() { 0.0 } else { f64::from((a.row_px - b.row_px).abs()) }
+            let both = self.has_segment(a) && self.has_segment(b);
+            if both { f64::from((self.row_px(a) - self.row_px(b)).abs()) } else { 0.0 }
         };
+        let [width, height] = self.size_px;
         // A fraction of the pixels tells.
-        let rows = (0..self.segments.len().saturating_sub(self.width)).step_by(AXIS_STRIDE * self.width);
-        for i in rows.flat_map(|row| (row..row + self.width - 1).step_by(AXIS_STRIDE)) {
-            along_rows += change(i, i + 1);
-            along_columns += change(i, i + self.width);
+        for v in (0..height.saturating_sub(1)).step_by(AXIS_STRIDE) {
+            for u in (0..width.saturating_sub(1)).step_by(AXIS_STRIDE) {
+                let i = v * width + u;
+                along_rows += change(i, i + 1);
+                along_columns += change(i, i + width);
+            }
         }
         if along_rows <= along_columns { EpipolarAxis::Horizontal } else { EpipolarAxis::Vertical }
     }
@@ -228,7 +232,9 @@ impl SegmentTable {
     #[must_use]
     #[inline]
     pub fn nearness_to_cam2(&self, pixel: usize) -> f32 {
-        let [x, y] = self.segments[pixel].ray;
+        let (u, v) = self.column_and_row(pixel);
+        let fields = self.fields.row(v);
+        let [x, y] = [fields.at(RAY_X, u), fields.at(RAY_Y, u)];
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
     }
@@ -246,118 +252,48 @@ impl SegmentTable {
     }
 }
 
-struct Builder<'a> {
-    rig: &'a Rig,
-    volume: &'a MeasurementVolume,
-    pattern: &'a FringePattern,
-    frame: &'a EpipolarFrame,
+/// Fills in a row.
+struct RowKernel<'a> {
+    fields: FieldRow<'a, FIELDS>,
+    begin: &'a [u16],
+    end: &'a [u16],
+    /// Pixels of the unit of limits.
+    per_px: f32,
+    row: &'a mut SegmentRow,
 }
 
-impl Builder<'_> {
-    fn segment(&self, u: usize, v: usize) -> Option<Segment> {
-        let ray = self.rig.cam1.ray(&Pixel::new(u as f64, v as f64))?;
-        let (near_m, far_m) = self.volume.clip(&ray)?;
-        let line = self.frame.line(&ray)?;
-        let last_row = self.frame.height_px() as f64 - 1.0;
-        if !(0.0..=last_row).contains(&line.row_px) {
-            return None;
+impl Kernel for RowKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { fields, begin, end, per_px, row } = self;
+        fields.along_row(&mut row.along_row);
+        let along_row = &row.along_row;
+        fill(&mut row.ray_x, along_row, RAY_X);
+        fill(&mut row.ray_y, along_row, RAY_Y);
+        fill(&mut row.row_px, along_row, ROW);
+        fill(&mut row.reference_px, along_row, REFERENCE);
+        fill(&mut row.a, along_row, AT_REFERENCE);
+        fill(&mut row.b, along_row, RISE);
+        fill(&mut row.d, along_row, DENOMINATOR);
+        for ((b, a), d) in row.b.iter_mut().zip(&row.a).zip(&row.d) {
+            *b += a * d;
         }
-        let (a, b) = (line.column_of_depth(near_m), line.column_of_depth(far_m));
-        // The margin must not reach beyond infinity.
-        let margin = (VOLUME_MARGIN * (a - b).abs()).min(0.5 * (b - line.column_at_infinity_px).abs());
-        let begin = (a.min(b) - margin).max(0.0);
-        let end = (a.max(b) + margin).min(self.frame.width_px() as f64 - 1.0);
-        if begin >= end {
-            return None;
+        for (px, &units) in row.begin_px.iter_mut().zip(begin) {
+            *px = f32::from(units) * per_px;
         }
-        Some(Segment {
-            ray: [ray.x as f32, ray.y as f32],
-            row_px: line.row_px as f32,
-            begin_px: begin as f32,
-            end_px: end as f32,
-            phase: self.phase_coefficients(&ray, &line, begin, end)?.map(|c| c as f32),
-        })
-    }
-
-    /// Linear-fractional function through the back-projection phases at begin, middle and end of a segment.
-    fn phase_coefficients(&self, ray: &Vector3, line: &EpipolarLine, begin: f64, end: f64) -> Option<[f64; 3]> {
-        let phase = |column: f64| self.back_projected_turns(ray, line.depth_of_column(column));
-        let (half, whole) = (0.5 * (end - begin), end - begin);
-        let (first, middle, last) = (phase(begin)?, phase(begin + half)?, phase(end)?);
-        let (to_middle, to_last) = ((middle - first) / half, (last - first) / whole);
-        // A projector at C1 lights each of its rays with one phase: no denominator is needed or determined.
-        let d = if (last - middle).abs() > 1e-9 { (to_middle - to_last) / (last - middle) } else { 0.0 };
-        Some([first, to_last + last * d, d])
-    }
-
-    /// Absolute phase at which P would light the point of a ray at a depth, turns.
-    fn back_projected_turns(&self, ray: &Vector3, depth_m: f64) -> Option<f64> {
-        let column = self.rig.project_projector(&Point3::from(ray * depth_m))?.x;
-        Some(self.pattern.phase_turns(column))
-    }
-
-    fn source(&self, column: usize, row: usize) -> Option<SourcePixel> {
-        let cam2 = &self.rig.cam2;
-        let raw = self.frame.cam2_pixel(&Point2::new(column as f64, row as f64))?;
-        let (u, v) = (raw.x.floor(), raw.y.floor());
-        let inside = u >= 0.0 && v >= 0.0 && u < (cam2.width_px() - 1) as f64 && v < (cam2.height_px() - 1) as f64;
-        inside.then(|| SourcePixel {
-            index: (v as usize * cam2.width_px() + u as usize) as u32,
-            right: share(raw.x - u),
-            below: share(raw.y - v),
-        })
-    }
-
-    /// Which of the constraints leaves nothing.
-    fn why_none(&self) -> SegmentTableError {
-        let (width, height) = (self.rig.cam1.width_px(), self.rig.cam1.height_px());
-        let ray = |i: usize| self.rig.cam1.ray(&Pixel::new((i % width) as f64, (i / width) as f64));
-        let hits: Vec<(Vector3, f64)> = (0..width * height)
-            .filter_map(|i| ray(i).and_then(|r| self.volume.clip(&r).map(|(near, far)| (r, 0.5 * (near + far)))))
-            .collect();
-        let lit = hits.iter().any(|(ray, depth_m)| self.back_projected_turns(ray, *depth_m).is_some());
-        if !hits.is_empty() && !lit {
-            return SegmentTableError::NeverLit;
+        for (px, &units) in row.end_px.iter_mut().zip(end) {
+            *px = f32::from(units) * per_px;
         }
-        SegmentTableError::NeverSeen { hit: hits.len(), pixels: width * height }
     }
 }
 
-/// A share in [0, 1) as a 16-bit fraction.
-fn share(fraction: f64) -> u16 {
-    (fraction * 65536.0) as u16
-}
-
-impl std::fmt::Display for Fingerprint {
-    /// As hexadecimal digits.
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+/// Evaluates a field along a row.
+#[inline(always)]
+fn fill(out: &mut [f32], along_row: &[[[f32; POWERS]; FIELDS]], field: usize) {
+    let columns = Columns::new();
+    for (out, coefficients) in out.as_chunks_mut().0.iter_mut().zip(along_row) {
+        *out = columns.values(&coefficients[field]);
     }
-}
-
-impl Fingerprint {
-    /// Hash of calibration, measurement volume, pattern and image sizes.
-    #[must_use]
-    pub fn of(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Self {
-        let mut hash = Sha256::new();
-        let mut add = |values: &[f64]| values.iter().for_each(|v| hash.update(v.to_le_bytes()));
-        for camera in [&rig.cam1, &rig.cam2, &rig.projector] {
-            add(&camera.focal_px());
-            add(&camera.principal_px());
-            add(&[camera.skew_px(), camera.width_px() as f64, camera.height_px() as f64]);
-            add(&camera.distortion().to_opencv());
-        }
-        for pose in [&rig.cam2_from_cam1, &rig.projector_from_cam1, volume.cam1_from_volume()] {
-            add(&pose_numbers(pose));
-        }
-        add(volume.min().coords.as_slice());
-        add(volume.max().coords.as_slice());
-        add(&[pattern.period_px, pattern.sign, pattern.offset_rad]);
-        Self(hash.finalize().into())
-    }
-}
-
-fn pose_numbers(pose: &Pose) -> [f64; 7] {
-    let (q, t) = (pose.rotation.coords, pose.translation.vector);
-    [q.x, q.y, q.z, q.w, t.x, t.y, t.z]
 }

@@ -20,7 +20,7 @@ pub use interpolation::between;
 pub use pattern::FringePattern;
 pub use rig::Rig;
 pub use triangulation::{Triangulation, meet, range_per_pixel, triangulate};
-pub use volume::{MeasurementVolume, VolumeError};
+pub use volume::{MeasurementVolume, SeenVolume, VolumeError};
 
 /// Rigid transform `b_from_a`: `x_b = R · x_a + T`, lengths in metres.
 pub type Pose = nalgebra::Isometry3<f64>;

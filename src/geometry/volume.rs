@@ -1,5 +1,7 @@
 //! The measurement volume: a box in a frame of its own (paper, section 2.1).
 
+use nalgebra::Rotation3;
+
 use super::{Point3, Pose, Vector3};
 
 /// The box in which the measured object lies.
@@ -113,9 +115,38 @@ impl MeasurementVolume {
     /// or meets it behind the camera only.
     #[must_use]
     pub fn clip(&self, ray: &Vector3) -> Option<(f64, f64)> {
+        self.seen_from_cam1().clip(ray)
+    }
+
+    /// The box as C1 sees it, to clip many rays.
+    #[must_use]
+    pub fn seen_from_cam1(&self) -> SeenVolume {
         let volume_from_cam1 = self.cam1_from_volume.inverse();
-        let origin = volume_from_cam1 * Point3::origin();
-        let direction = volume_from_cam1.rotation * ray;
+        SeenVolume {
+            volume_from_cam1: volume_from_cam1.rotation.to_rotation_matrix(),
+            origin: volume_from_cam1 * Point3::origin(),
+            min: self.min,
+            max: self.max,
+        }
+    }
+}
+
+/// A measurement volume as C1 sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeenVolume {
+    volume_from_cam1: Rotation3<f64>,
+    /// Centre of C1 in the frame of the box.
+    origin: Point3,
+    min: Point3,
+    max: Point3,
+}
+
+impl SeenVolume {
+    /// See [`MeasurementVolume::clip`].
+    #[must_use]
+    #[inline]
+    pub fn clip(&self, ray: &Vector3) -> Option<(f64, f64)> {
+        let (origin, direction) = (&self.origin, self.volume_from_cam1 * ray);
         let (mut near, mut far) = (f64::MIN_POSITIVE, f64::INFINITY);
         for i in 0..3 {
             if direction[i].abs() < 1e-12 {

@@ -17,7 +17,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["grey", "geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
-    ("correspondence", &["geometry", "phase", "atomic_file"]),
+    ("correspondence", &["geometry", "vector", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("registration", &["geometry", "cloud::Cloud"]),
     ("fusion", &["geometry", "registration", "cloud", "atomic_file"]),

@@ -5,3 +5,4 @@
 mod chain;
 mod random;
 mod search;
+mod table;

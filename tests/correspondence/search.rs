@@ -35,7 +35,7 @@ fn every_point_of_the_volume_lies_on_its_segment() {
         let (table, frame) = (SegmentTable::build(&rig, &volume, &pattern).unwrap(), EpipolarFrame::new(&rig).unwrap());
         for _ in 0..300 {
             let (u, v) = (random.between(0.0, 96.0) as usize, random.between(0.0, 80.0) as usize);
-            let segment = &table.segments()[v * 96 + u];
+            let segment = table.segment(v * 96 + u);
             let ray = rig.cam1.ray(&Pixel::new(u as f64, v as f64)).unwrap();
             let Some((near_m, far_m)) = volume.clip(&ray) else { continue };
             let point = Point3::from(ray * random.between(near_m, far_m));
@@ -74,7 +74,7 @@ fn of_two_points_in_one_place_of_camera_2_the_nearer_is_known() {
                 inside.then(|| v as usize * 96 + u as usize)
             };
             let (Some(near), Some(far)) = (pixel_at(near_m), pixel_at(near_m + 0.04)) else { continue };
-            if table.segments()[near].is_none() || table.segments()[far].is_none() {
+            if !table.has_segment(near) || !table.has_segment(far) {
                 continue;
             }
             assert!(table.nearness_to_cam2(near) > table.nearness_to_cam2(far), "{place} at {near_m} m");
@@ -188,7 +188,7 @@ fn candidates_are_what_a_walk_through_the_raw_image_meets() {
                 .of(pixel)
                 .iter()
                 .map(|c| {
-                    let row = f64::from(table.segments()[pixel].row_px);
+                    let row = f64::from(table.row_px(pixel));
                     let back_projected = f64::from(c.order) + phase_turns + f64::from(c.delta) / 65536.0;
                     (frame.cam2_pixel(&Pixel::new(f64::from(c.column_px), row)).unwrap(), back_projected)
                 })

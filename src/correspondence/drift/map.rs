@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use super::super::segment::SegmentRow;
 use super::super::segment_table::SegmentTable;
 use super::estimate::Drift;
 
@@ -24,11 +25,14 @@ impl DriftMap {
     /// The map of a drift over the segments of its rig.
     #[must_use]
     pub fn of(drift: &Drift, table: &SegmentTable) -> Self {
-        let size_px @ [width, _] = table.size_px();
-        let (mut middle_rad, mut greatest_rad) = (Vec::with_capacity(table.segments().len()), 0.0_f32);
-        for (v, row) in table.segments().chunks(width.max(1)).enumerate() {
+        let size_px @ [width, height] = table.size_px();
+        let (mut middle_rad, mut greatest_rad) = (Vec::with_capacity(width * height), 0.0_f32);
+        let mut segments = SegmentRow::default();
+        for v in 0..height {
             let along_row = drift.along_row(v);
-            for (u, segment) in row.iter().enumerate() {
+            table.row(v, &mut segments);
+            for u in 0..width {
+                let segment = segments.segment(u);
                 let along_segment = along_row.along_segment(u);
                 let [begin_px, end_px] = segment.limits_px();
                 let about_mean_rad = |place: f32| {

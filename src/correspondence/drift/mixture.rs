@@ -77,7 +77,7 @@ impl Sample {
         beyond_px: f32,
     ) -> Option<Self> {
         let modes = table.drift_modes()?;
-        let usable = |i: usize| cam1.valid[i] && !table.segments()[i].is_none();
+        let usable = |i: usize| cam1.valid[i] && table.has_segment(i);
         let all = (0..cam1.phase.len()).filter(|&i| usable(i)).count();
         // A stride that shares no factor with the width spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
@@ -86,7 +86,7 @@ impl Sample {
         let independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
         let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns, independent };
         for i in (0..cam1.phase.len()).filter(|&i| usable(i)).step_by(stride) {
-            let (segment, before) = (&table.segments()[i], sample.delta_turns.len());
+            let (segment, before) = (table.segment(i), sample.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
             let columns = limits_px[0] as usize..=limits_px[1].ceil() as usize;
             let (u, v) = (i % cam1.width, i / cam1.width);

@@ -10,7 +10,7 @@ use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
 
-use super::super::segment_table::Segment;
+use super::super::segment_table::SegmentTable;
 use super::place::{Places, Polynomial, TERMS, evaluate, monomials};
 
 /// Most modes that are kept.
@@ -43,15 +43,15 @@ impl DriftModes {
     /// Numbers that hold the modes of any rig.
     pub(in super::super) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
 
-    /// The modes of a rig whose segments are known; none where the geometry leaves nothing to sample.
+    /// The modes of a rig whose segments are in a table; none where the geometry leaves nothing to sample.
     pub(in super::super) fn of(
         rig: &Rig,
         volume: &MeasurementVolume,
         pattern: &FringePattern,
         frame: &EpipolarFrame,
-        segments: &[Segment],
+        table: &SegmentTable,
     ) -> Option<Self> {
-        let places = Places::fit(segments, rig.cam1.width_px())?;
+        let places = Places::fit(table.size_px(), |pixel| table.limits_px(pixel))?;
         let samples = Samples::new(rig, volume, pattern, frame, &places);
         let (fields, rms_turns) = samples.principal_fields()?;
         Some(Self { places, fields, rms_turns })

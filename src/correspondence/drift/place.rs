@@ -5,8 +5,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::segment_table::Segment;
-
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
@@ -34,22 +32,22 @@ impl Places {
     /// Numbers that make up the coordinates.
     pub(super) const NUMBERS: usize = 6;
 
-    /// The coordinates that fit the segments of an image of C1 `width` pixels wide; `None` if there are too few.
-    pub(super) fn fit(segments: &[Segment], width: usize) -> Option<Self> {
-        let height = segments.len() / width.max(1);
+    /// The coordinates that fit the segments of the pixels of C1, each from its first to its last column; `None` if there
+    /// are too few.
+    pub(super) fn fit([width, height]: [usize; 2], limits_px: impl Fn(usize) -> [f32; 2]) -> Option<Self> {
         let (half_px, half_height_px) = (width as f64 / 2.0, height as f64 / 2.0);
         let mut places = Self { half_px, half_height_px, middle_px: [0.0; 3], scale_px: 1.0 };
         let (mut normal, mut right, mut halves, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0, 0.0);
         for (v, u) in (0..height).step_by(STRIDE).flat_map(|v| (0..width).step_by(STRIDE).map(move |u| (v, u))) {
-            let segment = &segments[v * width + u];
-            if segment.is_none() {
+            let [begin_px, end_px] = limits_px(v * width + u);
+            if begin_px > end_px {
                 continue;
             }
             let [x, y] = places.image(u as f64, v as f64);
             let row = Vector3::new(1.0, x, y);
             normal += row * row.transpose();
-            right += row * (0.5 * f64::from(segment.begin_px + segment.end_px));
-            halves += 0.5 * f64::from(segment.end_px - segment.begin_px);
+            right += row * (0.5 * f64::from(begin_px + end_px));
+            halves += 0.5 * f64::from(end_px - begin_px);
             count += 1.0;
         }
         // A volume seen in a line of pixels alone leaves the plane undetermined: it stays level there.
@@ -194,12 +192,12 @@ mod tests {
     use super::*;
 
     fn places() -> Places {
-        let segment = |i: usize| {
+        let limits_px = |i: usize| {
             let (u, v) = ((i % 64) as f32, (i / 64) as f32);
             let middle = 100.0 + 2.0 * u - v;
-            Segment { ray: [0.0; 2], row_px: v, begin_px: middle - 20.0, end_px: middle + 20.0, phase: [0.0; 3] }
+            [middle - 20.0, middle + 20.0]
         };
-        Places::fit(&(0..64 * 48).map(segment).collect::<Vec<_>>(), 64).unwrap()
+        Places::fit([64, 48], limits_px).unwrap()
     }
 
     #[test]

@@ -96,7 +96,7 @@ impl Claims {
             if regions.region_of(pixel).is_none() {
                 return NOWHERE;
             }
-            let row = (table.segments()[pixel].row_px + 0.5) as usize;
+            let row = (table.row_px(pixel) + 0.5) as usize;
             let column = (resolver.chosen_candidate(pixel).column_px + 0.5) as usize;
             (row.min(height - 1) * width + column.min(width - 1)) as u32
         };

@@ -37,7 +37,7 @@ impl<'a, P: Fn(usize) -> f32> Claims<'a, P> {
     }
 
     fn place(&self, pixel: usize, selected: &Selected) -> usize {
-        let row = (self.scene.table.segments()[pixel].row_px + 0.5) as usize;
+        let row = (self.scene.table.row_px(pixel) + 0.5) as usize;
         let column = (selected.candidate.column_px + 0.5) as usize;
         row.min(self.height - 1) * self.width + column.min(self.width - 1)
     }

@@ -12,7 +12,7 @@ use crate::phase::Modulation;
 
 use super::super::drift::{DepthPolynomial, RowPolynomial};
 use super::super::row_view::RowView;
-use super::super::segment_table::Segment;
+use super::super::segment::{Segment, SegmentRow};
 use super::windows::Windows;
 use super::{Scene, UNITS_PER_NAT};
 
@@ -69,7 +69,7 @@ impl DeltaScale {
 /// A pixel of C1 and the columns of C2 in which it looks for candidates.
 pub(super) struct Outlook<'a> {
     pub(super) row: RowView<'a>,
-    pub(super) segment: &'a Segment,
+    pub(super) segment: Segment,
     pub(super) drift: DepthPolynomial,
     pub(super) limits_px: [f32; 2],
     /// Least and greatest Φ within these limits, turns.
@@ -78,10 +78,17 @@ pub(super) struct Outlook<'a> {
 }
 
 impl<'a> Outlook<'a> {
-    /// That of a pixel in column `u` of the row that `drift` belongs to.
-    pub(super) fn new(scene: &Scene<'a>, windows: &Windows, drift: &RowPolynomial, pixel: usize, u: usize) -> Self {
-        let segment = &scene.table.segments()[pixel];
-        let limits_px = windows.limits_px(segment);
+    /// That of a pixel in column `u` of the row that `segments` and `drift` belong to.
+    pub(super) fn new(
+        scene: &Scene<'a>,
+        windows: &Windows,
+        segments: &SegmentRow,
+        drift: &RowPolynomial,
+        pixel: usize,
+        u: usize,
+    ) -> Self {
+        let segment = segments.segment(u);
+        let limits_px = windows.limits_px(&segment);
         let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
         Self {
             row: RowView::new(scene.cam2, segment.row_px),
@@ -147,15 +154,17 @@ pub(super) fn gather(scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale) -
     let (lanes, width) = (windows.lanes, scene.cam1.width);
     let energies = energies();
     let mut evidence = vec![u8::MAX; scene.cam1.phase.len() * lanes];
-    evidence.par_chunks_mut((width * lanes).max(1)).enumerate().for_each(|(v, row)| {
+    let rows = evidence.par_chunks_mut((width * lanes).max(1)).enumerate();
+    rows.for_each_init(SegmentRow::default, |segments, (v, row)| {
         let drift = scene.drift.along_row(v);
+        scene.table.row(v, segments);
         for (u, orders) in row.chunks_exact_mut(lanes).enumerate() {
             let pixel = v * width + u;
             let count = usize::from(windows.count[pixel]);
             if count == 0 {
                 continue;
             }
-            let outlook = Outlook::new(scene, windows, &drift, pixel, u);
+            let outlook = Outlook::new(scene, windows, segments, &drift, pixel, u);
             let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
             for (lane, energy) in orders[..count].iter_mut().enumerate() {
                 *energy = best_energy(&outlook, i32::from(windows.first[pixel]) + lane as i32, sd_turns, &energies);

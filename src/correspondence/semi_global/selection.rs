@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
+use super::super::segment::SegmentRow;
 use super::Scene;
 use super::evidence::{DeltaScale, Outlook};
 use super::paths::Verdict;
@@ -36,12 +37,14 @@ pub(super) fn select(
 ) -> Vec<Option<Selected>> {
     let width = scene.cam1.width;
     let mut selected = vec![None; verdicts.len()];
-    selected.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
+    let rows = selected.par_chunks_mut(width.max(1)).enumerate();
+    rows.for_each_init(SegmentRow::default, |segments, (v, row)| {
         let drift = scene.drift.along_row(v);
+        scene.table.row(v, segments);
         for (u, selected) in row.iter_mut().enumerate() {
             let pixel = v * width + u;
             if windows.count[pixel] > 0 {
-                let outlook = Outlook::new(scene, windows, &drift, pixel, u);
+                let outlook = Outlook::new(scene, windows, segments, &drift, pixel, u);
                 let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
                 *selected = best_of_order(&outlook, verdicts[pixel].order, sd_turns);
             }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::segment_table::Segment;
+use super::super::segment::{Segment, SegmentRow};
 use super::Scene;
 
 /// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
@@ -43,7 +43,7 @@ impl Windows {
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         let mut windows = Self { first: Vec::new(), count: Vec::new(), lanes: 0, beyond_px, last_column_px };
         let ranges: Vec<(i16, u8)> =
-            (0..scene.cam1.phase.len()).into_par_iter().map(|pixel| windows.orders(scene, pixel)).collect();
+            (0..scene.cam1.height).into_par_iter().flat_map_iter(|v| windows.orders_of_row(scene, v)).collect();
         let most = ranges.iter().map(|range| usize::from(range.1)).max().unwrap_or(0);
         windows.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
         (windows.first, windows.count) = ranges.into_iter().unzip();
@@ -57,8 +57,14 @@ impl Windows {
         [first_px, (segment.end_px + self.beyond_px).min(self.last_column_px)]
     }
 
-    fn orders(&self, scene: &Scene<'_>, pixel: usize) -> (i16, u8) {
-        let segment = &scene.table.segments()[pixel];
+    fn orders_of_row(&self, scene: &Scene<'_>, v: usize) -> Vec<(i16, u8)> {
+        let width = scene.cam1.width;
+        let mut segments = SegmentRow::default();
+        scene.table.row(v, &mut segments);
+        (0..width).map(|u| self.orders(scene, &segments.segment(u), v * width + u)).collect()
+    }
+
+    fn orders(&self, scene: &Scene<'_>, segment: &Segment, pixel: usize) -> (i16, u8) {
         if !scene.cam1.valid[pixel] || segment.is_none() {
             return (0, 0);
         }
@@ -80,8 +86,11 @@ impl Windows {
 
 /// Mean rise of Φ over a segment, turns; at least one.
 fn mean_orders(scene: &Scene<'_>) -> f32 {
-    let segments = scene.table.segments().iter().step_by(STRIDE).filter(|segment| !segment.is_none());
-    let rises = segments.map(|segment| (segment.phase_turns(segment.end_px) - segment.phase[0]).abs());
+    let pixels = (0..scene.cam1.phase.len()).step_by(STRIDE).filter(|&pixel| scene.table.has_segment(pixel));
+    let rises = pixels.map(|pixel| {
+        let segment = scene.table.segment(pixel);
+        (segment.phase_turns(segment.end_px) - segment.phase_turns(segment.begin_px)).abs()
+    });
     let (sum, count) = rises.fold((0.0_f32, 0.0_f32), |(sum, count), rise| (sum + rise, count + 1.0));
     (sum / count.max(1.0)).max(1.0)
 }
