@@ -48,11 +48,11 @@ impl DeltaGate {
 /// Crossings closer together than this are one: no camera resolves fringes of so short a period.
 const SAME_PLACE_PX: f32 = 2.0;
 /// Turns by which the test is widened where columns are sought, against rounding.
-const PHASE_MARGIN_TURNS: f32 = 1e-3;
+pub(super) const PHASE_MARGIN_TURNS: f32 = 1e-3;
 /// A projector near C1 lights a whole ray with one phase: up to this rise along a segment all its columns are searched.
-const FLAT_TURNS: f32 = 2e-3;
+pub(super) const FLAT_TURNS: f32 = 2e-3;
 /// Columns by which an interval of the projector-side search is widened against rounding.
-const COLUMN_MARGIN_PX: f32 = 0.02;
+pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
 
 /// All candidates of a pixel, by the plain scan of its whole segment.
 pub(super) fn plain_scan(
@@ -162,7 +162,7 @@ fn nearest_whole(value: f32) -> i32 {
 
 /// Noise can cross the phase more than once near one place: of candidates of one place the one with the least |δ| stays.
 #[inline]
-fn keep_best_of_place(candidate: Candidate, first: usize, found: &mut Vec<Candidate>) {
+pub(super) fn keep_best_of_place(candidate: Candidate, first: usize, found: &mut Vec<Candidate>) {
     match found[first..].last_mut() {
         Some(last) if candidate.column_px - last.column_px < SAME_PLACE_PX => {
             if candidate.delta.unsigned_abs() < last.delta.unsigned_abs() {

@@ -6,7 +6,7 @@ use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 
 /// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
 /// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
-const MAX_COLUMN_STEP: i32 = 30000;
+pub(super) const MAX_COLUMN_STEP: i32 = 30000;
 /// Slopes with which a surface is continued beyond its rim, turns · 65536 a pixel: flatter ones would lead anywhere.
 const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
 /// Change of slope up to which a neighbour continues a surface, so that it has no rim there.

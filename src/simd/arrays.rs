@@ -50,10 +50,6 @@ impl Lanes for Arrays {
         map(*bytes, i16::from)
     }
     #[inline(always)]
-    fn load(self, words: &[u16; LANES]) -> Words {
-        map(*words, |w| w as i16)
-    }
-    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
         map(*words, i16::from_le_bytes)
     }
@@ -110,17 +106,8 @@ impl Lanes for Arrays {
         out
     }
     #[inline(always)]
-    fn and(self, a: Mask, b: Mask) -> Mask {
-        zip(a, b, |a, b| a & b)
-    }
-    #[inline(always)]
     fn and_not(self, a: Mask, b: Mask) -> Mask {
         zip(a, b, |a, b| a & !b)
-    }
-    #[inline(always)]
-    fn count(self, mask: Mask) -> u32 {
-        let sum: i16 = mask.iter().sum();
-        -i32::from(sum) as u32
     }
     #[inline(always)]
     fn bits(self, mask: Mask) -> u32 {
@@ -158,14 +145,6 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn add_long(self, a: Longs, b: Longs) -> Longs {
         zip(a, b, i32::wrapping_add)
-    }
-    #[inline(always)]
-    fn sub_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_sub)
-    }
-    #[inline(always)]
-    fn times_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_mul)
     }
     #[inline(always)]
     fn is_negative(self, a: Longs) -> Mask {

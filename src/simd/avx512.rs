@@ -10,6 +10,12 @@ use super::{LANES, Lanes, Level};
 pub(crate) struct Avx512(());
 
 impl Avx512 {
+    /// The lanes, if the machine has them and the level is in use.
+    #[inline]
+    pub(crate) fn in_use() -> Option<Self> {
+        (Level::in_use() == Level::Avx512).then_some(Self(()))
+    }
+
     /// The lanes, if the machine has them.
     #[inline]
     pub(super) fn new() -> Option<Self> {
@@ -54,10 +60,6 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> __m512i {
         unsafe { _mm512_cvtepu8_epi16(_mm256_loadu_si256(bytes.as_ptr().cast())) }
-    }
-    #[inline(always)]
-    fn load(self, words: &[u16; LANES]) -> __m512i {
-        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
     }
     #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> __m512i {
@@ -112,16 +114,8 @@ impl Lanes for Avx512 {
         unsafe { _mm512_mask_blend_epi16(mask, no, yes) }
     }
     #[inline(always)]
-    fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 {
-        a & b
-    }
-    #[inline(always)]
     fn and_not(self, a: __mmask32, b: __mmask32) -> __mmask32 {
         a & !b
-    }
-    #[inline(always)]
-    fn count(self, mask: __mmask32) -> u32 {
-        mask.count_ones()
     }
     #[inline(always)]
     fn bits(self, mask: __mmask32) -> u32 {
@@ -166,14 +160,6 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
         both!(_mm512_add_epi32, a, b)
-    }
-    #[inline(always)]
-    fn sub_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_sub_epi32, a, b)
-    }
-    #[inline(always)]
-    fn times_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_mullo_epi32, a, b)
     }
     #[inline(always)]
     fn is_negative(self, a: Pair<__m512i>) -> __mmask32 {

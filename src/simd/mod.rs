@@ -10,6 +10,8 @@ mod avx512;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 pub(crate) use arrays::Arrays;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use avx512::Avx512;
 
 /// Pixels that a kernel handles together.
 pub(crate) const LANES: usize = 32;
@@ -108,11 +110,11 @@ pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
         #[target_feature(
             enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
         )]
-        fn avx512<K: Kernel>(kernel: K, lanes: avx512::Avx512) -> K::Output {
+        fn avx512<K: Kernel>(kernel: K, lanes: Avx512) -> K::Output {
             kernel.run(lanes)
         }
         if level >= Level::Avx512
-            && let Some(lanes) = avx512::Avx512::new()
+            && let Some(lanes) = Avx512::new()
         {
             // SAFETY: the lanes exist only where the machine has these instructions.
             return unsafe { avx512(kernel, lanes) };
@@ -143,8 +145,6 @@ pub(crate) trait Lanes: Copy {
     fn word(self, value: i16) -> Self::Words;
     /// Bytes, widened.
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
-    /// Words as they lie in memory.
-    fn load(self, words: &[u16; LANES]) -> Self::Words;
     /// Little-endian words at any address.
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
     /// a + b, wrapping.
@@ -171,12 +171,8 @@ pub(crate) trait Lanes: Copy {
     fn is_at_least(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// `yes` where the mask says so, else `no`.
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
-    /// Both.
-    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// The first and not the second.
     fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// In how many lanes it is true.
-    fn count(self, mask: Self::Mask) -> u32;
     /// Bit k is that of lane k.
     fn bits(self, mask: Self::Mask) -> u32;
     /// Stores words.
@@ -196,10 +192,6 @@ pub(crate) trait Lanes: Copy {
     fn squares(self, a: Self::Words, b: Self::Words) -> Self::Longs;
     /// a + b, wrapping.
     fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
-    /// a − b, wrapping.
-    fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
-    /// a·b, wrapping.
-    fn times_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
     /// Longs as words, those beyond 0 to 65535 at its ends.

@@ -17,7 +17,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("calibration", &["geometry", "atomic_file"]),
     ("dataset", &["grey", "geometry", "phase", "calibration", "png_encoding", "atomic_file"]),
     ("rig_report", &["geometry"]),
-    ("correspondence", &["geometry", "vector", "phase", "atomic_file"]),
+    ("correspondence", &["geometry", "simd", "phase", "atomic_file"]),
     ("cloud", &["geometry", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("registration", &["geometry", "cloud::Cloud"]),
     ("fusion", &["geometry", "registration", "cloud", "atomic_file"]),
@@ -78,5 +78,10 @@ pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
 ];
 
 /// Files that may hold `unsafe`: SIMD kernels and the V4L2 queue.
-pub(crate) const UNSAFE_FILES: &[&str] =
-    &["services/capture/src/ioctl.rs", "src/simd/mod.rs", "src/simd/arrays.rs", "src/simd/avx512.rs"];
+pub(crate) const UNSAFE_FILES: &[&str] = &[
+    "services/capture/src/ioctl.rs",
+    "src/simd/mod.rs",
+    "src/simd/arrays.rs",
+    "src/simd/avx512.rs",
+    "src/correspondence/search/wide.rs",
+];

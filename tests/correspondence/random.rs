@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
-use fringeflow::phase::PhaseMap;
+use fringeflow::phase::{Modulation, PhaseMap};
 
 /// Repeatable numbers in [0, 1).
 pub(crate) struct Random(pub(crate) u64);
@@ -73,7 +73,7 @@ impl Random {
             height,
             phase: (0..width * height).map(|i| phase(i, self.next())).collect(),
             valid: (0..width * height).map(|_| self.next() < 0.97).collect(),
-            modulation: vec![50.0; width * height],
+            modulation: vec![Modulation::of_grey(50.0); width * height],
             mean: vec![100; width * height],
             ..PhaseMap::default()
         }

@@ -2,7 +2,7 @@
 
 use fringeflow::correspondence::{DeltaGate, EpipolarImage, SearchForm, SegmentTable, find_candidates};
 use fringeflow::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig};
-use fringeflow::phase::PhaseMap;
+use fringeflow::phase::{Modulation, PhaseMap};
 
 use crate::random::Random;
 
@@ -107,7 +107,7 @@ impl PhasePlane {
             height,
             phase: (0..width * height).map(phase).collect(),
             valid: vec![true; width * height],
-            modulation: vec![50.0; width * height],
+            modulation: vec![Modulation::of_grey(50.0); width * height],
             mean: vec![100; width * height],
             ..PhaseMap::default()
         }
