@@ -84,7 +84,7 @@ impl Pictures {
         };
         // 65536 steps of a turn to 255.
         let phase = if_valid(&|pixel| 1 + ((u32::from(cam1.phase[pixel]) * 254) >> 16) as u8);
-        let modulation = if_valid(&|pixel| (2.0 * cam1.modulation[pixel]).round() as u8);
+        let modulation = if_valid(&|pixel| (2.0 * cam1.modulation[pixel].grey()).round() as u8);
         self.add("phase", "u8", &reduction, &phase, json!({}));
         self.add("modulation", "u8", &reduction, &modulation, json!({}));
     }
