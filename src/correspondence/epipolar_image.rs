@@ -26,7 +26,7 @@ pub struct EpipolarImage {
     /// Wrapped phase, turns · 65536; [`Self::NO_PHASE`] where there is none.
     pub phase: Vec<u16>,
     /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
-    marked: Vec<u16>,
+    pub(super) marked: Vec<u16>,
 }
 
 impl EpipolarImage {
