@@ -26,7 +26,7 @@ pub struct EpipolarImage {
     /// Wrapped phase, turns · 65536; [`Self::NO_PHASE`] where there is none.
     pub phase: Vec<u16>,
     /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
-    marked: Vec<u16>,
+    pub(super) marked: Vec<u16>,
 }
 
 impl EpipolarImage {
@@ -210,8 +210,8 @@ fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, bel
     let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
     let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
     let (at_left, at_right) = (step(upper_left, lower_left), step(upper_right, lower_right));
-    let is_small = |step: i32| (step >= -MAX_NEIGHBOUR_STEP) & (step <= MAX_NEIGHBOUR_STEP);
-    let is_flat = |twist: i32| (twist >= -MAX_TWIST) & (twist <= MAX_TWIST);
+    let is_small = |step: i32| step.abs() <= MAX_NEIGHBOUR_STEP;
+    let is_flat = |twist: i32| twist.abs() <= MAX_TWIST;
     let smooth = is_phase(upper_left)
         & is_phase(upper_right)
         & is_phase(lower_left)

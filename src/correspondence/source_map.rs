@@ -114,7 +114,8 @@ mod tests {
             let map = SourceMap::of(&frame, &rig.cam2);
             for row in (0..frame.height_px()).step_by(7) {
                 for column in (row % 7..frame.width_px()).step_by(7) {
-                    let exact = frame.cam2_pixel(&Pixel::new(column as f64, row as f64)).filter(|p| rig.cam2.sees(p));
+                    let exact = frame.cam2_pixel(&Pixel::new(column as f64, row as f64));
+                    let exact = exact.filter(|p| rig.cam2.sees(p) && p.x >= 0.01 && p.y >= 0.01);
                     let Some(exact) = exact else { continue };
                     let parts = places_of(&map, row, column / PATCH_PX).map(|parts| parts[column % PATCH_PX]);
                     let place = parts.map(|parts| f64::from(parts) / 2048.0);
