@@ -1,5 +1,6 @@
 //! Decoding against reading the same images, and against what other libraries make of four of them.
 
+use std::cell::RefCell;
 use std::hint::black_box;
 
 use fringeflow::dataset::GreyImage;
@@ -75,15 +76,18 @@ fn against_peers(bench: &mut Bench, report: &mut Report) {
     let (easy, [width, height], validity) = (bench.easy(), bench.size_px, Validity::default());
     let (window, shifts) = (GreyImage::levels_of(&easy.images.cameras[0]), shifts(STEPS));
     let repetitions = bench.repetitions;
-    for (peer, name, factor) in PEERS {
-        let name = format!("decode N = {STEPS} against {name}");
-        match bench.peers() {
-            Err(why) => report.skipped(&name, &why),
-            Ok(peers) => {
-                let ours = contender(|| drop(black_box(decode(&window, width, height, &shifts, &validity))));
-                let spent = interleave(repetitions, &mut [ours, peers.contender(peer)]);
-                report.ratio(&name, &spent[1], &spent[0], Time::Cpu, Wanted::AtLeast(factor));
-            }
-        }
+    let name = |peer: &str| format!("decode N = {STEPS} against {peer}");
+    let peers = match bench.peers() {
+        Ok(peers) => RefCell::new(peers),
+        Err(why) => return PEERS.iter().for_each(|(_, peer, _)| report.skipped(&name(peer), &why)),
+    };
+    let mut contenders = vec![contender(|| drop(black_box(decode(&window, width, height, &shifts, &validity))))];
+    for (peer, ..) in PEERS {
+        let peers = &peers;
+        contenders.push(Box::new(move || peers.borrow_mut().run(peer)));
+    }
+    let spent = interleave(repetitions, &mut contenders);
+    for ((_, peer, factor), taken) in PEERS.into_iter().zip(&spent[1..]) {
+        report.ratio(&name(peer), taken, &spent[0], Time::Cpu, Wanted::AtLeast(factor));
     }
 }

@@ -18,7 +18,7 @@ const NAME: &str = "last image received → cloud, p50, live ÷ in process";
 const WANTED: f64 = 1.3;
 /// Runs of the whole scanner, and how long each is.
 const ROUNDS: usize = 3;
-const SECONDS: u64 = 12;
+const SECONDS: u64 = 10;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let Some(command) = command().filter(|_| bench.is_measured) else {
@@ -115,17 +115,20 @@ fn live_ns(command: &Path, recording: &Path) -> Result<f64, String> {
 
 /// The same windows in one process, with as many threads as each service has.
 fn in_process_ns(recording: &Path) -> Result<f64, String> {
-    let pool = rayon::ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?;
-    let recording = Recording::open(recording).map_err(|e| e.to_string())?;
-    let mut reconstructor = recording.reconstructor().map_err(|e| e.to_string())?;
-    let mut taken_ns = Vec::new();
-    for header in recording.cloud_headers() {
-        let Ok(images) = recording.images(&header.window) else { continue };
-        let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
-        let start = Instant::now();
-        let made = pool.install(|| reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2));
-        taken_ns.push(start.elapsed().as_nanos() as f64);
-        made.map_err(|e| e.to_string())?;
-    }
-    Ok(median(taken_ns))
+    // The pool of this program has one thread, which waits for this one.
+    rayon::ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?.install(|| {
+        let recording = Recording::open(recording).map_err(|e| e.to_string())?;
+        let mut reconstructor = recording.reconstructor().map_err(|e| e.to_string())?;
+        let mut taken_ns = Vec::new();
+        for header in recording.cloud_headers() {
+            // The first windows may have begun before the recording.
+            let Ok(images) = recording.images(&header.window) else { continue };
+            let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
+            let start = Instant::now();
+            let made = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2);
+            taken_ns.push(start.elapsed().as_nanos() as f64);
+            made.map_err(|e| e.to_string())?;
+        }
+        Ok(median(taken_ns))
+    })
 }

@@ -79,7 +79,7 @@ fn of_threads<'a>(cpus: &[usize], prepare: impl Fn() -> Work<'a> + Sync) -> Spen
 
 fn cloud_work<'a>(easy: &'a Measured, method: ResolutionMethod) -> Work<'a> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
-    let mut workers = Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method);
+    let mut workers = pool.install(|| Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method));
     let levels = easy.images.levels();
     pool.install(|| _ = workers.cloud(0, &levels));
     Box::new(move || {
