@@ -15,12 +15,12 @@ use super::scenes::Workers;
 const WANTED: f64 = 1.7;
 const LOOPS: f64 = 1.9;
 /// Clouds of a repetition, and steps of the loop that take about as long.
-const CLOUDS: usize = 4;
-const LOOP_STEPS: u64 = 1_500_000_000;
+const CLOUDS: usize = 2;
+const LOOP_STEPS: u64 = 750_000_000;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let (cpus, easy) = (processors::all(), bench.easy());
-    let repetitions = bench.repetitions.min(7);
+    let repetitions = bench.repetitions.min(5);
     let steps = if bench.is_measured { LOOP_STEPS } else { 1000 };
     for method in ResolutionMethod::ALL {
         let name = format!("two workers ÷ one, {}", method.name());
