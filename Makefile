@@ -1,15 +1,20 @@
 # make demo   a minute of live scanning by a virtual scanner; leaves a recording and clouds
 # make test   every check a change must pass
-# make setup  what both need from the system; each installs its part itself
+# make bench  how fast it is: every promised ratio beside its peers, and where the time goes (minutes)
+# make setup  what these need from the system; each installs its part itself
 
 # A toolchain just installed by rustup is not yet on the PATH of this shell.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 
-.PHONY: demo test setup
+.PHONY: demo test bench setup
 
 demo:
 	@scripts/setup.sh
 	@scripts/demo.sh
+
+bench:
+	@scripts/setup.sh
+	@scripts/bench.sh
 
 test: setup
 	@scripts/test.sh

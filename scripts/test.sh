@@ -12,6 +12,8 @@ step cargo fmt --all --check
 step cargo clippy --workspace --all-targets --locked -- -D warnings
 # Unit, integration and documentation tests; tests/licences.rs holds the dependencies to deny.toml.
 step cargo test --workspace --locked
+# That the benches run, on small images and without their peers.
+step cargo test --locked --bench kernels --bench ratios
 RUSTDOCFLAGS="-D warnings" step cargo doc --workspace --no-deps --locked
 # cargo-deny and shellcheck take long to get on a bare machine; where they are, they check more.
 if command -v cargo-deny >/dev/null; then

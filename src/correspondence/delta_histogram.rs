@@ -41,7 +41,8 @@ impl Default for DeltaHistogram {
 
 impl DeltaHistogram {
     /// The histogram of phases of C1 that are too great by `ahead` turns · 65536.
-    pub(super) fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
+    #[must_use]
+    pub fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
         let mut histogram = Self::default();
         let mut found = Vec::new();
         for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {

@@ -1,0 +1,39 @@
+//! Images to phase maps.
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput};
+use fringeflow::grey::PixelFormat;
+use fringeflow::phase::{MotionFit, Validity, decode, decode_moving, usual_extra_images};
+
+use crate::scenes::{Geometry, Scene, shifts, shifts_rad};
+
+/// Steps of the plain decoding, and of that with motion.
+const STEPS: [usize; 3] = [4, 8, 16];
+const MOVING_STEPS: usize = 4;
+
+/// Decoding one camera.
+pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
+    let scene = Scene::new(Geometry::Easy, size_px);
+    let ([width, height], validity) = (size_px, Validity::default());
+    let mut group = criterion.benchmark_group("decode");
+    group.throughput(Throughput::Elements((width * height) as u64));
+    for format in [PixelFormat::Grey, PixelFormat::Y12] {
+        for steps in STEPS {
+            let images = scene.images(steps, format);
+            let (levels, shifts) = (&images.levels()[0], shifts(steps));
+            group.bench_function(BenchmarkId::new(format.name(), steps), |bencher| {
+                bencher.iter(|| decode(black_box(levels), width, height, &shifts, &validity));
+            });
+        }
+    }
+    let images = scene.moving_images(MOVING_STEPS);
+    let window = MOVING_STEPS + usual_extra_images(MOVING_STEPS);
+    let cycle = shifts_rad(MOVING_STEPS).into_iter().cycle();
+    let fit = MotionFit::new(&cycle.take(window).collect::<Vec<_>>()).unwrap();
+    let levels = &images.levels()[0][..window];
+    group.bench_function(BenchmarkId::new("moving", MOVING_STEPS), |bencher| {
+        bencher.iter(|| decode_moving(black_box(levels), width, height, &fit, &validity));
+    });
+    group.finish();
+}

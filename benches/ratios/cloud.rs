@@ -1,0 +1,99 @@
+//! 2 × 4 images to a cloud, by the three workers, against block matching of one rectified pair; and points a second.
+
+use std::cell::RefCell;
+use std::hint::black_box;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use fringeflow::correspondence::ResolutionMethod;
+
+use super::bench::{Bench, Measured, STEPS};
+use super::clock::{Contender, Spent, contender, interleave, median};
+use super::line::{Report, Time, Wanted};
+use super::scenes::{Workers, ambiguous_share};
+
+/// Peers; how many times faster in easy and in hard geometry, where that is promised.
+const PEERS: [(&str, &str, f64, Option<f64>); 3] = [
+    ("SGBM", "StereoSGBM, 128 disparities", 25.0, Some(12.0)),
+    ("SGBM_3WAY", "SGBM_3WAY", 18.0, None),
+    ("BM", "StereoBM", 7.0, None),
+];
+/// Million points a CPU second, easy and hard, and the time of the hard scene (15 % ambiguous pixels) in that of the easy (2 %).
+const POINTS: [f64; 2] = [140.0, 70.0];
+const HARD_IN_EASY: f64 = 1.6;
+
+pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
+    let scenes = [bench.easy(), bench.hard()];
+    for method in ResolutionMethod::ALL {
+        let mut workers = scenes.each_ref().map(|s| Workers::with_table(&s.scene, Arc::clone(&s.table), STEPS, method));
+        let [easy, hard] = &mut workers;
+        let mut contenders = [images_to_cloud(easy, &scenes[0]), images_to_cloud(hard, &scenes[1])];
+        let spent = interleave(bench.repetitions, &mut contenders);
+        drop(contenders);
+        let name = format!("hard ÷ easy, total, {}", method.name());
+        report.ratio(&name, &spent[1], &spent[0], Time::Cpu, Wanted::AtMost(HARD_IN_EASY));
+        for (place, geometry) in ["easy", "hard"].into_iter().enumerate() {
+            points_a_second(
+                report,
+                &format!("{geometry}, {}", method.name()),
+                POINTS[place],
+                &workers[place],
+                &spent[place],
+            );
+        }
+        against_peers(bench, report, method, &scenes, &mut workers);
+    }
+}
+
+fn points_a_second(report: &mut Report, name: &str, wanted: f64, workers: &Workers, spent: &[Spent]) {
+    let (points, matches) = (workers.points.points.len() as f64, &workers.found.matches);
+    let millions: Vec<f64> = spent.iter().map(|spent| points * 1e-6 / (spent.cpu_ns * 1e-9)).collect();
+    let rate = median(millions.iter().copied());
+    let values = [format!("{:.2} M", points * 1e-6), String::new()];
+    report.figure(&format!("million points a CPU second, {name}"), values, rate, &millions, Wanted::AtLeast(wanted));
+    report.note(format!(
+        "{name}: {:.1} % of the pixels with candidates have several; {:.1} % of all pixels have a point",
+        100.0 * ambiguous_share(matches),
+        100.0 * points / matches.outcomes.len() as f64
+    ));
+}
+
+fn against_peers(
+    bench: &mut Bench,
+    report: &mut Report,
+    method: ResolutionMethod,
+    scenes: &[Rc<Measured>; 2],
+    workers: &mut [Workers; 2],
+) {
+    let repetitions = bench.repetitions.min(9);
+    let name = |peer: &str, geometry: &str| format!("images → cloud against {peer}, {geometry}, {}", method.name());
+    let peers = match bench.peers() {
+        Ok(peers) => RefCell::new(peers),
+        Err(why) => {
+            for (_, peer, _, hard) in PEERS {
+                report.skipped(&name(peer, "easy"), &why);
+                hard.iter().for_each(|_| report.skipped(&name(peer, "hard"), &why));
+            }
+            return;
+        }
+    };
+    let [easy, hard] = workers;
+    let mut contenders = vec![images_to_cloud(easy, &scenes[0]), images_to_cloud(hard, &scenes[1])];
+    for (peer, ..) in PEERS {
+        let peers = &peers;
+        contenders.push(Box::new(move || peers.borrow_mut().run(peer)));
+    }
+    let spent = interleave(repetitions, &mut contenders);
+    for ((_, peer, easy, hard), taken) in PEERS.into_iter().zip(&spent[2..]) {
+        report.ratio(&name(peer, "easy"), taken, &spent[0], Time::Cpu, Wanted::AtLeast(easy));
+        if let Some(hard) = hard {
+            report.ratio(&name(peer, "hard"), taken, &spent[1], Time::Cpu, Wanted::AtLeast(hard));
+        }
+    }
+}
+
+/// One window through all workers.
+pub(crate) fn images_to_cloud<'a>(workers: &'a mut Workers, measured: &'a Measured) -> Contender<'a> {
+    let levels = measured.images.levels();
+    contender(move || _ = black_box(workers.cloud(0, &levels)))
+}

@@ -1,0 +1,158 @@
+//! Where the time of a window goes, stage by stage, seen from outside.
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use fringeflow::correspondence::{
+    CandidateLists, DeltaGate, DeltaHistogram, DeltaStatistics, EpipolarImage, Evidence, ResolutionMethod, SearchForm,
+    SegmentTable, estimate_drift, find_candidates, measure_delta, resolve,
+};
+use fringeflow::phase::{MotionFit, PhaseMap, SequenceCheck, Validity, decode, decode_moving};
+use serde_json::json;
+
+use super::bench::{Bench, Measured, STEPS};
+use super::clock::{Contender, contender, interleave, median};
+use super::line::Report;
+use super::scenes::{Workers, shifts, shifts_rad};
+use super::sliding::{window, window_images};
+
+pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
+    let mut columns: Vec<(String, Vec<(&'static str, f64)>)> = Vec::new();
+    for (name, measured) in [("easy", bench.easy()), ("hard", bench.hard())] {
+        for method in ResolutionMethod::ALL {
+            let stages = of_window(&measured, method, bench.repetitions.min(7));
+            columns.push((format!("{name}, {}", method.name()), stages));
+        }
+    }
+    report.note(table(&columns));
+    let moving = of_moving_window(&bench.easy(), bench.repetitions.min(5));
+    report.note(table(&[("a window of six images".to_owned(), moving.clone())]));
+    let object = |stages: &[(&str, f64)]| json!(stages.iter().copied().collect::<std::collections::BTreeMap<_, _>>());
+    let mut data: serde_json::Map<String, serde_json::Value> =
+        columns.iter().map(|(name, stages)| (name.clone(), object(stages))).collect();
+    data.insert("moving".to_owned(), object(&moving));
+    report.data("profile_ms", data.into());
+}
+
+/// Milliseconds of CPU of every stage of one window of four images; what is not seen from outside is told as the rest.
+fn of_window(measured: &Measured, method: ResolutionMethod, repetitions: usize) -> Vec<(&'static str, f64)> {
+    let (table, [width, height], validity) = (&measured.table, measured.scene.size_px, Validity::default());
+    let levels = measured.images.levels();
+    let mut workers = Workers::with_table(&measured.scene, Arc::clone(table), STEPS, method);
+    _ = workers.cloud(0, &levels);
+    let [cam1, cam2] = [workers.maps.cam1.clone(), workers.maps.cam2.clone()];
+    let image = EpipolarImage::resample(&cam2, table).unwrap();
+    let histogram = DeltaHistogram::of_all_candidates(&cam1, &image, table, 0);
+    let (settings, gates, delta) = (Default::default(), PaperGates::of(&workers), workers.found.matches.delta);
+    let candidates = find_candidates(&cam1, &image, table, &gates.readmission, SearchForm::ProjectorSide);
+    let shifts = shifts(STEPS);
+    let (cam1, cam2, image) = (&cam1, &cam2, &image);
+    let (mut searching, mut triangulating) =
+        (Workers::with_table(&measured.scene, Arc::clone(table), STEPS, method), workers);
+    searching.decode(0, &levels);
+    let mut stages: Vec<(&'static str, Contender<'_>)> = vec![
+        ("decoding C1", contender(|| drop(black_box(decode(&levels[0], width, height, &shifts, &validity))))),
+        ("decoding C2", contender(|| drop(black_box(decode(&levels[1], width, height, &shifts, &validity))))),
+        ("matching", contender(move || searching.search())),
+        ("triangulation", contender(move || _ = black_box(triangulating.triangulate()))),
+        ("resampling", contender(|| drop(black_box(EpipolarImage::resample(cam2, table))))),
+        ("histogram of δ", contender(|| _ = black_box(DeltaHistogram::of_all_candidates(cam1, image, table, 0)))),
+        ("statistics of δ", contender(|| _ = black_box(measure_delta(cam1, image, table, &histogram, &settings)))),
+    ];
+    match method {
+        ResolutionMethod::SemiGlobal => {
+            stages.push(("drift", contender(|| _ = black_box(estimate_drift(cam1, image, table, &delta)))));
+        }
+        ResolutionMethod::Paper => {
+            let search = || find_candidates(cam1, image, table, &gates.readmission, SearchForm::ProjectorSide);
+            stages.push(("candidate search", contender(move || drop(black_box(search())))));
+            let evidence = gates.evidence(cam1, &candidates, table);
+            stages.push(("resolution", contender(move || drop(black_box(resolve(evidence, &settings))))));
+        }
+    }
+    let (names, mut contenders): (Vec<_>, Vec<_>) = stages.into_iter().unzip();
+    let spent = interleave(repetitions, &mut contenders);
+    let ms = |place: usize| median(spent[place].iter().map(|s| s.cpu_ns * 1e-6));
+    let mut told: Vec<(&'static str, f64)> = names.iter().enumerate().map(|(i, name)| (*name, ms(i))).collect();
+    // What is part of the matching stands indented below it.
+    let parts: f64 = told[4..].iter().map(|(_, ms)| ms).sum();
+    let matching = told.remove(2).1;
+    told.push(("rest of the matching", matching - parts));
+    told.push(("all", told.iter().map(|(_, ms)| ms).sum()));
+    told
+}
+
+/// The stages that a window of a moving scanner has instead of plain decoding.
+fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)> {
+    let (images, [width, height]) = (measured.scene.moving_images(STEPS), measured.scene.size_px);
+    let (window, validity, cycle) = (window(&images, 0), Validity::default(), shifts_rad(STEPS));
+    let all: Vec<f64> = cycle.iter().copied().cycle().take(window_images()).collect();
+    let fit = MotionFit::new(&all).unwrap();
+    let check = SequenceCheck::new(&cycle, 0, window_images());
+    let names = ["decoding C1 with motion", "check of the sequence of C1"];
+    let spent = interleave(
+        repetitions,
+        &mut [
+            contender(|| drop(black_box(decode_moving(&window[0], width, height, &fit, &validity)))),
+            contender(|| _ = black_box(check.fault(&window[0], width, height, &validity))),
+        ],
+    );
+    names.into_iter().zip(spent).map(|(name, spent)| (name, median(spent.iter().map(|s| s.cpu_ns * 1e-6)))).collect()
+}
+
+/// A table with a column for each of these, rows where any has one.
+fn table(columns: &[(String, Vec<(&'static str, f64)>)]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for (name, _) in columns.iter().flat_map(|(_, stages)| stages) {
+        if !names.contains(name) {
+            names.push(name);
+        }
+    }
+    // The sum comes last, whatever order the stages have.
+    names.sort_by_key(|name| *name == "all");
+    let mut text = format!("{:<30}", "CPU ms of a window");
+    columns.iter().for_each(|(name, _)| text += &format!("{name:>24}"));
+    for name in names {
+        text += &format!("\n{name:<30}");
+        for (_, stages) in columns {
+            let ms = stages.iter().find(|(other, _)| *other == name);
+            text += &ms.map_or(format!("{:>24}", "–"), |(_, ms)| format!("{ms:>24.2}"));
+        }
+    }
+    text
+}
+
+/// The tests of the paper's method, as its resolution takes them.
+pub(crate) struct PaperGates {
+    delta: DeltaStatistics,
+    gate: DeltaGate,
+    pub(crate) readmission: DeltaGate,
+}
+
+impl PaperGates {
+    /// Those that δ of a window leads to; candidates are looked for within 5·sd, at least 0.03 turns.
+    pub(crate) fn of(workers: &Workers) -> Self {
+        let delta = workers.found.matches.delta;
+        let gate = delta.gate();
+        let readmission = DeltaGate { threshold_turns: (1.67 * gate.threshold_turns).max(0.03), ..gate };
+        Self { delta, gate, readmission }
+    }
+
+    /// What the resolution reads.
+    pub(crate) fn evidence<'a>(
+        &'a self,
+        cam1: &'a PhaseMap,
+        candidates: &'a CandidateLists,
+        table: &'a SegmentTable,
+    ) -> Evidence<'a> {
+        Evidence {
+            cam1,
+            candidates,
+            gate: &self.gate,
+            readmission: &self.readmission,
+            delta_tolerance_turns: self.delta.tolerance_turns(),
+            steep_delta_turns: self.delta.steep_turns(cam1.width),
+            table,
+        }
+    }
+}

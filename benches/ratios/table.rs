@@ -1,0 +1,42 @@
+//! The segment table: building against the maps that rectify a stereo pair, loading against copying its bytes.
+
+use std::hint::black_box;
+
+use fringeflow::correspondence::{Fingerprint, SegmentTable};
+
+use super::bench::Bench;
+use super::clock::{contender, interleave};
+use super::line::{Report, Time, Wanted};
+use super::scenes::bench_folder;
+
+/// Building in two calls of `initUndistortRectifyMap`, loading in copies of the file's bytes.
+const BUILD: f64 = 20.0;
+const LOAD: f64 = 2.0;
+
+pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
+    let easy = bench.easy();
+    let (repetitions, rig) = (bench.repetitions, &easy.scene.rig);
+    let build = "segment table: build ÷ two initUndistortRectifyMap";
+    match bench.peers() {
+        Err(why) => report.skipped(build, &why),
+        Ok(peers) => {
+            let ours = contender(|| {
+                _ = black_box(SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap());
+            });
+            let spent = interleave(repetitions.min(5), &mut [ours, peers.contender("undistort_maps")]);
+            report.ratio(build, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(BUILD));
+        }
+    }
+    let file = bench_folder().join("easy.segments");
+    easy.table.save(&file).unwrap();
+    let (source, mut copy) = (std::fs::read(&file).unwrap(), std::fs::read(&file).unwrap());
+    let fingerprint = Fingerprint::of(&rig.calibrated, &rig.volume, &rig.columns);
+    let mut contenders = [
+        contender(|| drop(black_box(SegmentTable::load(&file, fingerprint).unwrap()))),
+        contender(|| black_box(&mut copy).copy_from_slice(black_box(&source))),
+    ];
+    let spent = interleave(repetitions, &mut contenders);
+    report.ratio("segment table: load ÷ memcpy of its file", &spent[0], &spent[1], Time::Wall, Wanted::AtMost(LOAD));
+    let (bytes, pixels) = (source.len() as f64, (bench.size_px[0] * bench.size_px[1]) as f64);
+    report.note(format!("segment table: {:.1} MB, {:.1} bytes a pixel", bytes * 1e-6, bytes / pixels));
+}

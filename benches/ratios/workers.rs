@@ -1,0 +1,97 @@
+//! Two threads that each make clouds of their own images, against one; beside two loops that share nothing.
+
+use std::hint::black_box;
+use std::sync::{Arc, Barrier};
+
+use fringeflow::correspondence::ResolutionMethod;
+
+use super::bench::{Bench, Measured, STEPS};
+use super::clock::{Spent, interleave, median, spent};
+use super::line::{Report, Wanted};
+use super::processors;
+use super::scenes::Workers;
+
+/// Work of two in the time of one, and what two loops must reach for that to tell anything.
+const WANTED: f64 = 1.7;
+const LOOPS: f64 = 1.9;
+/// Clouds of a repetition, and steps of the loop that take about as long.
+const CLOUDS: usize = 2;
+const LOOP_STEPS: u64 = 750_000_000;
+
+pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
+    let (cpus, easy) = (processors::all(), bench.easy());
+    let repetitions = bench.repetitions.min(5);
+    let steps = if bench.is_measured { LOOP_STEPS } else { 1000 };
+    for method in ResolutionMethod::ALL {
+        let name = format!("two workers ÷ one, {}", method.name());
+        let [Some(&first), Some(&second)] = [cpus.first(), cpus.get(1)] else {
+            report.skipped(&name, "this machine has one processor");
+            continue;
+        };
+        let easy: &Measured = &easy;
+        let clouds = |cpus: &[usize]| of_threads(cpus, || cloud_work(easy, method));
+        let loops = |cpus: &[usize]| of_threads(cpus, || Box::new(move || _ = black_box(count(steps))));
+        let spent = interleave(
+            repetitions,
+            &mut [
+                Box::new(|| clouds(&[second])),
+                Box::new(|| clouds(&[first, second])),
+                Box::new(|| loops(&[second])),
+                Box::new(|| loops(&[first, second])),
+            ],
+        );
+        let gains = |one: &[Spent], two: &[Spent]| -> Vec<f64> {
+            one.iter().zip(two).map(|(one, two)| 2.0 * one.wall_ns / two.wall_ns).collect()
+        };
+        let (ours, calibration) = (gains(&spent[0], &spent[1]), gains(&spent[2], &spent[3]));
+        let (gain, loops) = (median(ours.iter().copied()), median(calibration));
+        if bench.is_measured && loops < LOOPS {
+            let why =
+                format!("two independent loops reach {loops:.2} on this machine now, not {LOOPS}; ours {gain:.2}");
+            report.skipped(&name, &why);
+        } else {
+            report.figure(&name, [format!("{gain:.2}"), format!("{loops:.2}")], gain, &ours, Wanted::AtLeast(WANTED));
+        }
+    }
+}
+
+/// Work of one thread, prepared.
+type Work<'a> = Box<dyn FnOnce() + 'a>;
+
+/// What so many threads take, each pinned, from when all are ready until all are done.
+fn of_threads<'a>(cpus: &[usize], prepare: impl Fn() -> Work<'a> + Sync) -> Spent {
+    let (ready, done) = (Barrier::new(cpus.len() + 1), Barrier::new(cpus.len() + 1));
+    std::thread::scope(|scope| {
+        for &cpu in cpus {
+            let (ready, done, prepare) = (&ready, &done, &prepare);
+            scope.spawn(move || {
+                processors::pin(&[cpu]);
+                let work = prepare();
+                ready.wait();
+                work();
+                done.wait();
+            });
+        }
+        ready.wait();
+        spent(|| _ = done.wait())
+    })
+}
+
+fn cloud_work<'a>(easy: &'a Measured, method: ResolutionMethod) -> Work<'a> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
+    let mut workers = pool.install(|| Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method));
+    let levels = easy.images.levels();
+    pool.install(|| _ = workers.cloud(0, &levels));
+    Box::new(move || {
+        pool.install(|| {
+            for _ in 0..CLOUDS {
+                _ = black_box(workers.cloud(0, &levels));
+            }
+        });
+    })
+}
+
+/// A loop that touches no memory.
+fn count(steps: u64) -> u64 {
+    (0..steps).fold(1, |state, step| black_box(state) ^ step.rotate_left(7))
+}

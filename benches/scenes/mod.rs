@@ -1,0 +1,176 @@
+//! What the benches measure on: scenes of the virtual scanner, rendered once and kept below `target/bench/scenes`.
+
+mod cache;
+mod workers;
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use fringeflow::correspondence::{Matches, SegmentTable};
+use fringeflow::dataset::{CameraId, GreyImage, SetupText};
+use fringeflow::grey::{GreyLevels, PixelFormat};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::simulation::{
+    Arrangement, Direction, ImageSeed, NoiseLevel, Object, PoseImages, Projected, RigOptions, Sensor, Simulation,
+    SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
+};
+
+pub(crate) use workers::Workers;
+
+/// The size that all figures are stated for.
+pub(crate) const FULL_PX: [usize; 2] = [1280, 1024];
+/// The size at which `cargo test` sees whether the benches run at all.
+pub(crate) const SMALL_PX: [usize; 2] = [320, 256];
+/// Images of a moving scanner, one a pose.
+pub(crate) const MOVING_IMAGES: usize = 16;
+
+/// How cameras and projector stand to each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Geometry {
+    /// Projector inside the base, where hardly a wrong fringe order passes the back-projection test.
+    Easy,
+    /// Projector outside the base, at a place where every third order passes it.
+    Hard,
+    /// As `Easy` with half the base and half the fringe period: segments of half the length with as many periods on them.
+    ShortBase,
+}
+
+/// A scene as one size of cameras sees it.
+pub(crate) struct Scene {
+    pub(crate) geometry: Geometry,
+    pub(crate) size_px: [usize; 2],
+    pub(crate) rig: VirtualRig,
+    /// Rays are traced when the first image is not in the cache.
+    traced: OnceLock<Simulation>,
+}
+
+/// The images of both cameras, one a step or one a pose.
+pub(crate) struct Images {
+    pub(crate) cameras: [Vec<GreyImage>; 2],
+}
+
+impl Geometry {
+    fn rig_options(self, size_px: [usize; 2]) -> RigOptions {
+        // The lenses of the cameras are longer than the table-top's and that of the projector is shorter, so that the object
+        // fills the images: what is counted by points is then counted by pixels too.
+        let table_top = Arrangement { camera_focal_px: 2150.0, projector_focal_px: 2900.0, ..Arrangement::TABLE_TOP };
+        let easy = Arrangement { projector_place: EASY_PLACE, ..table_top };
+        let (arrangement, period_px) = match self {
+            Self::Easy => (easy, PERIOD_PX),
+            Self::Hard => (Arrangement { projector_place: HARD_PLACE, ..table_top }, PERIOD_PX),
+            Self::ShortBase => (Arrangement { base_m: 0.5 * easy.base_m, ..easy }, 0.5 * PERIOD_PX),
+        };
+        RigOptions { arrangement, size_px, period_px, sd_rad: SD_RAD, ..RigOptions::usual(OBJECT.usual_depth_m()) }
+    }
+}
+
+const OBJECT: Object = Object::Teeth;
+const NOISE: NoiseLevel = NoiseLevel::Low;
+const PERIOD_PX: f64 = 16.0;
+/// sd of δ from the calibration error alone, rad.
+const SD_RAD: f64 = 0.015;
+/// Places of the projector, found by measurement: that of the table-top moved by half a millimetre, where 2 to 3 % of the pixels
+/// with candidates have several that pass the test, and one where 13 % have.
+const EASY_PLACE: f64 = 0.375;
+const HARD_PLACE: f64 = 1.332;
+
+impl Scene {
+    /// A scene; nothing is rendered yet.
+    pub(crate) fn new(geometry: Geometry, size_px: [usize; 2]) -> Self {
+        let rig = VirtualRig::new(&geometry.rig_options(size_px)).unwrap();
+        Self { geometry, size_px, rig, traced: OnceLock::new() }
+    }
+
+    /// Its segment table.
+    pub(crate) fn table(&self) -> SegmentTable {
+        SegmentTable::build(&self.rig.calibrated, &self.rig.volume, &self.rig.columns).unwrap()
+    }
+
+    /// One cycle of `steps` images of the scene at rest.
+    pub(crate) fn images(&self, steps: usize, format: PixelFormat) -> Images {
+        let key = format!("{:?} {OBJECT:?} {NOISE:?} N{steps} {format:?}", self.geometry.rig_options(self.size_px));
+        cache::images(&key, self.size_px, format, steps, || self.take(steps, format))
+    }
+
+    /// Images of the scanner moved by 0.03 mm from image to image, the steps of a cycle in turn.
+    pub(crate) fn moving_images(&self, steps: usize) -> Images {
+        let options = self.moving(steps);
+        let key = format!("{options:?}");
+        cache::images(&key, self.size_px, options.format, MOVING_IMAGES, || {
+            let scanner = VirtualScanner::new(options).unwrap();
+            let mut poses = PoseImages::new(&scanner);
+            let pairs: Vec<[GreyImage; 2]> = (0..MOVING_IMAGES).map(|k| poses.take(k % steps).unwrap()).collect();
+            let (cam1, cam2) = pairs.into_iter().map(|[cam1, cam2]| (cam1, cam2)).unzip();
+            [cam1, cam2]
+        })
+    }
+
+    /// The texts that describe its rig.
+    pub(crate) fn setup_text(&self) -> SetupText {
+        VirtualScanner::new(self.moving(4)).unwrap().setup_text().unwrap()
+    }
+
+    fn moving(&self, steps: usize) -> VirtualScannerOptions {
+        let sweep = SweepOptions {
+            poses: MOVING_IMAGES,
+            travel_mm: [0.07, 0.06, 0.01],
+            turn_deg: [0.008, 0.013, 0.02],
+            tremor_mm: 0.0,
+            tremor_deg: 0.0,
+            outside_mm: 5.0,
+            seed: 1,
+        };
+        let rig = self.geometry.rig_options(self.size_px);
+        let usual = VirtualScannerOptions::usual(OBJECT);
+        VirtualScannerOptions { rig, steps, noise: NOISE, sweep, ..usual }
+    }
+
+    fn take(&self, steps: usize, format: PixelFormat) -> [Vec<GreyImage>; 2] {
+        let simulation = self.traced.get_or_init(|| {
+            let usual = SimulationOptions::usual(OBJECT);
+            let rig = self.geometry.rig_options(self.size_px);
+            Simulation::new(SimulationOptions { rig, noise: NOISE, gray: false, ..usual }).unwrap()
+        });
+        let sensor = Sensor { format, ..Sensor::exposed(NOISE.noise(), 1.0) };
+        CameraId::BOTH.map(|camera| {
+            let image = |(number, &shift_rad): (usize, &f64)| {
+                let pattern = self.rig.columns;
+                let projected = Projected::Fringes { direction: Direction::Columns, pattern, shift_rad };
+                let seed = ImageSeed { seed: 1, camera: camera as u8, image: number as u32 };
+                sensor.image(&simulation.views()[camera as usize], &projected, seed)
+            };
+            shifts_rad(steps).iter().enumerate().map(image).collect()
+        })
+    }
+}
+
+impl Images {
+    /// What the workers take, of both cameras.
+    pub(crate) fn levels(&self) -> [Vec<GreyLevels<'_>>; 2] {
+        [0, 1].map(|camera| GreyImage::levels_of(&self.cameras[camera]))
+    }
+}
+
+/// Evenly spaced shifts of a cycle, rad.
+pub(crate) fn shifts_rad(steps: usize) -> Vec<f64> {
+    (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
+}
+
+/// The same as the decoder takes them.
+pub(crate) fn shifts(steps: usize) -> PhaseShifts {
+    PhaseShifts::new(&shifts_rad(steps)).unwrap()
+}
+
+/// Share of the pixels with candidates that pass the back-projection test that have more than one of them.
+pub(crate) fn ambiguous_share(matches: &Matches) -> f64 {
+    let at_least = |count: u8| matches.passing.iter().filter(|&&passing| passing >= count).count();
+    at_least(2) as f64 / at_least(1).max(1) as f64
+}
+
+/// Folder of everything that the benches leave: `target/bench`.
+pub(crate) fn bench_folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("bench");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}

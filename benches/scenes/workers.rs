@@ -1,0 +1,65 @@
+//! The three workers, one after the other in one thread, as a process of its own runs each of them.
+
+use std::sync::Arc;
+
+use fringeflow::cloud::Cloud;
+use fringeflow::correspondence::{MatchSettings, ResolutionMethod, SegmentTable};
+use fringeflow::grey::GreyLevels;
+use fringeflow::phase::Validity;
+use fringeflow::worker::{CloudWorker, CorrespondenceWorker, Correspondences, PhasePair, PhaseWorker};
+
+use super::{Scene, shifts};
+
+/// Workers and what passes between them.
+pub(crate) struct Workers {
+    phase: PhaseWorker,
+    correspondence: CorrespondenceWorker,
+    cloud: CloudWorker,
+    pub(crate) maps: PhasePair,
+    pub(crate) found: Correspondences,
+    pub(crate) points: Cloud,
+}
+
+impl Workers {
+    /// Workers for a scene and so many steps.
+    pub(crate) fn new(scene: &Scene, steps: usize, method: ResolutionMethod) -> Self {
+        Self::with_table(scene, Arc::new(scene.table()), steps, method)
+    }
+
+    /// The same with a table that is there already.
+    pub(crate) fn with_table(scene: &Scene, table: Arc<SegmentTable>, steps: usize, method: ResolutionMethod) -> Self {
+        let (rig, shifts) = (&scene.rig.calibrated, shifts(steps));
+        let settings = MatchSettings { method, ..MatchSettings::default() };
+        Self {
+            phase: PhaseWorker::new(rig, &shifts, Validity::default()),
+            correspondence: CorrespondenceWorker::new(Arc::clone(&table), &shifts, settings),
+            cloud: CloudWorker::new(rig, table).unwrap(),
+            maps: PhasePair::default(),
+            found: Correspondences::default(),
+            points: Cloud::default(),
+        }
+    }
+
+    /// The cloud of a window that begins with a step.
+    pub(crate) fn cloud(&mut self, first_step: usize, window: &[Vec<GreyLevels<'_>>; 2]) -> &Cloud {
+        self.decode(first_step, window);
+        self.search();
+        self.triangulate()
+    }
+
+    /// Images to phase maps.
+    pub(crate) fn decode(&mut self, first_step: usize, [cam1, cam2]: &[Vec<GreyLevels<'_>>; 2]) {
+        self.phase.step(first_step, cam1, cam2, &mut self.maps).unwrap();
+    }
+
+    /// Phase maps to correspondences.
+    pub(crate) fn search(&mut self) {
+        self.correspondence.step(&self.maps, &mut self.found).unwrap();
+    }
+
+    /// Correspondences to points.
+    pub(crate) fn triangulate(&mut self) -> &Cloud {
+        self.cloud.step(&self.found, &mut self.points);
+        &self.points
+    }
+}
