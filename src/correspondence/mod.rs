@@ -24,6 +24,7 @@ mod matching;
 mod neighbourhood;
 mod outcome;
 mod patches;
+mod places;
 pub mod reference_methods;
 mod resolution;
 mod row_view;

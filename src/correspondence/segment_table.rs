@@ -234,7 +234,12 @@ impl SegmentTable {
     pub fn nearness_to_cam2(&self, pixel: usize) -> f32 {
         let (u, v) = self.column_and_row(pixel);
         let fields = self.fields.row(v);
-        let [x, y] = [fields.at(RAY_X, u), fields.at(RAY_Y, u)];
+        self.nearness_of_ray([fields.at(RAY_X, u), fields.at(RAY_Y, u)])
+    }
+
+    /// The same of a ray of C1, x and y at z = 1.
+    #[inline]
+    pub(super) fn nearness_of_ray(&self, [x, y]: [f32; 2]) -> f32 {
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
     }

@@ -2,7 +2,7 @@
 
 use crate::geometry::Rig;
 use crate::grey::GreyLevels;
-use crate::phase::{MotionFit, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode, decode_moving};
+use crate::phase::{MotionFit, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode_into, decode_moving};
 
 use super::sequence::SequenceFaults;
 
@@ -86,9 +86,8 @@ impl PhaseWorker {
         let images = cam1.len().max(self.cycle_rad.len());
         let fit = self.fit(first_step, images)?;
         self.check_sequence(first_step, images, cam1, cam2)?;
-        out.cam1 = self.decode(1, &fit, images, cam1, self.cam1_px)?;
-        out.cam2 = self.decode(2, &fit, images, cam2, self.cam2_px)?;
-        Ok(())
+        self.decode(1, &fit, images, cam1, self.cam1_px, &mut out.cam1)?;
+        self.decode(2, &fit, images, cam2, self.cam2_px, &mut out.cam2)
     }
 
     /// That both cameras' images show the steps in turn.
@@ -123,13 +122,14 @@ impl PhaseWorker {
         expected_images: usize,
         images: &[GreyLevels<'_>],
         size_px: [usize; 2],
-    ) -> Result<PhaseMap, ImagesError> {
+        out: &mut PhaseMap,
+    ) -> Result<(), ImagesError> {
         let [width, height] = size_px;
-        let map = match fit {
-            WindowFit::Resting(shifts) => decode(images, width, height, shifts, &self.validity),
-            WindowFit::Moving(fit) => decode_moving(images, width, height, fit, &self.validity),
+        let decoded = match fit {
+            WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, &self.validity),
+            WindowFit::Moving(fit) => decode_moving(images, width, height, fit, &self.validity).map(|map| *out = map),
         };
-        map.ok_or_else(|| ImagesError::Camera {
+        decoded.ok_or_else(|| ImagesError::Camera {
             camera,
             images: images.len(),
             pixels: images.iter().map(|image| image.pixels()).collect(),

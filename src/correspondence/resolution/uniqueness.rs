@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use super::super::neighbourhood::TURN;
+use super::super::places::Places;
 use super::Resolver;
 use super::regions::Regions;
 use super::steepness::Steepness;
@@ -11,8 +12,6 @@ use super::steepness::Steepness;
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
-/// Place of a pixel without decision.
-const NOWHERE: u32 = u32::MAX;
 /// Share of a region that may lose its places before the whole region does.
 const MAX_LOST_SHARE: f64 = 0.3;
 
@@ -92,26 +91,19 @@ impl Claims {
     fn of_disputed_places(resolver: &Resolver<'_>, regions: &Regions) -> Self {
         let table = resolver.evidence.table;
         let [width, height] = table.epipolar_size_px();
-        let place_of = |pixel: usize| {
-            if regions.region_of(pixel).is_none() {
-                return NOWHERE;
-            }
-            let row = (table.row_px(pixel) + 0.5) as usize;
-            let column = (resolver.chosen_candidate(pixel).column_px + 0.5) as usize;
-            (row.min(height - 1) * width + column.min(width - 1)) as u32
-        };
-        let places: Vec<u32> = (0..resolver.absolute.len()).into_par_iter().map(place_of).collect();
-        let disputed = disputed(&resolver.absolute, &places, width * height);
+        let column_px = |pixel: usize| Some(resolver.chosen_candidate(pixel).column_px);
+        let places = Places::of(table, |pixel| regions.region_of(pixel).and_then(|_| column_px(pixel)));
+        let disputed = disputed(&resolver.absolute, &places.of_pixels, width * height);
         let steepness = Steepness::new(resolver, regions);
         let claim = |pixel: usize| {
-            let place = places[pixel];
+            let place = places.of_pixels[pixel];
             let region = regions.region_of(pixel).filter(|_| disputed[place as usize])?;
             Some(Claim {
                 steep: steepness.is_steep(pixel),
                 region: region as u32,
                 region_size: regions.sizes[region],
                 absolute: resolver.absolute[pixel],
-                nearness: table.nearness_to_cam2(pixel),
+                nearness: places.nearness[pixel],
                 pixel: pixel as u32,
                 place,
             })
@@ -153,7 +145,7 @@ impl Claims {
 /// Places of C2 that pixels claim, there or beside, for different orders.
 fn disputed(absolute: &[i32], places: &[u32], count: usize) -> Vec<bool> {
     let mut range = vec![(i32::MAX, i32::MIN); count];
-    for (&absolute, &place) in absolute.iter().zip(places).filter(|&(_, &place)| place != NOWHERE) {
+    for (&absolute, &place) in absolute.iter().zip(places).filter(|&(_, &place)| place != Places::NOWHERE) {
         let (low, high) = &mut range[place as usize];
         (*low, *high) = ((*low).min(absolute), (*high).max(absolute));
     }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::super::neighbourhood::MAX_STEP;
+use super::super::places::Places;
 use super::claims::Claims;
 use super::paths::{PATHS, Verdict};
 use super::regions::{Regions, absolute};
@@ -43,11 +44,12 @@ pub(super) fn gather(
     scene: &Scene<'_>,
     selected: &[Option<Selected>],
     standing: &[Option<Selected>],
+    places: &Places,
     verdicts: &[Verdict],
     regions: &Regions,
     leads_nats: &[f32],
 ) -> Vec<Grounds> {
-    let mut grounds = of_pixels(scene, selected, standing, verdicts);
+    let mut grounds = of_pixels(scene, selected, standing, places, verdicts);
     for (region, &lead_nats) in regions.iter().zip(leads_nats) {
         let hidden = region.iter().filter(|&&pixel| grounds[pixel as usize].is_hidden).count();
         for &pixel in region {
@@ -65,9 +67,10 @@ fn of_pixels(
     scene: &Scene<'_>,
     selected: &[Option<Selected>],
     standing: &[Option<Selected>],
+    places: &Places,
     verdicts: &[Verdict],
 ) -> Vec<Grounds> {
-    let claims = Claims::new(scene, standing, |pixel| scene.table.nearness_to_cam2(pixel), 0.0);
+    let claims = Claims::new(scene, places, standing, |pixel| places.nearness[pixel], 0.0);
     let surroundings = Surroundings::of(scene, standing);
     let width = scene.cam1.width;
     let of_pixel = |(pixel, selected): (usize, &Option<Selected>)| {

@@ -22,6 +22,7 @@ mod claims;
 mod confidence;
 mod evidence;
 mod grounds;
+mod links;
 mod paths;
 mod regions;
 mod selection;

@@ -15,17 +15,16 @@
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use super::UNITS_PER_NAT;
 use super::evidence::MISSING;
+use super::links::{AXES, Link, Links, MAX_SHIFT};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
 const CHANGE: i16 = (CHANGE_NATS * UNITS_PER_NAT) as i16;
-/// Orders by which the windows of neighbours may be shifted against each other.
-const MAX_SHIFT: usize = 8;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
 /// Energies of a pixel with room on either side, where orders of its neighbours may point.
@@ -44,9 +43,11 @@ pub(super) struct Verdict {
 /// Decides the order of every pixel with a window; others have margin 0.
 pub(super) fn least_energies(cam1: &PhaseMap, windows: &Windows, evidence: &[u8]) -> Vec<Verdict> {
     let height = cam1.phase.len() / cam1.width.max(1);
-    let pass = |direction: Pass| {
+    let links = Links::of(cam1, windows);
+    let pass = |pass: Pass| {
         let mut sums = vec![0_u16; evidence.len()];
-        Sweep { cam1, windows, evidence, pass: direction, height }.run(&mut sums);
+        let sweep = Sweep { width: cam1.width, height, windows, links: &links, evidence, pass, sums: &mut sums };
+        simd::run(Level::in_use(), sweep);
         sums
     };
     let (down, up) = rayon::join(|| pass(Pass::Down), || pass(Pass::Up));
@@ -79,11 +80,13 @@ enum Pass {
 
 /// One pass with its four directions.
 struct Sweep<'a> {
-    cam1: &'a PhaseMap,
+    width: usize,
+    height: usize,
     windows: &'a Windows,
+    links: &'a Links,
     evidence: &'a [u8],
     pass: Pass,
-    height: usize,
+    sums: &'a mut [u16],
 }
 
 /// Energies of a row of pixels in one direction, with room on either side of each.
@@ -97,106 +100,73 @@ impl PathRow {
         let stride = lanes + 2 * MAX_SHIFT;
         Self { energies: vec![NEVER; width * stride], stride }
     }
+}
 
-    #[inline]
-    fn of(&self, column: usize) -> &[i16] {
-        &self.energies[column * self.stride..(column + 1) * self.stride]
-    }
+impl Kernel for Sweep<'_> {
+    type Output = ();
 
-    #[inline]
-    fn of_mut(&mut self, column: usize) -> &mut [i16] {
-        &mut self.energies[column * self.stride..(column + 1) * self.stride]
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, _: L) {
+        // Most rigs have no more orders; loops of known length are registers.
+        match self.windows.lanes {
+            LANE_STEP => self.run_of::<LANE_STEP>(LANE_STEP),
+            lanes => self.run_of::<0>(lanes),
+        }
     }
 }
 
 impl Sweep<'_> {
-    fn run(&self, sums: &mut [u16]) {
-        let (width, lanes) = (self.cam1.width, self.windows.lanes);
+    /// All pixels; with a number of lanes that is known when this is compiled, or with 0 for any.
+    #[inline(always)]
+    fn run_of<const KNOWN: usize>(&mut self, lanes: usize) {
+        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
         // Along the row; from straight before, and from either side of it.
-        let rows = || [(); 4].map(|()| PathRow::new(width, lanes));
+        let rows = || [(); AXES.len()].map(|()| PathRow::new(self.width, lanes));
         let (mut before, mut here) = (rows(), rows());
         for i in 0..self.height {
             let v = if self.pass == Pass::Down { i } else { self.height - 1 - i };
-            for j in 0..width {
-                let u = if self.pass == Pass::Down { j } else { width - 1 - j };
-                self.pixel([u, v], &before, &mut here, &mut sums[(v * width + u) * lanes..][..lanes]);
+            for j in 0..self.width {
+                let u = if self.pass == Pass::Down { j } else { self.width - 1 - j };
+                if self.windows.count[v * self.width + u] > 0 {
+                    self.pixel::<KNOWN>([u, v], lanes, &before, &mut here);
+                }
             }
             std::mem::swap(&mut before, &mut here);
         }
     }
 
     /// All four directions at a pixel.
-    #[inline]
-    fn pixel(&self, [u, v]: [usize; 2], before: &[PathRow; 4], here: &mut [PathRow; 4], sums: &mut [u16]) {
-        let pixel = v * self.cam1.width + u;
-        let count = usize::from(self.windows.count[pixel]);
-        let sense = if self.pass == Pass::Down { 1 } else { -1 };
-        let steps = [[sense, 0], [0, sense], [sense, sense], [-sense, sense]];
-        for (direction, step) in steps.into_iter().enumerate() {
-            if count == 0 {
-                here[direction].of_mut(u).fill(NEVER);
-                continue;
-            }
-            let mut from = [CHANGE; ROOM];
-            let lanes = self.windows.lanes;
-            match self.link([u, v], step) {
-                Some(Link { column, shift }) => {
-                    let row = if step[1] == 0 { &here[direction] } else { &before[direction] };
-                    let source = &row.of(column)[shift..shift + lanes];
-                    from[..lanes].iter_mut().zip(source).for_each(|(f, &s)| *f = s.min(CHANGE));
+    #[inline(always)]
+    fn pixel<const KNOWN: usize>(
+        &mut self,
+        place: [usize; 2],
+        lanes: usize,
+        before: &[PathRow; AXES.len()],
+        here: &mut [PathRow; AXES.len()],
+    ) {
+        let (u, pixel) = (place[0], place[1] * self.width + place[0]);
+        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
+        let evidence = &self.evidence[pixel * lanes..][..lanes];
+        let sums = &mut self.sums[pixel * lanes..][..lanes];
+        for axis in 0..AXES.len() {
+            let mut from = [0; ROOM];
+            if let Some(Link { column, shift }) = self.links.towards(axis, place, self.pass == Pass::Down) {
+                let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
+                let source = &row.energies[column * row.stride + shift..][..lanes];
+                for lane in 0..lanes {
+                    from[lane] = source[lane].min(CHANGE);
                 }
-                None => from[..lanes].fill(0),
             }
-            let evidence = &self.evidence[pixel * lanes..(pixel + 1) * lanes];
-            let energies = &mut here[direction].of_mut(u)[MAX_SHIFT..MAX_SHIFT + lanes];
+            let row = &mut here[axis];
+            let energies = &mut row.energies[u * row.stride + MAX_SHIFT..][..lanes];
             add(evidence, &from[..lanes], energies, sums);
         }
     }
-
-    /// The predecessor of a pixel in a direction, if the wrapped phase runs on from it.
-    #[inline]
-    fn link(&self, place: [usize; 2], step: [isize; 2]) -> Option<Link> {
-        let pixel = place[1] * self.cam1.width + place[0];
-        let before = self.at(place, step, -1).filter(|&q| self.windows.count[q] > 0)?;
-        let phase = |i: usize| self.cam1.phase[i];
-        let rise = |from: usize, to: usize| i32::from(phase(to).wrapping_sub(phase(from)) as i16);
-        let here = rise(before, pixel);
-        let bends = |from: Option<usize>, to: Option<usize>| {
-            let (Some(from), Some(to)) = (from, to) else { return false };
-            self.cam1.valid[from] && self.cam1.valid[to] && (rise(from, to) - here).abs() > MAX_STEP_CHANGE
-        };
-        let jumps = here.abs() > MAX_STEP
-            || bends(self.at(place, step, -2), Some(before))
-            || bends(Some(pixel), self.at(place, step, 1));
-        if jumps {
-            return None;
-        }
-        let carry = (i32::from(phase(before)) + here - i32::from(phase(pixel))) / 65536;
-        let shift = i32::from(self.windows.first[pixel]) - carry - i32::from(self.windows.first[before]);
-        let shift = usize::try_from(shift + MAX_SHIFT as i32).ok().filter(|&s| s <= 2 * MAX_SHIFT)?;
-        Some(Link { column: place[0].wrapping_add_signed(-step[0]), shift })
-    }
-
-    /// The pixel so many steps away, if the image reaches there.
-    #[inline]
-    fn at(&self, [u, v]: [usize; 2], [du, dv]: [isize; 2], steps: isize) -> Option<usize> {
-        // What lies left of the image or above it wraps to where no image reaches.
-        let (u, v) = (u.wrapping_add_signed(steps * du), v.wrapping_add_signed(steps * dv));
-        (u < self.cam1.width && v < self.height).then(|| v * self.cam1.width + u)
-    }
-}
-
-/// Where a path comes from.
-struct Link {
-    /// Column of the predecessor.
-    column: usize,
-    /// Where its energies begin, for the first order of the pixel.
-    shift: usize,
 }
 
 /// Energies of a pixel in one direction: those of the path so far and the pixel's own, their least taken off, added to the
 /// sums of all directions.
-#[inline]
+#[inline(always)]
 fn add(evidence: &[u8], from: &[i16], energies: &mut [i16], sums: &mut [u16]) {
     let mut least = [NEVER; LANE_STEP];
     for ((evidence, from), energies) in

@@ -13,6 +13,7 @@
 
 use super::super::candidates::Candidate;
 use super::super::outcome::Outcome;
+use super::super::places::Places;
 use super::claims::Claims;
 use super::confidence::{Confidence, confidences};
 use super::evidence::PASSING_Z;
@@ -49,8 +50,9 @@ pub(super) fn verify(
     let mut verification =
         Verification { scene, standing: selected.to_vec(), outcomes: vec![Outcome::NoCandidate; selected.len()] };
     verification.judge_regions(&regions, &leads_nats, limits.min_region_px);
-    verification.contradict_by_foundation(&regions, &leads_nats);
-    let grounds = gather(scene, selected, &verification.standing, verdicts, &regions, &leads_nats);
+    let places = Places::of(scene.table, |pixel| selected[pixel].map(|s| s.candidate.column_px));
+    verification.contradict_by_foundation(&places, &regions, &leads_nats);
+    let grounds = gather(scene, selected, &verification.standing, &places, verdicts, &regions, &leads_nats);
     let confidence = confidences(selected, &grounds);
     verification.stand_by_confidence(selected, &grounds, &confidence, limits.min_confidence);
     verification.drop_small_regions(limits.min_region_px);
@@ -90,12 +92,13 @@ impl Verification<'_> {
     }
 
     /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
-    fn contradict_by_foundation(&mut self, regions: &Regions, leads_nats: &[f32]) {
+    fn contradict_by_foundation(&mut self, places: &Places, regions: &Regions, leads_nats: &[f32]) {
         let mut of_pixels_nats = vec![0.0; self.standing.len()];
         for (region, &lead_nats) in regions.iter().zip(leads_nats) {
             region.iter().for_each(|&pixel| of_pixels_nats[pixel as usize] = lead_nats);
         }
-        let claims = Claims::new(self.scene, &self.standing, |pixel| of_pixels_nats[pixel], BETTER_FOUNDED_NATS);
+        let claims =
+            Claims::new(self.scene, places, &self.standing, |pixel| of_pixels_nats[pixel], BETTER_FOUNDED_NATS);
         let is_lost = |&&pixel: &&u32| {
             let pixel = pixel as usize;
             self.standing[pixel].is_some_and(|standing| claims.is_lost(pixel, &standing))
