@@ -39,7 +39,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    match cli.globals.set_threads().and_then(|()| cli.command.run(&cli.globals)) {
+    match cli.globals.set_up_kernels().and_then(|()| cli.command.run(&cli.globals)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
     }

@@ -52,8 +52,10 @@ impl Links {
         }
         // What lies left of the image or beyond its end has no link.
         let column = u.wrapping_add_signed(du);
-        let next = v.wrapping_add_signed(dv) * self.width + column;
-        let shift = if column < self.width { *shifts.get(next)? } else { NONE };
+        if column >= self.width {
+            return None;
+        }
+        let shift = *shifts.get(v.wrapping_add_signed(dv) * self.width + column)?;
         (shift != NONE).then(|| Link { column, shift: 2 * MAX_SHIFT - usize::from(shift) })
     }
 }
@@ -171,7 +173,7 @@ impl Kernel for Linking<'_, '_> {
             begin..end
         };
         let at = |begin: usize, by: isize| {
-            begin.wrapping_add_signed(by) + range.start..begin.wrapping_add_signed(by) + range.end
+            (begin + range.start).wrapping_add_signed(by)..(begin + range.end).wrapping_add_signed(by)
         };
         let [before, here, behind] = &*row.rises;
         let (rise, known) = (&here.rise[shifted(0)], &here.known[shifted(0)]);
