@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use crate::correspondence::{Candidate, Matches, Segment, SegmentRow, SegmentTable};
-use crate::geometry::{EpipolarFrame, Pixel, Vector3};
+use crate::correspondence::{Candidate, Matches, SegmentRow, SegmentTable};
+use crate::geometry::{EpipolarFrame, Sighted, Sights};
 use crate::phase::Modulation;
 
 use super::{Cloud, CloudPoint};
@@ -38,36 +38,61 @@ pub struct TriangulationInput<'a> {
 #[must_use]
 pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>) -> Cloud {
     let width = input.width.max(1);
-    let rows = (0..matches.chosen.len() / width).into_par_iter().map_init(SegmentRow::default, |segments, v| {
+    let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
+    let phase_noise = cam1_grey.hypot(cam2_grey) / TAU * 65536.0;
+    let rows = (0..matches.chosen.len() / width).into_par_iter().map_init(Room::default, |room, v| {
+        let Room { segments, pixels, sights, sighted } = room;
         input.table.row(v, segments);
-        let row = (0..width).filter_map(|u| Some((u, matches.chosen[v * width + u]?)));
-        let points = row.filter_map(|(u, c)| point(matches, &input, v * width + u, &segments.segment(u), &c));
-        points.collect::<Vec<_>>()
+        pixels.clear();
+        sights.clear();
+        for u in 0..width {
+            if let Some(candidate) = &matches.chosen[v * width + u] {
+                pixels.push(u);
+                sights.push([segments.ray_x[u], segments.ray_y[u]], segments.row_px[u], candidate.column_px);
+            }
+        }
+        input.frame.look(sights, sighted);
+        let seen = pixels.iter().enumerate().filter_map(|(k, &u)| {
+            let i = v * width + u;
+            point(matches, &input, phase_noise, i, matches.chosen[i].as_ref()?, sights, sighted, k)
+        });
+        seen.collect::<Vec<_>>()
     });
     Cloud { points: rows.collect::<Vec<_>>().concat() }
 }
 
+/// What a row is triangulated with, used again for the next.
+#[derive(Default)]
+struct Room {
+    segments: SegmentRow,
+    /// Columns of the pixels with a correspondence.
+    pixels: Vec<usize>,
+    sights: Sights,
+    sighted: Sighted,
+}
+
+/// The point of pixel `i`, the k-th correspondence of its row.
+#[inline]
 fn point(
     matches: &Matches,
     input: &TriangulationInput<'_>,
+    phase_noise: f64,
     i: usize,
-    segment: &Segment,
     candidate: &Candidate,
+    sights: &Sights,
+    sighted: &Sighted,
+    k: usize,
 ) -> Option<CloudPoint> {
-    let ray = Vector3::new(f64::from(segment.ray[0]), f64::from(segment.ray[1]), 1.0);
-    let line = input.frame.line(&ray)?;
-    let column_px = f64::from(candidate.column_px);
-    let depth_m = line.depth_of_column(column_px);
-    let cam2 = input.frame.cam2_pixel(&Pixel::new(column_px, f64::from(segment.row_px)))?;
-    let depth_per_column = depth_m * depth_m / line.column_per_inverse_depth.abs();
-    let sigma_m = column_sd_px(input, i, candidate) * depth_per_column * ray.norm();
-    let position = ray * depth_m;
-    let finite = depth_m > 0.0 && [position.norm(), sigma_m].iter().all(|x| x.is_finite());
+    let (x, y, depth_m) = (f64::from(sights.ray_x[k]), f64::from(sights.ray_y[k]), sighted.depth_m[k]);
+    let per_depth = (x * x + y * y + 1.0).sqrt();
+    let sigma_m = column_sd_px(phase_noise, input.modulation[i], candidate) * sighted.depth_per_column_m[k] * per_depth;
+    let cam2_px = [sighted.cam2_u_px[k], sighted.cam2_v_px[k]];
+    let finite = depth_m > 0.0 && (depth_m * per_depth + sigma_m + cam2_px[0]).is_finite();
     finite.then(|| CloudPoint {
-        position_m: [position.x as f32, position.y as f32, position.z as f32],
+        position_m: [(x * depth_m) as f32, (y * depth_m) as f32, depth_m as f32],
         intensity: input.mean[i],
         cam1_px: [(i % input.width) as u16, (i / input.width) as u16],
-        cam2_px: [cam2.x as f32, cam2.y as f32],
+        cam2_px: cam2_px.map(|px| px as f32),
         order: candidate.order,
         delta_rad: (f64::from(candidate.delta) / 65536.0 * TAU) as f32,
         candidates: matches.passing[i],
@@ -77,9 +102,9 @@ fn point(
     })
 }
 
-/// Standard deviation of the column of a correspondence, pixels.
-fn column_sd_px(input: &TriangulationInput<'_>, i: usize, candidate: &Candidate) -> f64 {
-    let noise_grey = f64::from(input.phase_noise_grey[0]).hypot(f64::from(input.phase_noise_grey[1]));
-    let phase_sd_turns = noise_grey / f64::from(input.modulation[i].grey()) / TAU;
-    phase_sd_turns * 65536.0 / f64::from(candidate.slope.unsigned_abs().max(1))
+/// Standard deviation of the column of a correspondence, pixels, where the phases of both cameras err by so much at a modulation of
+/// a grey level, turns · 65536.
+#[inline]
+fn column_sd_px(phase_noise: f64, modulation: Modulation, candidate: &Candidate) -> f64 {
+    phase_noise / (f64::from(modulation.grey()) * f64::from(candidate.slope.unsigned_abs().max(1)))
 }

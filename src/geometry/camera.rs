@@ -62,6 +62,11 @@ impl Camera {
         &self.distortion
     }
 
+    /// Radius of ideal points, at z = 1, beyond which the distortion folds back.
+    pub(super) fn max_ideal_radius(&self) -> f64 {
+        self.max_ideal_radius
+    }
+
     /// Image width, pixels.
     #[must_use]
     pub fn width_px(&self) -> usize {

@@ -15,15 +15,15 @@ const MIN_COSINE: f64 = 0.26;
 /// Virtual camera with the centre of C2 and rows along the base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpipolarFrame {
-    focal_px: f64,
-    principal_px: Pixel,
+    pub(super) focal_px: f64,
+    pub(super) principal_px: Pixel,
     width_px: usize,
     height_px: usize,
-    epipolar_from_cam2: Rotation3<f64>,
-    epipolar_from_cam1: Rotation3<f64>,
+    pub(super) epipolar_from_cam2: Rotation3<f64>,
+    pub(super) epipolar_from_cam1: Rotation3<f64>,
     /// Position of C1's centre along the rows, metres, signed.
-    base_m: f64,
-    cam2: Camera,
+    pub(super) base_m: f64,
+    pub(super) cam2: Camera,
 }
 
 /// The epipolar line of one pixel of C1: a row, and the column as a function of inverse depth.

@@ -10,6 +10,7 @@ mod epipolar;
 mod interpolation;
 mod pattern;
 mod rig;
+mod sights;
 mod triangulation;
 mod volume;
 
@@ -19,6 +20,7 @@ pub use epipolar::{EpipolarError, EpipolarFrame, EpipolarLine};
 pub use interpolation::between;
 pub use pattern::FringePattern;
 pub use rig::Rig;
+pub use sights::{Sighted, Sights};
 pub use triangulation::{Triangulation, meet, range_per_pixel, triangulate};
 pub use volume::{MeasurementVolume, SeenVolume, VolumeError};
 

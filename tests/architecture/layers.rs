@@ -5,10 +5,10 @@
 pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("atomic_file", &[]),
     ("png_encoding", &[]),
-    ("geometry", &[]),
+    ("simd", &[]),
+    ("geometry", &["simd"]),
     ("grey", &[]),
     ("health", &[]),
-    ("simd", &[]),
     ("phase", &["grey", "simd", "geometry::FringePattern"]),
     ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
     ("pixels", &["message::PixelFormat"]),

@@ -225,15 +225,14 @@ fn quarters<'a, L: Lanes, S: Sample>(
     let (phase, square) = angle(l, small_f, large_f, &direction, plan.ahead);
     // Half the difference is the cosine sum: 256 · 1/2.
     let modulation = hypotenuse(l, l.shift_left::<7>(large), square);
-    // What is left beside the sinusoid: (a − b + c − d)/2, in steps of 1/128 grey level.
+    // What is left beside the sinusoid: (a − b + c − d)/2, in steps of 1/128 grey level; both sides are signed words.
     let residual = l.shift_left::<6>(l.abs(l.sub(even, odd)));
     let share = limits.max_share;
-    let fits = if share >= 1.0 {
-        l.is_at_least(modulation, l.times_high(residual, l.word((65536.0 / share).min(65535.0) as u16 as i16)))
+    let misfits = if share >= 1.0 {
+        l.is_greater(l.times(residual, l.word((32767.0 / share) as i16)), modulation)
     } else {
-        l.is_at_least(l.times_high(modulation, l.word((65536.0 * share) as u16 as i16)), residual)
+        l.is_greater(residual, l.times(modulation, l.word((32767.0 * share) as i16)))
     };
-    let misfits = l.and_not(l.is_at_least(residual, l.word(0)), fits);
     Block { phase, modulation, mean, misfits, greatest }
 }
 
