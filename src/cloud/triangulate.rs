@@ -31,34 +31,54 @@ pub struct TriangulationInput<'a> {
     pub frame: &'a EpipolarFrame,
 }
 
-/// Points of all matches, in the order of their pixels.
+/// Makes the points of all matches, in the order of their pixels, in the memory of the cloud before.
 ///
 /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in either camera (the modulation of C1 stands for both),
 /// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
-#[must_use]
-pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>) -> Cloud {
+pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>, cloud: &mut Cloud) {
     let width = input.width.max(1);
     let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
     let phase_noise = cam1_grey.hypot(cam2_grey) / TAU * 65536.0;
-    let rows = (0..matches.chosen.len() / width).into_par_iter().map_init(Room::default, |room, v| {
-        let Room { segments, pixels, sights, sighted } = room;
-        input.table.row(v, segments);
-        pixels.clear();
-        sights.clear();
-        for u in 0..width {
-            if let Some(candidate) = &matches.chosen[v * width + u] {
-                pixels.push(u);
-                sights.push([segments.ray_x[u], segments.ray_y[u]], segments.row_px[u], candidate.column_px);
+    let rows = matches.chosen.par_chunks_exact(width);
+    let counts: Vec<usize> = rows.map(|row| row.iter().flatten().count()).collect();
+    cloud.points.resize(counts.iter().sum(), CloudPoint::default());
+    let mut rest = cloud.points.as_mut_slice();
+    let rows: Vec<&mut [CloudPoint]> = counts.iter().filter_map(|&count| rest.split_off_mut(..count)).collect();
+    let made: Vec<usize> = rows
+        .into_par_iter()
+        .enumerate()
+        .map_init(Room::default, |room, (v, out)| {
+            let Room { segments, pixels, sights, sighted } = room;
+            input.table.row(v, segments);
+            pixels.clear();
+            sights.clear();
+            for u in 0..width {
+                if let Some(candidate) = &matches.chosen[v * width + u] {
+                    pixels.push(u);
+                    sights.push([segments.ray_x[u], segments.ray_y[u]], segments.row_px[u], candidate.column_px);
+                }
             }
+            input.frame.look(sights, sighted);
+            let seen = pixels.iter().enumerate().filter_map(|(k, &u)| {
+                let i = v * width + u;
+                point(matches, &input, phase_noise, i, matches.chosen[i].as_ref()?, sights, sighted, k)
+            });
+            out.iter_mut().zip(seen).map(|(out, point)| *out = point).count()
+        })
+        .collect();
+    close_gaps(&mut cloud.points, &counts, &made);
+}
+
+/// Keeps of each row's points those that were made: of some matches the rays part.
+fn close_gaps(points: &mut Vec<CloudPoint>, counts: &[usize], made: &[usize]) {
+    let (mut from, mut to) = (0, 0);
+    for (&count, &made) in counts.iter().zip(made) {
+        if from != to {
+            points.copy_within(from..from + made, to);
         }
-        input.frame.look(sights, sighted);
-        let seen = pixels.iter().enumerate().filter_map(|(k, &u)| {
-            let i = v * width + u;
-            point(matches, &input, phase_noise, i, matches.chosen[i].as_ref()?, sights, sighted, k)
-        });
-        seen.collect::<Vec<_>>()
-    });
-    Cloud { points: rows.collect::<Vec<_>>().concat() }
+        (from, to) = (from + count, to + made);
+    }
+    points.truncate(to);
 }
 
 /// What a row is triangulated with, used again for the next.
@@ -107,4 +127,17 @@ fn point(
 #[inline]
 fn column_sd_px(phase_noise: f64, modulation: Modulation, candidate: &Candidate) -> f64 {
     phase_noise / (f64::from(modulation.grey()) * f64::from(candidate.slope.unsigned_abs().max(1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_with_fewer_points_than_matches_leave_no_gaps() {
+        let mut points: Vec<CloudPoint> =
+            (0..9).map(|i| CloudPoint { intensity: i, ..CloudPoint::default() }).collect();
+        close_gaps(&mut points, &[3, 0, 4, 2], &[3, 0, 1, 2]);
+        assert_eq!(points.iter().map(|point| point.intensity).collect::<Vec<_>>(), [0, 1, 2, 3, 7, 8]);
+    }
 }

@@ -34,6 +34,6 @@ impl CloudWorker {
             table: &self.table,
             frame: &self.frame,
         };
-        *out = triangulate(&correspondences.matches, input);
+        triangulate(&correspondences.matches, input, out);
     }
 }
