@@ -48,6 +48,7 @@ impl Sample for u8 {
         u16::from(self)
     }
 
+    #[inline(always)]
     fn grey(self, grey_per_value: f32) -> f32 {
         f32::from(self) * grey_per_value
     }
@@ -56,6 +57,7 @@ impl Sample for u8 {
         grey
     }
 
+    #[inline(always)]
     fn is_below(self, limit: Self) -> bool {
         self < limit
     }
@@ -80,6 +82,7 @@ impl Sample for [u8; 2] {
         u16::from_le_bytes(self)
     }
 
+    #[inline(always)]
     fn grey(self, grey_per_value: f32) -> f32 {
         f32::from(u16::from_le_bytes(self)) * grey_per_value
     }
@@ -88,6 +91,7 @@ impl Sample for [u8; 2] {
         (u16::from(grey) << (format.bits() - 8)).to_le_bytes()
     }
 
+    #[inline(always)]
     fn is_below(self, limit: Self) -> bool {
         u16::from_le_bytes(self) < u16::from_le_bytes(limit)
     }

@@ -1,4 +1,4 @@
-//! The same kernel for every instruction set: written once over [`Lanes`], compiled for each [`Level`], chosen at run time.
+//! The same kernel for every instruction set: written once over `Lanes`, compiled for each [`Level`], chosen at run time.
 //!
 //! All levels compute the same bits: operations are whole numbers, or single additions, multiplications and divisions of
 //! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests hold every kernel of the others to it.

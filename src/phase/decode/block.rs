@@ -97,7 +97,7 @@ impl<S: Sample> Kernel for Band<'_, S> {
         let chunks = &chunks[..self.plan.steps];
         for block in 0..whole {
             let decoded = decode_block(lanes, self.plan, self.limits, |k| &chunks[k][block]);
-            self.finish(lanes, block, LANES, decoded, &mut counts, &mut left_out);
+            self.finish(lanes, block, LANES, &decoded, &mut counts, &mut left_out);
         }
         let rest = self.phase.len() % LANES;
         if rest > 0 {
@@ -106,7 +106,7 @@ impl<S: Sample> Kernel for Band<'_, S> {
                 padded[..rest].copy_from_slice(&self.samples[k][whole * LANES..]);
             }
             let decoded = decode_block(lanes, self.plan, self.limits, |k| &padded[k]);
-            self.finish(lanes, whole, rest, decoded, &mut counts, &mut left_out);
+            self.finish(lanes, whole, rest, &decoded, &mut counts, &mut left_out);
         }
         counts
     }
@@ -120,7 +120,7 @@ impl<S: Sample> Band<'_, S> {
         lanes: L,
         block: usize,
         count: usize,
-        decoded: Block<L>,
+        decoded: &Block<L>,
         counts: &mut Counts,
         left_out: &mut LeftOut<'_>,
     ) {

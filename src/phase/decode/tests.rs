@@ -169,12 +169,12 @@ fn all_levels_decode_the_same_bits() {
         (state >> 16) as u16
     };
     let mut sequences: Vec<Vec<f64>> =
-        [3, 4, 5, 8, 16].map(|n| (0..n).map(|k| TAU * k as f64 / n as f64 + 0.4).collect()).into();
+        [3, 4, 5, 8, 16].map(|n| (0..n).map(|k| TAU * f64::from(k) / f64::from(n) + 0.4).collect()).into();
     sequences.push(vec![0.0, 1.4, 3.3, 4.6]);
     for shifts_rad in sequences {
         let shifts = PhaseShifts::new(&shifts_rad).unwrap();
         for format in [PixelFormat::Grey, PixelFormat::Y10, PixelFormat::Y16] {
-            let value = |r: u16| if r % 5 == 0 { format.max_value() } else { r & format.max_value() };
+            let value = |r: u16| if r.is_multiple_of(5) { format.max_value() } else { r & format.max_value() };
             let images: Vec<Vec<u8>> = (0..shifts.steps())
                 .map(|_| (0..PIXELS).flat_map(|_| value(random()).to_le_bytes()[..format.bytes()].to_vec()).collect())
                 .collect();

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::simd::{self, Kernel, Lanes, Level};
+
 use super::fit::MotionFit;
 use super::moved::Moved;
 use super::planes::{Fitted, TILE};
@@ -19,15 +21,35 @@ pub(super) fn motion(fit: &MotionFit, fitted: &Fitted, [width, height]: [usize; 
     for _ in 0..ROUNDS {
         let tiles = slope.par_chunks_mut(TILE).zip(power.par_chunks_mut(TILE)).zip(motion_rad.par_chunks(TILE));
         tiles.enumerate().for_each(|(tile, ((slope, power), motion))| {
-            let first = tile * TILE;
-            Moved::of(&fit.rough, &fitted.z, first..first + motion.len(), motion)
-                .motion_parts(fit, fitted, slope, power);
+            let tile = PartsTile { fit, fitted, first: tile * TILE, motion_rad: motion, slope, power };
+            simd::run(Level::in_use(), tile);
         });
         motion_rad.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, motion)| {
             motion_of_row(fit, &slope, &power, [width, height], v, motion);
         });
     }
     motion_rad
+}
+
+/// Finds the parts of the motion of the pixels of a tile, from `first` on.
+struct PartsTile<'a> {
+    fit: &'a MotionFit,
+    fitted: &'a Fitted,
+    first: usize,
+    motion_rad: &'a [f32],
+    slope: &'a mut [f32],
+    power: &'a mut [f32],
+}
+
+impl Kernel for PartsTile<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let pixels = self.first..self.first + self.motion_rad.len();
+        let moved = Moved::of(&self.fit.rough, &self.fitted.z, pixels, self.motion_rad);
+        moved.motion_parts(self.fit, self.fitted, self.slope, self.power);
+    }
 }
 
 /// Writes the motion of the pixels of a row.

@@ -32,6 +32,7 @@ pub(super) struct Moved {
 
 impl Moved {
     /// The pixels of a tile, with z as it was fitted, and the motion of each, rad an image; NaN where it is not known.
+    #[inline(always)]
     pub(super) fn of(response: &Response, z: &[Vec<f32>; 2], pixels: Range<usize>, motion_rad: &[f32]) -> Self {
         let images = response.direct.len();
         let mut moved = Self {
@@ -73,6 +74,7 @@ impl Moved {
     }
 
     /// Weighted `Im(z'·z*)` and `|z|²` of each pixel, without ripple: their quotient over some pixels is the motion.
+    #[inline(always)]
     pub(super) fn motion_parts(&self, fit: &MotionFit, fitted: &Fitted, slope: &mut [f32], power: &mut [f32]) {
         let mut ripple = [[0.0; TILE]; 2];
         for (image, &coefficient) in fit.slope_ripple.iter().enumerate() {
@@ -94,6 +96,7 @@ impl Moved {
     }
 
     /// `e^(iεt)` of an image, or its conjugate where the second is −1.
+    #[inline(always)]
     fn turn(&self, image: usize, images: usize) -> (&[[f32; TILE]; 2], f32) {
         let (middle, is_before) = (images / 2, image < images / 2);
         let place = match (is_before, images.is_multiple_of(2)) {
@@ -105,6 +108,7 @@ impl Moved {
     }
 
     /// z from `H·z + G·z*`, which is what the fit gives.
+    #[inline(always)]
     fn take_ripple_off(&mut self, z: &[Vec<f32>; 2]) {
         let [re, im] = [&z[0][self.pixels.clone()], &z[1][self.pixels.clone()]];
         let ([h_re, h_im], [g_re, g_im]) = (&self.direct, &self.ripple);
@@ -120,6 +124,7 @@ impl Moved {
     }
 
     /// Offset and residual of the images about the moving sinusoid.
+    #[inline(always)]
     pub(super) fn fit_images<S: Sample>(&mut self, window: &Window<'_, S>, fit: &MotionFit, fitted: &Fitted) {
         let images = window.images.len();
         let offset = &fitted.offset[self.pixels.clone()];
@@ -149,6 +154,7 @@ impl Moved {
     }
 
     /// Phase, modulation, mean and validity of the pixels.
+    #[inline(always)]
     pub(super) fn finish(
         &self,
         validity: &Validity,
@@ -170,6 +176,7 @@ impl Moved {
 }
 
 /// Adds `factor · turn`, or the product with the conjugate of the turn where the sense is −1.
+#[inline(always)]
 fn add_product(sum: &mut [[f32; TILE]; 2], [a, b]: Complex, turn: &[[f32; TILE]; 2], sense: f32) {
     let [sum_re, sum_im] = sum;
     for p in 0..TILE {

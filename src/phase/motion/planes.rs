@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use crate::grey::{GreyLevels, PixelFormat};
 use crate::phase::Validity;
 use crate::phase::harmonics::{self, Samples};
-use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
+use crate::phase::map::{FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
 use crate::phase::residuals::{Residuals, quantile};
 use crate::phase::sample::Sample;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::brightness;
 use super::estimate;
@@ -158,14 +159,9 @@ impl<'a, S: Sample> Window<'a, S> {
             .zip(fitted.weight.par_chunks_mut(TILE))
             .enumerate();
         tiles.for_each(|(tile, (((((((offset, re), im), re_slope), im_slope), phase_re), phase_im), weight))| {
-            let (first, count) = (tile * TILE, offset.len());
-            let sums = LinearFit::of(self, fit, first..first + count);
-            for (plane, values) in
-                [offset, re, im, re_slope, im_slope, phase_re, phase_im].into_iter().zip(&sums.values)
-            {
-                plane.copy_from_slice(&values[..count]);
-            }
-            sums.weigh(validity, weight);
+            let planes = [offset, re, im, re_slope, im_slope, phase_re, phase_im];
+            let tile = FitTile { window: self, fit, validity, first: tile * TILE, planes, weight };
+            simd::run(Level::in_use(), tile);
         });
         fitted
     }
@@ -197,12 +193,20 @@ impl<'a, S: Sample> Window<'a, S> {
                 |mut residuals, (v, (((((phase, modulation), mean), valid), motion), residual))| {
                     for first in (0..width).step_by(TILE) {
                         let tile = first..(first + TILE).min(width);
-                        let pixels = v * width + tile.start..v * width + tile.end;
-                        let mut moved = Moved::of(&fit.fine, &fitted.phase_z, pixels, &motion[tile.clone()]);
-                        moved.fit_images(self, fit, fitted);
-                        let (phase, modulation) = (&mut phase[tile.clone()], &mut modulation[tile.clone()]);
-                        moved.finish(validity, phase, modulation, &mut mean[tile.clone()], &mut valid[tile.clone()]);
-                        residual[tile.clone()].copy_from_slice(&moved.residual[..tile.len()]);
+                        let kernel = MovedTile {
+                            window: self,
+                            fit,
+                            fitted,
+                            validity,
+                            pixels: v * width + tile.start..v * width + tile.end,
+                            motion_rad: &motion[tile.clone()],
+                            phase: &mut phase[tile.clone()],
+                            modulation: &mut modulation[tile.clone()],
+                            mean: &mut mean[tile.clone()],
+                            valid: &mut valid[tile.clone()],
+                            residual: &mut residual[tile],
+                        };
+                        simd::run(Level::in_use(), kernel);
                     }
                     for u in (0..width).filter(|&u| valid[u]) {
                         residuals.add(residual[u], modulation[u].grey());
@@ -235,6 +239,58 @@ impl Decoded {
     }
 }
 
+/// Fits the pixels of a tile, from `first` on.
+struct FitTile<'a, 'b, S> {
+    window: &'a Window<'b, S>,
+    fit: &'a MotionFit,
+    validity: &'a Validity,
+    first: usize,
+    /// Where the values of the fit go.
+    planes: [&'a mut [f32]; 7],
+    weight: &'a mut [f32],
+}
+
+impl<S: Sample> Kernel for FitTile<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let count = self.weight.len();
+        let sums = LinearFit::of(self.window, self.fit, self.first..self.first + count);
+        for (plane, values) in self.planes.into_iter().zip(&sums.values) {
+            plane.copy_from_slice(&values[..count]);
+        }
+        sums.weigh(self.validity, self.weight);
+    }
+}
+
+/// Decodes the pixels of a tile whose motion is known.
+struct MovedTile<'a, 'b, S> {
+    window: &'a Window<'b, S>,
+    fit: &'a MotionFit,
+    fitted: &'a Fitted,
+    validity: &'a Validity,
+    pixels: std::ops::Range<usize>,
+    motion_rad: &'a [f32],
+    phase: &'a mut [u16],
+    modulation: &'a mut [Modulation],
+    mean: &'a mut [u8],
+    valid: &'a mut [bool],
+    residual: &'a mut [f32],
+}
+
+impl<S: Sample> Kernel for MovedTile<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let mut moved = Moved::of(&self.fit.fine, &self.fitted.phase_z, self.pixels, self.motion_rad);
+        moved.fit_images(self.window, self.fit, self.fitted);
+        moved.finish(self.validity, self.phase, self.modulation, self.mean, self.valid);
+        self.residual.copy_from_slice(&moved.residual[..self.residual.len()]);
+    }
+}
+
 /// The linear fit of a tile: A, Re z, Im z, Re z', Im z' without A', Re z, Im z with it, and the squares of what the former
 /// leaves.
 struct LinearFit {
@@ -245,6 +301,7 @@ struct LinearFit {
 }
 
 impl LinearFit {
+    #[inline(always)]
     fn of<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, pixels: std::ops::Range<usize>) -> Self {
         let mut sums = Self { values: [[0.0; TILE]; 7], squares: [0.0; TILE], saturated: [false; TILE] };
         for (i, image) in window.images.iter().enumerate() {
@@ -271,6 +328,7 @@ impl LinearFit {
     }
 
     /// How much the pixels say of the motion.
+    #[inline(always)]
     fn weigh(&self, validity: &Validity, weight: &mut [f32]) {
         /// Residual ÷ modulation at which the weight has fallen to a half.
         const HALF_WEIGHT_SHARE: f32 = 0.1;
