@@ -7,8 +7,9 @@ use super::super::shifts::{MAX_STEPS, PhaseShifts};
 /// Bits of the fraction of a weight. Weights of evenly spaced shifts are 2/3 at most, so that 16 bits hold them, and the sums
 /// of samples of 16 bits fit 31.
 const WEIGHT_BITS: i32 = 14;
-/// Greatest sum of the amounts of all weights of one sum that fits with samples of 16 bits.
-const MOST_WEIGHT: f64 = 3.9;
+/// Greatest sum of the amounts of all weights of one sum: it fits with samples of 16 bits, and of weights that add up to 0 or 1
+/// none exceeds 1.95.
+const MOST_WEIGHT: f64 = 2.9;
 
 /// The weights of two images in the sums of offset, cosine and sine.
 #[derive(Clone, Copy, Default)]
@@ -79,4 +80,34 @@ fn whole(weights: &[f64], scale: f64, sum: f64) -> [i16; MAX_STEPS] {
         *greatest -= excess as i16;
     }
     rounded
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_weights_are_those_of_the_shifts_and_add_up() {
+        let mut sequences: Vec<Vec<f64>> =
+            vec![vec![0.0, 0.5, 1.1], vec![0.0, 1.4, 3.3, 4.6], vec![0.1, 0.2, 1.9, 2.0, 2.1]];
+        sequences.extend((3..=16).map(|n| (0..n).map(|k| 0.7 + TAU * f64::from(k) / f64::from(n)).collect()));
+        for shifts_rad in sequences {
+            let shifts = PhaseShifts::new(&shifts_rad).unwrap();
+            let plan = Plan::new(&shifts);
+            let angles_rad: Vec<f64> =
+                plan.angles[..plan.steps].iter().map(|&[cos, sin]| f64::from(sin).atan2(f64::from(cos))).collect();
+            let exact = shifts.weights_at(&angles_rad);
+            for (k, wanted_sum) in [(0, 1.0), (1, 0.0), (2, 0.0)] {
+                let whole = |pair: &PairWeights| [pair.offset, pair.cosine, pair.sine][k];
+                let weights: Vec<f64> =
+                    plan.pairs.iter().flat_map(whole).map(|w| f64::from(w) * f64::from(plan.value_per_step)).collect();
+                assert!((weights.iter().sum::<f64>() - wanted_sum).abs() < 1e-9, "{shifts_rad:?}");
+                for (weight, exact) in weights.iter().zip(&exact[k]) {
+                    // Rounding, and of the greatest one what all roundings leave.
+                    let tolerance = 8.0 * f64::from(plan.value_per_step);
+                    assert!((weight - exact).abs() < tolerance, "{shifts_rad:?}: {weight} {exact}");
+                }
+            }
+        }
+    }
 }
