@@ -43,6 +43,25 @@ impl DeltaGate {
     pub fn passes(&self, delta: i16) -> bool {
         (f32::from(delta) / 65536.0 - self.mean_turns).abs() < self.threshold_turns
     }
+
+    /// The least and the greatest δ that pass, turns · 65536; the least beyond the greatest where none does.
+    pub(super) fn bounds(&self) -> [i16; 2] {
+        let middle = (self.mean_turns * 65536.0).round() as i16;
+        let all = i32::from(i16::MIN)..i32::from(i16::MAX) + 1;
+        let middle = i32::from(middle);
+        if !self.passes(middle as i16) {
+            return [1, 0];
+        }
+        let last = |inside: i32, mut beyond: i32| {
+            let mut inside = inside;
+            while (beyond - inside).abs() > 1 {
+                let between = (inside + beyond) / 2;
+                if self.passes(between as i16) { inside = between } else { beyond = between }
+            }
+            inside as i16
+        };
+        [last(middle, all.start - 1), last(middle, all.end)]
+    }
 }
 
 /// Crossings closer together than this are one: no camera resolves fringes of so short a period.
@@ -118,10 +137,20 @@ fn clamp_column(column_px: f32, segment: &Segment) -> f32 {
     column_px.max(segment.begin_px).min(segment.end_px)
 }
 
+/// All candidates of a pixel, many columns of its segment at once; the same as by [`plain_scan`].
+pub(super) fn scan_segment(row: &RowView<'_>, segment: &Segment, phase: u16, found: &mut Vec<Candidate>) {
+    let first = found.len();
+    let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
+    let _ = row.crossings_of_many(segment.limits_px(), phase, begin..=end, |column_px, slope| {
+        keep_best_of_place(back_project(segment, phase, column_px, slope), first, found);
+        ControlFlow::Continue(())
+    });
+}
+
 /// Whether the phase occurs on the segment at all.
 pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16) -> bool {
     let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
-    row.crossings(segment.limits_px(), phase, begin..=end, |_, _| ControlFlow::Break(())).is_break()
+    row.crossings_of_many(segment.limits_px(), phase, begin..=end, |_, _| ControlFlow::Break(())).is_break()
 }
 
 /// Candidates between the columns `begin..=end` that pass the gate; `first` is where this pixel's candidates begin.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{DeltaGate, plain_scan};
+use super::candidates::scan_segment;
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
 use super::row_view::RowView;
@@ -54,7 +54,7 @@ impl DeltaHistogram {
                 }
                 found.clear();
                 let phase = cam1.phase[i].wrapping_sub(ahead);
-                plain_scan(&RowView::new(cam2, segment.row_px), &segment, phase, &DeltaGate::OPEN, &mut found);
+                scan_segment(&RowView::new(cam2, segment.row_px), &segment, phase, &mut found);
                 histogram.pixels += u32::from(!found.is_empty());
                 for candidate in &found {
                     histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;

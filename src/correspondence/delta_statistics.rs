@@ -13,7 +13,7 @@ use super::candidates::DeltaGate;
 use super::delta_histogram::DeltaHistogram;
 use super::epipolar_image::EpipolarImage;
 use super::resolution::{Evidence, ResolutionSettings, reference_deltas};
-use super::search::{CandidateLists, SearchForm, find_candidates};
+use super::search::{CandidateLists, SearchForm, find_candidates_of_rows};
 use super::segment_table::SegmentTable;
 
 /// Rows of the bands in which references are selected, and the distance from one band to the next.
@@ -120,12 +120,12 @@ pub fn measure_delta(
     settings: &ResolutionSettings,
 ) -> Option<DeltaStatistics> {
     let mut statistics = histogram.fit()?;
-    let sample = bands(cam1);
-    let cam1 = sample.as_ref().unwrap_or(cam1);
+    let rows = bands(cam1.height);
+    let sample = stacked(cam1, &rows);
     for _ in 0..REFINEMENTS {
         let gate = statistics.gate();
-        let candidates = find_candidates(cam1, cam2, table, &gate, SearchForm::ProjectorSide);
-        let evidence = statistics.evidence(cam1, &candidates, &gate, &gate, table);
+        let candidates = find_candidates_of_rows(cam1, &rows, cam2, table, &gate, SearchForm::ProjectorSide);
+        let evidence = statistics.evidence(&sample, &candidates, &gate, &gate, table);
         let (deltas, differences) = reference_deltas(evidence, settings);
         statistics.references = deltas.len();
         if deltas.len() < MIN_REFERENCES {
@@ -141,19 +141,30 @@ pub fn measure_delta(
     Some(statistics)
 }
 
-/// The phase map with only bands of its rows valid: a quarter of the image says what δ is like. `None` for images so
-/// small that all rows are needed.
-fn bands(map: &PhaseMap) -> Option<PhaseMap> {
-    if map.height < 2 * BAND_PITCH_ROWS {
-        return None;
+/// The rows that say what δ is like, one below the other, with an empty one after each band of them: an eighth of the image.
+/// All rows of images so small that all are needed.
+fn bands(height: usize) -> Vec<Option<usize>> {
+    if height < 2 * BAND_PITCH_ROWS {
+        return (0..height).map(Some).collect();
     }
-    let mut sample = map.clone();
-    for (v, row) in sample.valid.chunks_mut(map.width).enumerate() {
-        if v % BAND_PITCH_ROWS >= BAND_ROWS {
-            row.fill(false);
+    let rows = (0..height).filter(|v| v % BAND_PITCH_ROWS <= BAND_ROWS);
+    rows.map(|v| (v % BAND_PITCH_ROWS < BAND_ROWS).then_some(v)).collect()
+}
+
+/// Some rows of a phase map one below the other; a row that is `None` has no phase.
+fn stacked(map: &PhaseMap, rows: &[Option<usize>]) -> PhaseMap {
+    let width = map.width;
+    let mut stack = PhaseMap { width, height: rows.len(), ..PhaseMap::default() };
+    stack.phase.resize(rows.len() * width, 0);
+    stack.valid.resize(rows.len() * width, false);
+    let places = stack.phase.chunks_mut(width).zip(stack.valid.chunks_mut(width)).zip(rows);
+    for ((phase, valid), v) in places {
+        if let Some(v) = *v {
+            phase.copy_from_slice(&map.phase[v * width..(v + 1) * width]);
+            valid.copy_from_slice(&map.valid[v * width..(v + 1) * width]);
         }
     }
-    Some(sample)
+    stack
 }
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.

@@ -271,18 +271,23 @@ fn explain_pixels_without_candidates(
     outcomes: &mut [Outcome],
 ) {
     let width = cam1.width.max(1);
-    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
-        table.row(v, segments);
-        for (u, outcome) in outcomes.iter_mut().enumerate() {
-            let (segment, i) = (segments.segment(u), v * width + u);
-            if !cam1.valid[i] {
+    let rows = outcomes.par_chunks_mut(width).enumerate();
+    rows.for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
+        let mut has_segments = false;
+        for (u, outcome) in outcomes.iter_mut().enumerate().filter(|(_, outcome)| **outcome == Outcome::NoCandidate) {
+            let pixel = v * width + u;
+            if !cam1.valid[pixel] {
                 *outcome = Outcome::Invalid;
-            } else if segment.is_none() {
+            } else if !table.has_segment(pixel) {
                 *outcome = Outcome::OutsideVolume;
-            } else if *outcome == Outcome::NoCandidate
-                && occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i])
-            {
-                *outcome = Outcome::RejectedByDelta;
+            } else {
+                if !std::mem::replace(&mut has_segments, true) {
+                    table.row(v, segments);
+                }
+                let segment = segments.segment(u);
+                if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel]) {
+                    *outcome = Outcome::RejectedByDelta;
+                }
             }
         }
     });

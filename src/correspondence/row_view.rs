@@ -2,6 +2,8 @@
 
 use std::ops::{ControlFlow, RangeInclusive};
 
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
+
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 
 /// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
@@ -84,6 +86,29 @@ impl<'a> RowView<'a> {
         ControlFlow::Continue(())
     }
 
+    /// As [`Self::crossings`], of many columns.
+    pub(super) fn crossings_of_many(
+        &self,
+        limits_px: [f32; 2],
+        phase: u16,
+        columns: RangeInclusive<usize>,
+        mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let level = Level::in_use();
+        let last = (*columns.end()).min(self.upper.len() - 1);
+        for first in columns.step_by(LANES) {
+            let mut crossed = simd::run(level, Crossed { row: self, phase, first });
+            while crossed != 0 {
+                let before = first + crossed.trailing_zeros() as usize;
+                crossed &= crossed - 1;
+                if before < last {
+                    self.crossings(limits_px, phase, before..=before + 1, &mut tell)?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
     /// Tells of each place, at most a pixel beyond the rim of a surface, where the surface would have the phase if it went
     /// on: a pixel of C1 on the rim has its point between two columns of which only one sees the surface.
     pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut tell: impl FnMut(f32, i32)) {
@@ -99,6 +124,68 @@ impl<'a> RowView<'a> {
             };
             tell_beyond(left, right, -1.0);
             tell_beyond(right, left, 1.0);
+        }
+    }
+}
+
+/// Asks between which of many columns and the next the phase of the row crosses another, a bit each.
+struct Crossed<'a, 'b> {
+    row: &'a RowView<'b>,
+    phase: u16,
+    first: usize,
+}
+
+impl Kernel for Crossed<'_, '_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> u32 {
+        let (here, has_here) = self.differences(lanes, self.first);
+        let (next, has_next) = self.differences(lanes, self.first + 1);
+        let zero = lanes.word(0);
+        let rises = lanes.is_greater(next, zero);
+        let changes_sign = lanes.bits(lanes.is_greater(here, zero)) ^ lanes.bits(rises);
+        let step = lanes.sub(next, here);
+        let step = lanes.select(rises, step, lanes.sub(zero, step));
+        let moderate = lanes.bits(lanes.is_at_least(lanes.word(MAX_COLUMN_STEP as i16), step));
+        has_here & has_next & changes_sign & moderate
+    }
+}
+
+impl Crossed<'_, '_> {
+    /// The phase of the row at some columns less the other, as [`RowView::difference`] has it, and which of them have one.
+    #[inline(always)]
+    fn differences<L: Lanes>(&self, lanes: L, first: usize) -> (L::Words, u32) {
+        let upper = lanes.load(&columns(self.row.upper, first));
+        let lower = lanes.load(&columns(self.row.lower, first));
+        let none = lanes.word(EpipolarImage::NO_PHASE as i16);
+        let has_upper = !lanes.bits(lanes.is_equal(upper, none));
+        let has_lower = !lanes.bits(lanes.is_equal(lower, none));
+        let step = lanes.sub(lower, upper);
+        let small = lanes.bits(lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step)));
+        let below = lanes.word(self.row.below as i16);
+        let zero = lanes.word(0);
+        // The high word of a signed by an unsigned number, and what rounds it.
+        let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
+        let part = lanes.sub(lanes.times_high(step, below), sign);
+        let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
+        let mixed = has_upper & has_lower & small;
+        let (nearest, has_nearest) = if self.row.below < 32768 { (upper, has_upper) } else { (lower, has_lower) };
+        let phase = lanes.select(lanes.mask(mixed), lanes.add(upper, part), nearest);
+        (lanes.sub(phase, lanes.word(self.phase as i16)), mixed | has_nearest)
+    }
+}
+
+/// Some columns of a row; none has a phase beyond its end.
+#[inline(always)]
+fn columns(row: &[u16], first: usize) -> [u16; LANES] {
+    match row.get(first..).and_then(<[u16]>::first_chunk) {
+        Some(columns) => *columns,
+        None => {
+            let rest = row.get(first..).unwrap_or_default();
+            let mut columns = [EpipolarImage::NO_PHASE; LANES];
+            columns[..rest.len()].copy_from_slice(rest);
+            columns
         }
     }
 }

@@ -50,6 +50,10 @@ impl Lanes for Arrays {
         map(*bytes, i16::from)
     }
     #[inline(always)]
+    fn load(self, words: &[u16; LANES]) -> Words {
+        map(*words, |word| word as i16)
+    }
+    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
         map(*words, i16::from_le_bytes)
     }
@@ -60,6 +64,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn sub(self, a: Words, b: Words) -> Words {
         zip(a, b, i16::wrapping_sub)
+    }
+    #[inline(always)]
+    fn sub_saturating(self, a: Words, b: Words) -> Words {
+        zip(a, b, i16::saturating_sub)
     }
     #[inline(always)]
     fn abs(self, a: Words) -> Words {
@@ -78,6 +86,10 @@ impl Lanes for Arrays {
         zip(a, b, |a, b| ((i32::from(a) * i32::from(b) + (1 << 14)) >> 15) as i16)
     }
     #[inline(always)]
+    fn times_low(self, a: Words, b: Words) -> Words {
+        zip(a, b, i16::wrapping_mul)
+    }
+    #[inline(always)]
     fn times_high(self, a: Words, b: Words) -> Words {
         zip(a, b, |a, b| ((u32::from(a as u16) * u32::from(b as u16)) >> 16) as i16)
     }
@@ -88,6 +100,14 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn shift_right<const BITS: u32>(self, a: Words) -> Words {
         map(a, |a| (a as u16 >> BITS) as i16)
+    }
+    #[inline(always)]
+    fn dot(self, a: Words, b: Words) -> i32 {
+        zip(a, b, |a, b| i32::from(a) * i32::from(b)).into_iter().fold(0, i32::wrapping_add)
+    }
+    #[inline(always)]
+    fn is_equal(self, a: Words, b: Words) -> Mask {
+        zip(a, b, |a, b| truth(a == b))
     }
     #[inline(always)]
     fn is_greater(self, a: Words, b: Words) -> Mask {
@@ -108,6 +128,14 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn and_not(self, a: Mask, b: Mask) -> Mask {
         zip(a, b, |a, b| a & !b)
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> Mask {
+        let mut out = [0; LANES];
+        for k in 0..LANES {
+            out[k] = truth(bits >> k & 1 == 1);
+        }
+        out
     }
     #[inline(always)]
     fn bits(self, mask: Mask) -> u32 {

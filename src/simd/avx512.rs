@@ -62,6 +62,10 @@ impl Lanes for Avx512 {
         unsafe { _mm512_cvtepu8_epi16(_mm256_loadu_si256(bytes.as_ptr().cast())) }
     }
     #[inline(always)]
+    fn load(self, words: &[u16; LANES]) -> __m512i {
+        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
+    }
+    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> __m512i {
         unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
     }
@@ -72,6 +76,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn sub(self, a: __m512i, b: __m512i) -> __m512i {
         unsafe { _mm512_sub_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn sub_saturating(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_subs_epi16(a, b) }
     }
     #[inline(always)]
     fn abs(self, a: __m512i) -> __m512i {
@@ -90,6 +98,10 @@ impl Lanes for Avx512 {
         unsafe { _mm512_mulhrs_epi16(a, b) }
     }
     #[inline(always)]
+    fn times_low(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_mullo_epi16(a, b) }
+    }
+    #[inline(always)]
     fn times_high(self, a: __m512i, b: __m512i) -> __m512i {
         unsafe { _mm512_mulhi_epu16(a, b) }
     }
@@ -100,6 +112,14 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn shift_right<const BITS: u32>(self, a: __m512i) -> __m512i {
         unsafe { _mm512_srli_epi16::<BITS>(a) }
+    }
+    #[inline(always)]
+    fn dot(self, a: __m512i, b: __m512i) -> i32 {
+        unsafe { _mm512_reduce_add_epi32(_mm512_madd_epi16(a, b)) }
+    }
+    #[inline(always)]
+    fn is_equal(self, a: __m512i, b: __m512i) -> __mmask32 {
+        unsafe { _mm512_cmpeq_epi16_mask(a, b) }
     }
     #[inline(always)]
     fn is_greater(self, a: __m512i, b: __m512i) -> __mmask32 {
@@ -116,6 +136,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn and_not(self, a: __mmask32, b: __mmask32) -> __mmask32 {
         a & !b
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> __mmask32 {
+        bits
     }
     #[inline(always)]
     fn bits(self, mask: __mmask32) -> u32 {

@@ -145,12 +145,16 @@ pub(crate) trait Lanes: Copy {
     fn word(self, value: i16) -> Self::Words;
     /// Bytes, widened.
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
+    /// Words of memory.
+    fn load(self, words: &[u16; LANES]) -> Self::Words;
     /// Little-endian words at any address.
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
     /// a + b, wrapping.
     fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a − b, wrapping.
     fn sub(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a − b of signed words, at the ends of their range where it is beyond.
+    fn sub_saturating(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// |a| of signed words.
     fn abs(self, a: Self::Words) -> Self::Words;
     /// The greater of unsigned words.
@@ -159,12 +163,18 @@ pub(crate) trait Lanes: Copy {
     fn min_unsigned(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a·b of signed words as fractions of 2^15, rounded.
     fn times(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// The low word of a·b.
+    fn times_low(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// The high word of a·b, unsigned.
     fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a·2^BITS.
     fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
     /// a/2^BITS of unsigned words, rounded down.
     fn shift_right<const BITS: u32>(self, a: Self::Words) -> Self::Words;
+    /// Σ a·b of signed words over all lanes.
+    fn dot(self, a: Self::Words, b: Self::Words) -> i32;
+    /// a = b.
+    fn is_equal(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// a > b, signed.
     fn is_greater(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// a ≥ b, unsigned.
@@ -173,6 +183,8 @@ pub(crate) trait Lanes: Copy {
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
     /// The first and not the second.
     fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Lane k is bit k.
+    fn mask(self, bits: u32) -> Self::Mask;
     /// Bit k is that of lane k.
     fn bits(self, mask: Self::Mask) -> u32;
     /// Stores words.

@@ -1,71 +1,69 @@
 //! Where in the image decisions have changed, so that nobody is asked twice about what stayed as it was.
 
-use super::super::neighbourhood::Reach;
+use super::continuity::FAR;
+use super::grid::Grid;
 
-/// Side of a tile, pixels: no walk leads beyond the tiles beside its own.
-const SIDE: usize = Reach::Far as usize;
+/// Rows of a tile, which is a block wide: no walk leads beyond the tiles beside its own.
+const ROWS: usize = FAR as usize + 1;
 
 /// The tiles of an image, those marked in which a decision changed.
 #[derive(Clone, Debug)]
 pub(super) struct ChangedTiles {
     marked: Vec<bool>,
-    width_px: usize,
-    /// Tiles side by side, one more than the image has on either side.
-    across: usize,
+    /// Blocks of a row, margins included.
+    blocks: usize,
 }
 
 impl ChangedTiles {
-    /// The tiles of an image of so many pixels a row and in all, all or none of them marked.
-    pub(super) fn new(width_px: usize, pixels: usize, marked: bool) -> Self {
-        let across = width_px.div_ceil(SIDE) + 2;
-        let down = pixels.div_ceil(width_px.max(1)).div_ceil(SIDE) + 2;
-        Self { marked: vec![marked; across * down], width_px, across }
+    /// The tiles of an image, all or none of them marked.
+    pub(super) fn new(grid: Grid, marked: bool) -> Self {
+        // A row of tiles more above and below.
+        let rows = (grid.all_blocks() / grid.blocks).div_ceil(ROWS) + 2;
+        Self { marked: vec![marked; rows * grid.blocks], blocks: grid.blocks }
     }
 
-    /// Forgets all marks.
-    pub(super) fn clear(&mut self) {
-        self.marked.fill(false);
-    }
-
-    /// Marks the tile of a pixel.
+    /// Marks the tile of a block.
     #[inline]
-    pub(super) fn mark(&mut self, pixel: usize) {
-        let tile = self.tile_of(pixel);
+    pub(super) fn mark(&mut self, block: usize) {
+        let tile = self.tile_of(block);
         self.marked[tile] = true;
     }
 
-    /// Whether a walk from a pixel may meet a decision that changed.
+    /// Whether a walk from a block of the image may meet a decision that changed.
     #[inline]
-    pub(super) fn reach(&self, pixel: usize) -> bool {
-        let tile = self.tile_of(pixel);
-        [tile, tile - 1, tile + 1, tile - self.across, tile + self.across].into_iter().any(|t| self.marked[t])
+    pub(super) fn reach(&self, block: usize) -> bool {
+        let tile = self.tile_of(block);
+        [tile, tile - 1, tile + 1, tile - self.blocks, tile + self.blocks].into_iter().any(|t| self.marked[t])
     }
 
     #[inline]
-    fn tile_of(&self, pixel: usize) -> usize {
-        let (u, v) = (pixel % self.width_px, pixel / self.width_px);
-        (v / SIDE + 1) * self.across + u / SIDE + 1
+    fn tile_of(&self, block: usize) -> usize {
+        (block / self.blocks / ROWS + 1) * self.blocks + block % self.blocks
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use crate::simd::LANES;
+
     use super::*;
 
     #[test]
     fn whoever_a_walk_can_bring_to_a_change_is_reached() {
-        let (width, height) = (50, 40);
-        for changed in [0, 17 * width + 33, height * width - 1] {
-            let mut tiles = ChangedTiles::new(width, width * height, false);
-            tiles.mark(changed);
-            let (u, v) = (changed % width, changed / width);
-            for pixel in 0..width * height {
-                let (du, dv) = ((pixel % width).abs_diff(u), (pixel / width).abs_diff(v));
-                let on_a_walk = (du == 0 && dv <= SIDE) || (dv == 0 && du <= SIDE);
-                assert!(!on_a_walk || tiles.reach(pixel), "{changed} {pixel}");
-                assert!(du + dv < 4 * SIDE || !tiles.reach(pixel), "{changed} {pixel}");
+        let (width, height) = (150, 60);
+        let grid = Grid::new([width, height]);
+        let block = |u: usize, v: usize| grid.place(v * width + u) / LANES;
+        for (u, v) in [(0, 0), (33, 17), (width - 1, height - 1)] {
+            let mut tiles = ChangedTiles::new(grid, false);
+            tiles.mark(block(u, v));
+            for (of_u, of_v) in (0..width).flat_map(|u| (0..height).map(move |v| (u, v))) {
+                let (du, dv) = (of_u.abs_diff(u), of_v.abs_diff(v));
+                let on_a_walk = (du == 0 && dv <= FAR as usize) || (dv == 0 && du <= FAR as usize);
+                let reached = tiles.reach(block(of_u, of_v));
+                assert!(!on_a_walk || reached, "{u} {v}: {of_u} {of_v}");
+                assert!(du < 2 * LANES && dv < 2 * ROWS || !reached, "{u} {v}: {of_u} {of_v}");
             }
         }
-        assert!((0..width * height).all(|p| ChangedTiles::new(width, width * height, true).reach(p)));
+        assert!(ChangedTiles::new(grid, true).reach(block(7, 7)));
     }
 }

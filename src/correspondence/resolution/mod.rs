@@ -13,28 +13,42 @@
 //! one before and writes its own, so the result does not depend on the number of threads. What is left is counted.
 
 mod changed_tiles;
+mod continuity;
 mod decision;
+mod decisions;
+mod grid;
+mod lists;
+mod opinions;
 mod pass;
 mod region_delta;
 mod regions;
 mod steepness;
+mod support;
 mod uniqueness;
 
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
-use super::candidates::{Candidate, DeltaGate};
-use super::neighbourhood::{Decided, Directions, Neighbourhood, Reach, TURN, UNDECIDED};
+use super::candidates::DeltaGate;
+use super::neighbourhood::TURN;
 use super::outcome::Outcome;
 use super::search::CandidateLists;
-use super::segment_table::SegmentTable;
+use super::segment::SegmentRow;
+use super::segment_table::{EpipolarAxis, SegmentTable};
 
 use changed_tiles::ChangedTiles;
-use decision::{Stand, VoteRule};
+use continuity::{Axis, Continuity};
+use decision::VoteRule;
+use decisions::{Decisions, nearest_column};
+use grid::Grid;
+use lists::Lists;
+use opinions::{Ask, Decision, Directions, Question, places_of, sides};
 pub(super) use pass::Pass;
 use region_delta::level_regions;
 use regions::Regions;
+use support::Support;
 use uniqueness::Precedence;
 
 /// Tolerance that every difference of δ meets.
@@ -103,12 +117,12 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
     let strict = VoteRule::strict(settings.min_votes);
     let settled = |changed: usize| changed * SETTLED_SHARE < evidence.cam1.phase.len();
     for round in 0..settings.max_rounds {
-        let decided = resolver.sweep_until_settled(Directions::Along, &strict)
-            + resolver.sweep_until_settled(Directions::AlongAndAcross, &strict);
+        let decided = resolver.sweep_until_settled(Directions::Along, strict)
+            + resolver.sweep_until_settled(Directions::AlongAndAcross, strict);
         if round > 0 && settled(decided) {
             break;
         }
-        resolver.contradict_by_neighbours(&strict);
+        resolver.contradict_by_neighbours(strict);
         if settled(resolver.contradict_by_regions(Precedence::Foundation)) {
             break;
         }
@@ -116,7 +130,7 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
     // The regions stand; pixels at their borders, with few neighbours left, may join them with fewer votes.
     resolver.readmit();
     let strict_tolerance = std::mem::replace(&mut resolver.tolerance, ANY_DELTA);
-    resolver.sweep_until_settled(Directions::AlongAndAcross, &VoteRule::LENIENT);
+    resolver.sweep_until_settled(Directions::AlongAndAcross, VoteRule::LENIENT);
     resolver.contradict_by_delta(strict_tolerance);
     resolver.contradict_by_regions(Precedence::Nearness);
     resolver.reject_rims();
@@ -128,237 +142,282 @@ pub fn resolve(evidence: Evidence<'_>, settings: &ResolutionSettings) -> Resolut
 pub(super) fn reference_deltas(evidence: Evidence<'_>, settings: &ResolutionSettings) -> (Vec<i16>, Vec<i16>) {
     let mut resolver = Resolver::new(evidence, settings);
     resolver.select_references();
-    let is_decided = |&i: &usize| resolver.absolute[i] != UNDECIDED;
-    let decided: Vec<usize> = (0..resolver.absolute.len()).filter(is_decided).collect();
-    let deltas = decided.iter().map(|&i| resolver.delta[i]).collect();
-    let pairs = decided.windows(2).filter(|pair| pair[1] == pair[0] + 1);
-    (deltas, pairs.map(|pair| resolver.delta[pair[1]].wrapping_sub(resolver.delta[pair[0]])).collect())
+    let decisions = &resolver.decisions;
+    let (mut deltas, mut differences) = (Vec::new(), Vec::new());
+    for place in (0..evidence.cam1.height).flat_map(|v| resolver.decided_in_row(v)) {
+        deltas.push(decisions.delta[place]);
+        if decisions.is_decided(place - 1) {
+            differences.push(decisions.delta[place].wrapping_sub(decisions.delta[place - 1]));
+        }
+    }
+    (deltas, differences)
 }
 
-/// State of the resolution.
+/// State of the resolution. *Places* are those of pixels in planes with a margin, see [`Grid`].
 struct Resolver<'a> {
     evidence: Evidence<'a>,
     settings: &'a ResolutionSettings,
-    around: Neighbourhood<'a>,
-    /// Absolute phase of the decided pixels, turns · 65536.
-    absolute: Vec<i32>,
-    /// δ of the decided pixels, turns · 65536.
-    delta: Vec<i16>,
+    level: Level,
+    /// Where the phase of C1 runs on.
+    continuity: Continuity,
+    /// The axis that is nearest to the epipolar direction.
+    along: &'static [Axis],
+    lists: Lists<'a>,
+    decisions: Decisions,
+    /// Least and greatest δ that pass the back-projection test.
+    gate_bounds: [i16; 2],
     /// Difference of δ between neighbours of one surface that is tolerated, turns · 65536.
     tolerance: i32,
-    /// Bit k set: candidate k of the pixel was contradicted and does not come back.
-    excluded: Vec<u32>,
-    /// Pixels with candidates and without decision, ascending.
+    /// A bit a place: pixels without decision and with candidates that were not contradicted.
     open: Vec<u32>,
-    /// Where decisions changed since neighbours were last asked for contradictions.
-    unchecked: ChangedTiles,
+    /// A bit a place: pixels without decision, of which all candidates were contradicted.
+    closed: Vec<u32>,
+    /// Where decisions changed since their neighbours were last asked.
+    unheard: Unheard,
+    /// For each place the row of the epipolar frame that is nearest to its segment.
+    epipolar_rows: Vec<u16>,
     resolution: Resolution,
 }
 
 impl<'a> Resolver<'a> {
     fn new(evidence: Evidence<'a>, settings: &'a ResolutionSettings) -> Self {
+        let continuity = Continuity::of(evidence.cam1);
+        let grid = continuity.grid;
         let pixels = evidence.cam1.phase.len();
-        let outcome = |i: usize| match evidence.candidates.of(i) {
-            [] => Outcome::NoCandidate,
-            list if list.iter().any(|c| evidence.gate.passes(c.delta)) => Outcome::Ambiguous,
-            _ => Outcome::RejectedByDelta,
-        };
         Self {
             evidence,
             settings,
-            around: Neighbourhood { map: evidence.cam1, axis: evidence.table.epipolar_axis() },
-            absolute: vec![UNDECIDED; pixels],
-            delta: vec![0; pixels],
-            tolerance: (evidence.delta_tolerance_turns * TURN as f32) as i32,
-            excluded: vec![0; pixels],
-            open: Vec::new(),
-            unchecked: ChangedTiles::new(evidence.cam1.width, pixels, true),
-            resolution: Resolution {
-                outcomes: (0..pixels).into_par_iter().map(outcome).collect(),
-                chosen: vec![0; pixels],
+            level: Level::in_use(),
+            continuity,
+            along: match evidence.table.epipolar_axis() {
+                EpipolarAxis::Horizontal => &[Axis::Row],
+                EpipolarAxis::Vertical => &[Axis::Column],
             },
+            lists: Lists::new(evidence.candidates, grid),
+            decisions: Decisions::none(grid),
+            gate_bounds: evidence.gate.bounds(),
+            tolerance: (evidence.delta_tolerance_turns * TURN as f32) as i32,
+            open: vec![0; grid.all_blocks()],
+            closed: vec![0; grid.all_blocks()],
+            unheard: Unheard::all(grid),
+            epipolar_rows: Vec::new(),
+            resolution: Resolution { outcomes: vec![Outcome::NoCandidate; pixels], chosen: vec![0; pixels] },
         }
+    }
+
+    fn grid(&self) -> Grid {
+        self.continuity.grid
     }
 
     /// Selects the reference correspondences (paper, 2.2.1) and opens all other pixels with candidates.
     fn select_references(&mut self) {
-        let pixels = self.absolute.len();
-        let only: Vec<Option<u8>> = (0..pixels).into_par_iter().map(|i| self.only_passing(i)).collect();
-        let (absolute, delta): (Vec<i32>, Vec<i16>) = (0..pixels)
-            .into_par_iter()
-            .map(|i| only[i].map_or((UNDECIDED, 0), |k| self.stand(i, usize::from(k)).into()))
-            .unzip();
-        let unique = Decided { absolute: &absolute, delta: &delta };
-        let rule = VoteRule::strict(self.settings.min_votes);
-        let is_reference: Vec<bool> = (0..pixels)
-            .into_par_iter()
-            .map(|i| {
-                only[i].is_some() && {
-                    let support = self.around.support(i, unique, absolute[i]);
-                    rule.supports(support, delta[i], self.tolerance)
-                }
-            })
-            .collect();
-        for i in 0..pixels {
-            match only[i] {
-                Some(k) if is_reference[i] => self.decide(i, usize::from(k), Outcome::Reference),
-                _ if !self.evidence.candidates.of(i).is_empty() => self.open.push(i as u32),
-                _ => {}
+        let unique = self.decide_unique();
+        let references = self.supported(VoteRule::strict(self.settings.min_votes), |_| true);
+        let grid = self.grid();
+        for block in grid.blocks_of_image() {
+            let references = references[block];
+            self.decisions.decided[block] = references;
+            self.open[block] &= !references;
+            for place in places_of(block, references) {
+                let pixel = grid.pixel(place);
+                self.resolution.chosen[pixel] = unique[pixel];
+                self.resolution.outcomes[pixel] = Outcome::Reference;
             }
         }
     }
 
-    /// The candidate of a pixel that alone passes the back-projection test.
-    fn only_passing(&self, pixel: usize) -> Option<u8> {
-        let list = self.evidence.candidates.of(pixel);
-        let mut passing = (0..list.len()).filter(|&k| self.evidence.gate.passes(list[k].delta));
-        match (passing.next(), passing.next()) {
-            (Some(k), None) => Some(k as u8),
-            _ => None,
-        }
-    }
-
-    /// What has been decided so far.
-    fn decided(&self) -> Decided<'_> {
-        Decided { absolute: &self.absolute, delta: &self.delta }
-    }
-
-    fn stand(&self, pixel: usize, k: usize) -> Stand {
-        let candidate = &self.evidence.candidates.of(pixel)[k];
-        let absolute = i32::from(candidate.order) * TURN + i32::from(self.evidence.cam1.phase[pixel]);
-        Stand { absolute, delta: candidate.delta }
-    }
-
-    fn chosen_candidate(&self, pixel: usize) -> &'a Candidate {
-        &self.evidence.candidates.of(pixel)[usize::from(self.resolution.chosen[pixel])]
-    }
-
-    fn decide(&mut self, pixel: usize, k: usize, outcome: Outcome) {
-        Stand { absolute: self.absolute[pixel], delta: self.delta[pixel] } = self.stand(pixel, k);
-        self.resolution.chosen[pixel] = k as u8;
-        self.resolution.outcomes[pixel] = outcome;
-        self.unchecked.mark(pixel);
-    }
-
-    /// Takes back the decisions of some pixels (ascending) and opens them again.
-    fn undo(&mut self, pixels: &[u32]) {
-        for &pixel in pixels {
-            self.absolute[pixel as usize] = UNDECIDED;
-            self.resolution.outcomes[pixel as usize] = Outcome::Contradicted;
-            self.unchecked.mark(pixel as usize);
-        }
-        self.open.extend_from_slice(pixels);
-        self.open.sort_unstable();
-    }
-
-    /// Sweeps until nothing more is decided, a bounded number of times; yields how many pixels were.
-    fn sweep_until_settled(&mut self, directions: Directions, rule: &VoteRule) -> usize {
-        let open_before = self.open.len();
-        let tiles = |marked| ChangedTiles::new(self.evidence.cam1.width, self.absolute.len(), marked);
-        let (mut changed, mut changing) = (tiles(true), tiles(false));
-        for _ in 0..self.settings.max_sweeps {
-            if self.sweep(directions, rule, &changed, &mut changing) == 0 {
-                break;
-            }
-            std::mem::swap(&mut changed, &mut changing);
-            changing.clear();
-        }
-        open_before - self.open.len()
-    }
-
-    /// Decides open pixels by what the pixels decided before this sweep say; yields how many. Only those that see a tile
-    /// `changed` since they were asked last are asked; the tiles of those decided are marked in `changing`.
-    fn sweep(
-        &mut self,
-        directions: Directions,
-        rule: &VoteRule,
-        changed: &ChangedTiles,
-        changing: &mut ChangedTiles,
-    ) -> usize {
-        let decisions: Vec<Option<u8>> = self
-            .open
-            .par_iter()
-            .map(|&pixel| {
-                if !changed.reach(pixel as usize) {
-                    return None;
+    /// Decides, for now, all pixels of which one candidate alone passes the back-projection test, and opens all that have
+    /// candidates; yields the number of that candidate for each pixel.
+    fn decide_unique(&mut self) -> Vec<u8> {
+        let (grid, evidence) = (self.grid(), self.evidence);
+        let width = evidence.cam1.width;
+        let [least, greatest] = self.gate_bounds;
+        let mut unique = vec![0; self.resolution.chosen.len()];
+        let Decisions { order, delta, column, decided } = &mut self.decisions;
+        let planes = grid.rows(order).par_chunks_mut(grid.stride()).zip(grid.rows(delta).par_chunks_mut(grid.stride()));
+        let planes = planes.zip(grid.rows(column).par_chunks_mut(grid.stride()));
+        let bits =
+            grid.rows(decided).par_chunks_mut(grid.blocks).zip(grid.rows(&mut self.open).par_chunks_mut(grid.blocks));
+        let outcomes = self.resolution.outcomes.par_chunks_mut(width).zip(unique.par_chunks_mut(width));
+        let rows = planes.zip(bits).zip(outcomes).enumerate();
+        rows.for_each(|(v, ((((order, delta), column), (decided, open)), (outcomes, unique)))| {
+            for u in 0..width {
+                let list = evidence.candidates.of(v * width + u);
+                if list.is_empty() {
+                    continue;
                 }
-                let opinions = self.around.opinions(pixel as usize, self.decided(), directions, Reach::Far);
-                rule.choose(self.eligible(pixel as usize), &opinions, self.tolerance).map(|k| k as u8)
-            })
-            .collect();
-        let open = std::mem::take(&mut self.open);
-        let before = open.len();
-        for (&pixel, decision) in open.iter().zip(decisions) {
-            match decision {
-                Some(k) => {
-                    self.decide(pixel as usize, usize::from(k), self.outcome_of(pixel as usize, directions));
-                    changing.mark(pixel as usize);
+                let (place, mut passing) = (u + LANES, 0);
+                for (k, candidate) in list.iter().enumerate() {
+                    if (least..=greatest).contains(&candidate.delta) {
+                        passing += 1;
+                        (order[place], delta[place], unique[u]) = (candidate.order, candidate.delta, k as u8);
+                        column[place] = nearest_column(candidate);
+                    }
                 }
-                None => self.open.push(pixel),
+                open[place / LANES] |= 1 << (place % LANES);
+                decided[place / LANES] |= u32::from(passing == 1) << (place % LANES);
+                outcomes[u] = if passing > 0 { Outcome::Ambiguous } else { Outcome::RejectedByDelta };
             }
-        }
-        before - self.open.len()
+        });
+        unique
     }
 
-    /// Candidates of a pixel that were not contradicted, with where they stand.
-    fn eligible(&self, pixel: usize) -> impl Iterator<Item = (usize, Stand)> + '_ {
-        let count = self.evidence.candidates.of(pixel).len();
-        let excluded = self.excluded[pixel];
-        (0..count).filter(move |&k| k >= 32 || excluded >> k & 1 == 0).map(move |k| (k, self.stand(pixel, k)))
+    /// A bit a place: decided pixels that their neighbours support; only blocks that are `asked` about.
+    fn supported(&self, rule: VoteRule, asked: impl Fn(usize) -> bool + Sync) -> Vec<u32> {
+        let (grid, tolerance) = (self.grid(), self.tolerance);
+        let support = Support { continuity: &self.continuity, decisions: &self.decisions, rule, tolerance };
+        let mut supported = vec![0; grid.all_blocks()];
+        grid.rows(&mut supported).par_chunks_mut(grid.blocks).enumerate().for_each(|(v, supported)| {
+            let first = grid.blocks_of_row(v).start - 1;
+            simd::run(self.level, SupportedInRow { support, first, asked: &asked, supported });
+        });
+        supported
     }
 
-    fn outcome_of(&self, pixel: usize, directions: Directions) -> Outcome {
-        match (self.evidence.candidates.of(pixel).len(), directions) {
+    /// Decided places of a row.
+    fn decided_in_row(&self, v: usize) -> impl Iterator<Item = usize> + '_ {
+        self.grid().blocks_of_row(v).flat_map(|block| places_of(block, self.decisions.decided[block]))
+    }
+
+    /// For each place the nearest row of the epipolar frame.
+    fn find_epipolar_rows(&mut self) {
+        let (grid, table) = (self.grid(), self.evidence.table);
+        let last = table.epipolar_size_px()[1] - 1;
+        self.epipolar_rows.resize(grid.places(), 0);
+        let rows = grid.rows(&mut self.epipolar_rows).par_chunks_mut(grid.stride()).enumerate();
+        rows.for_each_init(SegmentRow::default, |segments, (v, rows)| {
+            table.row(v, segments);
+            for (row, row_px) in rows[LANES..].iter_mut().zip(&segments.row_px[..grid.width()]) {
+                *row = ((row_px + 0.5) as usize).min(last) as u16;
+            }
+        });
+    }
+
+    fn decide(&mut self, Decision { place, k }: Decision, directions: Directions) {
+        let place = place as usize;
+        let list = self.lists.of(place);
+        let candidate = &list[usize::from(k)];
+        self.decisions.decide(place, candidate);
+        self.open[place / LANES] &= !(1 << (place % LANES));
+        self.unheard.mark(place / LANES);
+        let pixel = self.grid().pixel(place);
+        self.resolution.chosen[pixel] = k;
+        self.resolution.outcomes[pixel] = match (list.len(), directions) {
             (1, _) => Outcome::Unique,
             (_, Directions::Along) => Outcome::AlongEpipolar,
             (_, Directions::AlongAndAcross) => Outcome::AcrossEpipolar,
+        };
+    }
+
+    /// Takes back the decisions of some places of a block and opens them again.
+    fn undo(&mut self, block: usize, places: u32) {
+        self.decisions.decided[block] &= !places;
+        self.open[block] |= places;
+        self.unheard.mark(block);
+        for place in places_of(block, places) {
+            let pixel = self.grid().pixel(place);
+            self.resolution.outcomes[pixel] = Outcome::Contradicted;
         }
     }
 
+    /// Sweeps until nothing more is decided, a bounded number of times; yields how many pixels were.
+    fn sweep_until_settled(&mut self, directions: Directions, rule: VoteRule) -> usize {
+        let mut decided = 0;
+        for _ in 0..self.settings.max_sweeps {
+            let unheard = ChangedTiles::new(self.grid(), false);
+            let changed = std::mem::replace(self.unheard.of(directions), unheard);
+            let decisions = self.sweep(directions, rule, &changed);
+            if decisions.is_empty() {
+                break;
+            }
+            decided += decisions.len();
+            decisions.into_iter().for_each(|decision| self.decide(decision, directions));
+        }
+        decided
+    }
+
+    /// Open pixels that those decided before say enough about; only those that see a tile `changed` since they were asked
+    /// last are asked.
+    fn sweep(&self, directions: Directions, rule: VoteRule, changed: &ChangedTiles) -> Vec<Decision> {
+        let question = Question {
+            continuity: &self.continuity,
+            decisions: &self.decisions,
+            lists: &self.lists,
+            axes: if directions == Directions::Along { self.along } else { &[Axis::Row, Axis::Column] },
+            rule,
+            tolerance: self.tolerance,
+        };
+        let of_row = |v: usize| {
+            let mut decided = Vec::new();
+            let blocks = self.grid().blocks_of_row(v);
+            simd::run(self.level, Ask { question, blocks, open: &self.open, changed, decided: &mut decided });
+            decided
+        };
+        let rows: Vec<Vec<Decision>> = (0..self.evidence.cam1.height).into_par_iter().map(of_row).collect();
+        rows.concat()
+    }
+
     /// Undoes decisions that their neighbours do not support any more.
-    fn contradict_by_neighbours(&mut self, rule: &VoteRule) {
-        let contradicted: Vec<u32> = (0..self.absolute.len() as u32)
-            .into_par_iter()
-            .filter(|&pixel| {
-                let pixel = pixel as usize;
-                self.absolute[pixel] != UNDECIDED && self.unchecked.reach(pixel) && {
-                    let support = self.around.support(pixel, self.decided(), self.absolute[pixel]);
-                    !rule.supports(support, self.delta[pixel], self.tolerance)
-                }
-            })
-            .collect();
-        self.unchecked.clear();
-        self.undo(&contradicted);
+    fn contradict_by_neighbours(&mut self, rule: VoteRule) {
+        let grid = self.grid();
+        let changed = std::mem::replace(&mut self.unheard.by_decided, ChangedTiles::new(grid, false));
+        let supported = self.supported(rule, |block| changed.reach(block));
+        let asked = |&block: &usize| changed.reach(block);
+        for block in grid.blocks_of_image().filter(asked) {
+            let contradicted = self.decisions.decided[block] & !supported[block];
+            if contradicted != 0 {
+                self.undo(block, contradicted);
+            }
+        }
     }
 
     /// Undoes and excludes what whole regions contradict: small ones, those whose δ is not level, and those whose places
     /// in C2 serve others; yields how many pixels.
     fn contradict_by_regions(&mut self, precedence: Precedence) -> usize {
-        let regions = Regions::of(self.decided(), self.tolerance, self.evidence.cam1.width);
+        if self.epipolar_rows.is_empty() {
+            self.find_epipolar_rows();
+        }
+        let regions = Regions::of(&self.continuity, &self.decisions, self.tolerance);
         let large_enough = regions.sizes.iter().map(|&size| size >= self.settings.min_region_px);
         let credible: Vec<bool> =
             level_regions(self, &regions).into_iter().zip(large_enough).map(|(level, large)| level && large).collect();
         let contested = uniqueness::contested(self, &regions, &credible, precedence);
-        self.exclude(|pixel| contested[pixel])
+        self.exclude(&contested)
     }
 
     /// Undoes and excludes regions, their δ running on within a tolerance, whose δ is not level: what votes alone joined to
     /// a region that stands is judged by itself.
     fn contradict_by_delta(&mut self, tolerance: i32) {
-        let regions = Regions::of(self.decided(), tolerance, self.evidence.cam1.width);
+        let regions = Regions::of(&self.continuity, &self.decisions, tolerance);
         let level = level_regions(self, &regions);
-        self.exclude(|pixel| regions.region_of(pixel).is_some_and(|region| !level[region]));
+        let mut false_ones = vec![0; self.grid().all_blocks()];
+        let fallen = regions.runs.iter().filter(|run| !level[run.region as usize]);
+        fallen.flat_map(|run| run.blocks()).for_each(|(block, places)| false_ones[block] |= places);
+        self.exclude(&false_ones);
     }
 
-    /// Undoes and excludes the decisions that are false; yields how many.
-    fn exclude(&mut self, is_false: impl Fn(usize) -> bool) -> usize {
-        let contradicted: Vec<u32> = (0..self.absolute.len()).filter(|&i| is_false(i)).map(|i| i as u32).collect();
-        for &pixel in &contradicted {
-            let k = u32::from(self.resolution.chosen[pixel as usize]);
-            self.excluded[pixel as usize] |= 1_u32.checked_shl(k).unwrap_or(0);
+    /// Undoes and excludes the decisions that are false, a bit a place; yields how many.
+    fn exclude(&mut self, false_ones: &[u32]) -> usize {
+        let mut excluded = 0;
+        for (block, &places) in false_ones.iter().enumerate().filter(|(_, places)| **places != 0) {
+            excluded += places.count_ones() as usize;
+            self.undo(block, places);
+            for place in places_of(block, places) {
+                let k = self.resolution.chosen[self.grid().pixel(place)];
+                if !self.lists.exclude(place, k) {
+                    self.open[block] &= !(1 << (place % LANES));
+                    self.closed[block] |= 1 << (place % LANES);
+                }
+            }
         }
-        self.undo(&contradicted);
-        contradicted.len()
+        excluded
+    }
+
+    /// Gives contradicted candidates another chance beside the regions that stand.
+    fn readmit(&mut self) {
+        self.lists.readmit();
+        self.open.iter_mut().zip(&mut self.closed).for_each(|(open, closed)| *open |= std::mem::take(closed));
+        self.unheard = Unheard::all(self.grid());
     }
 
     /// Rejects candidates far beyond the threshold that only one side readmits: there a surface is continued beyond its
@@ -366,21 +425,74 @@ impl<'a> Resolver<'a> {
     fn reject_rims(&mut self) {
         let (gate, readmission) = (self.evidence.gate, self.evidence.readmission);
         let rim = DeltaGate { threshold_turns: RIM_SHARE * readmission.threshold_turns, ..*readmission };
-        let is_rim = |&pixel: &u32| {
-            let pixel = pixel as usize;
-            self.absolute[pixel] != UNDECIDED
-                && !rim.passes(self.delta[pixel])
-                && self.around.sides(pixel, self.decided(), self.absolute[pixel], |delta| gate.passes(delta)) == 1
+        let [least, greatest] = rim.bounds();
+        let (continuity, decisions) = (&self.continuity, &self.decisions);
+        let of_row = |v: usize| {
+            let rims = self.decided_in_row(v).filter(|&place| {
+                !(least..=greatest).contains(&decisions.delta[place]) && sides(continuity, decisions, place, gate) == 1
+            });
+            rims.collect::<Vec<_>>()
         };
-        let rims: Vec<u32> = (0..self.absolute.len() as u32).into_par_iter().filter(is_rim).collect();
-        for pixel in rims {
-            self.absolute[pixel as usize] = UNDECIDED;
-            self.resolution.outcomes[pixel as usize] = Outcome::RejectedByDelta;
+        let rims: Vec<Vec<usize>> = (0..self.evidence.cam1.height).into_par_iter().map(of_row).collect();
+        for place in rims.into_iter().flatten() {
+            self.decisions.decided[place / LANES] &= !(1 << (place % LANES));
+            let pixel = self.grid().pixel(place);
+            self.resolution.outcomes[pixel] = Outcome::RejectedByDelta;
         }
     }
+}
 
-    /// Gives contradicted candidates another chance beside the regions that stand.
-    fn readmit(&mut self) {
-        self.excluded.fill(0);
+/// Where decisions changed since each kind of their neighbours were last asked.
+struct Unheard {
+    /// Open pixels, along the epipolar direction.
+    along: ChangedTiles,
+    /// Open pixels, across it too.
+    across: ChangedTiles,
+    /// Decided pixels, for contradictions.
+    by_decided: ChangedTiles,
+}
+
+impl Unheard {
+    /// Nobody has been asked yet.
+    fn all(grid: Grid) -> Self {
+        let all = ChangedTiles::new(grid, true);
+        Self { along: all.clone(), across: all.clone(), by_decided: all }
+    }
+
+    fn mark(&mut self, block: usize) {
+        self.along.mark(block);
+        self.across.mark(block);
+        self.by_decided.mark(block);
+    }
+
+    fn of(&mut self, directions: Directions) -> &mut ChangedTiles {
+        match directions {
+            Directions::Along => &mut self.along,
+            Directions::AlongAndAcross => &mut self.across,
+        }
+    }
+}
+
+/// Which decided pixels of a row their neighbours support.
+struct SupportedInRow<'a, F> {
+    support: Support<'a>,
+    /// The block before the first of the row.
+    first: usize,
+    asked: &'a F,
+    supported: &'a mut [u32],
+}
+
+impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let mut b = 1;
+        while b + 1 < self.supported.len() {
+            if (self.asked)(self.first + b) {
+                self.supported[b] = self.support.of_block(lanes, self.first + b);
+            }
+            b += 1;
+        }
     }
 }

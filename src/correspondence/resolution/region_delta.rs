@@ -5,10 +5,15 @@
 //! noise about a calibration error that varies slowly over the image. Over a wrong region it runs steadily from pixel to
 //! pixel until it leaves the test, or it stays near the threshold all over a piece too narrow to run.
 
+use rayon::prelude::*;
+
+use crate::simd::{self, Kernel, LANES, Lanes};
+
 use super::super::delta_statistics::MAX_CHANGE_OVER_IMAGE_SD;
 use super::super::neighbourhood::TURN;
 use super::Resolver;
-use super::regions::Regions;
+use super::grid::{Grid, words};
+use super::regions::{Regions, Run};
 use super::steepness::Steepness;
 
 /// Least share of a region that passes the back-projection test proper.
@@ -26,41 +31,117 @@ const MANY_PX: u32 = 10_000;
 
 /// For each region whether its δ is level, as over a right one; regions below the least size tell too little and pass.
 pub(super) fn level_regions(resolver: &Resolver<'_>, regions: &Regions) -> Vec<bool> {
-    let width = resolver.evidence.cam1.width;
+    let (grid, gate) = (resolver.continuity.grid, resolver.evidence.gate);
     let steepness = Steepness::new(resolver, regions);
+    let is_asked = |region: usize| regions.sizes[region] >= resolver.settings.min_region_px;
+    let of_runs: Vec<(usize, RegionDelta)> = regions
+        .runs
+        .par_iter()
+        .filter(|run| is_asked(run.region as usize))
+        .map(|run| {
+            let region = run.region as usize;
+            let stride = STEEP_STRIDES[usize::from(regions.sizes[region] > MANY_PX)];
+            let sums = DeltaOfRun { grid, delta: &resolver.decisions.delta, bounds: resolver.gate_bounds, run: *run };
+            let mut sums = simd::run(resolver.level, sums);
+            let [u, v] = grid.column_and_row(run.place as usize);
+            if v.is_multiple_of(stride) {
+                let first = u.next_multiple_of(stride) - u;
+                for place in run.places().skip(first).step_by(stride) {
+                    if gate.passes(resolver.decisions.delta[place]) {
+                        sums.add_slope(steepness.is_steep(place));
+                    }
+                }
+            }
+            (region, sums)
+        })
+        .collect();
     let mut all = vec![RegionDelta::default(); regions.sizes.len()];
-    for pixel in 0..resolver.absolute.len() {
-        let Some(region) = regions.region_of(pixel) else { continue };
-        let delta = resolver.delta[pixel];
-        if !resolver.evidence.gate.passes(delta) {
-            continue;
-        }
-        let (u, v) = (pixel % width, pixel / width);
-        all[region].add([u as i64, v as i64], i64::from(delta));
-        let stride = STEEP_STRIDES[usize::from(regions.sizes[region] > MANY_PX)];
-        if u.is_multiple_of(stride) && v.is_multiple_of(stride) {
-            all[region].add_slope(steepness.is_steep(pixel));
-        }
-    }
-    let gate = resolver.evidence.gate;
+    of_runs.iter().for_each(|(region, sums)| all[*region].join(sums));
     // thr is 3·sd.
     let sd = f64::from(gate.threshold_turns) * f64::from(TURN) / 3.0;
     let mean = f64::from(gate.mean_turns) * f64::from(TURN);
-    let fastest = MAX_CHANGE_OVER_IMAGE_SD * sd / width as f64;
-    let judge = |(delta, &size): (&RegionDelta, &u32)| {
-        size < resolver.settings.min_region_px || {
+    let fastest = MAX_CHANGE_OVER_IMAGE_SD * sd / grid.width() as f64;
+    let judge = |(region, delta): (usize, &RegionDelta)| {
+        !is_asked(region) || {
             let (slope, explained) = delta.ramp();
-            delta.count as f64 >= MIN_PASSING_SHARE * f64::from(size)
+            delta.count as f64 >= MIN_PASSING_SHARE * f64::from(regions.sizes[region])
                 && delta.steep as f64 <= MAX_STEEP_SHARE * delta.sampled as f64
                 && (delta.mean() - mean).abs() <= MAX_MEAN_SD * sd
                 && (slope <= fastest || explained <= MAX_RAMP_VARIANCE * sd * sd)
         }
     };
-    all.iter().zip(&regions.sizes).map(judge).collect()
+    all.iter().enumerate().map(judge).collect()
 }
 
+/// Sums the δ of a run that pass the back-projection test.
+struct DeltaOfRun<'a> {
+    grid: Grid,
+    delta: &'a [i16],
+    /// Least and greatest δ that pass.
+    bounds: [i16; 2],
+    run: Run,
+}
+
+impl Kernel for DeltaOfRun<'_> {
+    type Output = RegionDelta;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> RegionDelta {
+        let mut sums = RegionDelta::default();
+        let [u, v] = self.grid.column_and_row(self.run.place as usize);
+        let (u, v) = (u as i64 - i64::from(self.run.place), v as i64);
+        let [least, greatest] = self.bounds;
+        let (zero, one, number) = (lanes.word(0), lanes.word(1), lanes.load(&NUMBERS));
+        let places = self.run.places();
+        let mut block = places.start / LANES;
+        while block * LANES < places.end {
+            let first = block * LANES;
+            let begin = places.start.max(first) - first;
+            let end = places.end.min(first + LANES) - first;
+            let of_run = (u32::MAX >> (LANES - (end - begin))) << begin;
+            let delta = lanes.load(words(self.delta, first));
+            let fails = lanes.bits(lanes.is_greater(lanes.word(least), delta))
+                | lanes.bits(lanes.is_greater(delta, lanes.word(greatest)));
+            let passing = lanes.mask(of_run & !fails);
+            let [delta, number, one] = [
+                lanes.select(passing, delta, zero),
+                lanes.select(passing, number, zero),
+                lanes.select(passing, one, zero),
+            ];
+            let count = i64::from(lanes.dot(one, one));
+            let (of_number, squares) = (i64::from(lanes.dot(one, number)), i64::from(lanes.dot(number, number)));
+            let (sum, number_delta) = (i64::from(lanes.dot(delta, one)), i64::from(lanes.dot(delta, number)));
+            // Columns are counted from that of the block.
+            let column = u + first as i64;
+            let of_column = column * count + of_number;
+            sums.count += count;
+            sums.sum += sum;
+            sums.place[0] += of_column;
+            sums.place_delta[0] += column * sum + number_delta;
+            sums.place_place[0] += column * column * count + 2 * column * of_number + squares;
+            block += 1;
+        }
+        sums.place[1] = v * sums.count;
+        sums.place_delta[1] = v * sums.sum;
+        sums.place_place[1] = v * sums.place[0];
+        sums.place_place[2] = v * v * sums.count;
+        sums
+    }
+}
+
+/// Numbers of the lanes.
+const NUMBERS: [u16; LANES] = {
+    let mut numbers = [0; LANES];
+    let mut k = 0;
+    while k < LANES {
+        numbers[k] = k as u16;
+        k += 1;
+    }
+    numbers
+};
+
 /// Sums over those pixels of a region that pass the test, in whole numbers: they are the same in any order.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct RegionDelta {
     count: i64,
     sum: i64,
@@ -75,14 +156,16 @@ struct RegionDelta {
 }
 
 impl RegionDelta {
-    fn add(&mut self, place: [i64; 2], delta: i64) {
-        let [u, v] = place;
-        self.count += 1;
-        self.sum += delta;
-        self.place = [self.place[0] + u, self.place[1] + v];
-        self.place_delta = [self.place_delta[0] + u * delta, self.place_delta[1] + v * delta];
-        let [uu, uv, vv] = self.place_place;
-        self.place_place = [uu + u * u, uv + u * v, vv + v * v];
+    /// Adds the sums over other pixels.
+    fn join(&mut self, other: &Self) {
+        let add = |to: &mut [i64], of: &[i64]| to.iter_mut().zip(of).for_each(|(to, of)| *to += of);
+        add(&mut self.place, &other.place);
+        add(&mut self.place_delta, &other.place_delta);
+        add(&mut self.place_place, &other.place_place);
+        self.count += other.count;
+        self.sum += other.sum;
+        self.sampled += other.sampled;
+        self.steep += other.steep;
     }
 
     fn add_slope(&mut self, steep: bool) {
@@ -114,14 +197,53 @@ impl RegionDelta {
 
 #[cfg(test)]
 mod tests {
+    use crate::simd::Level;
+
     use super::*;
 
+    /// Sums over a region of 40 by 20 pixels, run by run.
     fn region(delta: impl Fn(i64, i64) -> i64) -> RegionDelta {
+        sums_of([600, 400], [40, 20], delta, Level::in_use())
+    }
+
+    fn sums_of(
+        [u0, v0]: [usize; 2],
+        [width, height]: [usize; 2],
+        delta: impl Fn(i64, i64) -> i64,
+        level: Level,
+    ) -> RegionDelta {
+        let grid = Grid::new([u0 + width, v0 + height]);
+        let mut plane = vec![0; grid.places()];
         let mut sums = RegionDelta::default();
-        for (u, v) in (0..40).flat_map(|u| (0..20).map(move |v| (u, v))) {
-            sums.add([600 + u, 400 + v], delta(u, v));
+        for v in v0..v0 + height {
+            let place = grid.row(v) + u0;
+            for u in 0..width {
+                plane[place + u] = delta(u as i64, (v - v0) as i64) as i16;
+            }
+            let run = Run { place: place as u32, length: width as u32, region: 0 };
+            sums.join(&simd::run(level, DeltaOfRun { grid, delta: &plane, bounds: [-900, 900], run }));
         }
         sums
+    }
+
+    #[test]
+    fn sums_are_those_of_the_pixels_that_pass() {
+        let delta = |u: i64, v: i64| (u * 7919 + v * 104_729) % 2001 - 1000;
+        let ([u0, v0], [width, height]) = ([21, 3], [77, 5]);
+        let none = RegionDelta::default();
+        let mut expected = none;
+        for (u, v) in (0..width).flat_map(|u| (0..height).map(move |v| (u, v))) {
+            let (delta, u, v) = (delta(u, v), u0 + u, v0 + v);
+            if delta.abs() <= 900 {
+                let place_place = [u * u, u * v, v * v];
+                let place_delta = [u * delta, v * delta];
+                expected.join(&RegionDelta { count: 1, sum: delta, place: [u, v], place_delta, place_place, ..none });
+            }
+        }
+        for level in Level::ALL {
+            let sums = sums_of([u0 as usize, v0 as usize], [width as usize, height as usize], delta, level);
+            assert_eq!(sums, expected);
+        }
     }
 
     #[test]
@@ -138,9 +260,8 @@ mod tests {
 
     #[test]
     fn pixels_in_one_line_have_no_plane() {
-        let mut sums = RegionDelta::default();
-        (0..50).for_each(|u| sums.add([u, 2 * u], 100 * u));
+        let sums = sums_of([7, 7], [8, 1], |u, _| 100 * u, Level::in_use());
         assert_eq!(sums.ramp(), (0.0, 0.0));
-        assert_eq!(sums.mean(), 2450.0);
+        assert_eq!(sums.mean(), 350.0);
     }
 }

@@ -4,8 +4,8 @@ use super::super::neighbourhood::TURN;
 use super::Resolver;
 use super::regions::Regions;
 
-/// Pixels on either side over which the slope of δ is measured.
-const REACH_PX: isize = 3;
+/// Pixels on either side over which the slope of δ is measured; the margin of the planes has as many rows.
+const REACH_PX: usize = 3;
 
 /// Tells where δ changes steadily.
 pub(super) struct Steepness<'a> {
@@ -21,28 +21,25 @@ impl<'a> Steepness<'a> {
         Self { resolver, regions, limit }
     }
 
-    /// Whether δ is steep along the rows or the columns at a pixel.
-    pub(super) fn is_steep(&self, pixel: usize) -> bool {
-        let width = self.resolver.evidence.cam1.width as isize;
-        [1, width].into_iter().any(|stride| self.slope(pixel, stride).is_some_and(|slope| slope.abs() > self.limit))
+    /// Whether δ is steep along the rows or the columns at a decided place.
+    pub(super) fn is_steep(&self, place: usize) -> bool {
+        let stride = self.resolver.continuity.grid.stride();
+        [1, stride].into_iter().any(|stride| self.slope(place, stride).is_some_and(|slope| slope.abs() > self.limit))
     }
 
-    /// Least-squares slope of δ over the pixels of the same region around a pixel; `None` with too few on a side.
-    fn slope(&self, pixel: usize, stride: isize) -> Option<f64> {
-        let same = |next: usize| self.regions.region_of(next) == self.regions.region_of(pixel);
-        let reach = |direction: isize| {
-            let steps = 1..=REACH_PX;
-            steps.take_while(|k| pixel.checked_add_signed(direction * k * stride).is_some_and(&same)).count() as isize
-        };
-        let (before, after) = (reach(-1), reach(1));
+    /// Least-squares slope of δ over the pixels of the same region around a place; `None` with too few on a side.
+    fn slope(&self, place: usize, stride: usize) -> Option<f64> {
+        let steps = 1..=REACH_PX;
+        let before = steps.clone().take_while(|k| self.regions.are_one(place, place - k * stride)).count();
+        let after = steps.take_while(|k| self.regions.are_one(place, place + k * stride)).count();
         if before + after < REACH_PX {
             return None;
         }
-        let centre = 0.5 * (after - before) as f64;
+        let centre = 0.5 * (after as f64 - before as f64);
         let (mut moment, mut spread) = (0.0, 0.0);
-        for k in -before..=after {
-            let offset = k as f64 - centre;
-            moment += offset * f64::from(self.resolver.delta[pixel.wrapping_add_signed(k * stride)]);
+        for k in 0..=before + after {
+            let offset = k as f64 - before as f64 - centre;
+            moment += offset * f64::from(self.resolver.decisions.delta[place - before * stride + k * stride]);
             spread += offset * offset;
         }
         Some(moment / spread)

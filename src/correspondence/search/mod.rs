@@ -36,7 +36,13 @@ impl CandidateLists {
     #[must_use]
     #[inline]
     pub fn of(&self, pixel: usize) -> &[Candidate] {
-        &self.all[self.start[pixel] as usize..self.start[pixel + 1] as usize]
+        &self.all[self.range(pixel)]
+    }
+
+    /// Where the candidates of a pixel stand among all.
+    #[inline]
+    pub(super) fn range(&self, pixel: usize) -> std::ops::Range<usize> {
+        self.start[pixel] as usize..self.start[pixel + 1] as usize
     }
 
     /// All candidates, pixel by pixel.
@@ -57,9 +63,23 @@ pub fn find_candidates(
     gate: &DeltaGate,
     form: SearchForm,
 ) -> CandidateLists {
-    let rows: Vec<(Vec<u8>, Vec<Candidate>)> = (0..cam1.height)
-        .into_par_iter()
+    let rows: Vec<Option<usize>> = (0..cam1.height).map(Some).collect();
+    find_candidates_of_rows(cam1, &rows, cam2, table, gate, form)
+}
+
+/// As [`find_candidates`], of some rows of C1 one below the other; a row that is `None` has no candidates.
+pub(super) fn find_candidates_of_rows(
+    cam1: &PhaseMap,
+    rows: &[Option<usize>],
+    cam2: &EpipolarImage,
+    table: &SegmentTable,
+    gate: &DeltaGate,
+    form: SearchForm,
+) -> CandidateLists {
+    let rows: Vec<(Vec<u8>, Vec<Candidate>)> = rows
+        .par_iter()
         .map_init(SegmentRow::default, |segments, v| {
+            let Some(v) = *v else { return (vec![0; cam1.width], Vec::new()) };
             table.row(v, segments);
             let pixels = v * cam1.width..(v + 1) * cam1.width;
             let row = Row { phase: &cam1.phase[pixels.clone()], valid: &cam1.valid[pixels], segments, cam2, gate };

@@ -1,0 +1,313 @@
+//! Where the wrapped phase of C1 runs on from pixel to pixel: what the walks of Eq. (2) and the regions go along.
+//!
+//! Around p the phase is unwrapped along straight walks, left and right, up and down, for less than one period and only as
+//! long as it runs on without a jump. Whether it does is the same for every walk that passes, so that it is worked out once: a
+//! bit for each step, a bit for each pixel that a walk may pass straight through, and the whole turns that the wrapped
+//! phase has skipped since the beginning of the row or column.
+
+use rayon::prelude::*;
+
+use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
+
+use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
+use super::grid::{Grid, bit, bits_from, ones, words};
+
+/// An axis of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Axis {
+    /// Along the rows.
+    Row,
+    /// Along the columns.
+    Column,
+}
+
+/// Continuity along one axis.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Along {
+    /// Places from a pixel to the next.
+    pub(super) stride: usize,
+    /// A bit a place: the phase runs on to the next pixel.
+    pub(super) runs_on: Vec<u32>,
+    /// A bit a place: the step to the pixel and the step from it are alike, so that a walk may pass.
+    pub(super) passes: Vec<u32>,
+    /// Whole turns that the wrapped phase has skipped since the first pixel, wrapping around.
+    pub(super) turns: Vec<i16>,
+}
+
+/// Continuity of a phase map.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Continuity {
+    pub(super) grid: Grid,
+    /// Phase of C1, turns · 65536; 0 in the margin.
+    pub(super) phase: Vec<u16>,
+    pub(super) row: Along,
+    pub(super) column: Along,
+}
+
+impl Continuity {
+    pub(super) fn of(map: &PhaseMap) -> Self {
+        let grid = Grid::new([map.width, map.height]);
+        let mut phase = vec![0; grid.places()];
+        let mut valid = vec![0; grid.all_blocks()];
+        let rows =
+            grid.rows(&mut phase).par_chunks_mut(grid.stride()).zip(grid.rows(&mut valid).par_chunks_mut(grid.blocks));
+        let rows = rows.zip(map.phase.par_chunks(map.width).zip(map.valid.par_chunks(map.width)));
+        rows.for_each(|((phase, valid), (of_map, is_valid))| {
+            phase[LANES..LANES + of_map.len()].copy_from_slice(of_map);
+            for (bits, is_valid) in valid[1..].iter_mut().zip(is_valid.chunks(LANES)) {
+                *bits = is_valid.iter().enumerate().fold(0, |bits, (k, &valid)| bits | u32::from(valid) << k);
+            }
+        });
+        let mut steps = vec![[Steps::default(); 2]; grid.all_blocks()];
+        let level = Level::in_use();
+        grid.rows(&mut steps).par_chunks_mut(grid.blocks).enumerate().for_each(|(v, steps)| {
+            simd::run(level, StepsOfRow { grid, phase: &phase, valid: &valid, v, steps });
+        });
+        let along = |axis: usize, stride: usize| Along {
+            stride,
+            runs_on: steps.iter().map(|both| both[axis].runs_on).collect(),
+            passes: steps.iter().map(|both| both[axis].passes).collect(),
+            turns: vec![0; grid.places()],
+        };
+        let (mut row, mut column) = (along(0, 1), along(1, grid.stride()));
+        let turns = grid.rows(&mut row.turns).par_chunks_mut(grid.stride());
+        turns.zip(grid.rows(&mut steps).par_chunks(grid.blocks)).for_each(|(turns, steps)| {
+            let mut so_far = 0_i16;
+            for (turns, [steps, _]) in turns.as_chunks_mut::<LANES>().0.iter_mut().zip(steps) {
+                let mut from = 0;
+                for k in ones(steps.up | steps.down) {
+                    turns[from..=k].fill(so_far);
+                    so_far = so_far.wrapping_add((steps.up >> k & 1) as i16).wrapping_sub((steps.down >> k & 1) as i16);
+                    from = k + 1;
+                }
+                turns[from..].fill(so_far);
+            }
+        });
+        for v in 1..map.height {
+            let (above, here) = column.turns.split_at_mut(grid.row(v) - LANES);
+            let above = &above[grid.row(v - 1) - LANES..];
+            let steps = &steps[grid.blocks_of_row(v - 1).start - 1..];
+            simd::run(level, TurnsOfRow { above, here: &mut here[..grid.stride()], steps });
+        }
+        Self { grid, phase, row, column }
+    }
+
+    #[inline]
+    pub(super) fn along(&self, axis: Axis) -> &Along {
+        match axis {
+            Axis::Row => &self.row,
+            Axis::Column => &self.column,
+        }
+    }
+
+    /// Tells of the pixels of a walk from a place, along an axis forwards or backwards, for at most `reach` pixels: place and
+    /// whole turns skipped on the way.
+    #[inline(always)]
+    pub(super) fn walk(&self, from: usize, axis: Axis, forwards: bool, reach: usize, mut tell: impl FnMut(usize, i16)) {
+        let along = self.along(axis);
+        let mut here = from;
+        for step in 0..reach {
+            let next = if forwards { here + along.stride } else { here - along.stride };
+            let runs_on = bit(&along.runs_on, here.min(next)) && (step == 0 || bit(&along.passes, here));
+            let turns = along.turns[next].wrapping_sub(along.turns[from]);
+            if !runs_on || is_a_period(self.phase[from], self.phase[next], turns) {
+                return;
+            }
+            tell(next, turns);
+            here = next;
+        }
+    }
+
+    /// How many pixels two walks along the row from a place have, to the left and to the right, at most 15 each.
+    #[inline(always)]
+    pub(super) fn row_reach<L: Lanes>(&self, lanes: L, place: usize) -> [u32; 2] {
+        let (runs_on, passes) = (&self.row.runs_on, &self.row.passes);
+        let right = bits_from(runs_on, place) & (bits_from(passes, place) | 1);
+        let left = bits_from(runs_on, place - LANES) & (bits_from(passes, place - LANES + 1) | 1 << 31);
+        let reach = [left.leading_ones().min(FAR), right.trailing_ones().min(FAR)];
+        if reach == [0; 2] {
+            return reach;
+        }
+        let (turns, phase) = (&self.row.turns, &self.phase);
+        let (here_turns, here) = (lanes.word(turns[place]), lanes.word(phase[place] as i16));
+        let turns = lanes.sub(lanes.load(words(turns, place - CENTRE)), here_turns);
+        let phase = lanes.load(words(phase, place - CENTRE));
+        let (zero, one) = (lanes.word(0), lanes.word(1));
+        let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(phase, here));
+        let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(here, phase));
+        let period = up | down | lanes.bits(lanes.is_greater(lanes.abs(turns), one));
+        let (before, after) = (period << (LANES - CENTRE), period >> (CENTRE + 1));
+        [reach[0].min(before.leading_zeros()), reach[1].min(after.trailing_zeros())]
+    }
+}
+
+/// Pixels of the farthest walk; a period is seldom longer, and one period is all that Eq. (2) uses.
+pub(super) const FAR: u32 = 15;
+/// Lane of a pixel among those that walks along its row may meet.
+pub(super) const CENTRE: usize = LANES / 2;
+
+/// Whether the phase has risen or fallen by a period or more.
+#[inline(always)]
+fn is_a_period(from: u16, to: u16, turns: i16) -> bool {
+    ((i32::from(to) - i32::from(from)) + (i32::from(turns) << 16)).abs() >= 1 << 16
+}
+
+/// Steps from the pixels of a block to the next ones, a bit each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Steps {
+    runs_on: u32,
+    passes: u32,
+    /// The wrapped phase runs on, and begins anew at 0.
+    up: u32,
+    /// The same downwards.
+    down: u32,
+}
+
+/// Works out the steps of a row.
+struct StepsOfRow<'a> {
+    grid: Grid,
+    phase: &'a [u16],
+    valid: &'a [u32],
+    v: usize,
+    steps: &'a mut [[Steps; 2]],
+}
+
+impl Kernel for StepsOfRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let blocks = self.grid.blocks_of_row(self.v);
+        let stride = self.grid.stride();
+        let mut b = 1;
+        for block in blocks {
+            let place = block * LANES;
+            let here = lanes.load(words(self.phase, place));
+            let next = [lanes.load(words(self.phase, place + 1)), lanes.load(words(self.phase, place + stride))];
+            let before = [lanes.load(words(self.phase, place - 1)), lanes.load(words(self.phase, place - stride))];
+            let valid = self.valid[block];
+            let next_valid = [bits_from(self.valid, place + 1), self.valid[block + self.grid.blocks]];
+            let mut axis = 0;
+            while axis < 2 {
+                self.steps[b][axis] = steps(lanes, [before[axis], here, next[axis]], valid & next_valid[axis]);
+                axis += 1;
+            }
+            b += 1;
+        }
+    }
+}
+
+#[inline(always)]
+fn steps<L: Lanes>(lanes: L, [before, here, next]: [L::Words; 3], valid: u32) -> Steps {
+    let zero = lanes.word(0);
+    let step = lanes.sub(next, here);
+    let change = lanes.abs(lanes.sub(lanes.sub(here, before), step));
+    let runs_on = valid & lanes.bits(lanes.is_at_least(lanes.word(MAX_STEP as i16), lanes.abs(step)));
+    let passes = lanes.bits(lanes.is_at_least(lanes.word(MAX_STEP_CHANGE as i16), change));
+    let up = lanes.bits(lanes.is_greater(step, zero)) & !lanes.bits(lanes.is_at_least(next, here));
+    let down = lanes.bits(lanes.is_greater(zero, step)) & !lanes.bits(lanes.is_at_least(here, next));
+    Steps { runs_on, passes, up: up & runs_on, down: down & runs_on }
+}
+
+/// Adds the steps of a row to the turns skipped down to it.
+struct TurnsOfRow<'a> {
+    above: &'a [i16],
+    here: &'a mut [i16],
+    steps: &'a [[Steps; 2]],
+}
+
+impl Kernel for TurnsOfRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let (zero, one) = (lanes.word(0), lanes.word(1));
+        let here: &mut [u16] = bytemuck::cast_slice_mut(self.here);
+        let mut b = 0;
+        for here in here.as_chunks_mut::<LANES>().0 {
+            let [_, Steps { up, down, .. }] = self.steps[b];
+            let mut turns = lanes.load(words(self.above, b * LANES));
+            if up | down != 0 {
+                turns = lanes.add(turns, lanes.select(lanes.mask(up), one, zero));
+                turns = lanes.sub(turns, lanes.select(lanes.mask(down), one, zero));
+            }
+            lanes.store(turns, here);
+            b += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of pixels whose phase rises by `step` a pixel, with a jump of `jump` before pixel 6.
+    fn row(step: i32, jump: i32) -> PhaseMap {
+        let phase = |i: i32| (i * step + if i >= 6 { jump } else { 0 }) as u16;
+        PhaseMap {
+            width: 12,
+            height: 1,
+            phase: (0..12).map(phase).collect(),
+            valid: vec![true; 12],
+            ..PhaseMap::default()
+        }
+    }
+
+    fn transposed(map: &PhaseMap) -> PhaseMap {
+        PhaseMap { width: map.height, height: map.width, ..map.clone() }
+    }
+
+    /// Places met by the walks from pixel 5, as distances, and the absolute phases that they come to.
+    fn met(map: &PhaseMap, axis: Axis) -> Vec<(i32, i32)> {
+        let continuity = Continuity::of(map);
+        let from = continuity.grid.place(5);
+        let mut met = Vec::new();
+        for forwards in [false, true] {
+            continuity.walk(from, axis, forwards, FAR as usize, |place, turns| {
+                let distance = (continuity.grid.pixel(place) as i32) - 5;
+                met.push((distance, i32::from(turns) * 65536 + i32::from(continuity.phase[place])));
+            });
+        }
+        met.sort_unstable();
+        met
+    }
+
+    #[test]
+    fn walks_unwrap_for_less_than_a_period_and_end_at_jumps() {
+        let distances = |map: &PhaseMap| met(map, Axis::Row).into_iter().map(|(d, _)| d).collect::<Vec<_>>();
+        assert_eq!(distances(&row(7000, 0)), [-5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(distances(&row(15000, 0)), [-4, -3, -2, -1, 1, 2, 3, 4]);
+        assert_eq!(distances(&row(7000, 20000)), [-5, -4, -3, -2, -1]);
+        // A jump that hides as a moderate step is betrayed by its change of slope one pixel on.
+        assert_eq!(distances(&row(7000, 9000)), [-5, -4, -3, -2, -1, 1]);
+        let here = (5 * 7000) % 65536;
+        for (distance, absolute) in met(&row(7000, 0), Axis::Row) {
+            assert_eq!(absolute - here, 7000 * distance);
+        }
+    }
+
+    #[test]
+    fn rows_and_columns_are_the_same_and_reaches_are_those_of_walks() {
+        for map in [row(7000, 0), row(-9000, 0), row(15000, 0), row(7000, 20000), row(7000, 9000), row(-15000, 3000)] {
+            assert_eq!(met(&map, Axis::Row), met(&transposed(&map), Axis::Column));
+            for level in Level::ALL {
+                let continuity = Continuity::of(&map);
+                let reach = simd::run(level, Reach(&continuity, continuity.grid.place(5)));
+                let side = |sign: i32| met(&map, Axis::Row).iter().filter(|(d, _)| d * sign > 0).count() as u32;
+                assert_eq!(reach, [side(-1), side(1)]);
+            }
+        }
+    }
+
+    struct Reach<'a>(&'a Continuity, usize);
+
+    impl Kernel for Reach<'_> {
+        type Output = [u32; 2];
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, lanes: L) -> [u32; 2] {
+            self.0.row_reach(lanes, self.1)
+        }
+    }
+}

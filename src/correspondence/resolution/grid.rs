@@ -1,0 +1,164 @@
+//! Planes of an image with a margin all around, in blocks of [`LANES`] pixels: who looks beside a block asks nothing about the
+//! ends of rows.
+
+use crate::simd::LANES;
+
+/// Rows above and below the image that can be read.
+const MARGIN_ROWS: usize = 3;
+/// Enough for images of 2^16 by 2^16 pixels: blocks of a row times all blocks stay below.
+const RECIPROCAL_BITS: u32 = 39;
+
+/// Where the pixels of an image have their *place* in such planes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Grid {
+    width: usize,
+    height: usize,
+    /// Blocks of a row, one of margin on either side included.
+    pub(super) blocks: usize,
+    /// 2^[`RECIPROCAL_BITS`] / `blocks`, rounded up: a multiplication is much faster than a division.
+    reciprocal: u64,
+}
+
+impl Grid {
+    pub(super) fn new([width, height]: [usize; 2]) -> Self {
+        let blocks = width.div_ceil(LANES) + 2;
+        Self { width, height, blocks, reciprocal: (1_u64 << RECIPROCAL_BITS).div_ceil(blocks as u64) }
+    }
+
+    /// Places from one row to the next.
+    #[inline]
+    pub(super) fn stride(self) -> usize {
+        self.blocks * LANES
+    }
+
+    /// Places of all rows.
+    pub(super) fn places(self) -> usize {
+        self.all_blocks() * LANES
+    }
+
+    /// Blocks of all rows.
+    pub(super) fn all_blocks(self) -> usize {
+        self.blocks * (self.height + 2 * MARGIN_ROWS)
+    }
+
+    /// Blocks of the image in a row of it.
+    pub(super) fn blocks_of_row(self, v: usize) -> std::ops::Range<usize> {
+        let first = (v + MARGIN_ROWS) * self.blocks + 1;
+        first..first + self.blocks - 2
+    }
+
+    /// Blocks of the image, row by row.
+    pub(super) fn blocks_of_image(self) -> impl Iterator<Item = usize> {
+        (0..self.height).flat_map(move |v| self.blocks_of_row(v))
+    }
+
+    /// Place of the first pixel of a row.
+    #[inline]
+    pub(super) fn row(self, v: usize) -> usize {
+        (v + MARGIN_ROWS) * self.stride() + LANES
+    }
+
+    /// Place of a pixel, counted row by row.
+    #[cfg(test)]
+    pub(super) fn place(self, pixel: usize) -> usize {
+        self.row(pixel / self.width) + pixel % self.width
+    }
+
+    /// Column and row of a place in the image.
+    #[inline]
+    pub(super) fn column_and_row(self, place: usize) -> [usize; 2] {
+        let row = self.row_with_margin(place);
+        [place - row * self.stride() - LANES, row - MARGIN_ROWS]
+    }
+
+    /// The pixel of a place in the image, counted row by row.
+    #[inline]
+    pub(super) fn pixel(self, place: usize) -> usize {
+        let row = self.row_with_margin(place);
+        place - row * self.stride() - LANES + (row - MARGIN_ROWS) * self.width
+    }
+
+    /// Row of a place, those of the margin counted.
+    #[inline]
+    fn row_with_margin(self, place: usize) -> usize {
+        ((place / LANES) as u64 * self.reciprocal >> RECIPROCAL_BITS) as usize
+    }
+
+    /// The part of a plane that begins with the first row and holds all rows of the image, with the rows' margins.
+    pub(super) fn rows<T>(self, plane: &mut [T]) -> &mut [T] {
+        let row = plane.len() / (self.height + 2 * MARGIN_ROWS);
+        &mut plane[MARGIN_ROWS * row..(MARGIN_ROWS + self.height) * row]
+    }
+
+    pub(super) fn width(self) -> usize {
+        self.width
+    }
+
+    pub(super) fn height(self) -> usize {
+        self.height
+    }
+}
+
+/// Words of a plane from a place on.
+#[inline(always)]
+pub(super) fn words<T: bytemuck::Pod>(plane: &[T], place: usize) -> &[u16; LANES] {
+    let words: &[u16] = bytemuck::cast_slice(plane);
+    match words[place..].first_chunk() {
+        Some(words) => words,
+        None => &[0; LANES],
+    }
+}
+
+/// Bit `place` and those after it, of a plane with a bit a place.
+#[inline(always)]
+pub(super) fn bits_from(plane: &[u32], place: usize) -> u32 {
+    let (block, first) = (place / LANES, place % LANES);
+    let both = u64::from(plane[block]) | u64::from(plane[block + 1]) << 32;
+    (both >> first) as u32
+}
+
+/// The bit of a place.
+#[inline(always)]
+pub(super) fn bit(plane: &[u32], place: usize) -> bool {
+    plane[place / LANES] >> (place % LANES) & 1 == 1
+}
+
+/// The numbers of the bits that are set, the least first.
+pub(super) fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let first = bits.trailing_zeros() as usize;
+        let next = bits & bits.wrapping_sub(1);
+        let has = std::mem::replace(&mut bits, next) != 0;
+        has.then_some(first)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_has_a_place_with_room_around() {
+        let grid = Grid::new([70, 5]);
+        let large = Grid::new([0xffff, 0xffff]);
+        for v in [0, 1, 0x7fff, 0xfffe] {
+            assert_eq!(large.pixel(large.row(v)), v * 0xffff);
+            assert_eq!(large.pixel(large.row(v) + 0xfffe), v * 0xffff + 0xfffe);
+        }
+        for pixel in 0..70 * 5 {
+            let place = grid.place(pixel);
+            assert_eq!(grid.pixel(place), pixel);
+            assert_eq!(grid.column_and_row(place), [pixel % 70, pixel / 70]);
+            assert!(place >= 3 * grid.stride() + LANES);
+            assert!(place + 3 * grid.stride() + LANES < grid.places());
+        }
+    }
+
+    #[test]
+    fn bits_are_read_across_blocks() {
+        let plane = [0x8000_0001, 0x0000_0003, 0];
+        assert_eq!(bits_from(&plane, 31), 0b111);
+        assert!(bit(&plane, 33) && !bit(&plane, 34));
+        assert_eq!(ones(plane[0]).collect::<Vec<_>>(), [0, 31]);
+    }
+}

@@ -1,0 +1,176 @@
+//! Whether the decided pixels next to a pixel support what it was decided for: up to three steps to each of four sides.
+
+use crate::simd::{LANES, Lanes};
+
+use super::continuity::{Along, Axis, Continuity};
+use super::decision::{Tally, VoteRule};
+use super::decisions::Decisions;
+use super::grid::words;
+
+/// Steps of a walk.
+pub(super) const NEAR: usize = 3;
+
+/// Support by decided pixels.
+#[derive(Clone, Copy)]
+pub(super) struct Support<'a> {
+    pub(super) continuity: &'a Continuity,
+    pub(super) decisions: &'a Decisions,
+    pub(super) rule: VoteRule,
+    /// Difference of δ that is tolerated, turns · 65536.
+    pub(super) tolerance: i32,
+}
+
+/// The pixels that a walk has come to, a bit for each pixel of the block it began from.
+type Walks = [u32; NEAR];
+
+impl Support<'_> {
+    /// Of a block the decided pixels that their neighbours support.
+    #[inline(always)]
+    pub(super) fn of_block<L: Lanes>(&self, lanes: L, block: usize) -> u32 {
+        let decided = self.decisions.decided[block];
+        if decided == 0 {
+            return 0;
+        }
+        let mut votes = Votes::new(lanes, self, block);
+        let continuity = self.continuity;
+        let [left, right] = row_walks(&continuity.row, block);
+        let [above, below] = column_walks(&continuity.column, block);
+        votes.add(lanes, self, Axis::Row, false, left);
+        votes.add(lanes, self, Axis::Row, true, right);
+        votes.add(lanes, self, Axis::Column, false, above);
+        votes.add(lanes, self, Axis::Column, true, below);
+        votes.supported(lanes, self) & decided
+    }
+}
+
+/// The walks along the rows from a block, to the left and to the right.
+#[inline(always)]
+fn row_walks(along: &Along, block: usize) -> [Walks; 2] {
+    let with_next = |bits: &[u32]| u64::from(bits[block]) | u64::from(bits[block + 1]) << LANES;
+    let with_last = |bits: &[u32]| u64::from(bits[block - 1]) | u64::from(bits[block]) << LANES;
+    let (runs_on, passes) = (with_next(&along.runs_on), with_next(&along.passes));
+    let one = runs_on;
+    let two = one & (runs_on & passes) >> 1;
+    let three = two & (runs_on & passes) >> 2;
+    let right = [one as u32, two as u32, three as u32];
+    let (runs_on, passes) = (with_last(&along.runs_on), with_last(&along.passes));
+    let one = runs_on << 1;
+    let two = one & runs_on << 2 & passes << 1;
+    let three = two & runs_on << 3 & passes << 2;
+    [[(one >> LANES) as u32, (two >> LANES) as u32, (three >> LANES) as u32], right]
+}
+
+/// The walks along the columns from a block, upwards and downwards.
+#[inline(always)]
+fn column_walks(along: &Along, block: usize) -> [Walks; 2] {
+    let blocks = along.stride / LANES;
+    let (runs_on, passes) = (&along.runs_on, &along.passes);
+    let (first, second, third) = (block - blocks, block - 2 * blocks, block - 3 * blocks);
+    let one = runs_on[first];
+    let two = one & runs_on[second] & passes[first];
+    let three = two & runs_on[third] & passes[second];
+    let up = [one, two, three];
+    let (first, second) = (block + blocks, block + 2 * blocks);
+    let one = runs_on[block];
+    let two = one & runs_on[first] & passes[first];
+    let three = two & runs_on[second] & passes[second];
+    [up, [one, two, three]]
+}
+
+/// Votes for the decisions of a block.
+struct Votes<L: Lanes> {
+    block: usize,
+    phase: L::Words,
+    /// Orders of the block.
+    order: L::Words,
+    /// Those who say the same, and those who say anything.
+    votes: L::Words,
+    total: L::Words,
+    /// Sums of δ + 32768 of those who say the same: high and low bytes.
+    high: L::Words,
+    low: L::Words,
+}
+
+impl<L: Lanes> Votes<L> {
+    #[inline(always)]
+    fn new(lanes: L, support: &Support<'_>, block: usize) -> Self {
+        let zero = lanes.word(0);
+        let order = lanes.load(words(&support.decisions.order, block * LANES));
+        let phase = lanes.load(words(&support.continuity.phase, block * LANES));
+        Self { block, phase, order, votes: zero, total: zero, high: zero, low: zero }
+    }
+
+    /// Asks those that the walks to one side have come to.
+    #[inline(always)]
+    fn add(&mut self, lanes: L, support: &Support<'_>, axis: Axis, forwards: bool, walks: Walks) {
+        let (along, decisions) = (support.continuity.along(axis), support.decisions);
+        let here = self.block * LANES;
+        let here_turns = lanes.load(words(&along.turns, here));
+        let (zero, one) = (lanes.word(0), lanes.word(1));
+        let mut step = 0;
+        while step < NEAR {
+            let distance = (step + 1) * along.stride;
+            let place = if forwards { here + distance } else { here - distance };
+            let mut asked = walks[step] & decided(&decisions.decided, axis, forwards, place, self.block);
+            if asked == 0 {
+                step += 1;
+                continue;
+            }
+            let turns = lanes.sub(lanes.load(words(&along.turns, place)), here_turns);
+            if step + 1 == NEAR {
+                // Three of the largest steps are more than a period.
+                let phase = lanes.load(words(&support.continuity.phase, place));
+                let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(phase, self.phase));
+                let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(self.phase, phase));
+                asked &= !(up | down);
+            }
+            let proposed = lanes.sub(lanes.load(words(&decisions.order, place)), turns);
+            let agree = lanes.bits(lanes.is_equal(proposed, self.order)) & asked;
+            self.total = lanes.add(self.total, lanes.select(lanes.mask(asked), one, zero));
+            let agree = lanes.mask(agree);
+            self.votes = lanes.add(self.votes, lanes.select(agree, one, zero));
+            let delta = lanes.add(lanes.load(words(&decisions.delta, place)), lanes.word(i16::MIN));
+            let high = lanes.shift_right::<8>(delta);
+            let low = lanes.sub(delta, lanes.shift_left::<8>(high));
+            self.high = lanes.add(self.high, lanes.select(agree, high, zero));
+            self.low = lanes.add(self.low, lanes.select(agree, low, zero));
+            step += 1;
+        }
+    }
+
+    /// Those with enough votes.
+    #[inline(always)]
+    fn supported(&self, lanes: L, support: &Support<'_>) -> u32 {
+        let [mut votes, mut total, mut high, mut low, mut delta] = [[0_u16; LANES]; 5];
+        lanes.store(self.votes, &mut votes);
+        lanes.store(self.total, &mut total);
+        lanes.store(self.high, &mut high);
+        lanes.store(self.low, &mut low);
+        lanes.store(lanes.load(words(&support.decisions.delta, self.block * LANES)), &mut delta);
+        let mut supported = 0;
+        let mut k = 0;
+        while k < LANES {
+            let sum = (i32::from(high[k]) << 8) + i32::from(low[k]) - 32768 * i32::from(votes[k]);
+            let tally = Tally { votes: votes[k], delta_sum: sum };
+            let is = support.rule.supports(tally, total[k], delta[k] as i16, support.tolerance);
+            supported |= u32::from(is) << k;
+            k += 1;
+        }
+        supported
+    }
+}
+
+/// The decided pixels among those a walk has come to from a block: `place` is where the first of them lies.
+#[inline(always)]
+fn decided(all: &[u32], axis: Axis, forwards: bool, place: usize, block: usize) -> u32 {
+    match (axis, forwards) {
+        (Axis::Column, _) => all[place / LANES],
+        (Axis::Row, true) => {
+            ((u64::from(all[block]) | u64::from(all[block + 1]) << LANES) >> (place - block * LANES)) as u32
+        }
+        (Axis::Row, false) => {
+            let both = u64::from(all[block - 1]) | u64::from(all[block]) << LANES;
+            (both >> (LANES - (block * LANES - place))) as u32
+        }
+    }
+}
