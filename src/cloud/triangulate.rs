@@ -59,11 +59,17 @@ pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>, cloud: &mut
                 }
             }
             input.frame.look(sights, sighted);
-            let seen = pixels.iter().enumerate().filter_map(|(k, &u)| {
+            let mut made = 0;
+            for (k, &u) in pixels.iter().enumerate() {
                 let i = v * width + u;
-                point(matches, &input, phase_noise, i, matches.chosen[i].as_ref()?, sights, sighted, k)
-            });
-            out.iter_mut().zip(seen).map(|(out, point)| *out = point).count()
+                if let Some(candidate) = &matches.chosen[i]
+                    && let Some(out) = out.get_mut(made)
+                {
+                    *out = point(matches, &input, phase_noise, [u, v], candidate, sights, sighted, k);
+                    made += usize::from(is_seen(out));
+                }
+            }
+            made
         })
         .collect();
     close_gaps(&mut cloud.points, &counts, &made);
@@ -91,35 +97,41 @@ struct Room {
     sighted: Sighted,
 }
 
-/// The point of pixel `i`, the k-th correspondence of its row.
-#[inline]
+/// The point of a pixel, the k-th correspondence of its row; some number of it is not finite where the rays part.
+#[inline(always)]
 fn point(
     matches: &Matches,
     input: &TriangulationInput<'_>,
     phase_noise: f64,
-    i: usize,
+    [u, v]: [usize; 2],
     candidate: &Candidate,
     sights: &Sights,
     sighted: &Sighted,
     k: usize,
-) -> Option<CloudPoint> {
+) -> CloudPoint {
+    let i = v * input.width + u;
     let (x, y, depth_m) = (f64::from(sights.ray_x[k]), f64::from(sights.ray_y[k]), sighted.depth_m[k]);
-    let per_depth = (x * x + y * y + 1.0).sqrt();
-    let sigma_m = column_sd_px(phase_noise, input.modulation[i], candidate) * sighted.depth_per_column_m[k] * per_depth;
-    let cam2_px = [sighted.cam2_u_px[k], sighted.cam2_v_px[k]];
-    let finite = depth_m > 0.0 && (depth_m * per_depth + sigma_m + cam2_px[0]).is_finite();
-    finite.then(|| CloudPoint {
+    let column_sd_px = column_sd_px(phase_noise, input.modulation[i], candidate);
+    let sigma_m = column_sd_px * sighted.depth_per_column_m[k] * sighted.range_per_depth[k];
+    CloudPoint {
         position_m: [(x * depth_m) as f32, (y * depth_m) as f32, depth_m as f32],
         intensity: input.mean[i],
-        cam1_px: [(i % input.width) as u16, (i / input.width) as u16],
-        cam2_px: cam2_px.map(|px| px as f32),
+        cam1_px: [u as u16, v as u16],
+        cam2_px: [sighted.cam2_u_px[k] as f32, sighted.cam2_v_px[k] as f32],
         order: candidate.order,
         delta_rad: (f64::from(candidate.delta) / 65536.0 * TAU) as f32,
         candidates: matches.passing[i],
         stage: matches.outcomes[i] as u8,
         sigma_m: sigma_m as f32,
         confidence: matches.confidence[i].probability(),
-    })
+    }
+}
+
+/// Whether the rays of a point meet before the camera, and all of its numbers are finite.
+#[inline(always)]
+fn is_seen(point: &CloudPoint) -> bool {
+    let ([x, y, z], [u, v]) = (point.position_m, point.cam2_px);
+    (z > 0.0) & (x + y + z + u + v + point.sigma_m).is_finite()
 }
 
 /// Standard deviation of the column of a correspondence, pixels, where the phases of both cameras err by so much at a modulation of

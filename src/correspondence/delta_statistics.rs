@@ -132,7 +132,7 @@ pub fn measure_delta(
             break;
         }
         let sd_before_rad = statistics.sd_rad;
-        (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(&deltas);
+        (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(deltas.iter().copied());
         statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
         if (statistics.sd_rad / sd_before_rad - 1.0).abs() < REFINED_CHANGE {
             break;
@@ -168,10 +168,12 @@ fn stacked(map: &PhaseMap, rows: &[Option<usize>]) -> PhaseMap {
 }
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
-pub(super) fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
-    let count = deltas.len().max(1) as f64;
-    let sum: i64 = deltas.iter().map(|&d| i64::from(d)).sum();
-    let squares: i64 = deltas.iter().map(|&d| i64::from(d).pow(2)).sum();
+pub(super) fn mean_and_sd_rad(deltas: impl Iterator<Item = i16>) -> (f64, f64) {
+    let (mut count, mut sum, mut squares) = (0_u32, 0_i64, 0_i64);
+    for delta in deltas.map(i64::from) {
+        (count, sum, squares) = (count + 1, sum + delta, squares + delta * delta);
+    }
+    let count = f64::from(count.max(1));
     let mean = sum as f64 / count;
     let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
     (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)

@@ -212,14 +212,14 @@ impl Matching<'_> {
         self.check_scatter(&delta)?;
         let run = |delta: &DeltaStatistics| Pass::run(cam1, self.cam2, self.table, delta, &self.settings.resolution);
         let mut pass = run(&delta);
-        let mut chosen: Vec<Option<Candidate>> = pass.chosen().collect();
+        let mut chosen = pass.chosen();
         let mut chosen_delta_rad = delta_rad(&chosen);
         let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
         if changed && self.is_measured() && pass.found() > 0 {
             (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
             self.check_scatter(&delta)?;
             pass = run(&delta);
-            chosen = pass.chosen().collect();
+            chosen = pass.chosen();
             chosen_delta_rad = delta_rad(&chosen);
         }
         check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found(), pass.with_candidates())?;
@@ -227,7 +227,7 @@ impl Matching<'_> {
             confidence: vec![Confidence::NONE; chosen.len()],
             chosen,
             chosen_delta_rad,
-            passing: pass.passing(&delta.gate()),
+            passing: pass.resolution.passing,
             outcomes: pass.resolution.outcomes,
             delta,
             delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
@@ -259,8 +259,7 @@ impl Matching<'_> {
 
 /// Mean and sd of δ of candidates, rad.
 fn delta_rad(chosen: &[Option<Candidate>]) -> (f64, f64) {
-    let deltas: Vec<i16> = chosen.iter().flatten().map(|c| c.delta).collect();
-    mean_and_sd_rad(&deltas)
+    mean_and_sd_rad(chosen.iter().flatten().map(|c| c.delta))
 }
 
 /// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes.

@@ -22,6 +22,8 @@ pub struct Sights {
 pub struct Sighted {
     /// Depths, z in the frame of C1, metres; negative or infinite where the rays part.
     pub depth_m: Vec<f64>,
+    /// Lengths of the rays at z = 1: ranges a depth.
+    pub range_per_depth: Vec<f64>,
     /// Change of the depth a column, metres; never negative.
     pub depth_per_column_m: Vec<f64>,
     /// Columns of the raw image of C2, pixels; NaN where the distortion cannot follow.
@@ -51,9 +53,8 @@ impl EpipolarFrame {
     /// [`Self::cam2_pixel`] has it.
     pub fn look(&self, sights: &Sights, sighted: &mut Sighted) {
         let count = sights.column_px.len();
-        for plane in
-            [&mut sighted.depth_m, &mut sighted.depth_per_column_m, &mut sighted.cam2_u_px, &mut sighted.cam2_v_px]
-        {
+        let Sighted { depth_m, range_per_depth, depth_per_column_m, cam2_u_px, cam2_v_px } = &mut *sighted;
+        for plane in [depth_m, range_per_depth, depth_per_column_m, cam2_u_px, cam2_v_px] {
             plane.resize(count, 0.0);
         }
         simd::run(Level::in_use(), Look { frame: self, sights, sighted });
@@ -76,6 +77,7 @@ impl Kernel for Look<'_> {
         let (ray_x, ray_y) = (&sights.ray_x[..count], &sights.ray_y[..count]);
         let (row_px, column_px) = (&sights.row_px[..count], &sights.column_px[..count]);
         let (depth_m, depth_per_column_m) = (&mut sighted.depth_m[..count], &mut sighted.depth_per_column_m[..count]);
+        let range_per_depth = &mut sighted.range_per_depth[..count];
         let (u_px, v_px) = (&mut sighted.cam2_u_px[..count], &mut sighted.cam2_v_px[..count]);
         let to_frame = frame.epipolar_from_cam1.matrix();
         let (along, forward) = (to_frame.row(0), to_frame.row(2));
@@ -99,6 +101,7 @@ impl Kernel for Look<'_> {
             let off = (column - centre[0]) * a_z - focal_px * a_x;
             let depth = width_m / off;
             depth_m[i] = depth;
+            range_per_depth[i] = (x * x + y * y + 1.0).sqrt();
             depth_per_column_m[i] = (depth * depth * a_z / width_m).abs();
             let (right, down) = ((column - centre[0]) * per_focal, (row - centre[1]) * per_focal);
             let d_z = to_z[0] * right + to_z[1] * down + to_z[2];
@@ -151,6 +154,7 @@ mod tests {
             let column_px = f64::from(sights.column_px[i]);
             let depth_m = line.depth_of_column(column_px);
             assert!((sighted.depth_m[i] - depth_m).abs() < 1e-12, "{} {depth_m}", sighted.depth_m[i]);
+            assert_eq!(sighted.range_per_depth[i], ray.norm());
             let per_column_m = (line.depth_of_column(column_px + 1e-3) - depth_m).abs() / 1e-3;
             assert!((sighted.depth_per_column_m[i] / per_column_m - 1.0).abs() < 1e-4);
             let raw = frame.cam2_pixel(&Pixel::new(column_px, f64::from(sights.row_px[i]))).unwrap();

@@ -86,6 +86,8 @@ pub struct Resolution {
     pub outcomes: Vec<Outcome>,
     /// Index of the chosen candidate in the pixel's list; meaningless without a found outcome.
     pub chosen: Vec<u8>,
+    /// Number of candidates that pass the back-projection test proper.
+    pub passing: Vec<u8>,
 }
 
 /// Everything the resolution reads.
@@ -201,7 +203,11 @@ impl<'a> Resolver<'a> {
             closed: vec![0; grid.all_blocks()],
             unheard: Unheard::all(grid),
             epipolar_rows: Vec::new(),
-            resolution: Resolution { outcomes: vec![Outcome::NoCandidate; pixels], chosen: vec![0; pixels] },
+            resolution: Resolution {
+                outcomes: vec![Outcome::NoCandidate; pixels],
+                chosen: vec![0; pixels],
+                passing: vec![0; pixels],
+            },
         }
     }
 
@@ -211,7 +217,7 @@ impl<'a> Resolver<'a> {
 
     /// Selects the reference correspondences (paper, 2.2.1) and opens all other pixels with candidates.
     fn select_references(&mut self) {
-        let unique = self.decide_unique();
+        self.decide_unique();
         let references = self.supported(VoteRule::strict(self.settings.min_votes), |_| true);
         let grid = self.grid();
         for block in grid.blocks_of_image() {
@@ -219,47 +225,45 @@ impl<'a> Resolver<'a> {
             self.decisions.decided[block] = references;
             self.open[block] &= !references;
             for place in places_of(block, references) {
-                let pixel = grid.pixel(place);
-                self.resolution.chosen[pixel] = unique[pixel];
-                self.resolution.outcomes[pixel] = Outcome::Reference;
+                self.resolution.outcomes[grid.pixel(place)] = Outcome::Reference;
             }
         }
     }
 
     /// Decides, for now, all pixels of which one candidate alone passes the back-projection test, and opens all that have
-    /// candidates; yields the number of that candidate for each pixel.
-    fn decide_unique(&mut self) -> Vec<u8> {
+    /// candidates.
+    fn decide_unique(&mut self) {
         let (grid, evidence) = (self.grid(), self.evidence);
         let width = evidence.cam1.width;
         let [least, greatest] = self.gate_bounds;
-        let mut unique = vec![0; self.resolution.chosen.len()];
+        let Resolution { outcomes, chosen, passing } = &mut self.resolution;
         let Decisions { order, delta, column, decided } = &mut self.decisions;
         let planes = grid.rows(order).par_chunks_mut(grid.stride()).zip(grid.rows(delta).par_chunks_mut(grid.stride()));
         let planes = planes.zip(grid.rows(column).par_chunks_mut(grid.stride()));
         let bits =
             grid.rows(decided).par_chunks_mut(grid.blocks).zip(grid.rows(&mut self.open).par_chunks_mut(grid.blocks));
-        let outcomes = self.resolution.outcomes.par_chunks_mut(width).zip(unique.par_chunks_mut(width));
+        let outcomes =
+            outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(passing.par_chunks_mut(width));
         let rows = planes.zip(bits).zip(outcomes).enumerate();
-        rows.for_each(|(v, ((((order, delta), column), (decided, open)), (outcomes, unique)))| {
+        rows.for_each(|(v, ((((order, delta), column), (decided, open)), ((outcomes, chosen), passing)))| {
             for u in 0..width {
                 let list = evidence.candidates.of(v * width + u);
                 if list.is_empty() {
                     continue;
                 }
-                let (place, mut passing) = (u + LANES, 0);
+                let place = u + LANES;
                 for (k, candidate) in list.iter().enumerate() {
                     if (least..=greatest).contains(&candidate.delta) {
-                        passing += 1;
-                        (order[place], delta[place], unique[u]) = (candidate.order, candidate.delta, k as u8);
+                        passing[u] += 1;
+                        (order[place], delta[place], chosen[u]) = (candidate.order, candidate.delta, k as u8);
                         column[place] = nearest_column(candidate);
                     }
                 }
                 open[place / LANES] |= 1 << (place % LANES);
-                decided[place / LANES] |= u32::from(passing == 1) << (place % LANES);
-                outcomes[u] = if passing > 0 { Outcome::Ambiguous } else { Outcome::RejectedByDelta };
+                decided[place / LANES] |= u32::from(passing[u] == 1) << (place % LANES);
+                outcomes[u] = if passing[u] > 0 { Outcome::Ambiguous } else { Outcome::RejectedByDelta };
             }
         });
-        unique
     }
 
     /// A bit a place: decided pixels that their neighbours support; only blocks that are `asked` about.

@@ -42,10 +42,14 @@ impl Pass {
     }
 
     /// The chosen candidate of each pixel that found one.
-    pub(in super::super) fn chosen(&self) -> impl Iterator<Item = Option<Candidate>> + '_ {
-        self.resolution.outcomes.iter().enumerate().map(|(i, outcome)| {
-            outcome.is_found().then(|| self.candidates.of(i)[usize::from(self.resolution.chosen[i])])
-        })
+    pub(in super::super) fn chosen(&self) -> Vec<Option<Candidate>> {
+        let Resolution { outcomes, chosen, .. } = &self.resolution;
+        let chosen = outcomes
+            .par_iter()
+            .zip(chosen)
+            .enumerate()
+            .map(|(pixel, (outcome, &k))| outcome.is_found().then(|| self.candidates.of(pixel)[usize::from(k)]));
+        chosen.collect()
     }
 
     /// Pixels with a correspondence.
@@ -56,11 +60,5 @@ impl Pass {
     /// Pixels with candidates.
     pub(in super::super) fn with_candidates(&self) -> usize {
         self.resolution.outcomes.iter().filter(|&&o| o != Outcome::NoCandidate).count()
-    }
-
-    /// Candidates of each pixel that pass the back-projection test.
-    pub(in super::super) fn passing(&self, gate: &DeltaGate) -> Vec<u8> {
-        let count = |i: usize| self.candidates.of(i).iter().filter(|c| gate.passes(c.delta)).count() as u8;
-        (0..self.resolution.outcomes.len()).into_par_iter().map(count).collect()
     }
 }

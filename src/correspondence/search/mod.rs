@@ -137,16 +137,23 @@ impl Row<'_> {
                 continue;
             }
             search.block(lanes, first, phase, wanted, &mut of_block);
-            for k in (0..wide::BLOCK).filter(|k| wanted >> k & 1 == 1) {
-                if of_block.irregular >> k & 1 == 1 {
+            let several = of_block.passing[1..].iter().fold(of_block.irregular, |all, slot| all | slot);
+            let mut any = (several | of_block.passing[0]) & wanted;
+            while any != 0 {
+                let k = any.trailing_zeros() as usize;
+                any &= any - 1;
+                if several >> k & 1 == 0 {
+                    found.all.push(of_block.candidate(0, k));
+                    found.counts[first + k] = 1;
+                } else if of_block.irregular >> k & 1 == 1 {
                     self.search_pixel(projector_side_search, first + k, found);
-                    continue;
+                } else {
+                    let before = found.all.len();
+                    for slot in (0..of_block.passing.len()).filter(|&slot| of_block.passing[slot] >> k & 1 == 1) {
+                        keep_best_of_place(of_block.candidate(slot, k), before, &mut found.all);
+                    }
+                    found.counts[first + k] = (found.all.len() - before) as u8;
                 }
-                let before = found.all.len();
-                for slot in (0..of_block.passing.len()).filter(|&slot| of_block.passing[slot] >> k & 1 == 1) {
-                    keep_best_of_place(of_block.candidate(slot, k), before, &mut found.all);
-                }
-                found.counts[first + k] = (found.all.len() - before) as u8;
             }
         }
         blocks.len() * wide::BLOCK
