@@ -108,7 +108,7 @@ pub fn match_phases(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<Matches, MatchError> {
-    match_phases_with_grounds(cam1, cam2, table, settings).map(|(matches, _)| matches)
+    match_phases_on_grounds(cam1, cam2, table, settings, None)
 }
 
 /// As [`match_phases`], with the grounds on which each pixel was decided: what a fit of the confidence learns from. There
@@ -122,6 +122,18 @@ pub fn match_phases_with_grounds(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<(Matches, Vec<Grounds>), MatchError> {
+    let mut grounds = Vec::new();
+    let matches = match_phases_on_grounds(cam1, cam2, table, settings, Some(&mut grounds))?;
+    Ok((matches, grounds))
+}
+
+fn match_phases_on_grounds(
+    cam1: &PhaseMap,
+    cam2: &PhaseMap,
+    table: &SegmentTable,
+    settings: &MatchSettings,
+    grounds: Option<&mut Vec<Grounds>>,
+) -> Result<Matches, MatchError> {
     let (found, expected) = ([cam1.width, cam1.height], table.size_px());
     let size_error = MatchError::Size { found, expected };
     if found != expected {
@@ -151,13 +163,13 @@ pub fn match_phases_with_grounds(
         delta.sd_rad = sd_rad;
     }
     let matching = Matching { raw, cam2: &cam2, table, settings };
-    let (mut matches, grounds) = match settings.method {
-        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram)?,
-        ResolutionMethod::Paper => (matching.by_paper(delta, &histogram)?, Vec::new()),
+    let mut matches = match settings.method {
+        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, grounds)?,
+        ResolutionMethod::Paper => matching.by_paper(delta, &histogram)?,
     };
     explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
     matches.slip_steps = slip_steps;
-    Ok((matches, grounds))
+    Ok(matches)
 }
 
 /// One pair of phase maps, to be matched by either method.
@@ -175,7 +187,8 @@ impl Matching<'_> {
         &self,
         delta: DeltaStatistics,
         histogram: &DeltaHistogram,
-    ) -> Result<(Matches, Vec<Grounds>), MatchError> {
+        grounds: Option<&mut Vec<Grounds>>,
+    ) -> Result<Matches, MatchError> {
         let [cam1, _] = self.raw;
         let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
@@ -188,23 +201,22 @@ impl Matching<'_> {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
         };
-        let (decisions, grounds) = semi_global::resolve(&scene, &limits);
+        let (decisions, passing) = semi_global::resolve(&scene, &limits, grounds);
         let found = decisions.chosen.iter().flatten().count();
-        let with_candidates = decisions.passing.iter().filter(|&&passing| passing > 0).count();
+        let with_candidates = passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         check_share(&rest, doubtful, found, with_candidates)?;
-        let matches = Matches {
+        Ok(Matches {
             chosen_delta_rad: delta_rad(&decisions.chosen),
             outcomes: decisions.outcomes,
             chosen: decisions.chosen,
-            passing: decisions.passing,
+            passing,
             confidence: decisions.confidence,
             delta,
             delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
             drift: Some(drift),
             slip_steps: [0; 2],
-        };
-        Ok((matches, grounds))
+        })
     }
 
     fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::simd::{self, Kernel, Lanes, Level};
+
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
@@ -36,5 +38,48 @@ impl Places {
             }
         });
         places
+    }
+
+    /// The places of correspondences whose columns are told row by row; those of pixels without one have no meaning.
+    pub(super) fn of_columns(table: &SegmentTable, column_px: &[f32]) -> Self {
+        let ([width, height], [epipolar_width, epipolar_height]) = (table.size_px(), table.epipolar_size_px());
+        let mut places = Self { of_pixels: vec![0; width * height], nearness: vec![0.0; width * height] };
+        let rows = places.of_pixels.par_chunks_mut(width).zip(places.nearness.par_chunks_mut(width));
+        let rows = rows.zip(column_px.par_chunks(width)).enumerate();
+        rows.for_each_init(SegmentRow::default, |segments, (v, ((of_pixels, nearness), column_px))| {
+            table.row(v, segments);
+            let last = [epipolar_width as u32 - 1, epipolar_height as u32 - 1];
+            simd::run(Level::in_use(), PlaceRow { table, segments, column_px, last, of_pixels, nearness });
+        });
+        places
+    }
+}
+
+/// Fills in the places of a row.
+struct PlaceRow<'a> {
+    table: &'a SegmentTable,
+    segments: &'a SegmentRow,
+    column_px: &'a [f32],
+    /// Last column and row of the epipolar frame.
+    last: [u32; 2],
+    of_pixels: &'a mut [u32],
+    nearness: &'a mut [f32],
+}
+
+impl Kernel for PlaceRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { table, segments, column_px, last: [last_column, last_row], of_pixels, nearness } = self;
+        let width = of_pixels.len();
+        let (column_px, row_px) = (&column_px[..width], &segments.row_px[..width]);
+        let (x, y) = (&segments.ray_x[..width], &segments.ray_y[..width]);
+        let nearness = &mut nearness[..width];
+        for u in 0..width {
+            let row = ((row_px[u] + 0.5) as u32).min(last_row);
+            of_pixels[u] = row * (last_column + 1) + ((column_px[u] + 0.5) as u32).min(last_column);
+            nearness[u] = table.nearness_of_ray([x[u], y[u]]);
+        }
     }
 }

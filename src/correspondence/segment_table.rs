@@ -238,7 +238,7 @@ impl SegmentTable {
     }
 
     /// The same of a ray of C1, x and y at z = 1.
-    #[inline]
+    #[inline(always)]
     pub(super) fn nearness_of_ray(&self, [x, y]: [f32; 2]) -> f32 {
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()

@@ -23,10 +23,13 @@ mod confidence;
 mod evidence;
 mod grounds;
 mod links;
+mod outlook;
 mod paths;
 mod regions;
 mod selection;
 mod verification;
+#[cfg(target_arch = "x86_64")]
+mod wide;
 mod windows;
 
 use crate::phase::PhaseMap;
@@ -41,6 +44,9 @@ pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
 use evidence::DeltaScale;
+use paths::Verdicts;
+use selection::Selection;
+use verification::VerificationRoom;
 use windows::Windows;
 
 /// Evidence and energies are whole numbers: so many a nat.
@@ -59,8 +65,6 @@ pub(super) struct Scene<'a> {
 pub(super) struct Decisions {
     pub(super) outcomes: Vec<Outcome>,
     pub(super) chosen: Vec<Option<Candidate>>,
-    /// Orders of each pixel that pass the back-projection test about the drift.
-    pub(super) passing: Vec<u8>,
     /// How likely each point is true.
     pub(super) confidence: Vec<Confidence>,
 }
@@ -73,15 +77,33 @@ pub(super) struct Limits {
     pub(super) min_confidence: f32,
 }
 
-/// Decides every pixel that has a segment, and tells on what grounds.
+/// Room for what is known of each pixel.
+#[derive(Default)]
+struct Room {
+    evidence: Vec<u8>,
+    sums: Vec<u16>,
+    verdicts: Verdicts,
+    selection: Selection,
+    verification: VerificationRoom,
+}
+
+/// Decides every pixel that has a segment; yields how many orders of each pixel pass the back-projection test about the drift,
+/// too. The grounds of the decisions go where they are asked for.
 ///
 /// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
-pub(super) fn resolve(scene: &Scene<'_>, limits: &Limits) -> (Decisions, Vec<Grounds>) {
+pub(super) fn resolve(
+    scene: &Scene<'_>,
+    limits: &Limits,
+    grounds: Option<&mut Vec<Grounds>>,
+) -> (Decisions, Vec<u8>) {
+    let mut room = Room::default();
+    let Room { evidence, sums, verdicts, selection, verification } = &mut room;
     let windows = Windows::of(scene);
     let scale = DeltaScale::of(scene);
-    let evidence = evidence::gather(scene, &windows, &scale);
-    let passing = evidence::count_passing(&evidence, &windows);
-    let verdicts = paths::least_energies(scene.cam1, &windows, &evidence);
-    let selected = selection::select(scene, &windows, &scale, &verdicts);
-    verification::verify(scene, &selected, &verdicts, passing, limits)
+    let mut passing = Vec::new();
+    evidence::gather(scene, &windows, &scale, evidence, &mut passing);
+    paths::least_energies(scene.cam1, &windows, evidence, sums, verdicts);
+    selection.select(scene, &windows, &scale, &verdicts.order);
+    let decisions = verification::verify(scene, selection, verdicts, &passing, limits, verification, grounds);
+    (decisions, passing)
 }

@@ -2,71 +2,87 @@
 //!
 //! ```text
 //! for each direction, pixel by pixel p after its predecessor q:
-//!     L(p, k) = E(p, k) + min( L(q, k − carry), min L(q) + P )      where the wrapped phase runs on from q to p
-//!     L(p, k) = E(p, k)                                             where it jumps, or there is no q
-//!     L(p)   −= min L(p)
-//!     S(p)   += L(p)
+//!     F(p, k) = min( L(q, k − carry), P )      where the wrapped phase runs on from q to p, least of L(q) taken off
+//!     F(p, k) = 0                              where it jumps, or there is no q
+//!     L(p, k) = E(p, k) + F(p, k)
+//! for each pixel:
+//!     S(p, k) = 8·E(p, k) + sum of F(p, k) over all directions
 //! ```
 //!
-//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. Four
-//! directions run with the rows of the image and four against them, in two passes that share nothing; whole numbers make
-//! their sum the same in any order.
-
-use rayon::prelude::*;
+//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
+//! the sum of L by a number that is the same for all orders of a pixel.
+//!
+//! Four directions run with the rows of the image and four against them, in two passes that begin at opposite ends and share
+//! nothing until they meet: each leaves its sums in the half that it goes through first, and decides in the other, where the
+//! sums of the other pass lie. Whole numbers make a sum the same in any order.
 
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::UNITS_PER_NAT;
-use super::evidence::MISSING;
+use super::evidence::NO_ORDER;
 use super::links::{AXES, Link, Links, MAX_SHIFT};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
-const CHANGE: i16 = (CHANGE_NATS * UNITS_PER_NAT) as i16;
+const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
-/// Energies of a pixel with room on either side, where orders of its neighbours may point.
-const ROOM: usize = MAX_LANES + 2 * MAX_SHIFT;
 /// Energy that no order reaches.
-const NEVER: i16 = i16::MAX / 2;
+const NEVER: u16 = u16::MAX / 4;
 
-/// The order with the least energy.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Verdict {
-    pub(super) order: i16,
-    /// By how much the next best order has more, summed over all paths.
-    pub(super) margin: u16,
+/// The orders with the least energy.
+#[derive(Debug, Default)]
+pub(super) struct Verdicts {
+    pub(super) order: Vec<i16>,
+    /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
+    pub(super) margin: Vec<u16>,
 }
 
-/// Decides the order of every pixel with a window; others have margin 0.
-pub(super) fn least_energies(cam1: &PhaseMap, windows: &Windows, evidence: &[u8]) -> Vec<Verdict> {
-    let height = cam1.phase.len() / cam1.width.max(1);
+/// Decides the order of every pixel with a window; `sums` is room for sums of paths.
+pub(super) fn least_energies(
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &[u8],
+    sums: &mut Vec<u16>,
+    verdicts: &mut Verdicts,
+) {
+    let (width, height) = (cam1.width.max(1), cam1.height);
     let links = Links::of(cam1, windows);
-    let pass = |pass: Pass| {
-        let mut sums = vec![0_u16; evidence.len()];
-        let sweep = Sweep { width: cam1.width, height, windows, links: &links, evidence, pass, sums: &mut sums };
-        simd::run(Level::in_use(), sweep);
-        sums
-    };
-    let (down, up) = rayon::join(|| pass(Pass::Down), || pass(Pass::Up));
-    let lanes = windows.lanes;
-    let verdict = |(pixel, (down, up)): (usize, (&[u16], &[u16]))| {
-        let (mut best, mut second) = ((u16::MAX, 0), u16::MAX);
-        for (lane, (a, b)) in down.iter().zip(up).enumerate().take(usize::from(windows.count[pixel])) {
-            let sum = a + b;
-            if sum < best.0 {
-                (best, second) = ((sum, lane), best.0);
-            } else {
-                second = second.min(sum);
-            }
-        }
-        // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
-        let rival = if second == u16::MAX { best.0.saturating_add(PATHS as u16 * CHANGE as u16) } else { second };
-        Verdict { order: windows.first[pixel] + best.1 as i16, margin: rival.saturating_sub(best.0) }
-    };
-    down.par_chunks_exact(lanes).zip(up.par_chunks_exact(lanes)).enumerate().map(verdict).collect()
+    sums.resize(evidence.len(), 0);
+    verdicts.order.resize(width * height, 0);
+    verdicts.margin.resize(width * height, 0);
+    let middle = height / 2;
+    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * windows.lanes);
+    let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
+    let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
+    let mut passes = [Pass::Down, Pass::Up].map(|pass| Sweep {
+        width,
+        windows,
+        links: &links,
+        evidence,
+        pass,
+        before: AXES.map(|_| PathRow::new(width, windows.lanes)),
+        here: AXES.map(|_| PathRow::new(width, windows.lanes)),
+    });
+    let [down, up] = &mut passes;
+    let level = Level::in_use();
+    rayon::join(
+        || simd::run(level, Leaving { sweep: &mut *down, rows: 0..middle, sums: &mut *upper_sums }),
+        || simd::run(level, Leaving { sweep: &mut *up, rows: middle..height, sums: &mut *lower_sums }),
+    );
+    let (upper_sums, lower_sums) = (&*upper_sums, &*lower_sums);
+    rayon::join(
+        || {
+            let (order, margin) = (lower_order, lower_margin);
+            simd::run(level, Deciding { sweep: down, rows: middle..height, sums: lower_sums, order, margin });
+        },
+        || {
+            let (order, margin) = (upper_order, upper_margin);
+            simd::run(level, Deciding { sweep: up, rows: 0..middle, sums: upper_sums, order, margin });
+        },
+    );
 }
 
 /// Sense in which an image is passed through.
@@ -81,17 +97,19 @@ enum Pass {
 /// One pass with its four directions.
 struct Sweep<'a> {
     width: usize,
-    height: usize,
     windows: &'a Windows,
     links: &'a Links,
     evidence: &'a [u8],
     pass: Pass,
-    sums: &'a mut [u16],
+    /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
+    before: [PathRow; AXES.len()],
+    here: [PathRow; AXES.len()],
 }
 
-/// Energies of a row of pixels in one direction, with room on either side of each.
+/// Energies of a row of pixels in one direction, the least of each taken off, with room on either side where orders of its
+/// neighbours may point.
 struct PathRow {
-    energies: Vec<i16>,
+    energies: Vec<u16>,
     stride: usize,
 }
 
@@ -102,86 +120,173 @@ impl PathRow {
     }
 }
 
-impl Kernel for Sweep<'_> {
+/// Goes through rows of which the other pass knows nothing yet.
+struct Leaving<'a, 'b> {
+    sweep: &'a mut Sweep<'b>,
+    rows: std::ops::Range<usize>,
+    /// Sums of the rows.
+    sums: &'a mut [u16],
+}
+
+impl Kernel for Leaving<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(mut self, _: L) {
+    fn run<L: Lanes>(self, _: L) {
         // Most rigs have no more orders; loops of known length are registers.
-        match self.windows.lanes {
-            LANE_STEP => self.run_of::<LANE_STEP>(LANE_STEP),
-            lanes => self.run_of::<0>(lanes),
+        match self.sweep.windows.lanes {
+            LANE_STEP => self.run_of::<LANE_STEP>(),
+            _ => self.run_of::<MAX_LANES>(),
+        }
+    }
+}
+
+impl Leaving<'_, '_> {
+    #[inline(always)]
+    fn run_of<const ROOM: usize>(self) {
+        let Self { sweep, rows, sums } = self;
+        let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
+            for j in 0..sweep.width {
+                let u = sweep.column(j);
+                if sweep.windows.count[v * sweep.width + u] > 0 {
+                    let sum = sweep.pixel::<ROOM>([u, v], lanes);
+                    of_row[u * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
+                }
+            }
+            sweep.end_row();
+        }
+    }
+}
+
+/// Goes through rows of which the other pass left its sums.
+struct Deciding<'a, 'b> {
+    sweep: &'a mut Sweep<'b>,
+    rows: std::ops::Range<usize>,
+    /// Sums of the rows.
+    sums: &'a [u16],
+    order: &'a mut [i16],
+    margin: &'a mut [u16],
+}
+
+impl Kernel for Deciding<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        match self.sweep.windows.lanes {
+            LANE_STEP => self.run_of::<LANE_STEP>(),
+            _ => self.run_of::<MAX_LANES>(),
+        }
+    }
+}
+
+impl Deciding<'_, '_> {
+    #[inline(always)]
+    fn run_of<const ROOM: usize>(self) {
+        let Self { sweep, rows, sums, order, margin } = self;
+        let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            for j in 0..sweep.width {
+                let u = sweep.column(j);
+                let (pixel, place) = (v * sweep.width + u, (v - rows.start) * sweep.width + u);
+                let count = usize::from(sweep.windows.count[pixel]);
+                if count > 0 {
+                    let sum = sweep.pixel::<ROOM>([u, v], lanes);
+                    let evidence = &sweep.evidence[pixel * lanes..][..lanes];
+                    let (best, lead) = decide::<ROOM>(evidence, &sum, &sums[place * lanes..][..lanes], lanes, count);
+                    order[place] = sweep.windows.first[pixel] + best;
+                    margin[place] = lead;
+                }
+            }
+            sweep.end_row();
         }
     }
 }
 
 impl Sweep<'_> {
-    /// All pixels; with a number of lanes that is known when this is compiled, or with 0 for any.
     #[inline(always)]
-    fn run_of<const KNOWN: usize>(&mut self, lanes: usize) {
-        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
-        // Along the row; from straight before, and from either side of it.
-        let rows = || [(); AXES.len()].map(|()| PathRow::new(self.width, lanes));
-        let (mut before, mut here) = (rows(), rows());
-        for i in 0..self.height {
-            let v = if self.pass == Pass::Down { i } else { self.height - 1 - i };
-            for j in 0..self.width {
-                let u = if self.pass == Pass::Down { j } else { self.width - 1 - j };
-                if self.windows.count[v * self.width + u] > 0 {
-                    self.pixel::<KNOWN>([u, v], lanes, &before, &mut here);
-                }
-            }
-            std::mem::swap(&mut before, &mut here);
-        }
+    fn column(&self, j: usize) -> usize {
+        if self.pass == Pass::Down { j } else { self.width - 1 - j }
     }
 
-    /// All four directions at a pixel.
     #[inline(always)]
-    fn pixel<const KNOWN: usize>(
-        &mut self,
-        place: [usize; 2],
-        lanes: usize,
-        before: &[PathRow; AXES.len()],
-        here: &mut [PathRow; AXES.len()],
-    ) {
+    fn end_row(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.here);
+    }
+
+    /// All four directions at a pixel: the sum of what they bring.
+    #[inline(always)]
+    fn pixel<const ROOM: usize>(&mut self, place: [usize; 2], lanes: usize) -> [u16; ROOM] {
         let (u, pixel) = (place[0], place[1] * self.width + place[0]);
-        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
+        let lanes = if ROOM == LANE_STEP { ROOM } else { lanes };
         let evidence = &self.evidence[pixel * lanes..][..lanes];
-        let sums = &mut self.sums[pixel * lanes..][..lanes];
+        let mut sum = [0; ROOM];
         for axis in 0..AXES.len() {
             let mut from = [0; ROOM];
             if let Some(Link { column, shift }) = self.links.towards(axis, place, self.pass == Pass::Down) {
-                let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
+                let row = if AXES[axis][1] == 0 { &self.here[axis] } else { &self.before[axis] };
                 let source = &row.energies[column * row.stride + shift..][..lanes];
                 for lane in 0..lanes {
                     from[lane] = source[lane].min(CHANGE);
                 }
             }
-            let row = &mut here[axis];
+            let row = &mut self.here[axis];
             let energies = &mut row.energies[u * row.stride + MAX_SHIFT..][..lanes];
-            add(evidence, &from[..lanes], energies, sums);
+            add(evidence, &from[..lanes], energies, &mut sum[..lanes]);
         }
+        sum
     }
 }
 
-/// Energies of a pixel in one direction: those of the path so far and the pixel's own, their least taken off, added to the
-/// sums of all directions.
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; what it brings is
+/// added to the sums of all directions.
 #[inline(always)]
-fn add(evidence: &[u8], from: &[i16], energies: &mut [i16], sums: &mut [u16]) {
+fn add(evidence: &[u8], from: &[u16], energies: &mut [u16], sums: &mut [u16]) {
     let mut least = [NEVER; LANE_STEP];
-    for ((evidence, from), energies) in
-        evidence.chunks_exact(LANE_STEP).zip(from.chunks_exact(LANE_STEP)).zip(energies.chunks_exact_mut(LANE_STEP))
-    {
-        for lane in 0..LANE_STEP {
-            energies[lane] = i16::from(evidence[lane]) + from[lane];
-            least[lane] = least[lane].min(energies[lane]);
-        }
+    for lane in 0..evidence.len() {
+        energies[lane] = u16::from(evidence[lane]) + from[lane];
+        least[lane % LANE_STEP] = least[lane % LANE_STEP].min(energies[lane]);
+        sums[lane] += from[lane];
     }
-    let least = least.into_iter().fold(NEVER, i16::min);
-    for (energy, sum) in energies.iter_mut().zip(sums) {
+    let least = least_of(least);
+    for energy in energies {
         *energy -= least;
-        *sum += *energy as u16;
     }
 }
 
-const _: () = assert!(PATHS * (CHANGE as usize + u8::MAX as usize + MISSING as usize) < u16::MAX as usize);
+#[inline(always)]
+fn least_of(values: [u16; LANE_STEP]) -> u16 {
+    let mut least = [0; LANE_STEP / 2];
+    for i in 0..LANE_STEP / 2 {
+        least[i] = values[i].min(values[i + LANE_STEP / 2]);
+    }
+    least.into_iter().fold(NEVER, u16::min)
+}
+
+/// The place of the order with the least sum, and by how much the next best has more.
+#[inline(always)]
+fn decide<const ROOM: usize>(evidence: &[u8], sum: &[u16; ROOM], other: &[u16], lanes: usize, count: usize) -> (i16, u16) {
+    // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
+    let mut keys = [u32::MAX; ROOM];
+    for lane in 0..lanes {
+        let total = u32::from(evidence[lane]) * PATHS as u32 + u32::from(sum[lane]) + u32::from(other[lane]);
+        keys[lane] = if lane < count { total * MAX_LANES as u32 + lane as u32 } else { u32::MAX };
+    }
+    let mut best = u32::MAX;
+    for lane in 0..lanes {
+        best = best.min(keys[lane]);
+    }
+    let mut second = u32::MAX;
+    for lane in 0..lanes {
+        second = second.min(if keys[lane] == best { u32::MAX } else { keys[lane] });
+    }
+    // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
+    let lead = if second == u32::MAX { PATHS as u32 * u32::from(CHANGE) } else { second / MAX_LANES as u32 - best / MAX_LANES as u32 };
+    ((best % MAX_LANES as u32) as i16, lead as u16)
+}
+
+const _: () = assert!(CHANGE as usize + (NO_ORDER as usize) < NEVER as usize);
