@@ -108,7 +108,9 @@ pub fn match_phases(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<Matches, MatchError> {
-    match_phases_on_grounds(cam1, cam2, table, settings, None)
+    let mut matches = Matches::default();
+    Matcher::default().match_phases(cam1, cam2, table, settings, &mut matches)?;
+    Ok(matches)
 }
 
 /// As [`match_phases`], with the grounds on which each pixel was decided: what a fit of the confidence learns from. There
@@ -122,54 +124,85 @@ pub fn match_phases_with_grounds(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<(Matches, Vec<Grounds>), MatchError> {
-    let mut grounds = Vec::new();
-    let matches = match_phases_on_grounds(cam1, cam2, table, settings, Some(&mut grounds))?;
+    let (mut matches, mut grounds) = (Matches::default(), Vec::new());
+    Matcher::default().match_on_grounds(cam1, cam2, table, settings, &mut matches, Some(&mut grounds))?;
     Ok((matches, grounds))
 }
 
-fn match_phases_on_grounds(
-    cam1: &PhaseMap,
-    cam2: &PhaseMap,
-    table: &SegmentTable,
-    settings: &MatchSettings,
-    grounds: Option<&mut Vec<Grounds>>,
-) -> Result<Matches, MatchError> {
-    let (found, expected) = ([cam1.width, cam1.height], table.size_px());
-    let size_error = MatchError::Size { found, expected };
-    if found != expected {
-        return Err(size_error);
+/// Matches one pair of phase maps after the other, in the same memory.
+#[derive(Clone, Debug, Default)]
+pub struct Matcher {
+    /// Phase of C2 in the epipolar frame.
+    cam2: EpipolarImage,
+    semi_global: semi_global::Room,
+}
+
+impl Matcher {
+    /// As the function [`match_phases`], into the memory of earlier matches. What was found before makes no difference; after
+    /// an error `out` has no meaning.
+    ///
+    /// # Errors
+    /// Those of that function.
+    pub fn match_phases(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &PhaseMap,
+        table: &SegmentTable,
+        settings: &MatchSettings,
+        out: &mut Matches,
+    ) -> Result<(), MatchError> {
+        self.match_on_grounds(cam1, cam2, table, settings, out, None)
     }
-    let raw_cam2 = cam2;
-    let mut cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
-    let mut histogram = DeltaHistogram::of_all_candidates(cam1, &cam2, table, 0);
-    let mut slip_steps = [0; 2];
-    let mut corrected = None;
-    if let Some(steps) = settings.cycle_steps {
-        slip_steps = find_slip(cam1, &cam2, table, &histogram, steps);
-        if slip_steps != [0; 2] {
-            let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
-            let mut map = cam1.clone();
-            map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
-            cam2.turn_back(of_cam2);
-            histogram = DeltaHistogram::of_all_candidates(&map, &cam2, table, 0);
-            corrected = Some(map);
+
+    fn match_on_grounds(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &PhaseMap,
+        table: &SegmentTable,
+        settings: &MatchSettings,
+        out: &mut Matches,
+        grounds: Option<&mut Vec<Grounds>>,
+    ) -> Result<(), MatchError> {
+        let (found, expected) = ([cam1.width, cam1.height], table.size_px());
+        let size_error = MatchError::Size { found, expected };
+        if found != expected {
+            return Err(size_error);
         }
+        let raw_cam2 = cam2;
+        let Self { cam2, semi_global: room } = self;
+        if !cam2.resample_into(raw_cam2, table) {
+            return Err(size_error);
+        }
+        let mut histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table, 0);
+        let mut slip_steps = [0; 2];
+        let mut corrected = None;
+        if let Some(steps) = settings.cycle_steps {
+            slip_steps = find_slip(cam1, cam2, table, &histogram, steps);
+            if slip_steps != [0; 2] {
+                let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
+                let mut map = cam1.clone();
+                map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
+                cam2.turn_back(of_cam2);
+                histogram = DeltaHistogram::of_all_candidates(&map, cam2, table, 0);
+                corrected = Some(map);
+            }
+        }
+        let cam1 = corrected.as_ref().unwrap_or(cam1);
+        let raw = [cam1, raw_cam2];
+        let measured = measure_delta(cam1, cam2, table, &histogram, &settings.resolution);
+        let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
+        if let Some(sd_rad) = settings.delta_sd_rad {
+            delta.sd_rad = sd_rad;
+        }
+        let matching = Matching { raw, cam2, table, settings };
+        match settings.method {
+            ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, room, out, grounds)?,
+            ResolutionMethod::Paper => *out = matching.by_paper(delta, &histogram)?,
+        }
+        explain_pixels_without_candidates(cam1, cam2, table, &mut out.outcomes);
+        out.slip_steps = slip_steps;
+        Ok(())
     }
-    let cam1 = corrected.as_ref().unwrap_or(cam1);
-    let raw = [cam1, raw_cam2];
-    let measured = measure_delta(cam1, &cam2, table, &histogram, &settings.resolution);
-    let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
-    if let Some(sd_rad) = settings.delta_sd_rad {
-        delta.sd_rad = sd_rad;
-    }
-    let matching = Matching { raw, cam2: &cam2, table, settings };
-    let mut matches = match settings.method {
-        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, grounds)?,
-        ResolutionMethod::Paper => matching.by_paper(delta, &histogram)?,
-    };
-    explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
-    matches.slip_steps = slip_steps;
-    Ok(matches)
 }
 
 /// One pair of phase maps, to be matched by either method.
@@ -187,8 +220,10 @@ impl Matching<'_> {
         &self,
         delta: DeltaStatistics,
         histogram: &DeltaHistogram,
+        room: &mut semi_global::Room,
+        out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
-    ) -> Result<Matches, MatchError> {
+    ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
         let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
@@ -201,22 +236,18 @@ impl Matching<'_> {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
         };
-        let (decisions, passing) = semi_global::resolve(&scene, &limits, grounds);
-        let found = decisions.chosen.iter().flatten().count();
-        let with_candidates = passing.iter().filter(|&&passing| passing > 0).count();
+        let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
+        let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
+        room.resolve(&scene, &limits, &mut decisions, grounds);
+        let found = out.chosen.iter().flatten().count();
+        let with_candidates = out.passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         check_share(&rest, doubtful, found, with_candidates)?;
-        Ok(Matches {
-            chosen_delta_rad: delta_rad(&decisions.chosen),
-            outcomes: decisions.outcomes,
-            chosen: decisions.chosen,
-            passing,
-            confidence: decisions.confidence,
-            delta,
-            delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
-            drift: Some(drift),
-            slip_steps: [0; 2],
-        })
+        out.chosen_delta_rad = delta_rad(&out.chosen);
+        out.delta = delta;
+        out.delta_counts = histogram.from_minus_to_plus_pi().to_vec();
+        out.drift = Some(drift);
+        Ok(())
     }
 
     fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {

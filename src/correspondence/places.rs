@@ -8,6 +8,7 @@ use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
 /// For each pixel of C1, row by row.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Index of the place in the epipolar frame; [`Self::NOWHERE`] of pixels without correspondence.
     pub(super) of_pixels: Vec<u32>,
@@ -40,18 +41,18 @@ impl Places {
         places
     }
 
-    /// The places of correspondences whose columns are told row by row; those of pixels without one have no meaning.
-    pub(super) fn of_columns(table: &SegmentTable, column_px: &[f32]) -> Self {
+    /// Finds the places of correspondences whose columns are told row by row; those of pixels without one have no meaning.
+    pub(super) fn find(&mut self, table: &SegmentTable, column_px: &[f32]) {
         let ([width, height], [epipolar_width, epipolar_height]) = (table.size_px(), table.epipolar_size_px());
-        let mut places = Self { of_pixels: vec![0; width * height], nearness: vec![0.0; width * height] };
-        let rows = places.of_pixels.par_chunks_mut(width).zip(places.nearness.par_chunks_mut(width));
+        self.of_pixels.resize(width * height, Self::NOWHERE);
+        self.nearness.resize(width * height, 0.0);
+        let rows = self.of_pixels.par_chunks_mut(width).zip(self.nearness.par_chunks_mut(width));
         let rows = rows.zip(column_px.par_chunks(width)).enumerate();
         rows.for_each_init(SegmentRow::default, |segments, (v, ((of_pixels, nearness), column_px))| {
             table.row(v, segments);
             let last = [epipolar_width as u32 - 1, epipolar_height as u32 - 1];
             simd::run(Level::in_use(), PlaceRow { table, segments, column_px, last, of_pixels, nearness });
         });
-        places
     }
 }
 

@@ -6,7 +6,7 @@ use super::super::neighbourhood::TURN;
 const SAME_ORDER: i32 = TURN / 2;
 
 /// Who has a place.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Owner {
     precedence: f32,
     absolute: i32,
@@ -26,7 +26,7 @@ pub(super) struct Claim {
 }
 
 /// For each place of the epipolar frame the greatest precedence, and the absolute phase that has it.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     owners: Vec<Owner>,
 }

@@ -35,7 +35,7 @@ pub struct Grounds {
 }
 
 /// Absolute phases of the pixels that stand, in a frame of absent ones as wide as support reaches.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Surroundings {
     absolute: Vec<i32>,
     /// Width of the image and of the frame on both sides.

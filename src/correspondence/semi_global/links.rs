@@ -20,6 +20,7 @@ pub(super) const MAX_SHIFT: usize = 8;
 const NONE: u8 = u8::MAX;
 
 /// The links of all pixels to those before them.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Links {
     /// Axis by axis, for each pixel by how many orders its window is shifted against that of the pixel before, [`MAX_SHIFT`]
     /// added; [`NONE`] where there is no link.
@@ -29,17 +30,17 @@ pub(super) struct Links {
 }
 
 impl Links {
-    pub(super) fn of(cam1: &PhaseMap, windows: &Windows) -> Self {
-        let width = cam1.width.max(1);
-        let shifts = AXES.map(|axis| {
-            let mut shifts = vec![NONE; cam1.phase.len()];
-            shifts.par_chunks_mut(width).enumerate().for_each_init(
-                || [(); 3].map(|()| Rises::new(width)),
+    /// Finds the links of all pixels.
+    pub(super) fn find(&mut self, cam1: &PhaseMap, windows: &Windows) {
+        self.width = cam1.width.max(1);
+        for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
+            shifts.clear();
+            shifts.resize(cam1.phase.len(), NONE);
+            shifts.par_chunks_mut(self.width).enumerate().for_each_init(
+                || [(); 3].map(|()| Rises::new(cam1.width)),
                 |rises, (v, shifts)| LinkRow { cam1, windows, axis, v, rises, shifts }.find(),
             );
-            shifts
-        });
-        Self { shifts, width }
+        }
     }
 
     /// Where a path along an axis comes from at a pixel, going with the axis or against it.

@@ -44,7 +44,7 @@ pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
 use evidence::DeltaScale;
-use paths::Verdicts;
+use paths::{PathRoom, Verdicts};
 use selection::Selection;
 use verification::VerificationRoom;
 use windows::Windows;
@@ -61,12 +61,14 @@ pub(super) struct Scene<'a> {
     pub(super) drift: &'a Drift,
 }
 
-/// Decisions about all pixels of C1, row by row.
-pub(super) struct Decisions {
-    pub(super) outcomes: Vec<Outcome>,
-    pub(super) chosen: Vec<Option<Candidate>>,
+/// Decisions about all pixels of C1, row by row; vectors are filled anew.
+pub(super) struct Decisions<'a> {
+    pub(super) outcomes: &'a mut Vec<Outcome>,
+    pub(super) chosen: &'a mut Vec<Option<Candidate>>,
+    /// Orders of each pixel that pass the back-projection test about the drift.
+    pub(super) passing: &'a mut Vec<u8>,
     /// How likely each point is true.
-    pub(super) confidence: Vec<Confidence>,
+    pub(super) confidence: &'a mut Vec<Confidence>,
 }
 
 /// What a point must have.
@@ -77,33 +79,34 @@ pub(super) struct Limits {
     pub(super) min_confidence: f32,
 }
 
-/// Room for what is known of each pixel.
-#[derive(Default)]
-struct Room {
+/// Room for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    windows: Windows,
     evidence: Vec<u8>,
-    sums: Vec<u16>,
+    paths: PathRoom,
     verdicts: Verdicts,
     selection: Selection,
     verification: VerificationRoom,
 }
 
-/// Decides every pixel that has a segment; yields how many orders of each pixel pass the back-projection test about the drift,
-/// too. The grounds of the decisions go where they are asked for.
-///
-/// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
-pub(super) fn resolve(
-    scene: &Scene<'_>,
-    limits: &Limits,
-    grounds: Option<&mut Vec<Grounds>>,
-) -> (Decisions, Vec<u8>) {
-    let mut room = Room::default();
-    let Room { evidence, sums, verdicts, selection, verification } = &mut room;
-    let windows = Windows::of(scene);
-    let scale = DeltaScale::of(scene);
-    let mut passing = Vec::new();
-    evidence::gather(scene, &windows, &scale, evidence, &mut passing);
-    paths::least_energies(scene.cam1, &windows, evidence, sums, verdicts);
-    selection.select(scene, &windows, &scale, &verdicts.order);
-    let decisions = verification::verify(scene, selection, verdicts, &passing, limits, verification, grounds);
-    (decisions, passing)
+impl Room {
+    /// Decides every pixel that has a segment. The grounds of the decisions go where they are asked for.
+    ///
+    /// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
+    pub(super) fn resolve(
+        &mut self,
+        scene: &Scene<'_>,
+        limits: &Limits,
+        decisions: &mut Decisions<'_>,
+        grounds: Option<&mut Vec<Grounds>>,
+    ) {
+        let Self { windows, evidence, paths, verdicts, selection, verification } = self;
+        windows.ask(scene);
+        let scale = DeltaScale::of(scene);
+        evidence::gather(scene, windows, &scale, evidence, decisions.passing);
+        paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
+        selection.select(scene, windows, &scale, &verdicts.order);
+        verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);
+    }
 }

@@ -34,7 +34,7 @@ impl<'a> Outlook<'a> {
         [u, v]: [usize; 2],
     ) -> Self {
         let segment = segments.segment(u);
-        let limits_px = windows.limits_px(segment.limits_px());
+        let limits_px = windows.reach.limits_px(segment.limits_px());
         let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
         Self {
             row: RowView::new(scene.cam2, segment.row_px),

@@ -33,23 +33,30 @@ pub(super) const PATHS: usize = 8;
 const NEVER: u16 = u16::MAX / 4;
 
 /// The orders with the least energy.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
     pub(super) order: Vec<i16>,
     /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
     pub(super) margin: Vec<u16>,
 }
 
-/// Decides the order of every pixel with a window; `sums` is room for sums of paths.
+/// Room for the links of pixels and the sums of paths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PathRoom {
+    links: Links,
+    sums: Vec<u16>,
+}
+
+/// Decides the order of every pixel with a window.
 pub(super) fn least_energies(
     cam1: &PhaseMap,
     windows: &Windows,
     evidence: &[u8],
-    sums: &mut Vec<u16>,
+    PathRoom { links, sums }: &mut PathRoom,
     verdicts: &mut Verdicts,
 ) {
     let (width, height) = (cam1.width.max(1), cam1.height);
-    let links = Links::of(cam1, windows);
+    links.find(cam1, windows);
     sums.resize(evidence.len(), 0);
     verdicts.order.resize(width * height, 0);
     verdicts.margin.resize(width * height, 0);
@@ -60,7 +67,7 @@ pub(super) fn least_energies(
     let mut passes = [Pass::Down, Pass::Up].map(|pass| Sweep {
         width,
         windows,
-        links: &links,
+        links,
         evidence,
         pass,
         before: AXES.map(|_| PathRow::new(width, windows.lanes)),

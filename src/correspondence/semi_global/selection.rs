@@ -27,7 +27,7 @@ pub(super) const RIM_COLUMNS: usize = 1;
 pub(super) const ABSENT: i32 = i32::MIN;
 
 /// The selected candidates of all pixels, and how they fit.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Selection {
     /// Absolute phase of each pixel, turns · 65536; [`ABSENT`] where no candidate is selected.
     pub(super) absolute: Vec<i32>,

@@ -40,8 +40,15 @@ const BETTER_FOUNDED_NATS: f32 = 3.0;
 const MAX_LOST_SHARE: f64 = 0.3;
 
 /// Room for what is known of each pixel.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct VerificationRoom {
+    places: Places,
+    room: Room,
+}
+
+/// What is known of the surroundings of each pixel.
+#[derive(Clone, Debug, Default)]
+struct Room {
     claims: Claims,
     surroundings: Surroundings,
     /// Pixels beside and around each pixel that support it.
@@ -50,40 +57,34 @@ pub(super) struct VerificationRoom {
     is_hidden: Vec<bool>,
 }
 
-/// Decides about every pixel; `passing` is how many orders of each pixel pass the back-projection test. Selected candidates
-/// that do not stay become absent. The grounds go where they are asked for.
+/// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
+/// not stay become absent. The grounds go where they are asked for.
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
     verdicts: &Verdicts,
-    passing: &[u8],
     limits: &Limits,
     room: &mut VerificationRoom,
+    decisions: &mut Decisions<'_>,
     grounds: Option<&mut Vec<Grounds>>,
-) -> Decisions {
+) {
     let width = scene.cam1.width.max(1);
-    let pixels = selection.absolute.len();
     let regions = Regions::of(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    let places = Places::of_columns(scene.table, &selection.column_px);
-    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions, places: &places };
+    let VerificationRoom { places, room } = room;
+    places.find(scene.table, &selection.column_px);
+    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions, places };
     let leads_nats = verification.leads_nats();
     let mut verdict_of_region = verification.judge_regions(&leads_nats);
     verification.contradict_by_foundation(&leads_nats, &mut verdict_of_region, &mut room.claims);
     verification.look_around(&verdict_of_region, room);
     let of_regions = verification.of_regions(&leads_nats, room);
-    let mut decisions = Decisions {
-        outcomes: vec![Outcome::NoCandidate; pixels],
-        chosen: vec![None; pixels],
-        confidence: vec![Confidence::NONE; pixels],
-    };
-    verification.state_confidence(&of_regions, room, &mut decisions.confidence);
+    verification.state_confidence(&of_regions, room, decisions.confidence);
     if let Some(grounds) = grounds {
         *grounds = verification.grounds(&of_regions, room);
     }
-    verification.stand_by_confidence(&verdict_of_region, room, &mut decisions);
-    verification.drop_small_regions(&mut decisions.outcomes);
-    verification.finish(passing, &mut decisions);
-    decisions
+    verification.stand_by_confidence(&verdict_of_region, room, decisions);
+    verification.drop_small_regions(decisions.outcomes);
+    verification.finish(decisions);
 }
 
 struct Verification<'a> {
@@ -173,8 +174,8 @@ impl Verification<'_> {
     }
 
     /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
-    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut VerificationRoom) {
-        let VerificationRoom { claims, surroundings, beside, around, is_hidden } = room;
+    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut Room) {
+        let Room { claims, surroundings, beside, around, is_hidden } = room;
         let (width, absolute) = (self.width, &self.selection.absolute);
         let stands = |run: &&Run| verdict_of_region[run.region as usize].is_none();
         surroundings.fill([width, absolute.len() / width], |v, row| {
@@ -201,7 +202,7 @@ impl Verification<'_> {
     }
 
     /// What each region says of its pixels.
-    fn of_regions(&self, leads_nats: &[f32], room: &VerificationRoom) -> Vec<OfRegion> {
+    fn of_regions(&self, leads_nats: &[f32], room: &Room) -> Vec<OfRegion> {
         let hidden =
             self.regions.sums(|run| room.is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
         let of_region = |((&region_px, &lead_nats), hidden): ((&u32, &f32), u64)| OfRegion {
@@ -213,9 +214,10 @@ impl Verification<'_> {
     }
 
     /// How likely each selected candidate is true.
-    fn state_confidence(&self, of_regions: &[OfRegion], room: &VerificationRoom, confidence: &mut [Confidence]) {
+    fn state_confidence(&self, of_regions: &[OfRegion], room: &Room, confidence: &mut Vec<Confidence>) {
         let (tables, width) = (Tables::new(), self.width);
         let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
+        confidence.resize(self.selection.absolute.len(), Confidence::NONE);
         let rows = confidence.par_chunks_mut(width).enumerate();
         rows.for_each_init(Vec::new, |of_pixels, (v, confidence)| {
             of_pixels.resize(width, RegionOdds::default());
@@ -236,7 +238,7 @@ impl Verification<'_> {
     }
 
     /// The grounds of every pixel with a selected candidate.
-    fn grounds(&self, of_regions: &[OfRegion], room: &VerificationRoom) -> Vec<Grounds> {
+    fn grounds(&self, of_regions: &[OfRegion], room: &Room) -> Vec<Grounds> {
         let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
         for run in &self.regions.runs {
             let OfRegion { region_px, lead_nats, hidden_share } = of_regions[run.region as usize];
@@ -260,15 +262,17 @@ impl Verification<'_> {
     fn stand_by_confidence(
         &mut self,
         verdict_of_region: &[Option<Outcome>],
-        room: &VerificationRoom,
-        decisions: &mut Decisions,
+        room: &Room,
+        decisions: &mut Decisions<'_>,
     ) {
         let least = Confidence::at_least(self.limits.min_confidence);
         let (width, regions) = (self.width, self.regions);
         let Selection { absolute, z, .. } = &mut *self.selection;
+        decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
         let rows = absolute.par_chunks_mut(width).zip(z.par_chunks(width)).zip(room.is_hidden.par_chunks(width));
         let decided = decisions.outcomes.par_chunks_mut(width).zip(decisions.confidence.par_chunks(width));
         rows.zip(decided).enumerate().for_each(|(v, (((absolute, z), is_hidden), (outcomes, confidence)))| {
+            outcomes.fill(Outcome::NoCandidate);
             for run in regions.of_row(v) {
                 let verdict = verdict_of_region[run.region as usize];
                 for u in run.pixels().start - v * width..run.pixels().end - v * width {
@@ -292,15 +296,16 @@ impl Verification<'_> {
         }
     }
 
-    fn finish(&self, passing: &[u8], decisions: &mut Decisions) {
+    fn finish(&self, decisions: &mut Decisions<'_>) {
         let width = self.width;
-        let Decisions { outcomes, chosen, confidence } = decisions;
+        let Decisions { outcomes, chosen, passing, confidence } = decisions;
+        chosen.resize(outcomes.len(), None);
         let rows = outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(confidence.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((outcomes, chosen), confidence))| {
             for u in 0..outcomes.len() {
                 let pixel = v * width + u;
                 if self.selection.absolute[pixel] == ABSENT {
-                    confidence[u] = Confidence::NONE;
+                    (confidence[u], chosen[u]) = (Confidence::NONE, None);
                     continue;
                 }
                 outcomes[u] = match (self.selection.in_volume[pixel], passing[pixel]) {
@@ -309,9 +314,8 @@ impl Verification<'_> {
                     (true, 0 | 1) => Outcome::Unique,
                     (true, _) => Outcome::AcrossEpipolar,
                 };
-                if self.selection.in_volume[pixel] {
-                    chosen[u] = Some(self.candidate(pixel));
-                } else {
+                chosen[u] = self.selection.in_volume[pixel].then(|| self.candidate(pixel));
+                if chosen[u].is_none() {
                     confidence[u] = Confidence::NONE;
                 }
             }

@@ -117,9 +117,9 @@ impl<'a> Row<'a> {
         let (s, drift) = (self.segments, self.drift);
         let load = |from: &[f32]| load_floats(&from[first..first + 16]);
         let (begin, end) = (load(&s.begin_px), load(&s.end_px));
-        let beyond = _mm512_set1_ps(self.windows.beyond_px);
+        let beyond = _mm512_set1_ps(self.windows.reach.beyond_px);
         let first_px = _mm512_max_ps(_mm512_sub_ps(begin, beyond), _mm512_setzero_ps());
-        let last_px = _mm512_min_ps(_mm512_add_ps(end, beyond), _mm512_set1_ps(self.windows.last_column_px));
+        let last_px = _mm512_min_ps(_mm512_add_ps(end, beyond), _mm512_set1_ps(self.windows.reach.last_column_px));
         let mut words = [0; 16];
         words.copy_from_slice(&self.phase[first..first + 16]);
         let phase_turns = _mm512_mul_ps(_mm512_cvtepi32_ps(widen(words)), _mm512_set1_ps(1.0 / 65536.0));

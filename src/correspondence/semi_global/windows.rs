@@ -23,6 +23,7 @@ pub(super) const LANE_STEP: usize = 16;
 pub(super) const MAX_LANES: usize = 128;
 
 /// For each pixel of C1 the orders that a candidate can have.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Windows {
     /// Least order of each pixel.
     pub(super) first: Vec<i16>,
@@ -30,6 +31,12 @@ pub(super) struct Windows {
     pub(super) count: Vec<u8>,
     /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
+    pub(super) reach: Reach,
+}
+
+/// The columns in which candidates are sought.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reach {
     /// How far segments reach beyond the volume, pixels of the epipolar frame.
     pub(super) beyond_px: f32,
     /// Last column of the epipolar frame, pixels.
@@ -37,30 +44,30 @@ pub(super) struct Windows {
 }
 
 impl Windows {
-    pub(super) fn of(scene: &Scene<'_>) -> Self {
+    /// Asks for the orders of the pixels of a scene.
+    pub(super) fn ask(&mut self, scene: &Scene<'_>) {
         let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
         let orders = mean_orders(scene);
         let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
         let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
-        let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
-        let mut windows = Self { first: Vec::new(), count: Vec::new(), lanes: 0, beyond_px, last_column_px };
-        windows.first.resize(scene.cam1.phase.len(), 0);
-        windows.count.resize(scene.cam1.phase.len(), 0);
+        let reach = Reach { beyond_px, last_column_px: (scene.table.epipolar_size_px()[0] - 1) as f32 };
+        self.reach = reach;
+        self.first.resize(scene.cam1.phase.len(), 0);
+        self.count.resize(scene.cam1.phase.len(), 0);
         let width = scene.cam1.width.max(1);
-        let (mut first, mut count) = (std::mem::take(&mut windows.first), std::mem::take(&mut windows.count));
-        let rows = first.par_chunks_mut(width).zip(count.par_chunks_mut(width)).enumerate();
+        let rows = self.first.par_chunks_mut(width).zip(self.count.par_chunks_mut(width)).enumerate();
         rows.for_each_init(SegmentRow::default, |segments, (v, (first, count))| {
             scene.table.row(v, segments);
             let pixels = v * width..(v + 1) * width;
             let (phase, valid) = (&scene.cam1.phase[pixels.clone()], &scene.cam1.valid[pixels]);
-            simd::run(Level::in_use(), WindowRow { windows: &windows, segments, phase, valid, first, count });
+            simd::run(Level::in_use(), WindowRow { reach, segments, phase, valid, first, count });
         });
-        let most = count.par_iter().copied().max().map_or(0, usize::from);
-        windows.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
-        (windows.first, windows.count) = (first, count);
-        windows
+        let most = self.count.par_iter().copied().max().map_or(0, usize::from);
+        self.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
     }
+}
 
+impl Reach {
     /// First and last column at which candidates of a segment are sought, pixels.
     #[inline(always)]
     pub(super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
@@ -70,7 +77,7 @@ impl Windows {
 
 /// Asks for the orders of a row of pixels.
 struct WindowRow<'a> {
-    windows: &'a Windows,
+    reach: Reach,
     segments: &'a SegmentRow,
     phase: &'a [u16],
     valid: &'a [bool],
@@ -83,7 +90,7 @@ impl Kernel for WindowRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { windows, segments: s, phase, valid, first, count } = self;
+        let Self { reach, segments: s, phase, valid, first, count } = self;
         let width = phase.len();
         let (begin, end, reference) = (&s.begin_px[..width], &s.end_px[..width], &s.reference_px[..width]);
         let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
@@ -91,7 +98,7 @@ impl Kernel for WindowRow<'_> {
         for u in 0..width {
             let coefficients = [a[u], b[u], d[u]];
             let phase_turns = f32::from(phase[u]) / 65536.0;
-            let limits_px = windows.limits_px([begin[u], end[u]]);
+            let limits_px = reach.limits_px([begin[u], end[u]]);
             let (least, orders) = orders(limits_px, reference[u], coefficients, phase_turns);
             let (within, _) = self::orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
             // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
