@@ -13,7 +13,6 @@ use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::resolution::{Pass, ResolutionSettings};
 use super::row_view::RowView;
-use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
@@ -314,18 +313,21 @@ fn explain_pixels_without_candidates(
     outcomes: &mut [Outcome],
 ) {
     let width = cam1.width.max(1);
-    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
-        table.row(v, segments);
+    outcomes.par_chunks_mut(width).enumerate().for_each(|(v, outcomes)| {
         for (u, outcome) in outcomes.iter_mut().enumerate() {
-            let (segment, i) = (segments.segment(u), v * width + u);
+            let i = v * width + u;
+            if outcome.is_found() {
+                continue;
+            }
             if !cam1.valid[i] {
                 *outcome = Outcome::Invalid;
-            } else if segment.is_none() {
+            } else if !table.has_segment(i) {
                 *outcome = Outcome::OutsideVolume;
-            } else if *outcome == Outcome::NoCandidate
-                && occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i])
-            {
-                *outcome = Outcome::RejectedByDelta;
+            } else if *outcome == Outcome::NoCandidate {
+                let segment = table.segment(i);
+                if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i]) {
+                    *outcome = Outcome::RejectedByDelta;
+                }
             }
         }
     });

@@ -174,6 +174,14 @@ impl SegmentTable {
         begin_px <= end_px
     }
 
+    /// Tells by 1 or 0 which pixels of row `v` of C1 have a segment.
+    pub(super) fn mark_segments(&self, v: usize, has_segment: &mut [u8]) {
+        let (begin, end) = self.limits_of_row(v);
+        for ((has_segment, begin), end) in has_segment.iter_mut().zip(begin).zip(end) {
+            *has_segment = u8::from(begin <= end);
+        }
+    }
+
     /// Row of the epipolar frame in which a pixel of C1 has its segment, pixels.
     #[must_use]
     #[inline]

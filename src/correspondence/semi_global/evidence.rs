@@ -50,17 +50,7 @@ pub(super) struct DeltaScale {
 impl DeltaScale {
     pub(super) fn of(scene: &Scene<'_>) -> Self {
         let cam1 = scene.cam1;
-        let mut counts = vec![0_u32; 1 << 16];
-        for (modulation, &valid) in cam1.modulation.iter().zip(&cam1.valid) {
-            counts[usize::from(modulation.steps())] += u32::from(valid);
-        }
-        let lit: u32 = counts.iter().sum();
-        let mut below = 0;
-        let median = counts.iter().position(|count| {
-            below += count;
-            below > lit / 2
-        });
-        let median_grey = median.map_or(1.0, |steps| Modulation::of_steps(steps as u16).grey());
+        let median_grey = median_modulation(&cam1.modulation, &cam1.valid).map_or(1.0, Modulation::grey);
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
         Self { sd_turns, median_grey }
     }
@@ -72,6 +62,37 @@ impl DeltaScale {
         let variance = 1.0 - NOISE_SHARE + NOISE_SHARE * ratio * ratio;
         self.sd_turns * variance.sqrt().min(MAX_SD_RATIO)
     }
+}
+
+/// Median modulation of the valid pixels.
+fn median_modulation(modulation: &[Modulation], valid: &[bool]) -> Option<Modulation> {
+    // The upper byte of the median first, then the lower one. Neighbours are alike, so that each counts in a row of its own:
+    // none waits for the one before.
+    const ROWS: usize = 4;
+    let mut upper = [[0_u32; 256]; ROWS];
+    for (modulation, valid) in modulation.chunks(ROWS).zip(valid.chunks(ROWS)) {
+        for ((counts, modulation), &valid) in upper.iter_mut().zip(modulation).zip(valid) {
+            counts[usize::from(modulation.steps() >> 8)] += u32::from(valid);
+        }
+    }
+    let upper: [u32; 256] = std::array::from_fn(|byte| upper.iter().map(|counts| counts[byte]).sum());
+    let (byte, rank) = ranked(&upper, upper.iter().sum::<u32>() / 2)?;
+    let mut lower = [0_u32; 256];
+    for (modulation, &valid) in modulation.iter().zip(valid) {
+        let is_near = valid && usize::from(modulation.steps() >> 8) == byte;
+        lower[usize::from(modulation.steps() & 0xff)] += u32::from(is_near);
+    }
+    ranked(&lower, rank).map(|(lower, _)| Modulation::of_steps((byte << 8 | lower) as u16))
+}
+
+/// In which place the number of a rank is counted, and its rank there.
+fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
+    let mut below = 0;
+    let place = counts.iter().position(|count| {
+        below += count;
+        below > rank
+    })?;
+    Some((place, rank + counts[place] - below))
 }
 
 /// The sd of the pixels of a row.
@@ -270,6 +291,19 @@ impl Energies {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_median_modulation_is_that_of_sorting() {
+        for count in [0, 1, 2, 7, 1000, 1001] {
+            let modulation: Vec<Modulation> =
+                (0..count).map(|i: u32| Modulation::of_steps((i * 40_503 % 5003) as u16)).collect();
+            let valid: Vec<bool> = (0..count).map(|i| i % 3 != 1).collect();
+            let mut lit: Vec<Modulation> =
+                modulation.iter().zip(&valid).filter(|(_, valid)| **valid).map(|(m, _)| *m).collect();
+            lit.sort();
+            assert_eq!(median_modulation(&modulation, &valid), lit.get(lit.len() / 2).copied());
+        }
+    }
 
     #[test]
     fn energies_rise_from_none_to_that_of_a_missing_candidate() {

@@ -10,8 +10,6 @@ use crate::simd::{self, Kernel, Lanes, Level};
 const REACH_PX: usize = 3;
 /// Pixels along a side of that surrounding.
 const SIDE: usize = 2 * REACH_PX + 1;
-/// Pixels that are handled together.
-const BLOCK: usize = 16;
 
 /// What speaks for the selected candidate of one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -58,8 +56,7 @@ const MAX_DIFFERENCE: [[u32; SIDE]; SIDE] = {
 impl Surroundings {
     /// Pixels of an image of so many columns and rows; `fill` tells those of a row that stand, all others are absent.
     pub(super) fn fill(&mut self, [width, height]: [usize; 2], fill: impl Fn(usize, &mut [i32]) + Sync) {
-        // Whole blocks on the right.
-        self.stride = width.next_multiple_of(BLOCK) + 2 * REACH_PX;
+        self.stride = width + 2 * REACH_PX;
         self.absolute.clear();
         self.absolute.resize(self.stride * (height + 2 * REACH_PX), ABSENT);
         let rows = self.absolute.par_chunks_exact_mut(self.stride).skip(REACH_PX).take(height);
@@ -88,37 +85,31 @@ impl Kernel for SupportRow<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { rows, own, beside, around } = self;
-        let blocks = beside.chunks_mut(BLOCK).zip(around.chunks_mut(BLOCK)).enumerate();
-        for (block, (beside, around)) in blocks {
-            let begin = block * BLOCK;
-            let mut own_block = [ABSENT; BLOCK];
-            own_block[..beside.len()].copy_from_slice(&own[begin..begin + beside.len()]);
-            let (mut near, mut far) = ([0; BLOCK], [0; BLOCK]);
-            for row in 0..SIDE {
-                let of_row = &rows[row][begin..begin + BLOCK + 2 * REACH_PX];
-                for column in 0..SIDE {
-                    let is_near = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
-                    if row == REACH_PX && column == REACH_PX {
-                        // The pixel itself is no support.
-                        continue;
-                    }
-                    count(&own_block, &of_row[column..], MAX_DIFFERENCE[row][column], if is_near { &mut near } else { &mut far });
+        beside.fill(0);
+        around.fill(0);
+        for row in 0..SIDE {
+            for column in 0..SIDE {
+                // The pixel itself is no support.
+                if row == REACH_PX && column == REACH_PX {
+                    continue;
                 }
+                let is_near = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
+                let counts = if is_near { &mut *beside } else { &mut *around };
+                count(own, &rows[row][column..], MAX_DIFFERENCE[row][column], counts);
             }
-            for i in 0..beside.len() {
-                beside[i] = near[i] as u8;
-                around[i] = (near[i] + far[i]) as u8;
-            }
+        }
+        for (around, beside) in around.iter_mut().zip(beside) {
+            *around += *beside;
         }
     }
 }
 
 /// Counts those whose absolute phases differ by no more than a limit.
 #[inline(always)]
-fn count(own: &[i32; BLOCK], others: &[i32], limit: u32, counts: &mut [u32; BLOCK]) {
-    let others = &others[..BLOCK];
-    for i in 0..BLOCK {
-        counts[i] += u32::from(others[i].wrapping_sub(own[i]).unsigned_abs() <= limit);
+fn count(own: &[i32], others: &[i32], limit: u32, counts: &mut [u8]) {
+    let (own, others) = (&own[..counts.len()], &others[..counts.len()]);
+    for i in 0..counts.len() {
+        counts[i] += u8::from(others[i].wrapping_sub(own[i]).unsigned_abs() <= limit);
     }
 }
 

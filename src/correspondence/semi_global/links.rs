@@ -43,21 +43,33 @@ impl Links {
         }
     }
 
-    /// Where a path along an axis comes from at a pixel, going with the axis or against it.
+    /// Where paths along an axis come from at the pixels of a row, going with the axis or against it.
     #[inline(always)]
-    pub(super) fn towards(&self, axis: usize, [u, v]: [usize; 2], forward: bool) -> Option<Link> {
+    pub(super) fn of_row(&self, axis: usize, v: usize, forward: bool) -> RowLinks<'_> {
         let ([du, dv], shifts) = (AXES[axis], &self.shifts[axis]);
-        if forward {
-            let shift = shifts[v * self.width + u];
-            return (shift != NONE).then(|| Link { column: u.wrapping_add_signed(-du), shift: usize::from(shift) });
-        }
-        // What lies left of the image or beyond its end has no link.
-        let column = u.wrapping_add_signed(du);
-        if column >= self.width {
-            return None;
-        }
-        let shift = *shifts.get(v.wrapping_add_signed(dv) * self.width + column)?;
-        (shift != NONE).then(|| Link { column, shift: 2 * MAX_SHIFT - usize::from(shift) })
+        let row = if forward { v } else { v.wrapping_add_signed(dv) };
+        // What lies beyond the end of the image has no link.
+        let shifts = row.checked_mul(self.width).and_then(|begin| shifts.get(begin..begin + self.width));
+        RowLinks { shifts: shifts.unwrap_or(&[]), du, forward }
+    }
+}
+
+/// Where paths along an axis come from at the pixels of a row.
+#[derive(Clone, Copy)]
+pub(super) struct RowLinks<'a> {
+    shifts: &'a [u8],
+    du: isize,
+    forward: bool,
+}
+
+impl RowLinks<'_> {
+    /// That of a pixel.
+    #[inline(always)]
+    pub(super) fn towards(&self, u: usize) -> Option<Link> {
+        let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
+        let shift = usize::from(*self.shifts.get(if self.forward { u } else { column })?);
+        // Left of the image there is no link, so the column of one is always in the image.
+        (shift != usize::from(NONE)).then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
     }
 }
 

@@ -20,8 +20,8 @@ use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::UNITS_PER_NAT;
-use super::evidence::NO_ORDER;
-use super::links::{AXES, Link, Links, MAX_SHIFT};
+use super::evidence::{MISSING, NO_ORDER};
+use super::links::{AXES, Link, Links, MAX_SHIFT, RowLinks};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
@@ -117,13 +117,11 @@ struct Sweep<'a> {
 /// neighbours may point.
 struct PathRow {
     energies: Vec<u16>,
-    stride: usize,
 }
 
 impl PathRow {
     fn new(width: usize, lanes: usize) -> Self {
-        let stride = lanes + 2 * MAX_SHIFT;
-        Self { energies: vec![NEVER; width * stride], stride }
+        Self { energies: vec![NEVER; width * (lanes + 2 * MAX_SHIFT)] }
     }
 }
 
@@ -139,27 +137,29 @@ impl Kernel for Leaving<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
+    fn run<L: Lanes>(self, lanes: L) {
         // Most rigs have no more orders; loops of known length are registers.
         match self.sweep.windows.lanes {
-            LANE_STEP => self.run_of::<LANE_STEP>(),
-            _ => self.run_of::<MAX_LANES>(),
+            LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
 }
 
 impl Leaving<'_, '_> {
     #[inline(always)]
-    fn run_of<const ROOM: usize>(self) {
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
         let Self { sweep, rows, sums } = self;
         let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
+            let links = sweep.links_of_row(v);
             for j in 0..sweep.width {
                 let u = sweep.column(j);
-                if sweep.windows.count[v * sweep.width + u] > 0 {
-                    let sum = sweep.pixel::<ROOM>([u, v], lanes);
+                let pixel = v * sweep.width + u;
+                if sweep.windows.count[pixel] > 0 {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, u, pixel, lanes);
                     of_row[u * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
                 }
             }
@@ -182,29 +182,29 @@ impl Kernel for Deciding<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
+    fn run<L: Lanes>(self, lanes: L) {
         match self.sweep.windows.lanes {
-            LANE_STEP => self.run_of::<LANE_STEP>(),
-            _ => self.run_of::<MAX_LANES>(),
+            LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
 }
 
 impl Deciding<'_, '_> {
     #[inline(always)]
-    fn run_of<const ROOM: usize>(self) {
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
         let Self { sweep, rows, sums, order, margin } = self;
         let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let links = sweep.links_of_row(v);
             for j in 0..sweep.width {
                 let u = sweep.column(j);
                 let (pixel, place) = (v * sweep.width + u, (v - rows.start) * sweep.width + u);
-                let count = usize::from(sweep.windows.count[pixel]);
-                if count > 0 {
-                    let sum = sweep.pixel::<ROOM>([u, v], lanes);
+                if sweep.windows.count[pixel] > 0 {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, u, pixel, lanes);
                     let evidence = &sweep.evidence[pixel * lanes..][..lanes];
-                    let (best, lead) = decide::<ROOM>(evidence, &sum, &sums[place * lanes..][..lanes], lanes, count);
+                    let (best, lead) = decide::<L, ROOM>(level, evidence, &sum, &sums[place * lanes..][..lanes], lanes);
                     order[place] = sweep.windows.first[pixel] + best;
                     margin[place] = lead;
                 }
@@ -214,7 +214,7 @@ impl Deciding<'_, '_> {
     }
 }
 
-impl Sweep<'_> {
+impl<'a> Sweep<'a> {
     #[inline(always)]
     fn column(&self, j: usize) -> usize {
         if self.pass == Pass::Down { j } else { self.width - 1 - j }
@@ -225,25 +225,38 @@ impl Sweep<'_> {
         std::mem::swap(&mut self.before, &mut self.here);
     }
 
+    /// Where the paths come from in a row.
+    #[inline(always)]
+    fn links_of_row(&self, v: usize) -> [RowLinks<'a>; AXES.len()] {
+        let (links, forward) = (self.links, self.pass == Pass::Down);
+        [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward))
+    }
+
     /// All four directions at a pixel: the sum of what they bring.
     #[inline(always)]
-    fn pixel<const ROOM: usize>(&mut self, place: [usize; 2], lanes: usize) -> [u16; ROOM] {
-        let (u, pixel) = (place[0], place[1] * self.width + place[0]);
+    fn pixel<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        links: &[RowLinks<'_>; AXES.len()],
+        u: usize,
+        pixel: usize,
+        lanes: usize,
+    ) -> [u16; ROOM] {
         let lanes = if ROOM == LANE_STEP { ROOM } else { lanes };
+        let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
         let mut sum = [0; ROOM];
         for axis in 0..AXES.len() {
             let mut from = [0; ROOM];
-            if let Some(Link { column, shift }) = self.links.towards(axis, place, self.pass == Pass::Down) {
+            if let Some(Link { column, shift }) = links[axis].towards(u) {
                 let row = if AXES[axis][1] == 0 { &self.here[axis] } else { &self.before[axis] };
-                let source = &row.energies[column * row.stride + shift..][..lanes];
+                let source = &row.energies[column * stride + shift..][..lanes];
                 for lane in 0..lanes {
                     from[lane] = source[lane].min(CHANGE);
                 }
             }
-            let row = &mut self.here[axis];
-            let energies = &mut row.energies[u * row.stride + MAX_SHIFT..][..lanes];
-            add(evidence, &from[..lanes], energies, &mut sum[..lanes]);
+            let energies = &mut self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes];
+            add::<L, ROOM>(level, evidence, &from, energies, &mut sum);
         }
         sum
     }
@@ -252,48 +265,69 @@ impl Sweep<'_> {
 /// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; what it brings is
 /// added to the sums of all directions.
 #[inline(always)]
-fn add(evidence: &[u8], from: &[u16], energies: &mut [u16], sums: &mut [u16]) {
-    let mut least = [NEVER; LANE_STEP];
-    for lane in 0..evidence.len() {
-        energies[lane] = u16::from(evidence[lane]) + from[lane];
-        least[lane % LANE_STEP] = least[lane % LANE_STEP].min(energies[lane]);
-        sums[lane] += from[lane];
+fn add<L: Lanes, const ROOM: usize>(
+    level: L,
+    evidence: &[u8],
+    from: &[u16; ROOM],
+    energies: &mut [u16],
+    sums: &mut [u16; ROOM],
+) {
+    let mut least = NEVER;
+    for (step, evidence) in evidence.as_chunks::<LANE_STEP>().0.iter().enumerate() {
+        let first = step * LANE_STEP;
+        let mut sum = [0; LANE_STEP];
+        for lane in 0..LANE_STEP {
+            sum[lane] = u16::from(evidence[lane]) + from[first + lane];
+            sums[first + lane] += from[first + lane];
+        }
+        least = least.min(level.least(&sum));
+        energies[first..first + LANE_STEP].copy_from_slice(&sum);
     }
-    let least = least_of(least);
     for energy in energies {
         *energy -= least;
     }
 }
 
-#[inline(always)]
-fn least_of(values: [u16; LANE_STEP]) -> u16 {
-    let mut least = [0; LANE_STEP / 2];
-    for i in 0..LANE_STEP / 2 {
-        least[i] = values[i].min(values[i + LANE_STEP / 2]);
-    }
-    least.into_iter().fold(NEVER, u16::min)
-}
-
 /// The place of the order with the least sum, and by how much the next best has more.
 #[inline(always)]
-fn decide<const ROOM: usize>(evidence: &[u8], sum: &[u16; ROOM], other: &[u16], lanes: usize, count: usize) -> (i16, u16) {
-    // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
-    let mut keys = [u32::MAX; ROOM];
-    for lane in 0..lanes {
-        let total = u32::from(evidence[lane]) * PATHS as u32 + u32::from(sum[lane]) + u32::from(other[lane]);
-        keys[lane] = if lane < count { total * MAX_LANES as u32 + lane as u32 } else { u32::MAX };
-    }
-    let mut best = u32::MAX;
-    for lane in 0..lanes {
-        best = best.min(keys[lane]);
-    }
-    let mut second = u32::MAX;
-    for lane in 0..lanes {
-        second = second.min(if keys[lane] == best { u32::MAX } else { keys[lane] });
+fn decide<L: Lanes, const ROOM: usize>(
+    level: L,
+    evidence: &[u8],
+    sum: &[u16; ROOM],
+    other: &[u16],
+    lanes: usize,
+) -> (i16, u16) {
+    let (mut best, mut place, mut second) = (u16::MAX, 0, u16::MAX);
+    let (others, _) = other[..lanes].as_chunks::<LANE_STEP>();
+    for (step, (evidence, other)) in evidence.as_chunks::<LANE_STEP>().0.iter().zip(others).enumerate() {
+        let first = step * LANE_STEP;
+        // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
+        let mut keys = [u16::MAX; LANE_STEP];
+        for lane in 0..LANE_STEP {
+            let total = u16::from(evidence[lane]) * PATHS as u16 + sum[first + lane] + other[lane];
+            let key = total * LANE_STEP as u16 + lane as u16;
+            keys[lane] = if evidence[lane] == NO_ORDER { u16::MAX } else { key };
+        }
+        let least = level.least(&keys);
+        for lane in 0..LANE_STEP {
+            keys[lane] = if keys[lane] == least { u16::MAX } else { keys[lane] };
+        }
+        let next = level.least(&keys);
+        if least < u16::MAX {
+            let total = least / LANE_STEP as u16;
+            if total < best {
+                second = second.min(best);
+                (best, place) = (total, first as u16 + least % LANE_STEP as u16);
+            } else {
+                second = second.min(total);
+            }
+            second = second.min(if next < u16::MAX { next / LANE_STEP as u16 } else { u16::MAX });
+        }
     }
     // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
-    let lead = if second == u32::MAX { PATHS as u32 * u32::from(CHANGE) } else { second / MAX_LANES as u32 - best / MAX_LANES as u32 };
-    ((best % MAX_LANES as u32) as i16, lead as u16)
+    let lead = if second == u16::MAX { PATHS as u16 * CHANGE } else { second - best };
+    (place as i16, lead)
 }
 
 const _: () = assert!(CHANGE as usize + (NO_ORDER as usize) < NEVER as usize);
+const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);
