@@ -19,7 +19,7 @@ use super::super::search::wide::{
 };
 use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::segment::SegmentRow;
-use super::evidence::{Energies, MAX_Z, MISSING, OUTSIDE, STEPS_PER_Z};
+use super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::selection::{REACH_SD, REACH_TURNS, RIM_COLUMNS};
 use super::windows::{LANE_STEP, Windows};
@@ -191,17 +191,44 @@ impl Block<'_> {
         let firsts = load_signed(first);
         let counts = load_bytes(count);
         let orders = usize::from(*count.iter().max().unwrap_or(&0)).min(LANE_STEP);
-        let none = _mm256_set1_epi8(-1);
+        let reach = [0, 1].map(|h| _mm512_mul_ps(_mm512_set1_ps(MAX_Z), self.halves[h].sd_turns));
+        // Each step for all orders: what one waits for, the others compute.
+        let mut columns = [Columns::NONE; LANE_STEP];
+        let mut wide = 0;
+        for (lane, columns) in columns.iter_mut().enumerate().take(orders) {
+            let own = _mm256_cmpgt_epu8_mask(counts, _mm256_set1_epi8(lane as i8)) & self.regular;
+            let lane = _mm512_set1_epi32(lane as i32);
+            let low = self.halves[0].columns_of(_mm512_add_epi32(firsts[0], lane), reach[0]);
+            let high = self.halves[1].columns_of(_mm512_add_epi32(firsts[1], lane), reach[1]);
+            let some = own & join([low.some, high.some]);
+            wide |= some & !join([low.narrow, high.narrow]);
+            let begin = narrow([low.begin, high.begin]);
+            let end = narrow([low.end_ceil, high.end_ceil]);
+            *columns = Columns { own, some, begin, end };
+        }
+        self.give_up(wide);
+        let mut best = [[_mm512_set1_epi32(i32::from(MISSING)); 2]; LANE_STEP];
+        let mut crossings = Crossings::new();
+        for (lane, columns) in columns.iter().enumerate().take(orders) {
+            self.cross(lane, columns, &mut crossings);
+            if crossings.count > LANE_STEP {
+                self.weigh(&mut crossings, firsts, energies, &mut best);
+            }
+        }
+        self.weigh(&mut crossings, firsts, energies, &mut best);
+        self.give_up(crossings.lost);
+        let none = _mm256_set1_epi8(NO_ORDER as i8);
         let mut by_order = [none; LANE_STEP];
         let limit = _mm256_set1_epi8(energies.limit as i8);
         let mut passes = load_bytes(passing);
-        let reach = [0, 1].map(|h| _mm512_mul_ps(_mm512_set1_ps(MAX_Z), self.halves[h].sd_turns));
-        for (lane, out) in by_order.iter_mut().enumerate().take(orders) {
-            let has = _mm256_cmpgt_epu8_mask(counts, _mm256_set1_epi8(lane as i8)) & self.regular;
-            let order = [0, 1].map(|h| _mm512_add_epi32(firsts[h], _mm512_set1_epi32(lane as i32)));
-            let best = self.energies(order, reach, has, energies);
-            *out = _mm256_mask_mov_epi8(none, has, best);
-            let pass = _mm256_mask_cmplt_epu8_mask(has, best, limit);
+        for lane in 0..orders {
+            let own = columns[lane].own & self.regular;
+            let bytes = _mm256_inserti128_si256::<1>(
+                _mm256_castsi128_si256(_mm512_cvtepi32_epi8(best[lane][0])),
+                _mm512_cvtepi32_epi8(best[lane][1]),
+            );
+            by_order[lane] = _mm256_mask_mov_epi8(none, own, bytes);
+            let pass = _mm256_mask_cmplt_epu8_mask(own, bytes, limit);
             passes = _mm256_mask_add_epi8(passes, pass, passes, _mm256_set1_epi8(1));
         }
         // SAFETY: 32 bytes are written.
@@ -209,22 +236,14 @@ impl Block<'_> {
         transpose(&by_order, tile);
     }
 
-    /// Energy of the best candidate of an order of each pixel.
+    /// Finds where the phases of the pixels are crossed in the columns of an order.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    fn energies(&mut self, order: [__m512i; 2], reach: [__m512; 2], has: u32, energies: &Energies) -> __m256i {
-        let mut best = [_mm512_set1_epi32(i32::from(MISSING)); 2];
-        let interval = [0, 1].map(|h| self.halves[h].columns_of(order[h], reach[h]));
-        let has = has & join([interval[0].some, interval[1].some]);
-        let wide = has & !join([interval[0].narrow, interval[1].narrow]);
-        self.give_up(wide);
-        let has = has & !wide;
-        if has == 0 {
-            return _mm256_set1_epi8(MISSING as i8);
-        }
+    #[inline]
+    fn cross(&self, lane: usize, columns: &Columns, crossings: &mut Crossings) {
         let last_column = _mm512_set1_epi16((self.image.width - 1) as i16);
-        let begin = narrow([interval[0].begin, interval[1].begin]);
-        let end = _mm512_min_epi16(narrow([interval[0].end_ceil, interval[1].end_ceil]), last_column);
-        let mut todo = has;
+        let (begin, end) = (columns.begin, _mm512_min_epi16(columns.end, last_column));
+        let one = _mm512_set1_epi16(1);
+        let mut todo = columns.some & self.regular;
         while todo != 0 {
             let base = least_word(todo, begin);
             let bases = _mm512_set1_epi16(base as i16);
@@ -232,7 +251,6 @@ impl Block<'_> {
             let here = _mm512_mask_cmplt_epi16_mask(todo, last, _mm512_set1_epi16(COLUMNS as i16));
             todo &= !here;
             let tables = self.rows.tables(self.image, base as usize);
-            let one = _mm512_set1_epi16(1);
             let mut before = self.rows.difference(&tables, place, self.phases);
             let mut at = _mm512_add_epi16(place, one);
             let mut within = here & _mm512_cmple_epi16_mask(at, last);
@@ -241,7 +259,7 @@ impl Block<'_> {
                 let after = self.rows.difference(&tables, at, self.phases);
                 let hit = crosses(before, after) & within;
                 if hit & crossing.hit != 0 {
-                    self.weigh(&crossing, bases, order, energies, &mut best);
+                    crossings.push(lane, crossing, bases);
                     crossing = Crossing::none();
                 }
                 crossing.take(hit, before.value, after.value, at);
@@ -249,14 +267,40 @@ impl Block<'_> {
                 at = _mm512_add_epi16(at, one);
                 within &= _mm512_cmple_epi16_mask(at, last);
             }
-            if crossing.hit != 0 {
-                self.weigh(&crossing, bases, order, energies, &mut best);
+            crossings.push(lane, crossing, bases);
+        }
+    }
+
+    /// Takes the energies of crossings into account, and forgets these.
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    #[inline]
+    fn weigh(
+        &self,
+        crossings: &mut Crossings,
+        first: [__m512i; 2],
+        energies: &Energies,
+        best: &mut [[__m512i; 2]; LANE_STEP],
+    ) {
+        for (crossing, lane) in crossings.all[..crossings.count].iter().zip(crossings.lanes) {
+            let best = &mut best[usize::from(lane)];
+            for h in 0..2 {
+                let half = &self.halves[h];
+                let order = _mm512_add_epi32(first[h], _mm512_set1_epi32(i32::from(lane)));
+                let (column_px, _) = crossing_of(crossing, h);
+                let (found, rest) = half.order_and_rest(column_px);
+                let hit = (crossing.hit >> (16 * h)) as u16;
+                let fits = hit & half.is_within_limits(column_px) & _mm512_cmpeq_epi32_mask(found, order);
+                let z = _mm512_div_ps(_mm512_abs_ps(rest), half.sd_turns);
+                let step = _mm512_mul_ps(z, _mm512_set1_ps(STEPS_PER_Z));
+                let step = _mm512_min_ps(step, _mm512_set1_ps(Energies::STEPS as f32));
+                let step = _mm512_maskz_cvttps_epi32(fits, step);
+                let outside = _mm512_maskz_set1_epi32(!half.is_in_volume(column_px), i32::from(OUTSIDE));
+                // SAFETY: steps run from 0 to the number of steps, where the table has its last number.
+                let energy = unsafe { _mm512_i32gather_epi32::<4>(step, energies.of_step.as_ptr().cast()) };
+                best[h] = _mm512_mask_min_epi32(best[h], fits, best[h], _mm512_add_epi32(energy, outside));
             }
         }
-        _mm256_inserti128_si256::<1>(
-            _mm256_castsi128_si256(_mm512_cvtepi32_epi8(best[0])),
-            _mm512_cvtepi32_epi8(best[1]),
-        )
+        crossings.count = 0;
     }
 
     /// Leaves pixels to the scalar form.
@@ -264,38 +308,6 @@ impl Block<'_> {
     fn give_up(&mut self, pixels: u32) {
         self.irregular |= pixels;
         self.regular &= !pixels;
-    }
-
-    /// Takes the energies of crossings into account.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn weigh(
-        &self,
-        crossing: &Crossing,
-        bases: __m512i,
-        order: [__m512i; 2],
-        energies: &Energies,
-        best: &mut [__m512i; 2],
-    ) {
-        let column = _mm512_add_epi16(crossing.after_at, _mm512_sub_epi16(bases, _mm512_set1_epi16(1)));
-        for h in 0..2 {
-            let half = &self.halves[h];
-            let hit = (crossing.hit >> (16 * h)) as u16;
-            if hit == 0 {
-                continue;
-            }
-            let (column_px, _) = crossing_of(crossing, column, h);
-            let (found, rest) = half.order_and_rest(column_px);
-            let fits = hit & half.is_within_limits(column_px) & _mm512_cmpeq_epi32_mask(found, order[h]);
-            let z = _mm512_div_ps(_mm512_abs_ps(rest), half.sd_turns);
-            let step = _mm512_mul_ps(z, _mm512_set1_ps(STEPS_PER_Z));
-            let step = _mm512_min_ps(step, _mm512_set1_ps(Energies::STEPS as f32));
-            let step = _mm512_mask_cvttps_epi32(_mm512_setzero_si512(), fits, step);
-            let outside = _mm512_maskz_set1_epi32(!half.is_in_volume(column_px), i32::from(OUTSIDE));
-            // SAFETY: steps run from 0 to the number of steps, where the table has its last number.
-            let energy = unsafe { _mm512_i32gather_epi32::<4>(step, energies.of_step.as_ptr().cast()) };
-            best[h] = _mm512_mask_min_epi32(best[h], fits, best[h], _mm512_add_epi32(energy, outside));
-        }
     }
 
     /// The candidate of an order of each pixel with the least |δ − drift|.
@@ -315,7 +327,7 @@ impl Block<'_> {
             _mm512_max_ps(_mm512_set1_ps(REACH_TURNS), of_sd)
         });
         let mut best = [0, 1].map(|h| Best::none(order[h], reach[h]));
-        let interval = [0, 1].map(|h| self.halves[h].columns_of(order[h], reach[h]));
+        let interval = [self.halves[0].columns_of(order[0], reach[0]), self.halves[1].columns_of(order[1], reach[1])];
         let has = self.regular & join([interval[0].some, interval[1].some]);
         let begin = narrow([interval[0].begin, interval[1].begin]);
         let floor = narrow([interval[0].end_floor, interval[1].end_floor]);
@@ -426,9 +438,8 @@ impl Block<'_> {
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
     fn consider_crossing(&self, crossing: &Crossing, best: &mut [Best; 2]) {
-        let column = _mm512_sub_epi16(crossing.after_at, _mm512_set1_epi16(1));
         for h in 0..2 {
-            let (column_px, slope) = crossing_of(crossing, column, h);
+            let (column_px, slope) = crossing_of(crossing, h);
             best[h].consider(&self.halves[h], column_px, slope, (crossing.hit >> (16 * h)) as u16);
         }
     }
@@ -610,15 +621,68 @@ impl Half {
     }
 }
 
-/// Column and slope of crossings behind a column.
+/// Where the candidates of an order can lie.
+#[derive(Clone, Copy)]
+struct Columns {
+    /// Pixels that have the order, and those of them that have such columns.
+    own: u32,
+    some: u32,
+    /// The first column and the last.
+    begin: __m512i,
+    end: __m512i,
+}
+
+impl Columns {
+    // SAFETY: all bits zero is a value of these.
+    const NONE: Self = unsafe { std::mem::zeroed() };
+}
+
+/// Crossings of several orders, of which the columns after are told.
+struct Crossings {
+    all: [Crossing; 2 * LANE_STEP],
+    /// Places of their orders.
+    lanes: [u8; 2 * LANE_STEP],
+    count: usize,
+    /// Pixels of crossings that found no room.
+    lost: u32,
+}
+
+impl Crossings {
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    #[inline]
+    fn new() -> Self {
+        // SAFETY: all bits zero is a value of these.
+        Self { all: unsafe { std::mem::zeroed() }, lanes: [0; 2 * LANE_STEP], count: 0, lost: 0 }
+    }
+
+    /// Takes crossings of places from columns on, if there are any.
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    #[inline]
+    fn push(&mut self, lane: usize, mut crossing: Crossing, bases: __m512i) {
+        if crossing.hit == 0 {
+            return;
+        }
+        if let Some(place) = self.all.get_mut(self.count) {
+            crossing.after_at = _mm512_add_epi16(crossing.after_at, bases);
+            *place = crossing;
+            self.lanes[self.count] = lane as u8;
+            self.count += 1;
+        } else {
+            self.lost |= crossing.hit;
+        }
+    }
+}
+
+/// Column and slope of crossings.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn crossing_of(crossing: &Crossing, column: __m512i, half: usize) -> (__m512, __m512i) {
+fn crossing_of(crossing: &Crossing, half: usize) -> (__m512, __m512i) {
     let (before, after) = (signed_half(crossing.before, half), signed_half(crossing.after, half));
     let slope = _mm512_sub_epi32(after, before);
     let down = _mm512_cvtepi32_ps(_mm512_sub_epi32(_mm512_setzero_si512(), slope));
     let offset = _mm512_div_ps(_mm512_cvtepi32_ps(before), down);
-    (_mm512_add_ps(_mm512_cvtepi32_ps(unsigned_half(column, half)), offset), slope)
+    let column = _mm512_sub_epi32(unsigned_half(crossing.after_at, half), _mm512_set1_epi32(1));
+    (_mm512_add_ps(_mm512_cvtepi32_ps(column), offset), slope)
 }
 
 /// Where a surface ends at a column and would have the phase within a pixel beyond it, see
