@@ -166,8 +166,6 @@ const HIDDEN_SHARE: usize = 7;
 const MAX_MARGIN: usize = (16 * PATHS) * UNITS_PER_NAT as usize;
 /// Pixels around a pixel.
 const MOST_AROUND: usize = 48;
-/// Pixels that are handled together.
-const BLOCK: usize = 16;
 
 /// What the regions of pixels say.
 #[derive(Clone, Copy, Debug, Default)]
@@ -223,84 +221,70 @@ pub(super) struct GroundsRow<'a> {
     pub(super) beside: &'a [u8],
     pub(super) around: &'a [u8],
     pub(super) is_hidden: &'a [bool],
-    pub(super) of_regions: &'a [RegionOdds],
+    /// By size, lead and hidden share of the regions.
+    pub(super) of_regions: [&'a [f32]; 3],
 }
 
-/// The confidence of the selected candidates of a row, to be told apart from pixels without by whoever asks.
-pub(super) fn confidences(tables: &Tables, grounds: GroundsRow<'_>, out: &mut [Confidence]) {
-    simd::run(Level::in_use(), ConfidenceRow { tables, grounds, out });
+/// The confidence of the selected candidates of a row, to be told apart from pixels without by whoever asks; `log_odds` is
+/// room.
+pub(super) fn confidences(tables: &Tables, grounds: &GroundsRow<'_>, log_odds: &mut Vec<f32>, out: &mut [Confidence]) {
+    log_odds.resize(out.len(), 0.0);
+    simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
 }
 
 struct ConfidenceRow<'a> {
     tables: &'a Tables,
-    grounds: GroundsRow<'a>,
+    grounds: &'a GroundsRow<'a>,
+    log_odds: &'a mut [f32],
     out: &'a mut [Confidence],
 }
 
 impl Kernel for ConfidenceRow<'_> {
     type Output = ();
 
+    /// Curve by curve, each over the whole row.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { tables, grounds: g, out } = self;
-        for (block, out) in out.chunks_mut(BLOCK).enumerate() {
-            let (begin, count) = (block * BLOCK, out.len());
-            let pixels = begin..begin + count;
-            let (margin, z) = (&g.margin[pixels.clone()], &g.z[pixels.clone()]);
-            let (beside, around) = (&g.beside[pixels.clone()], &g.around[pixels.clone()]);
-            let (is_hidden, of_regions) = (&g.is_hidden[pixels.clone()], &g.of_regions[pixels]);
-            let mut abs_z = [0.0; BLOCK];
-            let mut terms = [[0.0; BLOCK]; CURVES];
-            for i in 0..count {
-                let (beside, around) = (usize::from(beside[i]).min(MOST_AROUND), usize::from(around[i]).min(MOST_AROUND));
-                abs_z[i] = z[i].abs();
-                terms[MARGIN][i] = tables.margin[usize::from(margin[i]).min(MAX_MARGIN)];
-                [terms[REGION_PX][i], terms[REGION_LEAD][i], terms[HIDDEN_SHARE][i]] = of_regions[i];
-                terms[BESIDE][i] = tables.beside[beside];
-                terms[AROUND][i] = tables.around[around];
-                terms[HIDDEN][i] = tables.hidden[if is_hidden[i] { around } else { MOST_AROUND + 1 }];
-            }
-            terms[ABS_Z] = of_z(&abs_z);
-            let mut log_odds = terms[0];
-            for term in &terms[1..] {
-                for i in 0..BLOCK {
-                    log_odds[i] += term[i];
-                }
-            }
-            let mut confidence = [0; BLOCK];
-            for i in 0..BLOCK {
-                confidence[i] = stated(log_odds[i]);
-            }
-            for i in 0..count {
-                out[i] = Confidence(confidence[i]);
-            }
+        let Self { tables, grounds: g, log_odds, out } = self;
+        let width = log_odds.len();
+        let (margin, z, is_hidden) = (&g.margin[..width], &g.z[..width], &g.is_hidden[..width]);
+        let (beside, around) = (&g.beside[..width], &g.around[..width]);
+        let [by_size, by_lead, by_share] = [&g.of_regions[0][..width], &g.of_regions[1][..width], &g.of_regions[2][..width]];
+        for u in 0..width {
+            log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
+        }
+        for u in 0..width {
+            log_odds[u] = log_odds[u] + of_z(z[u].abs()) + by_size[u] + by_lead[u];
+        }
+        for u in 0..width {
+            let around = usize::from(around[u]).min(MOST_AROUND);
+            let hidden = if is_hidden[u] { around } else { MOST_AROUND + 1 };
+            let by_support = tables.beside[usize::from(beside[u]).min(MOST_AROUND)];
+            log_odds[u] = log_odds[u] + by_support + tables.around[around] + tables.hidden[hidden];
+        }
+        let out = &mut out[..width];
+        for u in 0..width {
+            out[u] = Confidence(stated(log_odds[u] + by_share[u]));
         }
     }
 }
 
-/// What |z| adds to the logarithm of the odds.
+/// What |z| adds to the logarithm of the odds; without a branch, so that many are asked at a time.
 #[inline(always)]
-fn of_z(abs_z: &[f32; BLOCK]) -> [f32; BLOCK] {
+fn of_z(abs_z: f32) -> f32 {
+    const KNOTS: usize = MODEL[ABS_Z].knots.len();
     let Curve { knots, log_odds, .. } = &MODEL[ABS_Z];
-    let (mut knot, mut width) = ([0.0; BLOCK], [1.0; BLOCK]);
-    let (mut at, mut rise) = ([log_odds[0]; BLOCK], [0.0; BLOCK]);
-    for k in 0..knots.len() {
-        let is_last = k + 1 == knots.len();
-        let (next_width, next_rise) =
-            if is_last { (1.0, 0.0) } else { (knots[k + 1] - knots[k], log_odds[k + 1] - log_odds[k]) };
-        for i in 0..BLOCK {
-            let is_beyond = abs_z[i] >= knots[k];
-            knot[i] = if is_beyond { knots[k] } else { knot[i] };
-            width[i] = if is_beyond { next_width } else { width[i] };
-            at[i] = if is_beyond { log_odds[k] } else { at[i] };
-            rise[i] = if is_beyond { next_rise } else { rise[i] };
-        }
+    let (mut knot, mut width, mut at, mut rise) = (0.0, 1.0, log_odds[0], 0.0);
+    for k in 0..KNOTS {
+        let is_last = k + 1 == KNOTS;
+        let next = if is_last { k } else { k + 1 };
+        let is_beyond = abs_z >= knots[k];
+        knot = if is_beyond { knots[k] } else { knot };
+        width = if is_beyond { if is_last { 1.0 } else { knots[next] - knots[k] } } else { width };
+        at = if is_beyond { log_odds[k] } else { at };
+        rise = if is_beyond { log_odds[next] - log_odds[k] } else { rise };
     }
-    let mut value = [0.0; BLOCK];
-    for i in 0..BLOCK {
-        value[i] = at[i] + (abs_z[i] - knot[i]) / width[i] * rise[i];
-    }
-    value
+    at + (abs_z - knot) / width * rise
 }
 
 #[cfg(test)]
@@ -346,7 +330,8 @@ mod tests {
                     hidden_share: random(100) as f32 / 99.0,
                 })
                 .collect();
-            let of_regions: Vec<RegionOdds> = regions.iter().map(|&region| tables.of_region(region)).collect();
+            let odds = regions.iter().map(|&region| tables.of_region(region));
+            let of_regions: [Vec<f32>; 3] = std::array::from_fn(|i| odds.clone().map(|odds| odds[i]).collect());
             let mut found = vec![Confidence::NONE; count];
             let row = GroundsRow {
                 margin: &margin,
@@ -354,9 +339,9 @@ mod tests {
                 beside: &beside,
                 around: &around,
                 is_hidden: &is_hidden,
-                of_regions: &of_regions,
+                of_regions: of_regions.each_ref().map(Vec::as_slice),
             };
-            confidences(&tables, row, &mut found);
+            confidences(&tables, &row, &mut Vec::new(), &mut found);
             for i in 0..count {
                 let grounds = Grounds {
                     margin_nats: margin_nats(margin[i]),

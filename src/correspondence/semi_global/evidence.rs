@@ -205,19 +205,20 @@ impl EvidenceRow<'_> {
         let lanes = self.windows.lanes;
         let row = self.row.wide(self.scene, self.windows);
         let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
+        let (mut of_block, mut room) = (row.no_block(), wide::Room::new());
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
             let begin = block * wide::BLOCK;
             let wanted = wanted(count);
             if wanted == 0 {
                 continue;
             }
-            let mut of_block = row.block(level, begin, wanted);
+            row.turn(level, &mut of_block, begin, wanted);
             let mut passing = [0; wide::BLOCK];
             for step in 0..lanes / LANE_STEP {
                 let skipped = step * LANE_STEP;
                 let (first, count) = (first.map(|f| f + skipped as i16), count.map(|c| c.saturating_sub(skipped as u8)));
                 let mut tile = [[0; LANE_STEP]; wide::BLOCK];
-                of_block.evidence(level, &first, &count, self.energies, &mut tile, &mut passing);
+                of_block.evidence(level, &first, &count, self.energies, &mut room, &mut tile, &mut passing);
                 let evidence = &mut self.evidence[begin * lanes..][..wide::BLOCK * lanes];
                 for (evidence, of_pixel) in evidence.chunks_exact_mut(lanes).zip(&tile) {
                     evidence[skipped..skipped + LANE_STEP].copy_from_slice(of_pixel);

@@ -141,14 +141,15 @@ impl SelectionRow<'_> {
     fn select_blocks(&mut self, level: Avx512) -> usize {
         let row = self.row.wide(self.scene, self.windows);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let mut found = wide::Found::NONE;
+        let (mut of_block, mut room, mut found) = (row.no_block(), wide::Room::new(), wide::Found::NONE);
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let wanted = wanted(count);
             if wanted == 0 {
                 continue;
             }
             let begin = block * wide::BLOCK;
-            row.block(level, begin, wanted).select(level, order, &mut found);
+            row.turn(level, &mut of_block, begin, wanted);
+            of_block.select(level, order, &mut room, &mut found);
             let (out, pixels) = (&mut self.out, begin..begin + wide::BLOCK);
             out.column_px[pixels.clone()].copy_from_slice(&found.column_px);
             out.z[pixels.clone()].copy_from_slice(&found.z);

@@ -219,10 +219,13 @@ impl Verification<'_> {
         let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
         confidence.resize(self.selection.absolute.len(), Confidence::NONE);
         let rows = confidence.par_chunks_mut(width).enumerate();
-        rows.for_each_init(Vec::new, |of_pixels, (v, confidence)| {
-            of_pixels.resize(width, RegionOdds::default());
-            for run in self.regions.of_row(v) {
-                of_pixels[run.pixels().start - v * width..run.pixels().end - v * width].fill(odds[run.region as usize]);
+        rows.for_each_init(|| ([const { Vec::new() }; 3], Vec::new()), |(of_regions, log_odds), (v, confidence)| {
+            for (i, of_pixels) in of_regions.iter_mut().enumerate() {
+                of_pixels.resize(width, 0.0);
+                for run in self.regions.of_row(v) {
+                    let columns = run.pixels().start - v * width..run.pixels().end - v * width;
+                    of_pixels[columns].fill(odds[run.region as usize][i]);
+                }
             }
             let pixels = v * width..(v + 1) * width;
             let row = GroundsRow {
@@ -231,9 +234,9 @@ impl Verification<'_> {
                 beside: &room.beside[pixels.clone()],
                 around: &room.around[pixels.clone()],
                 is_hidden: &room.is_hidden[pixels],
-                of_regions: of_pixels,
+                of_regions: of_regions.each_ref().map(Vec::as_slice),
             };
-            confidences(&tables, row, confidence);
+            confidences(&tables, &row, log_odds, confidence);
         });
     }
 

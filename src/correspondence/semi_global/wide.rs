@@ -49,6 +49,20 @@ pub(super) struct Row<'a> {
 /// Energies of sixteen orders of 32 pixels.
 pub(super) type Tile = [[u8; LANE_STEP]; BLOCK];
 
+/// Room for what is found on the way, to be used from block to block.
+pub(super) struct Room {
+    columns: [Columns; LANE_STEP],
+    crossings: Crossings,
+    differences: [Differences; MAX_DIFFERENCES],
+}
+
+impl Room {
+    pub(super) fn new() -> Self {
+        let differences = [Differences::NONE; MAX_DIFFERENCES];
+        Self { columns: [Columns::NONE; LANE_STEP], crossings: Crossings::NONE, differences }
+    }
+}
+
 /// The selected candidates of 32 pixels.
 pub(super) struct Found {
     /// Pixels left to the scalar form.
@@ -88,76 +102,65 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// The pixels from `first` on; `wanted` are those that have a window.
+    /// A block without pixels.
+    pub(super) fn no_block(&self) -> Block<'a> {
+        let halves = [Half::NONE; 2];
+        Block { image: self.image, halves, rows: Rows::NONE, phases: Differences::NONE.value, regular: 0, irregular: 0 }
+    }
+
+    /// Turns a block to the pixels from `first` on; `wanted` are those that have a window.
     #[inline]
-    pub(super) fn block(&self, _: Avx512, first: usize, wanted: u32) -> Block<'a> {
+    pub(super) fn turn(&self, _: Avx512, block: &mut Block<'_>, first: usize, wanted: u32) {
         // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.block_of_level(first, wanted) }
+        unsafe { self.turn_of_level(block, first, wanted) }
     }
 
     #[target_feature(
         enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni,bmi1,bmi2,lzcnt,popcnt"
     )]
-    fn block_of_level(&self, first: usize, wanted: u32) -> Block<'a> {
-        let halves = [self.half(first, wanted as u16), self.half(first + 16, (wanted >> 16) as u16)];
-        let mut irregular = join([halves[0].irregular, halves[1].irregular]);
-        if self.image.width > i16::MAX as usize {
-            irregular = wanted;
-        }
-        let regular = wanted & !irregular;
-        let rows = Rows::of(self.image, [halves[0].row, halves[1].row], regular, &mut irregular);
+    fn turn_of_level(&self, block: &mut Block<'_>, first: usize, wanted: u32) {
+        let [low, high] = &mut block.halves;
+        let regular = join([self.turn_half(low, first), self.turn_half(high, first + 16)]);
+        let regular = if self.image.width > i16::MAX as usize { 0 } else { regular & wanted };
+        let mut irregular = wanted & !regular;
+        block.rows = Rows::of(self.image, [block.halves[0].row, block.halves[1].row], regular, &mut irregular);
         let mut phase = [0; BLOCK];
         phase.copy_from_slice(&self.phase[first..first + BLOCK]);
-        let phases = load_words(&phase);
-        Block { image: self.image, halves, rows, phases, regular: wanted & !irregular, irregular }
+        block.phases = load_words(&phase);
+        (block.regular, block.irregular) = (wanted & !irregular, irregular);
     }
 
+    /// Turns half a block to the pixels from `first` on; yields those that are regular.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    fn half(&self, first: usize, wanted: u16) -> Half {
+    fn turn_half(&self, half: &mut Half, first: usize) -> u16 {
         let (s, drift) = (self.segments, self.drift);
         let load = |from: &[f32]| load_floats(&from[first..first + 16]);
-        let (begin, end) = (load(&s.begin_px), load(&s.end_px));
+        (half.begin, half.end) = (load(&s.begin_px), load(&s.end_px));
         let beyond = _mm512_set1_ps(self.windows.reach.beyond_px);
-        let first_px = _mm512_max_ps(_mm512_sub_ps(begin, beyond), _mm512_setzero_ps());
-        let last_px = _mm512_min_ps(_mm512_add_ps(end, beyond), _mm512_set1_ps(self.windows.reach.last_column_px));
+        half.first_px = _mm512_max_ps(_mm512_sub_ps(half.begin, beyond), _mm512_setzero_ps());
+        let last_column_px = _mm512_set1_ps(self.windows.reach.last_column_px);
+        half.last_px = _mm512_min_ps(_mm512_add_ps(half.end, beyond), last_column_px);
         let mut words = [0; 16];
         words.copy_from_slice(&self.phase[first..first + 16]);
-        let phase_turns = _mm512_mul_ps(_mm512_cvtepi32_ps(widen(words)), _mm512_set1_ps(1.0 / 65536.0));
-        let c = &drift.coefficients;
-        let mut half = Half {
-            begin,
-            end,
-            first_px,
-            last_px,
-            reference: load(&s.reference_px),
-            a: load(&s.a),
-            b: load(&s.b),
-            d: load(&s.d),
-            row: load(&s.row_px),
-            rise: _mm512_setzero_ps(),
-            least: _mm512_setzero_ps(),
-            most: _mm512_setzero_ps(),
-            phase_turns,
-            drift: [load(&c[0]), load(&c[1]), load(&c[2]), load(&c[3]), load(&c[4]), load(&c[5])],
-            middle_px: load(&drift.middle_px),
-            per_px: _mm512_set1_ps(drift.per_px),
-            sd_turns: load(self.sd_turns),
-            irregular: 0,
-        };
+        half.phase_turns = _mm512_mul_ps(_mm512_cvtepi32_ps(widen(words)), _mm512_set1_ps(1.0 / 65536.0));
+        (half.reference, half.row) = (load(&s.reference_px), load(&s.row_px));
+        (half.a, half.b, half.d) = (load(&s.a), load(&s.b), load(&s.d));
         half.rise = _mm512_sub_ps(half.b, _mm512_mul_ps(half.a, half.d));
-        let (at_first, at_last) = (half.phase_turns_at(first_px), half.phase_turns_at(last_px));
+        let c = &drift.coefficients;
+        half.drift = [load(&c[0]), load(&c[1]), load(&c[2]), load(&c[3]), load(&c[4]), load(&c[5])];
+        (half.middle_px, half.per_px) = (load(&drift.middle_px), _mm512_set1_ps(drift.per_px));
+        half.sd_turns = load(self.sd_turns);
+        let (at_first, at_last) = (half.phase_turns_at(half.first_px), half.phase_turns_at(half.last_px));
         half.least = _mm512_min_ps(at_first, at_last);
         half.most = _mm512_max_ps(at_first, at_last);
         let is_small = |turns: __m512| {
             _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(turns), _mm512_set1_ps(MAX_TURNS))
         };
         let rises = _mm512_sub_ps(half.most, half.least);
-        let regular = is_small(at_first)
+        is_small(at_first)
             & is_small(at_last)
             & _mm512_cmp_ps_mask::<_CMP_GT_OQ>(rises, _mm512_set1_ps(FLAT_TURNS))
-            & _mm512_cmp_ps_mask::<_CMP_GT_OQ>(half.sd_turns, _mm512_setzero_ps());
-        half.irregular = wanted & !regular;
-        half
+            & _mm512_cmp_ps_mask::<_CMP_GT_OQ>(half.sd_turns, _mm512_setzero_ps())
     }
 }
 
@@ -170,11 +173,12 @@ impl Block<'_> {
         first: &[i16; BLOCK],
         count: &[u8; BLOCK],
         energies: &Energies,
+        room: &mut Room,
         tile: &mut Tile,
         passing: &mut [u8; BLOCK],
     ) {
         // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.evidence_of_level(first, count, energies, tile, passing) }
+        unsafe { self.evidence_of_level(first, count, energies, room, tile, passing) }
     }
 
     #[target_feature(
@@ -185,6 +189,7 @@ impl Block<'_> {
         first: &[i16; BLOCK],
         count: &[u8; BLOCK],
         energies: &Energies,
+        room: &mut Room,
         tile: &mut Tile,
         passing: &mut [u8; BLOCK],
     ) {
@@ -193,7 +198,8 @@ impl Block<'_> {
         let orders = usize::from(*count.iter().max().unwrap_or(&0)).min(LANE_STEP);
         let reach = [0, 1].map(|h| _mm512_mul_ps(_mm512_set1_ps(MAX_Z), self.halves[h].sd_turns));
         // Each step for all orders: what one waits for, the others compute.
-        let mut columns = [Columns::NONE; LANE_STEP];
+        let Room { columns, crossings, .. } = room;
+        crossings.lost = 0;
         let mut wide = 0;
         for (lane, columns) in columns.iter_mut().enumerate().take(orders) {
             let own = _mm256_cmpgt_epu8_mask(counts, _mm256_set1_epi8(lane as i8)) & self.regular;
@@ -208,14 +214,13 @@ impl Block<'_> {
         }
         self.give_up(wide);
         let mut best = [[_mm512_set1_epi32(i32::from(MISSING)); 2]; LANE_STEP];
-        let mut crossings = Crossings::new();
         for (lane, columns) in columns.iter().enumerate().take(orders) {
-            self.cross(lane, columns, &mut crossings);
+            self.cross(lane, columns, crossings);
             if crossings.count > LANE_STEP {
-                self.weigh(&mut crossings, firsts, energies, &mut best);
+                self.weigh(crossings, firsts, energies, &mut best);
             }
         }
-        self.weigh(&mut crossings, firsts, energies, &mut best);
+        self.weigh(crossings, firsts, energies, &mut best);
         self.give_up(crossings.lost);
         let none = _mm256_set1_epi8(NO_ORDER as i8);
         let mut by_order = [none; LANE_STEP];
@@ -312,15 +317,15 @@ impl Block<'_> {
 
     /// The candidate of an order of each pixel with the least |δ − drift|.
     #[inline]
-    pub(super) fn select(&mut self, _: Avx512, order: &[i16; BLOCK], found: &mut Found) {
+    pub(super) fn select(&mut self, _: Avx512, order: &[i16; BLOCK], room: &mut Room, found: &mut Found) {
         // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.select_of_level(order, found) }
+        unsafe { self.select_of_level(order, room, found) }
     }
 
     #[target_feature(
         enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni,bmi1,bmi2,lzcnt,popcnt"
     )]
-    fn select_of_level(&mut self, order: &[i16; BLOCK], found: &mut Found) {
+    fn select_of_level(&mut self, order: &[i16; BLOCK], room: &mut Room, found: &mut Found) {
         let order = load_signed(order);
         let reach = [0, 1].map(|h| {
             let of_sd = _mm512_mul_ps(_mm512_set1_ps(REACH_SD), self.halves[h].sd_turns);
@@ -348,7 +353,7 @@ impl Block<'_> {
             let (place, last) = (_mm512_sub_epi16(start, bases), _mm512_sub_epi16(stop, bases));
             let here = _mm512_mask_cmplt_epi16_mask(todo, last, _mm512_set1_epi16(COLUMNS as i16));
             todo &= !here;
-            self.consider_all(base, place, [begin, ceil, stop], here, &mut best);
+            self.consider_all(base, place, [begin, ceil, stop], here, &mut room.differences, &mut best);
         }
         let mut present = [0; 2];
         let mut in_volume = [0; 2];
@@ -379,11 +384,11 @@ impl Block<'_> {
         place: __m512i,
         [begin, ceil, stop]: [__m512i; 3],
         here: u32,
+        differences: &mut [Differences; MAX_DIFFERENCES],
         best: &mut [Best; 2],
     ) {
         let tables = self.rows.tables(self.image, base as usize);
         let (one, bases) = (_mm512_set1_epi16(1), _mm512_set1_epi16(base as i16));
-        let mut differences = [Differences::NONE; MAX_DIFFERENCES];
         let mut column = _mm512_add_epi16(place, bases);
         let first_column = column;
         let mut crossing = Crossing::none();
@@ -506,6 +511,7 @@ impl Best {
 }
 
 /// Sixteen pixels.
+#[derive(Clone, Copy)]
 struct Half {
     begin: __m512,
     end: __m512,
@@ -526,7 +532,6 @@ struct Half {
     middle_px: __m512,
     per_px: __m512,
     sd_turns: __m512,
-    irregular: u16,
 }
 
 /// Columns in which candidates can lie.
@@ -541,6 +546,9 @@ struct Interval {
 }
 
 impl Half {
+    // SAFETY: all bits zero is a value of these.
+    const NONE: Self = unsafe { std::mem::zeroed() };
+
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
     fn phase_turns_at(&self, column_px: __m512) -> __m512 {
@@ -648,12 +656,8 @@ struct Crossings {
 }
 
 impl Crossings {
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn new() -> Self {
-        // SAFETY: all bits zero is a value of these.
-        Self { all: unsafe { std::mem::zeroed() }, lanes: [0; 2 * LANE_STEP], count: 0, lost: 0 }
-    }
+    // SAFETY: all bits zero is a value of these.
+    const NONE: Self = unsafe { std::mem::zeroed() };
 
     /// Takes crossings of places from columns on, if there are any.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
