@@ -13,6 +13,7 @@ use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::resolution::{Pass, ResolutionSettings};
 use super::row_view::RowView;
+use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
@@ -313,7 +314,8 @@ fn explain_pixels_without_candidates(
     outcomes: &mut [Outcome],
 ) {
     let width = cam1.width.max(1);
-    outcomes.par_chunks_mut(width).enumerate().for_each(|(v, outcomes)| {
+    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
+        let mut is_here = false;
         for (u, outcome) in outcomes.iter_mut().enumerate() {
             let i = v * width + u;
             if outcome.is_found() {
@@ -324,7 +326,11 @@ fn explain_pixels_without_candidates(
             } else if !table.has_segment(i) {
                 *outcome = Outcome::OutsideVolume;
             } else if *outcome == Outcome::NoCandidate {
-                let segment = table.segment(i);
+                if !is_here {
+                    table.row(v, segments);
+                    is_here = true;
+                }
+                let segment = segments.segment(u);
                 if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i]) {
                     *outcome = Outcome::RejectedByDelta;
                 }

@@ -199,7 +199,7 @@ impl Lanes for Arrays {
     }
 
     #[inline(always)]
-    fn least(self, words: &[u16; LANES / 2]) -> u16 {
-        words.iter().fold(u16::MAX, |least, &word| least.min(word))
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
+        [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 2]
     }
 }

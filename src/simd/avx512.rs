@@ -212,11 +212,13 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn least(self, words: &[u16; LANES / 2]) -> u16 {
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
+        let mut least = [0; LANES / 2];
         unsafe {
             let all = _mm256_loadu_si256(words.as_ptr().cast());
             let half = _mm_min_epu16(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
-            _mm_cvtsi128_si32(_mm_minpos_epu16(half)) as u16
+            _mm256_storeu_si256(least.as_mut_ptr().cast(), _mm256_broadcastw_epi16(_mm_minpos_epu16(half)));
         }
+        least
     }
 }

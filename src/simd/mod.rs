@@ -218,6 +218,6 @@ pub(crate) trait Lanes: Copy {
     /// Floats of the range of longs as longs, rounded towards zero.
     fn longs(self, a: Self::Floats) -> Self::Longs;
 
-    /// The least of unsigned words.
-    fn least(self, words: &[u16; LANES / 2]) -> u16;
+    /// The least of unsigned words, everywhere.
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2];
 }

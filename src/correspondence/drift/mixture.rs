@@ -78,7 +78,7 @@ impl Sample {
         beyond_px: f32,
     ) -> Option<Self> {
         let modes = table.drift_modes()?;
-        let usable = Usable::of(cam1, table);
+        let (usable, modes_by_term) = (Usable::of(cam1, table), modes.by_term());
         let all = usable.count();
         // A stride that shares no factor with the width spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
@@ -98,7 +98,7 @@ impl Sample {
                 if delta_turns.is_finite() {
                     sample.delta_turns.push(to_half_turn(delta_turns));
                     sample.design.push(1.0);
-                    sample.design.extend(modes.at(u, v, column_px));
+                    modes_by_term.tell([u, v], column_px, &mut sample.design);
                 }
                 ControlFlow::Continue(())
             });

@@ -11,7 +11,7 @@ use crate::geometry::{
 };
 
 use super::super::segment_table::SegmentTable;
-use super::place::{Places, Polynomial, TERMS, evaluate, monomials};
+use super::place::{Places, Polynomial, TERMS, monomials};
 
 /// Most modes that are kept.
 const MAX_MODES: usize = 20;
@@ -78,15 +78,34 @@ impl DriftModes {
         (sound && places.scale_px() >= 1.0).then_some(Self { places, fields, rms_turns })
     }
 
-    /// δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
-    pub(super) fn at(&self, u: usize, v: usize, column_px: f32) -> impl Iterator<Item = f64> + '_ {
-        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
-        self.fields.iter().map(move |field| evaluate(field, &monomials))
+    /// The modes, to be asked at many places.
+    pub(super) fn by_term(&self) -> ModesByTerm {
+        let factors = (0..TERMS).flat_map(|term| self.fields.iter().map(move |field| field[term])).collect();
+        ModesByTerm { places: self.places, factors, modes: self.fields.len() }
     }
 
     /// Mean half length of a segment, pixels of the epipolar frame.
     pub(in super::super) fn half_segment_px(&self) -> f64 {
         self.places.scale_px()
+    }
+}
+
+/// All modes, term by term.
+pub(super) struct ModesByTerm {
+    places: Places,
+    factors: Vec<f64>,
+    modes: usize,
+}
+
+impl ModesByTerm {
+    /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
+    pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
+        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
+        let first = out.len();
+        out.resize(first + self.modes, 0.0);
+        for (factors, monomial) in self.factors.chunks_exact(self.modes.max(1)).zip(monomials) {
+            out[first..].iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor * monomial);
+        }
     }
 }
 

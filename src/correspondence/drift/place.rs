@@ -210,11 +210,6 @@ pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
     values
 }
 
-/// Value of a polynomial, of the monomials at a place.
-pub(super) fn evaluate(polynomial: &Polynomial, monomials: &Polynomial) -> f64 {
-    polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum()
-}
-
 fn powers(value: f64) -> [f64; DEGREE + 1] {
     let mut powers = [1.0; DEGREE + 1];
     (1..=DEGREE).for_each(|i| powers[i] = powers[i - 1] * value);
@@ -276,7 +271,8 @@ mod tests {
         places().along_row(&polynomial, 30.0).along_segments(64, &mut row);
         let along = row.segment(17);
         for column_px in [80.0, 104.0, 130.0] {
-            let exact = evaluate(&polynomial, &monomials(places().place(17.0, 30.0, column_px)));
+            let monomials = monomials(places().place(17.0, 30.0, column_px));
+            let exact: f64 = polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum();
             assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4);
         }
     }

@@ -154,12 +154,12 @@ impl Leaving<'_, '_> {
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
-            let links = sweep.links_of_row(v);
+            let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
             for j in 0..sweep.width {
                 let u = sweep.column(j);
                 let pixel = v * sweep.width + u;
                 if sweep.windows.count[pixel] > 0 {
-                    let sum = sweep.pixel::<L, ROOM>(level, &links, u, pixel, lanes);
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
                     of_row[u * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
                 }
             }
@@ -197,12 +197,12 @@ impl Deciding<'_, '_> {
         let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
-            let links = sweep.links_of_row(v);
+            let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
             for j in 0..sweep.width {
                 let u = sweep.column(j);
                 let (pixel, place) = (v * sweep.width + u, (v - rows.start) * sweep.width + u);
                 if sweep.windows.count[pixel] > 0 {
-                    let sum = sweep.pixel::<L, ROOM>(level, &links, u, pixel, lanes);
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
                     let evidence = &sweep.evidence[pixel * lanes..][..lanes];
                     let (best, lead) = decide::<L, ROOM>(level, evidence, &sum, &sums[place * lanes..][..lanes], lanes);
                     order[place] = sweep.windows.first[pixel] + best;
@@ -232,60 +232,71 @@ impl<'a> Sweep<'a> {
         [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward))
     }
 
-    /// All four directions at a pixel: the sum of what they bring.
+    /// All four directions at a pixel in column `u`: the sum of what they bring. `along` are the energies along the row of the
+    /// pixel before, then those of this one.
     #[inline(always)]
     fn pixel<L: Lanes, const ROOM: usize>(
         &mut self,
         level: L,
         links: &[RowLinks<'_>; AXES.len()],
-        u: usize,
-        pixel: usize,
+        [u, pixel]: [usize; 2],
         lanes: usize,
+        along: &mut [u16; ROOM],
     ) -> [u16; ROOM] {
         let lanes = if ROOM == LANE_STEP { ROOM } else { lanes };
         let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
         let mut sum = [0; ROOM];
         for axis in 0..AXES.len() {
+            let is_along = AXES[axis][1] == 0;
             let mut from = [0; ROOM];
             if let Some(Link { column, shift }) = links[axis].towards(u) {
-                let row = if AXES[axis][1] == 0 { &self.here[axis] } else { &self.before[axis] };
-                let source = &row.energies[column * stride + shift..][..lanes];
-                for lane in 0..lanes {
-                    from[lane] = source[lane].min(CHANGE);
+                // Along the row nothing is waited for that memory has to bring.
+                let before = if is_along { &self.here[axis] } else { &self.before[axis] };
+                from = if is_along && ROOM == LANE_STEP && shift == MAX_SHIFT {
+                    *along
+                } else {
+                    let mut from = [0; ROOM];
+                    from[..lanes].copy_from_slice(&before.energies[column * stride + shift..][..lanes]);
+                    from
+                };
+                for lane in 0..ROOM {
+                    from[lane] = from[lane].min(CHANGE);
                 }
             }
-            let energies = &mut self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes];
-            add::<L, ROOM>(level, evidence, &from, energies, &mut sum);
+            let energies = add::<L, ROOM>(level, evidence, &from);
+            for lane in 0..ROOM {
+                sum[lane] += from[lane];
+            }
+            self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes].copy_from_slice(&energies[..lanes]);
+            if is_along {
+                *along = energies;
+            }
         }
         sum
     }
 }
 
-/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; what it brings is
-/// added to the sums of all directions.
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off.
 #[inline(always)]
-fn add<L: Lanes, const ROOM: usize>(
-    level: L,
-    evidence: &[u8],
-    from: &[u16; ROOM],
-    energies: &mut [u16],
-    sums: &mut [u16; ROOM],
-) {
-    let mut least = NEVER;
-    for (step, evidence) in evidence.as_chunks::<LANE_STEP>().0.iter().enumerate() {
-        let first = step * LANE_STEP;
-        let mut sum = [0; LANE_STEP];
+fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM]) -> [u16; ROOM] {
+    let mut energies = *from;
+    let mut least = [u16::MAX; LANE_STEP];
+    for (energies, evidence) in energies.as_chunks_mut().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
         for lane in 0..LANE_STEP {
-            sum[lane] = u16::from(evidence[lane]) + from[first + lane];
-            sums[first + lane] += from[first + lane];
+            energies[lane] += u16::from(evidence[lane]);
         }
-        least = least.min(level.least(&sum));
-        energies[first..first + LANE_STEP].copy_from_slice(&sum);
+        let of_step = level.least(energies);
+        for lane in 0..LANE_STEP {
+            least[lane] = least[lane].min(of_step[lane]);
+        }
     }
-    for energy in energies {
-        *energy -= least;
+    for energies in energies.as_chunks_mut::<LANE_STEP>().0 {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_sub(least[lane]);
+        }
     }
+    energies
 }
 
 /// The place of the order with the least sum, and by how much the next best has more.
@@ -308,11 +319,12 @@ fn decide<L: Lanes, const ROOM: usize>(
             let key = total * LANE_STEP as u16 + lane as u16;
             keys[lane] = if evidence[lane] == NO_ORDER { u16::MAX } else { key };
         }
-        let least = level.least(&keys);
+        let leasts = level.least(&keys);
+        let least = leasts[0];
         for lane in 0..LANE_STEP {
-            keys[lane] = if keys[lane] == least { u16::MAX } else { keys[lane] };
+            keys[lane] = if keys[lane] == leasts[lane] { u16::MAX } else { keys[lane] };
         }
-        let next = level.least(&keys);
+        let next = level.least(&keys)[0];
         if least < u16::MAX {
             let total = least / LANE_STEP as u16;
             if total < best {
