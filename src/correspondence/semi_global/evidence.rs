@@ -208,21 +208,14 @@ impl EvidenceRow<'_> {
         let (mut of_block, mut room) = (row.no_block(), wide::Room::new());
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
             let begin = block * wide::BLOCK;
-            let wanted = wanted(count);
-            if wanted == 0 {
+            if !row.turn(level, &mut of_block, begin, count) {
                 continue;
             }
-            row.turn(level, &mut of_block, begin, wanted);
+            let evidence = &mut self.evidence[begin * lanes..][..wide::BLOCK * lanes];
             let mut passing = [0; wide::BLOCK];
-            for step in 0..lanes / LANE_STEP {
-                let skipped = step * LANE_STEP;
-                let (first, count) = (first.map(|f| f + skipped as i16), count.map(|c| c.saturating_sub(skipped as u8)));
-                let mut tile = [[0; LANE_STEP]; wide::BLOCK];
-                of_block.evidence(level, &first, &count, self.energies, &mut room, &mut tile, &mut passing);
-                let evidence = &mut self.evidence[begin * lanes..][..wide::BLOCK * lanes];
-                for (evidence, of_pixel) in evidence.chunks_exact_mut(lanes).zip(&tile) {
-                    evidence[skipped..skipped + LANE_STEP].copy_from_slice(of_pixel);
-                }
+            for skipped in (0..lanes).step_by(LANE_STEP) {
+                let tile = (&mut evidence[skipped..], lanes);
+                of_block.evidence(level, skipped, first, count, self.energies, &mut room, tile, &mut passing);
             }
             self.passing[begin..begin + wide::BLOCK].copy_from_slice(&passing);
             (0..wide::BLOCK).filter(|k| of_block.irregular >> k & 1 == 1).for_each(|k| self.gather_pixel(begin + k));
@@ -243,12 +236,6 @@ impl EvidenceRow<'_> {
         }
         self.passing[u] = orders.iter().filter(|&&energy| energy < self.energies.limit).count() as u8;
     }
-}
-
-/// Which pixels of a block have a window.
-#[cfg(target_arch = "x86_64")]
-pub(super) fn wanted(count: &[u8; wide::BLOCK]) -> u32 {
-    count.iter().enumerate().fold(0, |bits, (k, &count)| bits | u32::from(count > 0) << k)
 }
 
 /// Energy of the best candidate of an order.

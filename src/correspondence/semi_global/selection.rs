@@ -9,8 +9,6 @@ use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
 use super::Scene;
 use super::evidence::{DeltaScale, OutlookRow};
-#[cfg(target_arch = "x86_64")]
-use super::evidence::wanted;
 use super::outlook::Outlook;
 #[cfg(target_arch = "x86_64")]
 use super::wide;
@@ -143,23 +141,18 @@ impl SelectionRow<'_> {
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
         let (mut of_block, mut room, mut found) = (row.no_block(), wide::Room::new(), wide::Found::NONE);
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
-            let wanted = wanted(count);
-            if wanted == 0 {
+            let begin = block * wide::BLOCK;
+            if !row.turn(level, &mut of_block, begin, count) {
                 continue;
             }
-            let begin = block * wide::BLOCK;
-            row.turn(level, &mut of_block, begin, wanted);
             of_block.select(level, order, &mut room, &mut found);
             let (out, pixels) = (&mut self.out, begin..begin + wide::BLOCK);
+            out.absolute[pixels.clone()].copy_from_slice(&found.absolute);
             out.column_px[pixels.clone()].copy_from_slice(&found.column_px);
             out.z[pixels.clone()].copy_from_slice(&found.z);
             out.delta[pixels.clone()].copy_from_slice(&found.delta);
-            out.slope[pixels].copy_from_slice(&found.slope);
-            for k in 0..wide::BLOCK {
-                let absolute = absolute(order[k], self.phase[begin + k]);
-                out.absolute[begin + k] = if found.present >> k & 1 == 1 { absolute } else { ABSENT };
-                out.in_volume[begin + k] = found.in_volume >> k & 1 == 1;
-            }
+            out.slope[pixels.clone()].copy_from_slice(&found.slope);
+            out.in_volume[pixels].copy_from_slice(&found.in_volume);
             (0..wide::BLOCK).filter(|k| found.irregular >> k & 1 == 1).for_each(|k| self.select_pixel(begin + k));
         }
         counts.len() * wide::BLOCK

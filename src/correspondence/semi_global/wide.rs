@@ -21,7 +21,7 @@ use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::segment::SegmentRow;
 use super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
-use super::selection::{REACH_SD, REACH_TURNS, RIM_COLUMNS};
+use super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS};
 use super::windows::{LANE_STEP, Windows};
 
 /// Columns that two registers hold.
@@ -46,9 +46,6 @@ pub(super) struct Row<'a> {
     pub(super) sd_turns: &'a [f32],
 }
 
-/// Energies of sixteen orders of 32 pixels.
-pub(super) type Tile = [[u8; LANE_STEP]; BLOCK];
-
 /// Room for what is found on the way, to be used from block to block.
 pub(super) struct Room {
     columns: [Columns; LANE_STEP],
@@ -67,10 +64,10 @@ impl Room {
 pub(super) struct Found {
     /// Pixels left to the scalar form.
     pub(super) irregular: u32,
-    /// Pixels that have one.
-    pub(super) present: u32,
-    /// Those whose candidate lies in the volume.
-    pub(super) in_volume: u32,
+    /// Absolute phases of those that have one.
+    pub(super) absolute: [i32; BLOCK],
+    /// Whether it lies in the volume.
+    pub(super) in_volume: [bool; BLOCK],
     pub(super) column_px: [f32; BLOCK],
     pub(super) z: [f32; BLOCK],
     pub(super) delta: [i16; BLOCK],
@@ -80,8 +77,8 @@ pub(super) struct Found {
 impl Found {
     pub(super) const NONE: Self = Self {
         irregular: 0,
-        present: 0,
-        in_volume: 0,
+        absolute: [ABSENT; BLOCK],
+        in_volume: [false; BLOCK],
         column_px: [0.0; BLOCK],
         z: [0.0; BLOCK],
         delta: [0; BLOCK],
@@ -108,17 +105,22 @@ impl<'a> Row<'a> {
         Block { image: self.image, halves, rows: Rows::NONE, phases: Differences::NONE.value, regular: 0, irregular: 0 }
     }
 
-    /// Turns a block to the pixels from `first` on; `wanted` are those that have a window.
+    /// Turns a block to the pixels from `first` on, which have so many orders each; yields whether any has one.
     #[inline]
-    pub(super) fn turn(&self, _: Avx512, block: &mut Block<'_>, first: usize, wanted: u32) {
+    pub(super) fn turn(&self, _: Avx512, block: &mut Block<'_>, first: usize, count: &[u8; BLOCK]) -> bool {
         // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.turn_of_level(block, first, wanted) }
+        unsafe { self.turn_of_level(block, first, count) }
     }
 
     #[target_feature(
         enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni,bmi1,bmi2,lzcnt,popcnt"
     )]
-    fn turn_of_level(&self, block: &mut Block<'_>, first: usize, wanted: u32) {
+    fn turn_of_level(&self, block: &mut Block<'_>, first: usize, count: &[u8; BLOCK]) -> bool {
+        let counts = load_bytes(count);
+        let wanted = _mm256_test_epi8_mask(counts, counts);
+        if wanted == 0 {
+            return false;
+        }
         let [low, high] = &mut block.halves;
         let regular = join([self.turn_half(low, first), self.turn_half(high, first + 16)]);
         let regular = if self.image.width > i16::MAX as usize { 0 } else { regular & wanted };
@@ -128,6 +130,7 @@ impl<'a> Row<'a> {
         phase.copy_from_slice(&self.phase[first..first + BLOCK]);
         block.phases = load_words(&phase);
         (block.regular, block.irregular) = (wanted & !irregular, irregular);
+        true
     }
 
     /// Turns half a block to the pixels from `first` on; yields those that are regular.
@@ -165,20 +168,22 @@ impl<'a> Row<'a> {
 }
 
 impl Block<'_> {
-    /// Energies of sixteen orders of each pixel, from order `first` on, of which it has `count`; and how many of them pass.
+    /// Energies of sixteen orders of each pixel, from so many after order `first` on, of all `count` that it has, into `tile`,
+    /// where those of each pixel begin `lanes` after those of the one before; and how many of them pass, added to `passing`.
     #[inline]
     pub(super) fn evidence(
         &mut self,
         _: Avx512,
+        skipped: usize,
         first: &[i16; BLOCK],
         count: &[u8; BLOCK],
         energies: &Energies,
         room: &mut Room,
-        tile: &mut Tile,
+        (tile, lanes): (&mut [u8], usize),
         passing: &mut [u8; BLOCK],
     ) {
         // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.evidence_of_level(first, count, energies, room, tile, passing) }
+        unsafe { self.evidence_of_level(skipped, first, count, energies, room, (tile, lanes), passing) }
     }
 
     #[target_feature(
@@ -186,16 +191,18 @@ impl Block<'_> {
     )]
     fn evidence_of_level(
         &mut self,
+        skipped: usize,
         first: &[i16; BLOCK],
         count: &[u8; BLOCK],
         energies: &Energies,
         room: &mut Room,
-        tile: &mut Tile,
+        (tile, lanes): (&mut [u8], usize),
         passing: &mut [u8; BLOCK],
     ) {
-        let firsts = load_signed(first);
-        let counts = load_bytes(count);
-        let orders = usize::from(*count.iter().max().unwrap_or(&0)).min(LANE_STEP);
+        let skip = _mm512_set1_epi32(skipped as i32);
+        let firsts = load_signed(first).map(|first| _mm512_add_epi32(first, skip));
+        let counts = _mm256_subs_epu8(load_bytes(count), _mm256_set1_epi8(skipped as i8));
+        let orders = usize::from(greatest_byte(counts)).min(LANE_STEP);
         let reach = [0, 1].map(|h| _mm512_mul_ps(_mm512_set1_ps(MAX_Z), self.halves[h].sd_turns));
         // Each step for all orders: what one waits for, the others compute.
         let Room { columns, crossings, .. } = room;
@@ -238,7 +245,7 @@ impl Block<'_> {
         }
         // SAFETY: 32 bytes are written.
         unsafe { _mm256_storeu_si256(passing.as_mut_ptr().cast(), passes) };
-        transpose(&by_order, tile);
+        transpose(&by_order, tile, lanes);
     }
 
     /// Finds where the phases of the pixels are crossed in the columns of an order.
@@ -355,12 +362,17 @@ impl Block<'_> {
             todo &= !here;
             self.consider_all(base, place, [begin, ceil, stop], here, &mut room.differences, &mut best);
         }
-        let mut present = [0; 2];
-        let mut in_volume = [0; 2];
         for h in 0..2 {
             let (half, best) = (&self.halves[h], &best[h]);
-            present[h] = best.present & (self.regular >> (16 * h)) as u16;
-            in_volume[h] = half.is_in_volume(best.column_px);
+            let present = best.present & (self.regular >> (16 * h)) as u16;
+            let absolute = _mm512_add_epi32(_mm512_slli_epi32::<16>(best.order), unsigned_half(self.phases, h));
+            let absolute = _mm512_mask_mov_epi32(_mm512_set1_epi32(ABSENT), present, absolute);
+            let in_volume = _mm_maskz_set1_epi8(present & half.is_in_volume(best.column_px), 1);
+            // SAFETY: sixteen longs are written, and sixteen truths that are 0 or 1.
+            unsafe {
+                _mm512_storeu_si512(found.absolute[16 * h..][..16].as_mut_ptr().cast(), absolute);
+                _mm_storeu_si128(found.in_volume[16 * h..][..16].as_mut_ptr().cast(), in_volume);
+            }
             let delta_turns = _mm512_add_ps(best.rest, half.drift_at(best.column_px));
             let delta = nearest_whole(_mm512_mul_ps(delta_turns, _mm512_set1_ps(65536.0)));
             let delta = _mm512_max_epi32(_mm512_min_epi32(delta, _mm512_set1_epi32(32767)), _mm512_set1_epi32(-32768));
@@ -370,8 +382,6 @@ impl Block<'_> {
             store_narrow(best.slope, &mut found.slope[16 * h..]);
         }
         found.irregular = self.irregular;
-        found.present = join(present);
-        found.in_volume = join(in_volume) & found.present;
     }
 
     /// Considers the crossings and the rims of intervals that lie within 64 columns from `base` on, and whose first columns
@@ -735,10 +745,28 @@ fn load_bytes(bytes: &[u8; BLOCK]) -> __m256i {
     unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) }
 }
 
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+#[inline]
+fn store_bytes(bytes: __m128i, to: &mut [u8]) {
+    let to = &mut to[..16];
+    // SAFETY: sixteen bytes are written.
+    unsafe { _mm_storeu_si128(to.as_mut_ptr().cast(), bytes) };
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+#[inline]
+fn greatest_byte(bytes: __m256i) -> u8 {
+    let half = _mm_max_epu8(_mm256_castsi256_si128(bytes), _mm256_extracti128_si256::<1>(bytes));
+    let quarter = _mm_max_epu8(half, _mm_srli_si128::<8>(half));
+    // The greatest is the complement of the least of the complements, which are widened.
+    let least = _mm_minpos_epu16(_mm_sub_epi16(_mm_set1_epi16(255), _mm_cvtepu8_epi16(quarter)));
+    255 - _mm_cvtsi128_si32(least) as u8
+}
+
 /// Sixteen rows of 32 bytes as 32 rows of sixteen.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn transpose(rows: &[__m256i; LANE_STEP], tile: &mut Tile) {
+fn transpose(rows: &[__m256i; LANE_STEP], tile: &mut [u8], lanes: usize) {
     // Each step interleaves rows that lie half of the rows apart: after four, every byte of a pixel stands with the others.
     let mut rows = *rows;
     for _ in 0..4 {
@@ -750,10 +778,7 @@ fn transpose(rows: &[__m256i; LANE_STEP], tile: &mut Tile) {
         rows = next;
     }
     for (i, row) in rows.iter().enumerate() {
-        // SAFETY: sixteen bytes are written each.
-        unsafe {
-            _mm_storeu_si128(tile[i].as_mut_ptr().cast(), _mm256_castsi256_si128(*row));
-            _mm_storeu_si128(tile[i + 16].as_mut_ptr().cast(), _mm256_extracti128_si256::<1>(*row));
-        }
+        store_bytes(_mm256_castsi256_si128(*row), &mut tile[i * lanes..]);
+        store_bytes(_mm256_extracti128_si256::<1>(*row), &mut tile[(i + LANE_STEP) * lanes..]);
     }
 }
