@@ -29,8 +29,6 @@ const CHANGE_NATS: f32 = 8.0;
 const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
-/// Energy that no order reaches.
-const NEVER: u16 = u16::MAX / 4;
 
 /// The orders with the least energy.
 #[derive(Clone, Debug, Default)]
@@ -113,15 +111,15 @@ struct Sweep<'a> {
     here: [PathRow; AXES.len()],
 }
 
-/// Energies of a row of pixels in one direction, the least of each taken off, with room on either side where orders of its
-/// neighbours may point.
+/// Energies of a row of pixels in one direction, the least of each taken off, none above the price of a change; with room on
+/// either side where orders of its neighbours may point.
 struct PathRow {
-    energies: Vec<u16>,
+    energies: Vec<u8>,
 }
 
 impl PathRow {
     fn new(width: usize, lanes: usize) -> Self {
-        Self { energies: vec![NEVER; width * (lanes + 2 * MAX_SHIFT)] }
+        Self { energies: vec![CHANGE as u8; width * (lanes + 2 * MAX_SHIFT)] }
     }
 }
 
@@ -252,23 +250,24 @@ impl<'a> Sweep<'a> {
             let mut from = [0; ROOM];
             if let Some(Link { column, shift }) = links[axis].towards(u) {
                 // Along the row nothing is waited for that memory has to bring.
-                let before = if is_along { &self.here[axis] } else { &self.before[axis] };
-                from = if is_along && ROOM == LANE_STEP && shift == MAX_SHIFT {
-                    *along
+                if is_along && ROOM == LANE_STEP && shift == MAX_SHIFT {
+                    from = *along;
                 } else {
-                    let mut from = [0; ROOM];
-                    from[..lanes].copy_from_slice(&before.energies[column * stride + shift..][..lanes]);
-                    from
-                };
-                for lane in 0..ROOM {
-                    from[lane] = from[lane].min(CHANGE);
+                    let before = if is_along { &self.here[axis] } else { &self.before[axis] };
+                    let before = &before.energies[column * stride + shift..][..lanes];
+                    for lane in 0..lanes {
+                        from[lane] = u16::from(before[lane]);
+                    }
                 }
             }
             let energies = add::<L, ROOM>(level, evidence, &from);
             for lane in 0..ROOM {
                 sum[lane] += from[lane];
             }
-            self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes].copy_from_slice(&energies[..lanes]);
+            let here = &mut self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes];
+            for lane in 0..lanes {
+                here[lane] = energies[lane] as u8;
+            }
             if is_along {
                 *along = energies;
             }
@@ -277,7 +276,8 @@ impl<'a> Sweep<'a> {
     }
 }
 
-/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off.
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
+/// price of a change, which whoever goes on from here pays at most.
 #[inline(always)]
 fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM]) -> [u16; ROOM] {
     let mut energies = *from;
@@ -293,7 +293,7 @@ fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM
     }
     for energies in energies.as_chunks_mut::<LANE_STEP>().0 {
         for lane in 0..LANE_STEP {
-            energies[lane] = energies[lane].wrapping_sub(least[lane]);
+            energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
         }
     }
     energies
@@ -341,5 +341,5 @@ fn decide<L: Lanes, const ROOM: usize>(
     (place as i16, lead)
 }
 
-const _: () = assert!(CHANGE as usize + (NO_ORDER as usize) < NEVER as usize);
+const _: () = assert!(CHANGE < u8::MAX as u16);
 const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);
