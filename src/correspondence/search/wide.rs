@@ -366,7 +366,12 @@ impl Rows {
     /// The phase at places of the tables less that of the pixels, as [`super::super::row_view::RowView`] has it.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
-    pub(in super::super) fn difference(&self, tables: &[[__m512i; 2]; 3], place: __m512i, phases: __m512i) -> Differences {
+    pub(in super::super) fn difference(
+        &self,
+        tables: &[[__m512i; 2]; 3],
+        place: __m512i,
+        phases: __m512i,
+    ) -> Differences {
         let of = |row: usize| _mm512_permutex2var_epi16(tables[row][0], place, tables[row][1]);
         let (mut upper, mut lower) = (of(0), of(1));
         if self.straddles {

@@ -249,7 +249,8 @@ impl Kernel for ConfidenceRow<'_> {
         let width = log_odds.len();
         let (margin, z, is_hidden) = (&g.margin[..width], &g.z[..width], &g.is_hidden[..width]);
         let (beside, around) = (&g.beside[..width], &g.around[..width]);
-        let [by_size, by_lead, by_share] = [&g.of_regions[0][..width], &g.of_regions[1][..width], &g.of_regions[2][..width]];
+        let [by_size, by_lead, by_share] =
+            [&g.of_regions[0][..width], &g.of_regions[1][..width], &g.of_regions[2][..width]];
         for u in 0..width {
             log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
         }

@@ -232,7 +232,8 @@ impl EvidenceRow<'_> {
         let orders = &mut self.evidence[u * self.windows.lanes..][..self.windows.lanes];
         orders.fill(NO_ORDER);
         for (lane, energy) in orders[..count].iter_mut().enumerate() {
-            *energy = best_energy(&outlook, i32::from(self.first[u]) + lane as i32, self.row.sd_turns[u], self.energies);
+            *energy =
+                best_energy(&outlook, i32::from(self.first[u]) + lane as i32, self.row.sd_turns[u], self.energies);
         }
         self.passing[u] = orders.iter().filter(|&&energy| energy < self.energies.limit).count() as u8;
     }

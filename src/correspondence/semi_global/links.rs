@@ -69,7 +69,8 @@ impl RowLinks<'_> {
         let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
         let shift = usize::from(*self.shifts.get(if self.forward { u } else { column })?);
         // Left of the image there is no link, so the column of one is always in the image.
-        (shift != usize::from(NONE)).then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
+        (shift != usize::from(NONE))
+            .then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
     }
 }
 

@@ -53,25 +53,23 @@ impl Selection {
         let fits = self.z.par_chunks_mut(width).zip(self.delta.par_chunks_mut(width));
         let rest = self.slope.par_chunks_mut(width).zip(self.in_volume.par_chunks_mut(width));
         let rows = places.zip(fits).zip(rest).enumerate();
-        rows.for_each_init(OutlookRow::default, |row, (v, (((absolute, column_px), (z, delta)), (slope, in_volume)))| {
-            row.turn_to(scene, scale, v);
-            let pixels = v * width..(v + 1) * width;
-            let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
-            let phase = &scene.cam1.phase[pixels];
-            let out = SelectedRow { absolute, column_px, z, delta, slope, in_volume };
-            SelectionRow { scene, windows, row, phase, count, order, out }.select();
-        });
+        rows.for_each_init(
+            OutlookRow::default,
+            |row, (v, (((absolute, column_px), (z, delta)), (slope, in_volume)))| {
+                row.turn_to(scene, scale, v);
+                let pixels = v * width..(v + 1) * width;
+                let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+                let phase = &scene.cam1.phase[pixels];
+                let out = SelectedRow { absolute, column_px, z, delta, slope, in_volume };
+                SelectionRow { scene, windows, row, phase, count, order, out }.select();
+            },
+        );
         self.normalize();
     }
 
     /// The candidate of a pixel that has one, of its decided order.
     pub(super) fn candidate(&self, pixel: usize, order: i16) -> Candidate {
-        Candidate {
-            column_px: self.column_px[pixel],
-            order,
-            delta: self.delta[pixel],
-            slope: self.slope[pixel],
-        }
+        Candidate { column_px: self.column_px[pixel], order, delta: self.delta[pixel], slope: self.slope[pixel] }
     }
 
     /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.

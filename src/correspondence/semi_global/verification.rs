@@ -100,9 +100,8 @@ struct Verification<'a> {
 impl Verification<'_> {
     /// Mean lead of the decided orders of each region over the next best ones, nats a path.
     fn leads_nats(&self) -> Vec<f32> {
-        let margins = self.regions.sums(|run| {
-            self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum()
-        });
+        let margins =
+            self.regions.sums(|run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
         let of_region = |(margins, &size_px): (u64, &u32)| {
             (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
         };
@@ -143,8 +142,10 @@ impl Verification<'_> {
         verdict_of_region: &mut [Option<Outcome>],
         claims: &mut Claims,
     ) {
-        let standing = || leads_nats.iter().zip(&*verdict_of_region).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
-        let (least, greatest) = (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
+        let standing =
+            || leads_nats.iter().zip(&*verdict_of_region).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
+        let (least, greatest) =
+            (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
         // Regions that take no place of any other need not claim theirs.
         let takes = |lead_nats: f32| lead_nats > least + BETTER_FOUNDED_NATS;
         let loses = |lead_nats: f32| greatest > lead_nats + BETTER_FOUNDED_NATS;
@@ -219,25 +220,28 @@ impl Verification<'_> {
         let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
         confidence.resize(self.selection.absolute.len(), Confidence::NONE);
         let rows = confidence.par_chunks_mut(width).enumerate();
-        rows.for_each_init(|| ([const { Vec::new() }; 3], Vec::new()), |(of_regions, log_odds), (v, confidence)| {
-            for (i, of_pixels) in of_regions.iter_mut().enumerate() {
-                of_pixels.resize(width, 0.0);
-                for run in self.regions.of_row(v) {
-                    let columns = run.pixels().start - v * width..run.pixels().end - v * width;
-                    of_pixels[columns].fill(odds[run.region as usize][i]);
+        rows.for_each_init(
+            || ([const { Vec::new() }; 3], Vec::new()),
+            |(of_regions, log_odds), (v, confidence)| {
+                for (i, of_pixels) in of_regions.iter_mut().enumerate() {
+                    of_pixels.resize(width, 0.0);
+                    for run in self.regions.of_row(v) {
+                        let columns = run.pixels().start - v * width..run.pixels().end - v * width;
+                        of_pixels[columns].fill(odds[run.region as usize][i]);
+                    }
                 }
-            }
-            let pixels = v * width..(v + 1) * width;
-            let row = GroundsRow {
-                margin: &self.verdicts.margin[pixels.clone()],
-                z: &self.selection.z[pixels.clone()],
-                beside: &room.beside[pixels.clone()],
-                around: &room.around[pixels.clone()],
-                is_hidden: &room.is_hidden[pixels],
-                of_regions: of_regions.each_ref().map(Vec::as_slice),
-            };
-            confidences(&tables, &row, log_odds, confidence);
-        });
+                let pixels = v * width..(v + 1) * width;
+                let row = GroundsRow {
+                    margin: &self.verdicts.margin[pixels.clone()],
+                    z: &self.selection.z[pixels.clone()],
+                    beside: &room.beside[pixels.clone()],
+                    around: &room.around[pixels.clone()],
+                    is_hidden: &room.is_hidden[pixels],
+                    of_regions: of_regions.each_ref().map(Vec::as_slice),
+                };
+                confidences(&tables, &row, log_odds, confidence);
+            },
+        );
     }
 
     /// The grounds of every pixel with a selected candidate.
@@ -303,7 +307,8 @@ impl Verification<'_> {
         let width = self.width;
         let Decisions { outcomes, chosen, passing, confidence } = decisions;
         chosen.resize(outcomes.len(), None);
-        let rows = outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(confidence.par_chunks_mut(width));
+        let rows =
+            outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(confidence.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((outcomes, chosen), confidence))| {
             for u in 0..outcomes.len() {
                 let pixel = v * width + u;

@@ -12,12 +12,12 @@ use crate::simd::Avx512;
 
 use super::super::drift::DepthRow;
 use super::super::epipolar_image::EpipolarImage;
+use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 pub(super) use super::super::search::wide::BLOCK;
 use super::super::search::wide::{
-    Crossing, Differences, Rows, crosses, join, least_word, load_floats, load_words, narrow, signed_half,
-    store_floats, store_narrow, unsigned_half, widen,
+    Crossing, Differences, Rows, crosses, join, least_word, load_floats, load_words, narrow, signed_half, store_floats,
+    store_narrow, unsigned_half, widen,
 };
-use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::segment::SegmentRow;
 use super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
@@ -156,9 +156,8 @@ impl<'a> Row<'a> {
         let (at_first, at_last) = (half.phase_turns_at(half.first_px), half.phase_turns_at(half.last_px));
         half.least = _mm512_min_ps(at_first, at_last);
         half.most = _mm512_max_ps(at_first, at_last);
-        let is_small = |turns: __m512| {
-            _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(turns), _mm512_set1_ps(MAX_TURNS))
-        };
+        let is_small =
+            |turns: __m512| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(turns), _mm512_set1_ps(MAX_TURNS));
         let rises = _mm512_sub_ps(half.most, half.least);
         is_small(at_first)
             & is_small(at_last)
@@ -714,8 +713,8 @@ fn beyond_rim(outer: Differences, here: Differences, inner: Differences) -> u32 
     // −here/outwards lies between 0 and 1.
     let zero = _mm512_setzero_si512();
     let opposite = _mm512_movepi16_mask(_mm512_xor_si512(here.value, outwards));
-    let near = _mm512_cmpneq_epi16_mask(here.value, zero)
-        & _mm512_cmple_epu16_mask(_mm512_abs_epi16(here.value), steepness);
+    let near =
+        _mm512_cmpneq_epi16_mask(here.value, zero) & _mm512_cmple_epu16_mask(_mm512_abs_epi16(here.value), steepness);
     here.known & inner.known & !continued & steep & opposite & near
 }
 
