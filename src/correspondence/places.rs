@@ -41,38 +41,48 @@ impl Places {
         places
     }
 
-    /// Finds the places of correspondences whose columns are told row by row; those of pixels without one have no meaning.
-    pub(super) fn find(&mut self, table: &SegmentTable, column_px: &[f32]) {
-        let ([width, height], [epipolar_width, epipolar_height]) = (table.size_px(), table.epipolar_size_px());
-        self.of_pixels.resize(width * height, Self::NOWHERE);
-        self.nearness.resize(width * height, 0.0);
-        let rows = self.of_pixels.par_chunks_mut(width).zip(self.nearness.par_chunks_mut(width));
-        let rows = rows.zip(column_px.par_chunks(width)).enumerate();
-        rows.for_each_init(SegmentRow::default, |segments, (v, ((of_pixels, nearness), column_px))| {
-            table.row(v, segments);
-            let last = [epipolar_width as u32 - 1, epipolar_height as u32 - 1];
-            simd::run(Level::in_use(), PlaceRow { table, segments, column_px, last, of_pixels, nearness });
-        });
+    /// Makes room for the places of so many pixels.
+    pub(super) fn resize(&mut self, pixels: usize) {
+        self.of_pixels.resize(pixels, Self::NOWHERE);
+        self.nearness.resize(pixels, 0.0);
     }
 }
 
+impl PlaceRow<'_> {
+    /// Finds the places of the pixels of a row of C1, of whose correspondences the columns are told; those of pixels without
+    /// one have no meaning.
+    pub(super) fn find(self, table: &SegmentTable, segments: &SegmentRow, column_px: &[f32]) {
+        let [width, height] = table.epipolar_size_px().map(|side| side as u32);
+        simd::run(
+            Level::in_use(),
+            PlaceKernel { table, segments, column_px, last: [width - 1, height - 1], row: self },
+        );
+    }
+}
+
+/// Room for the places of a row.
+pub(super) struct PlaceRow<'a> {
+    pub(super) of_pixels: &'a mut [u32],
+    pub(super) nearness: &'a mut [f32],
+}
+
 /// Fills in the places of a row.
-struct PlaceRow<'a> {
+struct PlaceKernel<'a> {
     table: &'a SegmentTable,
     segments: &'a SegmentRow,
     column_px: &'a [f32],
     /// Last column and row of the epipolar frame.
     last: [u32; 2],
-    of_pixels: &'a mut [u32],
-    nearness: &'a mut [f32],
+    row: PlaceRow<'a>,
 }
 
-impl Kernel for PlaceRow<'_> {
+impl Kernel for PlaceKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { table, segments, column_px, last: [last_column, last_row], of_pixels, nearness } = self;
+        let Self { table, segments, column_px, last: [last_column, last_row], row } = self;
+        let PlaceRow { of_pixels, nearness } = row;
         let width = of_pixels.len();
         let (column_px, row_px) = (&column_px[..width], &segments.row_px[..width]);
         let (x, y) = (&segments.ray_x[..width], &segments.ray_y[..width]);

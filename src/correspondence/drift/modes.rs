@@ -80,8 +80,18 @@ impl DriftModes {
 
     /// The modes, to be asked at many places.
     pub(super) fn by_term(&self) -> ModesByTerm {
-        let factors = (0..TERMS).flat_map(|term| self.fields.iter().map(move |field| field[term])).collect();
-        ModesByTerm { places: self.places, factors, modes: self.fields.len() }
+        let group = |modes: &[Polynomial]| {
+            let mut factors = [[0.0; GROUP]; TERMS];
+            for (k, mode) in modes.iter().enumerate() {
+                factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
+            }
+            factors
+        };
+        ModesByTerm {
+            places: self.places,
+            groups: self.fields.chunks(GROUP).map(group).collect(),
+            modes: self.fields.len(),
+        }
     }
 
     /// Mean half length of a segment, pixels of the epipolar frame.
@@ -90,10 +100,14 @@ impl DriftModes {
     }
 }
 
+/// Modes that are asked together.
+const GROUP: usize = 8;
+
 /// All modes, term by term.
 pub(super) struct ModesByTerm {
     places: Places,
-    factors: Vec<f64>,
+    /// Factors of the terms of so many modes; those that are not there are zero.
+    groups: Vec<[[f64; GROUP]; TERMS]>,
     modes: usize,
 }
 
@@ -101,11 +115,17 @@ impl ModesByTerm {
     /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
     pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
         let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
-        let first = out.len();
-        out.resize(first + self.modes, 0.0);
-        for (factors, monomial) in self.factors.chunks_exact(self.modes.max(1)).zip(monomials) {
-            out[first..].iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor * monomial);
+        let end = out.len() + self.modes;
+        for group in &self.groups {
+            let mut sums = [0.0; GROUP];
+            for (factors, monomial) in group.iter().zip(monomials) {
+                for k in 0..GROUP {
+                    sums[k] += factors[k] * monomial;
+                }
+            }
+            out.extend_from_slice(&sums);
         }
+        out.truncate(end);
     }
 }
 

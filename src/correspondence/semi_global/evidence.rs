@@ -116,7 +116,7 @@ impl Kernel for ScaleRow<'_> {
 /// What the pixels of a row of C1 look for their candidates with.
 #[derive(Default)]
 pub(super) struct OutlookRow {
-    segments: SegmentRow,
+    pub(super) segments: SegmentRow,
     drift: DepthRow,
     /// sd of δ of each pixel, turns.
     pub(super) sd_turns: Vec<f32>,

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
+use super::super::places::{PlaceRow, Places};
 use super::Scene;
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
@@ -36,6 +37,8 @@ pub(super) struct Selection {
     pub(super) slope: Vec<i16>,
     /// Whether it lies in the measurement volume, as far as its place is known.
     pub(super) in_volume: Vec<bool>,
+    /// Where it lies in C2.
+    pub(super) places: Places,
 }
 
 impl Selection {
@@ -49,21 +52,23 @@ impl Selection {
         self.delta.resize(pixels, 0);
         self.slope.resize(pixels, 0);
         self.in_volume.resize(pixels, false);
+        self.places.resize(pixels);
         let places = self.absolute.par_chunks_mut(width).zip(self.column_px.par_chunks_mut(width));
         let fits = self.z.par_chunks_mut(width).zip(self.delta.par_chunks_mut(width));
         let rest = self.slope.par_chunks_mut(width).zip(self.in_volume.par_chunks_mut(width));
-        let rows = places.zip(fits).zip(rest).enumerate();
-        rows.for_each_init(
-            OutlookRow::default,
-            |row, (v, (((absolute, column_px), (z, delta)), (slope, in_volume)))| {
-                row.turn_to(scene, scale, v);
-                let pixels = v * width..(v + 1) * width;
-                let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
-                let phase = &scene.cam1.phase[pixels];
-                let out = SelectedRow { absolute, column_px, z, delta, slope, in_volume };
-                SelectionRow { scene, windows, row, phase, count, order, out }.select();
-            },
-        );
+        let Places { of_pixels, nearness } = &mut self.places;
+        let in_cam2 = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width));
+        let rows = places.zip(fits).zip(rest).zip(in_cam2).enumerate();
+        rows.for_each_init(OutlookRow::default, |row, (v, (out, (of_pixels, nearness)))| {
+            let (((absolute, column_px), (z, delta)), (slope, in_volume)) = out;
+            row.turn_to(scene, scale, v);
+            let pixels = v * width..(v + 1) * width;
+            let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+            let phase = &scene.cam1.phase[pixels];
+            let out = SelectedRow { absolute, column_px: &mut *column_px, z, delta, slope, in_volume };
+            SelectionRow { scene, windows, row, phase, count, order, out }.select();
+            PlaceRow { of_pixels, nearness }.find(scene.table, &row.segments, column_px);
+        });
         self.normalize();
     }
 

@@ -15,7 +15,6 @@ use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
 use super::super::outcome::Outcome;
-use super::super::places::Places;
 use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, Tables, confidences, margin_nats};
 use super::evidence::PASSING_Z;
@@ -42,13 +41,6 @@ const MAX_LOST_SHARE: f64 = 0.3;
 /// Room for what is known of each pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VerificationRoom {
-    places: Places,
-    room: Room,
-}
-
-/// What is known of the surroundings of each pixel.
-#[derive(Clone, Debug, Default)]
-struct Room {
     claims: Claims,
     surroundings: Surroundings,
     /// Pixels beside and around each pixel that support it.
@@ -70,9 +62,7 @@ pub(super) fn verify(
 ) {
     let width = scene.cam1.width.max(1);
     let regions = Regions::of(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    let VerificationRoom { places, room } = room;
-    places.find(scene.table, &selection.column_px);
-    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions, places };
+    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions };
     let leads_nats = verification.leads_nats();
     let mut verdict_of_region = verification.judge_regions(&leads_nats);
     verification.contradict_by_foundation(&leads_nats, &mut verdict_of_region, &mut room.claims);
@@ -94,7 +84,6 @@ struct Verification<'a> {
     verdicts: &'a Verdicts,
     limits: &'a Limits,
     regions: &'a Regions,
-    places: &'a Places,
 }
 
 impl Verification<'_> {
@@ -132,7 +121,7 @@ impl Verification<'_> {
     /// The claim of a pixel with a precedence.
     #[inline(always)]
     fn claim(&self, pixel: usize, precedence: f32) -> Claim {
-        Claim { place: self.places.of_pixels[pixel], precedence, absolute: self.selection.absolute[pixel] }
+        Claim { place: self.selection.places.of_pixels[pixel], precedence, absolute: self.selection.absolute[pixel] }
     }
 
     /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
@@ -175,8 +164,8 @@ impl Verification<'_> {
     }
 
     /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
-    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut Room) {
-        let Room { claims, surroundings, beside, around, is_hidden } = room;
+    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut VerificationRoom) {
+        let VerificationRoom { claims, surroundings, beside, around, is_hidden } = room;
         let (width, absolute) = (self.width, &self.selection.absolute);
         let stands = |run: &&Run| verdict_of_region[run.region as usize].is_none();
         surroundings.fill([width, absolute.len() / width], |v, row| {
@@ -187,7 +176,7 @@ impl Verification<'_> {
         });
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
         for run in self.regions.runs.iter().filter(stands) {
-            run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.places.nearness[pixel])));
+            run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
         }
         beside.resize(absolute.len(), 0);
         around.resize(absolute.len(), 0);
@@ -196,14 +185,14 @@ impl Verification<'_> {
         rows.enumerate().for_each(|(v, ((beside, around), is_hidden))| {
             surroundings.support(v, &absolute[v * width..(v + 1) * width], beside, around);
             for pixel in self.regions.of_row(v).iter().flat_map(Run::pixels) {
-                let claim = self.claim(pixel, self.places.nearness[pixel]);
+                let claim = self.claim(pixel, self.selection.places.nearness[pixel]);
                 is_hidden[pixel - v * width] = claims.is_lost(claim, 0.0);
             }
         });
     }
 
     /// What each region says of its pixels.
-    fn of_regions(&self, leads_nats: &[f32], room: &Room) -> Vec<OfRegion> {
+    fn of_regions(&self, leads_nats: &[f32], room: &VerificationRoom) -> Vec<OfRegion> {
         let hidden =
             self.regions.sums(|run| room.is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
         let of_region = |((&region_px, &lead_nats), hidden): ((&u32, &f32), u64)| OfRegion {
@@ -215,7 +204,7 @@ impl Verification<'_> {
     }
 
     /// How likely each selected candidate is true.
-    fn state_confidence(&self, of_regions: &[OfRegion], room: &Room, confidence: &mut Vec<Confidence>) {
+    fn state_confidence(&self, of_regions: &[OfRegion], room: &VerificationRoom, confidence: &mut Vec<Confidence>) {
         let (tables, width) = (Tables::new(), self.width);
         let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
         confidence.resize(self.selection.absolute.len(), Confidence::NONE);
@@ -245,7 +234,7 @@ impl Verification<'_> {
     }
 
     /// The grounds of every pixel with a selected candidate.
-    fn grounds(&self, of_regions: &[OfRegion], room: &Room) -> Vec<Grounds> {
+    fn grounds(&self, of_regions: &[OfRegion], room: &VerificationRoom) -> Vec<Grounds> {
         let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
         for run in &self.regions.runs {
             let OfRegion { region_px, lead_nats, hidden_share } = of_regions[run.region as usize];
@@ -269,7 +258,7 @@ impl Verification<'_> {
     fn stand_by_confidence(
         &mut self,
         verdict_of_region: &[Option<Outcome>],
-        room: &Room,
+        room: &VerificationRoom,
         decisions: &mut Decisions<'_>,
     ) {
         let least = Confidence::at_least(self.limits.min_confidence);
