@@ -27,6 +27,9 @@ use super::windows::{LANE_STEP, MAX_LANES, Windows};
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
 const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
+/// Numbers of orders for which loops are compiled, beside one step of them and the most: as many as this, and up to as many.
+const FEW_LANES: usize = 2 * LANE_STEP;
+const MANY_LANES: usize = 4 * LANE_STEP;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
 
@@ -136,9 +139,11 @@ impl Kernel for Leaving<'_, '_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        // Most rigs have no more orders; loops of known length are registers.
+        // Most rigs have few orders; loops of known length are registers.
         match self.sweep.windows.lanes {
             LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
+            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
             _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
@@ -148,7 +153,7 @@ impl Leaving<'_, '_> {
     #[inline(always)]
     fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
         let Self { sweep, rows, sums } = self;
-        let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
@@ -183,6 +188,8 @@ impl Kernel for Deciding<'_, '_> {
     fn run<L: Lanes>(self, lanes: L) {
         match self.sweep.windows.lanes {
             LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
+            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
             _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
@@ -192,7 +199,7 @@ impl Deciding<'_, '_> {
     #[inline(always)]
     fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
         let Self { sweep, rows, sums, order, margin } = self;
-        let lanes = if ROOM == LANE_STEP { ROOM } else { sweep.windows.lanes };
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
@@ -241,7 +248,7 @@ impl<'a> Sweep<'a> {
         lanes: usize,
         along: &mut [u16; ROOM],
     ) -> [u16; ROOM] {
-        let lanes = if ROOM == LANE_STEP { ROOM } else { lanes };
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { lanes };
         let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
         let mut sum = [0; ROOM];
@@ -250,7 +257,7 @@ impl<'a> Sweep<'a> {
             let mut from = [0; ROOM];
             if let Some(Link { column, shift }) = links[axis].towards(u) {
                 // Along the row nothing is waited for that memory has to bring.
-                if is_along && ROOM == LANE_STEP && shift == MAX_SHIFT {
+                if is_along && ROOM <= FEW_LANES && shift == MAX_SHIFT {
                     from = *along;
                 } else {
                     let before = if is_along { &self.here[axis] } else { &self.before[axis] };
