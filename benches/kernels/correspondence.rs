@@ -6,7 +6,8 @@ use std::sync::Arc;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::{
-    EpipolarImage, MatchSettings, ResolutionMethod, SearchForm, SegmentTable, find_candidates, match_phases,
+    EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SearchForm, SegmentTable, find_candidates,
+    match_phases,
 };
 use fringeflow::grey::PixelFormat;
 use fringeflow::phase::{Validity, decode};
@@ -53,7 +54,8 @@ fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
     }
     for method in ResolutionMethod::ALL {
         group.bench_function(BenchmarkId::new("match", method.name()), |bencher| {
-            bencher.iter(|| match_phases(black_box(&cam1), &cam2, &table, &by(method)));
+            let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
+            bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, &by(method), &mut matches));
         });
     }
     let found = Correspondences {

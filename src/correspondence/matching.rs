@@ -108,7 +108,9 @@ pub fn match_phases(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<Matches, MatchError> {
-    match_phases_with_grounds(cam1, cam2, table, settings).map(|(matches, _)| matches)
+    let mut matches = Matches::default();
+    Matcher::default().match_phases(cam1, cam2, table, settings, &mut matches)?;
+    Ok(matches)
 }
 
 /// As [`match_phases`], with the grounds on which each pixel was decided: what a fit of the confidence learns from. There
@@ -122,42 +124,85 @@ pub fn match_phases_with_grounds(
     table: &SegmentTable,
     settings: &MatchSettings,
 ) -> Result<(Matches, Vec<Grounds>), MatchError> {
-    let (found, expected) = ([cam1.width, cam1.height], table.size_px());
-    let size_error = MatchError::Size { found, expected };
-    if found != expected {
-        return Err(size_error);
-    }
-    let raw_cam2 = cam2;
-    let mut cam2 = EpipolarImage::resample(cam2, table).ok_or(size_error)?;
-    let mut histogram = DeltaHistogram::of_all_candidates(cam1, &cam2, table, 0);
-    let mut slip_steps = [0; 2];
-    let mut corrected = None;
-    if let Some(steps) = settings.cycle_steps {
-        slip_steps = find_slip(cam1, &cam2, table, &histogram, steps);
-        if slip_steps != [0; 2] {
-            let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
-            let mut map = cam1.clone();
-            map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
-            cam2.turn_back(of_cam2);
-            histogram = DeltaHistogram::of_all_candidates(&map, &cam2, table, 0);
-            corrected = Some(map);
-        }
-    }
-    let cam1 = corrected.as_ref().unwrap_or(cam1);
-    let raw = [cam1, raw_cam2];
-    let measured = measure_delta(cam1, &cam2, table, &histogram, &settings.resolution);
-    let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
-    if let Some(sd_rad) = settings.delta_sd_rad {
-        delta.sd_rad = sd_rad;
-    }
-    let matching = Matching { raw, cam2: &cam2, table, settings };
-    let (mut matches, grounds) = match settings.method {
-        ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram)?,
-        ResolutionMethod::Paper => (matching.by_paper(delta, &histogram)?, Vec::new()),
-    };
-    explain_pixels_without_candidates(cam1, &cam2, table, &mut matches.outcomes);
-    matches.slip_steps = slip_steps;
+    let (mut matches, mut grounds) = (Matches::default(), Vec::new());
+    Matcher::default().match_on_grounds(cam1, cam2, table, settings, &mut matches, Some(&mut grounds))?;
     Ok((matches, grounds))
+}
+
+/// Matches one pair of phase maps after the other, in the same memory.
+#[derive(Clone, Debug, Default)]
+pub struct Matcher {
+    /// Phase of C2 in the epipolar frame.
+    cam2: EpipolarImage,
+    semi_global: semi_global::Room,
+}
+
+impl Matcher {
+    /// As the function [`match_phases`], into the memory of earlier matches. What was found before makes no difference; after
+    /// an error `out` has no meaning.
+    ///
+    /// # Errors
+    /// Those of that function.
+    pub fn match_phases(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &PhaseMap,
+        table: &SegmentTable,
+        settings: &MatchSettings,
+        out: &mut Matches,
+    ) -> Result<(), MatchError> {
+        self.match_on_grounds(cam1, cam2, table, settings, out, None)
+    }
+
+    fn match_on_grounds(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &PhaseMap,
+        table: &SegmentTable,
+        settings: &MatchSettings,
+        out: &mut Matches,
+        grounds: Option<&mut Vec<Grounds>>,
+    ) -> Result<(), MatchError> {
+        let (found, expected) = ([cam1.width, cam1.height], table.size_px());
+        let size_error = MatchError::Size { found, expected };
+        if found != expected {
+            return Err(size_error);
+        }
+        let raw_cam2 = cam2;
+        let Self { cam2, semi_global: room } = self;
+        if !cam2.resample_into(raw_cam2, table) {
+            return Err(size_error);
+        }
+        let mut histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table, 0);
+        let mut slip_steps = [0; 2];
+        let mut corrected = None;
+        if let Some(steps) = settings.cycle_steps {
+            slip_steps = find_slip(cam1, cam2, table, &histogram, steps);
+            if slip_steps != [0; 2] {
+                let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
+                let mut map = cam1.clone();
+                map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
+                cam2.turn_back(of_cam2);
+                histogram = DeltaHistogram::of_all_candidates(&map, cam2, table, 0);
+                corrected = Some(map);
+            }
+        }
+        let cam1 = corrected.as_ref().unwrap_or(cam1);
+        let raw = [cam1, raw_cam2];
+        let measured = measure_delta(cam1, cam2, table, &histogram, &settings.resolution);
+        let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
+        if let Some(sd_rad) = settings.delta_sd_rad {
+            delta.sd_rad = sd_rad;
+        }
+        let matching = Matching { raw, cam2, table, settings };
+        match settings.method {
+            ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, room, out, grounds)?,
+            ResolutionMethod::Paper => *out = matching.by_paper(delta, &histogram)?,
+        }
+        explain_pixels_without_candidates(cam1, cam2, table, &mut out.outcomes);
+        out.slip_steps = slip_steps;
+        Ok(())
+    }
 }
 
 /// One pair of phase maps, to be matched by either method.
@@ -175,7 +220,10 @@ impl Matching<'_> {
         &self,
         delta: DeltaStatistics,
         histogram: &DeltaHistogram,
-    ) -> Result<(Matches, Vec<Grounds>), MatchError> {
+        room: &mut semi_global::Room,
+        out: &mut Matches,
+        grounds: Option<&mut Vec<Grounds>>,
+    ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
         let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
@@ -188,23 +236,18 @@ impl Matching<'_> {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
         };
-        let (decisions, grounds) = semi_global::resolve(&scene, &limits);
-        let found = decisions.chosen.iter().flatten().count();
-        let with_candidates = decisions.passing.iter().filter(|&&passing| passing > 0).count();
+        let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
+        let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
+        room.resolve(&scene, &limits, &mut decisions, grounds);
+        let found = out.chosen.iter().flatten().count();
+        let with_candidates = out.passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         check_share(&rest, doubtful, found, with_candidates)?;
-        let matches = Matches {
-            chosen_delta_rad: delta_rad(&decisions.chosen),
-            outcomes: decisions.outcomes,
-            chosen: decisions.chosen,
-            passing: decisions.passing,
-            confidence: decisions.confidence,
-            delta,
-            delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
-            drift: Some(drift),
-            slip_steps: [0; 2],
-        };
-        Ok((matches, grounds))
+        out.chosen_delta_rad = delta_rad(&out.chosen);
+        out.delta = delta;
+        out.delta_counts = histogram.from_minus_to_plus_pi().to_vec();
+        out.drift = Some(drift);
+        Ok(())
     }
 
     fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
@@ -270,21 +313,24 @@ fn explain_pixels_without_candidates(
     outcomes: &mut [Outcome],
 ) {
     let width = cam1.width.max(1);
-    let rows = outcomes.par_chunks_mut(width).enumerate();
-    rows.for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
-        let mut has_segments = false;
-        for (u, outcome) in outcomes.iter_mut().enumerate().filter(|(_, outcome)| **outcome == Outcome::NoCandidate) {
-            let pixel = v * width + u;
-            if !cam1.valid[pixel] {
+    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
+        let mut is_here = false;
+        for (u, outcome) in outcomes.iter_mut().enumerate() {
+            let i = v * width + u;
+            if outcome.is_found() {
+                continue;
+            }
+            if !cam1.valid[i] {
                 *outcome = Outcome::Invalid;
-            } else if !table.has_segment(pixel) {
+            } else if !table.has_segment(i) {
                 *outcome = Outcome::OutsideVolume;
-            } else {
-                if !std::mem::replace(&mut has_segments, true) {
+            } else if *outcome == Outcome::NoCandidate {
+                if !is_here {
                     table.row(v, segments);
+                    is_here = true;
                 }
                 let segment = segments.segment(u);
-                if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel]) {
+                if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i]) {
                     *outcome = Outcome::RejectedByDelta;
                 }
             }

@@ -44,7 +44,7 @@ pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use drift::{Drift, DriftMap, DriftModes, estimate_drift};
 pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
-pub use matching::{MatchSettings, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
+pub use matching::{MatchSettings, Matcher, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};

@@ -2,10 +2,13 @@
 
 use rayon::prelude::*;
 
+use crate::simd::{self, Kernel, Lanes, Level};
+
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
 /// For each pixel of C1, row by row.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Index of the place in the epipolar frame; [`Self::NOWHERE`] of pixels without correspondence.
     pub(super) of_pixels: Vec<u32>,
@@ -36,5 +39,58 @@ impl Places {
             }
         });
         places
+    }
+
+    /// Makes room for the places of so many pixels.
+    pub(super) fn resize(&mut self, pixels: usize) {
+        self.of_pixels.resize(pixels, Self::NOWHERE);
+        self.nearness.resize(pixels, 0.0);
+    }
+}
+
+impl PlaceRow<'_> {
+    /// Finds the places of the pixels of a row of C1, of whose correspondences the columns are told; those of pixels without
+    /// one have no meaning.
+    pub(super) fn find(self, table: &SegmentTable, segments: &SegmentRow, column_px: &[f32]) {
+        let [width, height] = table.epipolar_size_px().map(|side| side as u32);
+        simd::run(
+            Level::in_use(),
+            PlaceKernel { table, segments, column_px, last: [width - 1, height - 1], row: self },
+        );
+    }
+}
+
+/// Room for the places of a row.
+pub(super) struct PlaceRow<'a> {
+    pub(super) of_pixels: &'a mut [u32],
+    pub(super) nearness: &'a mut [f32],
+}
+
+/// Fills in the places of a row.
+struct PlaceKernel<'a> {
+    table: &'a SegmentTable,
+    segments: &'a SegmentRow,
+    column_px: &'a [f32],
+    /// Last column and row of the epipolar frame.
+    last: [u32; 2],
+    row: PlaceRow<'a>,
+}
+
+impl Kernel for PlaceKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { table, segments, column_px, last: [last_column, last_row], row } = self;
+        let PlaceRow { of_pixels, nearness } = row;
+        let width = of_pixels.len();
+        let (column_px, row_px) = (&column_px[..width], &segments.row_px[..width]);
+        let (x, y) = (&segments.ray_x[..width], &segments.ray_y[..width]);
+        let nearness = &mut nearness[..width];
+        for u in 0..width {
+            let row = ((row_px[u] + 0.5) as u32).min(last_row);
+            of_pixels[u] = row * (last_column + 1) + ((column_px[u] + 0.5) as u32).min(last_column);
+            nearness[u] = table.nearness_of_ray([x[u], y[u]]);
+        }
     }
 }

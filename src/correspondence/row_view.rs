@@ -10,9 +10,9 @@ use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 /// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
 pub(super) const MAX_COLUMN_STEP: i32 = 30000;
 /// Slopes with which a surface is continued beyond its rim, turns · 65536 a pixel: flatter ones would lead anywhere.
-const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
+pub(super) const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
 /// Change of slope up to which a neighbour continues a surface, so that it has no rim there.
-const MAX_RIM_BEND: i32 = 5000;
+pub(super) const MAX_RIM_BEND: i32 = 5000;
 /// How far a surface is continued beyond its rim, pixels: the rim of a surface lies within the next pixel.
 const RIM_REACH_PX: f32 = 1.0;
 

@@ -174,6 +174,14 @@ impl SegmentTable {
         begin_px <= end_px
     }
 
+    /// Tells by 1 or 0 which pixels of row `v` of C1 have a segment.
+    pub(super) fn mark_segments(&self, v: usize, has_segment: &mut [u8]) {
+        let (begin, end) = self.limits_of_row(v);
+        for ((has_segment, begin), end) in has_segment.iter_mut().zip(begin).zip(end) {
+            *has_segment = u8::from(begin <= end);
+        }
+    }
+
     /// Row of the epipolar frame in which a pixel of C1 has its segment, pixels.
     #[must_use]
     #[inline]
@@ -238,7 +246,7 @@ impl SegmentTable {
     }
 
     /// The same of a ray of C1, x and y at z = 1.
-    #[inline]
+    #[inline(always)]
     pub(super) fn nearness_of_ray(&self, [x, y]: [f32; 2]) -> f32 {
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()

@@ -63,6 +63,20 @@ impl Modulation {
         Self((grey * Self::PER_GREY) as u16)
     }
 
+    /// That of so many steps.
+    #[must_use]
+    #[inline]
+    pub fn of_steps(steps: u16) -> Self {
+        Self(steps)
+    }
+
+    /// In steps.
+    #[must_use]
+    #[inline]
+    pub fn steps(self) -> u16 {
+        self.0
+    }
+
     /// As grey levels.
     #[must_use]
     #[inline]

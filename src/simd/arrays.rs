@@ -225,4 +225,9 @@ impl Lanes for Arrays {
         // SAFETY: whoever calls it promises numbers of the range of longs.
         map(a, |a| unsafe { a.to_int_unchecked() })
     }
+
+    #[inline(always)]
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
+        [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 2]
+    }
 }

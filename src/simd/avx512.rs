@@ -234,4 +234,15 @@ impl Lanes for Avx512 {
     fn longs(self, a: Pair<__m512>) -> Pair<__m512i> {
         both!(_mm512_cvttps_epi32, a)
     }
+
+    #[inline(always)]
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
+        let mut least = [0; LANES / 2];
+        unsafe {
+            let all = _mm256_loadu_si256(words.as_ptr().cast());
+            let half = _mm_min_epu16(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
+            _mm256_storeu_si256(least.as_mut_ptr().cast(), _mm256_broadcastw_epi16(_mm_minpos_epu16(half)));
+        }
+        least
+    }
 }

@@ -229,4 +229,7 @@ pub(crate) trait Lanes: Copy {
     fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     /// Floats of the range of longs as longs, rounded towards zero.
     fn longs(self, a: Self::Floats) -> Self::Longs;
+
+    /// The least of unsigned words, everywhere.
+    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2];
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::correspondence::{MatchError, MatchSettings, Matches, SegmentTable, match_phases};
+use crate::correspondence::{MatchError, MatchSettings, Matcher, Matches, SegmentTable};
 use crate::phase::{Modulation, PhaseShifts};
 
 use super::PhasePair;
@@ -29,6 +29,7 @@ pub struct CorrespondenceWorker {
     /// Sense of evenly spaced shifts.
     shift_sense: Option<f64>,
     settings: MatchSettings,
+    matcher: Matcher,
 }
 
 impl CorrespondenceWorker {
@@ -38,7 +39,7 @@ impl CorrespondenceWorker {
     pub fn new(table: Arc<SegmentTable>, cycle: &PhaseShifts, settings: MatchSettings) -> Self {
         let shift_sense = cycle.even_sense();
         let cycle_steps = shift_sense.map(|_| cycle.steps());
-        Self { table, shift_sense, settings: MatchSettings { cycle_steps, ..settings } }
+        Self { table, shift_sense, settings: MatchSettings { cycle_steps, ..settings }, matcher: Matcher::default() }
     }
 
     /// The segment table it works with.
@@ -47,12 +48,12 @@ impl CorrespondenceWorker {
         &self.table
     }
 
-    /// Finds the correspondence of every pixel of C1.
+    /// Finds the correspondence of every pixel of C1; after an error `out` has no meaning.
     ///
     /// # Errors
     /// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
     pub fn step(&mut self, maps: &PhasePair, out: &mut Correspondences) -> Result<(), MatchError> {
-        out.matches = match_phases(&maps.cam1, &maps.cam2, &self.table, &self.settings)?;
+        self.matcher.match_phases(&maps.cam1, &maps.cam2, &self.table, &self.settings, &mut out.matches)?;
         if let Some(steps) = self.settings.cycle_steps.filter(|_| self.shift_sense == Some(-1.0)) {
             // The phase is ahead where the steps are behind.
             out.matches.slip_steps = out.matches.slip_steps.map(|ahead| (steps - ahead) % steps);

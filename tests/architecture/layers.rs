@@ -84,4 +84,5 @@ pub(crate) const UNSAFE_FILES: &[&str] = &[
     "src/simd/arrays.rs",
     "src/simd/avx512.rs",
     "src/correspondence/search/wide.rs",
+    "src/correspondence/semi_global/wide.rs",
 ];

@@ -1,11 +1,15 @@
 //! The whole chain on a simulated scene.
 
-use fringeflow::correspondence::{DriftMap, MatchError, OutcomeCounts, ResolutionMethod, SegmentTable};
+use fringeflow::correspondence::{
+    DriftMap, MatchError, MatchSettings, Matcher, Matches, OutcomeCounts, ResolutionMethod, SegmentTable,
+    match_phases_with_grounds,
+};
 use fringeflow::dataset::{CameraId, GreyImage};
 use fringeflow::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
 use fringeflow::grey::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
+use fringeflow::simd::Level;
 use fringeflow::simulation::{
     Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
     Staging, VirtualRig,
@@ -266,6 +270,30 @@ fn the_number_of_threads_does_not_show() {
         pool.install(|| reconstruct(&simulation))
     };
     assert!(with(1) == with(3));
+}
+
+#[test]
+fn neither_the_instructions_nor_what_was_matched_before_show() {
+    let simulations = [Object::Clutter, Object::Prism].map(simulation);
+    let rig = simulations[0].rig();
+    let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
+    let made = simulations.each_ref().map(reconstruct);
+    for method in ResolutionMethod::ALL {
+        let settings = MatchSettings { method, ..MatchSettings::default() };
+        let mut first: [Option<Matches>; 2] = [None, None];
+        let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
+        for level in Level::ALL {
+            // Other tests need not know: their results are the same.
+            level.limit_to();
+            for (made, first) in made.iter().zip(&mut first) {
+                matcher.match_phases(&made.cam1, &made.cam2, &table, &settings, &mut matches).unwrap();
+                let first = first.get_or_insert_with(|| {
+                    match_phases_with_grounds(&made.cam1, &made.cam2, &table, &settings).unwrap().0
+                });
+                assert!(*first == matches, "{method:?} {level:?}");
+            }
+        }
+    }
 }
 
 #[test]

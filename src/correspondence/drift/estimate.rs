@@ -11,7 +11,7 @@ use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
 use super::mixture::{Guess, Sample};
 use super::modes::DriftModes;
-use super::place::{Places, Polynomial, RowPolynomial, TERMS};
+use super::place::{DepthRow, Places, Polynomial, TERMS};
 
 /// Pixels that the estimate rests on, those on which starts are followed, and those by which drawn ones are compared.
 const PIXELS: usize = 3000;
@@ -123,9 +123,9 @@ impl Drift {
         self.error_px > IMPROBABLE_PX || !self.is_of_most_pixels()
     }
 
-    /// δ that true candidates of the pixels of a row of C1 have, turns.
-    pub(in super::super) fn along_row(&self, v: usize) -> RowPolynomial {
-        self.places.along_row(&self.field, v as f64)
+    /// δ that true candidates of the pixels of a row of C1 have along their segments, turns.
+    pub(in super::super) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
+        self.places.along_row(&self.field, v as f64).along_segments(width, out);
     }
 }
 

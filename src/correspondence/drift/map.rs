@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use super::super::segment::SegmentRow;
 use super::super::segment_table::SegmentTable;
 use super::estimate::Drift;
+use super::place::DepthRow;
 
 /// Places along a segment, as shares of it, at which the greatest drift is sought: beginning, middle and end of the volume
 /// among them.
@@ -27,13 +28,13 @@ impl DriftMap {
     pub fn of(drift: &Drift, table: &SegmentTable) -> Self {
         let size_px @ [width, height] = table.size_px();
         let (mut middle_rad, mut greatest_rad) = (Vec::with_capacity(width * height), 0.0_f32);
-        let mut segments = SegmentRow::default();
+        let (mut segments, mut along_row) = (SegmentRow::default(), DepthRow::default());
         for v in 0..height {
-            let along_row = drift.along_row(v);
+            drift.along_row(v, width, &mut along_row);
             table.row(v, &mut segments);
             for u in 0..width {
                 let segment = segments.segment(u);
-                let along_segment = along_row.along_segment(u);
+                let along_segment = along_row.segment(u);
                 let [begin_px, end_px] = segment.limits_px();
                 let about_mean_rad = |place: f32| {
                     let turns = along_segment.at(begin_px + place * (end_px - begin_px));

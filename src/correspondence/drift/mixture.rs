@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
@@ -77,15 +78,15 @@ impl Sample {
         beyond_px: f32,
     ) -> Option<Self> {
         let modes = table.drift_modes()?;
-        let usable = |i: usize| cam1.valid[i] && table.has_segment(i);
-        let all = (0..cam1.phase.len()).filter(|&i| usable(i)).count();
+        let (usable, modes_by_term) = (Usable::of(cam1, table), modes.by_term());
+        let all = usable.count();
         // A stride that shares no factor with the width spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
         let columns = 1 + modes.fields.len();
         let share = all as f64 / cam1.phase.len().max(1) as f64;
         let independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
         let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns, independent };
-        for i in (0..cam1.phase.len()).filter(|&i| usable(i)).step_by(stride) {
+        for i in usable.every(stride) {
             let (segment, before) = (table.segment(i), sample.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
             let columns = limits_px[0] as usize..=limits_px[1].ceil() as usize;
@@ -97,7 +98,7 @@ impl Sample {
                 if delta_turns.is_finite() {
                     sample.delta_turns.push(to_half_turn(delta_turns));
                     sample.design.push(1.0);
-                    sample.design.extend(modes.at(u, v, column_px));
+                    modes_by_term.tell([u, v], column_px, &mut sample.design);
                 }
                 ControlFlow::Continue(())
             });
@@ -195,6 +196,50 @@ impl Sample {
     }
 }
 
+/// Pixels with a phase and a segment.
+struct Usable {
+    /// 1 or 0 for each pixel.
+    is_usable: Vec<u8>,
+    width: usize,
+    /// Number in each row.
+    counts: Vec<usize>,
+}
+
+impl Usable {
+    fn of(cam1: &PhaseMap, table: &SegmentTable) -> Self {
+        let width = cam1.width.max(1);
+        let mut usable = Self { is_usable: vec![0; cam1.phase.len()], width, counts: vec![0; cam1.height] };
+        let rows = usable.is_usable.par_chunks_mut(width).zip(&mut usable.counts).enumerate();
+        rows.for_each(|(v, (is_usable, count))| {
+            table.mark_segments(v, is_usable);
+            let valid = &cam1.valid[v * width..(v + 1) * width];
+            is_usable.iter_mut().zip(valid).for_each(|(usable, &valid)| *usable &= u8::from(valid));
+            *count = is_usable.iter().map(|&usable| usize::from(usable)).sum();
+        });
+        usable
+    }
+
+    fn count(&self) -> usize {
+        self.counts.iter().sum()
+    }
+
+    /// The first of so many pixels at a time.
+    fn every(&self, stride: usize) -> Vec<usize> {
+        let (mut pixels, mut skip) = (Vec::new(), 0);
+        for (v, (row, &count)) in self.is_usable.chunks(self.width).zip(&self.counts).enumerate() {
+            let (mut seen, mut columns) = (0, 0..row.len());
+            while skip < count - seen {
+                let wanted = columns.by_ref().filter(|&u| row[u] == 1).nth(skip);
+                pixels.extend(wanted.map(|u| v * self.width + u));
+                seen += skip + 1;
+                skip = stride - 1;
+            }
+            skip -= count - seen;
+        }
+        pixels
+    }
+}
+
 /// Without its whole turns; as `f64::round` would, which is a call of the C library.
 fn to_half_turn(turns: f64) -> f64 {
     turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
@@ -267,6 +312,20 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_so_many_pixels_are_those_of_stepping_through_all() {
+        let width = 13;
+        let is_usable: Vec<u8> = (0..13 * 17).map(|i| u8::from(i * i % 7 < 4 && i / 13 != 5)).collect();
+        let counts = is_usable.chunks(width).map(|row| row.iter().filter(|&&u| u == 1).count()).collect();
+        let usable = Usable { is_usable, width, counts };
+        let all: Vec<usize> = (0..usable.is_usable.len()).filter(|&i| usable.is_usable[i] == 1).collect();
+        assert_eq!(usable.count(), all.len());
+        for stride in [1, 3, 8, 21, 500] {
+            let wanted: Vec<usize> = all.iter().copied().step_by(stride).collect();
+            assert_eq!(usable.every(stride), wanted, "{stride}");
+        }
+    }
 
     #[test]
     fn the_logarithm_of_a_product_is_the_sum_of_logarithms() {

@@ -22,4 +22,4 @@ mod place;
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;
-pub(super) use place::{DepthPolynomial, RowPolynomial};
+pub(super) use place::{DepthPolynomial, DepthRow};

@@ -11,7 +11,7 @@ use crate::geometry::{
 };
 
 use super::super::segment_table::SegmentTable;
-use super::place::{Places, Polynomial, TERMS, evaluate, monomials};
+use super::place::{Places, Polynomial, TERMS, monomials};
 
 /// Most modes that are kept.
 const MAX_MODES: usize = 20;
@@ -78,15 +78,54 @@ impl DriftModes {
         (sound && places.scale_px() >= 1.0).then_some(Self { places, fields, rms_turns })
     }
 
-    /// δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
-    pub(super) fn at(&self, u: usize, v: usize, column_px: f32) -> impl Iterator<Item = f64> + '_ {
-        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
-        self.fields.iter().map(move |field| evaluate(field, &monomials))
+    /// The modes, to be asked at many places.
+    pub(super) fn by_term(&self) -> ModesByTerm {
+        let group = |modes: &[Polynomial]| {
+            let mut factors = [[0.0; GROUP]; TERMS];
+            for (k, mode) in modes.iter().enumerate() {
+                factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
+            }
+            factors
+        };
+        ModesByTerm {
+            places: self.places,
+            groups: self.fields.chunks(GROUP).map(group).collect(),
+            modes: self.fields.len(),
+        }
     }
 
     /// Mean half length of a segment, pixels of the epipolar frame.
     pub(in super::super) fn half_segment_px(&self) -> f64 {
         self.places.scale_px()
+    }
+}
+
+/// Modes that are asked together.
+const GROUP: usize = 8;
+
+/// All modes, term by term.
+pub(super) struct ModesByTerm {
+    places: Places,
+    /// Factors of the terms of so many modes; those that are not there are zero.
+    groups: Vec<[[f64; GROUP]; TERMS]>,
+    modes: usize,
+}
+
+impl ModesByTerm {
+    /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
+    pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
+        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
+        let end = out.len() + self.modes;
+        for group in &self.groups {
+            let mut sums = [0.0; GROUP];
+            for (factors, monomial) in group.iter().zip(monomials) {
+                for k in 0..GROUP {
+                    sums[k] += factors[k] * monomial;
+                }
+            }
+            out.extend_from_slice(&sums);
+        }
+        out.truncate(end);
     }
 }
 

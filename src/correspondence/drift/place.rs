@@ -5,6 +5,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::simd::{self, Kernel, Lanes, Level};
+
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
@@ -103,7 +105,7 @@ impl Places {
 
 /// A field over the pixels of one row of C1 and their segments.
 #[derive(Clone, Debug)]
-pub(in super::super) struct RowPolynomial {
+pub(super) struct RowPolynomial {
     places: Places,
     v_px: f64,
     /// Factor of xⁱ·dᵏ at `[i][k]`.
@@ -111,19 +113,72 @@ pub(in super::super) struct RowPolynomial {
 }
 
 impl RowPolynomial {
-    /// The field along the segment of one of the pixels.
-    pub(in super::super) fn along_segment(&self, u: usize) -> DepthPolynomial {
-        let [x, y] = self.places.image(u as f64, self.v_px);
-        let mut sums = [0.0; DEGREE + 1];
-        for powers_of_d in self.coefficients.iter().rev() {
-            for (sum, coefficient) in sums.iter_mut().zip(powers_of_d) {
-                *sum = *sum * x + coefficient;
-            }
+    /// The field along the segments of all pixels of the row.
+    pub(super) fn along_segments(&self, width: usize, out: &mut DepthRow) {
+        out.per_px = (1.0 / self.places.scale_px) as f32;
+        for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
+            array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
-        DepthPolynomial {
-            coefficients: sums.map(|c| c as f32),
-            middle_px: self.places.middle_at([x, y]) as f32,
-            per_px: (1.0 / self.places.scale_px) as f32,
+        simd::run(Level::in_use(), DepthKernel { row: self, out });
+    }
+}
+
+/// Pixels that are handled together.
+const BLOCK: usize = 16;
+
+/// A field along the segments of a row of pixels, one array a number. Each has a multiple of sixteen numbers.
+#[derive(Clone, Debug, Default)]
+pub(in super::super) struct DepthRow {
+    /// Factor of dᵏ of each pixel at `[k]`.
+    pub(in super::super) coefficients: [Vec<f32>; DEGREE + 1],
+    /// Where d is 0, pixels.
+    pub(in super::super) middle_px: Vec<f32>,
+    /// d a pixel.
+    pub(in super::super) per_px: f32,
+}
+
+impl DepthRow {
+    /// The field along the segment of the pixel in a column.
+    #[inline]
+    pub(in super::super) fn segment(&self, u: usize) -> DepthPolynomial {
+        let mut coefficients = [0.0; DEGREE + 1];
+        coefficients.iter_mut().zip(&self.coefficients).for_each(|(c, of_pixels)| *c = of_pixels[u]);
+        DepthPolynomial { coefficients, middle_px: self.middle_px[u], per_px: self.per_px }
+    }
+}
+
+/// Fills in a row of fields.
+struct DepthKernel<'a> {
+    row: &'a RowPolynomial,
+    out: &'a mut DepthRow,
+}
+
+impl Kernel for DepthKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { row, out } = self;
+        let places = &row.places;
+        let [_, y] = places.image(0.0, row.v_px);
+        for (block, middle_px) in out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+            let mut x = [0.0; BLOCK];
+            for i in 0..BLOCK {
+                x[i] = (block * BLOCK + i) as f64 / places.half_px - 1.0;
+                middle_px[i] = (places.middle_px[0] + places.middle_px[1] * x[i] + places.middle_px[2] * y) as f32;
+            }
+            for k in 0..=DEGREE {
+                let mut sums = [0.0; BLOCK];
+                for power in (0..=DEGREE).rev() {
+                    for i in 0..BLOCK {
+                        sums[i] = sums[i] * x[i] + row.coefficients[power][k];
+                    }
+                }
+                let out = &mut out.coefficients[k][block * BLOCK..][..BLOCK];
+                for i in 0..BLOCK {
+                    out[i] = sums[i] as f32;
+                }
+            }
         }
     }
 }
@@ -153,11 +208,6 @@ pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
         *value = px[i] * py[j] * pd[k];
     }
     values
-}
-
-/// Value of a polynomial, of the monomials at a place.
-pub(super) fn evaluate(polynomial: &Polynomial, monomials: &Polynomial) -> f64 {
-    polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum()
 }
 
 fn powers(value: f64) -> [f64; DEGREE + 1] {
@@ -217,9 +267,12 @@ mod tests {
     #[test]
     fn along_a_segment_a_polynomial_has_its_values() {
         let polynomial: Polynomial = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 10.0);
-        let along = places().along_row(&polynomial, 30.0).along_segment(17);
+        let mut row = DepthRow::default();
+        places().along_row(&polynomial, 30.0).along_segments(64, &mut row);
+        let along = row.segment(17);
         for column_px in [80.0, 104.0, 130.0] {
-            let exact = evaluate(&polynomial, &monomials(places().place(17.0, 30.0, column_px)));
+            let monomials = monomials(places().place(17.0, 30.0, column_px));
+            let exact: f64 = polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum();
             assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4);
         }
     }

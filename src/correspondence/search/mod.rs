@@ -1,7 +1,7 @@
 //! The candidates of all pixels of an image.
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+pub(super) mod wide;
 
 use rayon::prelude::*;
 

@@ -17,7 +17,7 @@ use super::super::row_view::MAX_COLUMN_STEP;
 use super::super::segment::SegmentRow;
 
 /// Pixels of a block.
-pub(super) const BLOCK: usize = 32;
+pub(in super::super) const BLOCK: usize = 32;
 /// Columns that two registers hold.
 const COLUMNS: i32 = 64;
 /// Crossings of a pixel that are kept.
@@ -89,7 +89,7 @@ impl Search<'_> {
         found.irregular = 0;
         found.passing = [0; SLOTS];
         let regular = wanted & !irregular;
-        let rows = self.rows(&halves, regular, &mut irregular);
+        let rows = Rows::of(self.image, [halves[0].row, halves[1].row], regular, &mut irregular);
         let regular = wanted & !irregular;
         let (mut reach, mut orders) = (0, 0);
         for half in &halves {
@@ -180,26 +180,6 @@ impl Search<'_> {
         }
     }
 
-    /// The rows of C2 that the lanes look into.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    fn rows(&self, halves: &[Half; 2], regular: u32, irregular: &mut u32) -> Rows {
-        let width = self.image.width;
-        let last = (self.image.phase.len() / width - 1) as i32;
-        let upper = [0, 1].map(|h| _mm512_min_epi32(_mm512_cvttps_epi32(halves[h].row), _mm512_set1_epi32(last)));
-        let least = |h: usize| _mm512_mask_reduce_min_epi32((regular >> (16 * h)) as u16, upper[h]);
-        let first = least(0).min(least(1)).clamp(0, last);
-        let is_second = |h: usize| _mm512_cmpeq_epi32_mask(upper[h], _mm512_set1_epi32(first + 1));
-        let is_first = |h: usize| _mm512_cmpeq_epi32_mask(upper[h], _mm512_set1_epi32(first));
-        let (one, two) = (join([is_first(0), is_first(1)]), join([is_second(0), is_second(1)]));
-        *irregular |= regular & !(one | two);
-        let below = |h: usize| {
-            let share = _mm512_sub_ps(halves[h].row, _mm512_cvtepi32_ps(upper[h]));
-            _mm512_cvttps_epi32(_mm512_mul_ps(share, _mm512_set1_ps(65536.0)))
-        };
-        let begins = [0, 1, 2].map(|r| ((first + r).min(last) as usize) * width);
-        Rows { begins, second: two, straddles: two & regular != 0, below: narrow([below(0), below(1)]) }
-    }
-
     /// Looks for crossings about where an order is expected.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     fn order(
@@ -229,7 +209,7 @@ impl Search<'_> {
         let far = _mm512_cmpgt_epi16_mask(place, _mm512_set1_epi16((COLUMNS - 2 * (reach + 1)) as i16));
         *irregular |= far & active;
         let active = active & !far;
-        let tables = rows.begins.map(|begin| self.columns(begin + base as usize));
+        let tables = rows.tables(self.image, base as usize);
         let mut before = Differences::NONE;
         let mut crossing = Crossing::none();
         let mut several = 0;
@@ -248,26 +228,6 @@ impl Search<'_> {
         *irregular |= several;
         let column = _mm512_add_epi16(crossing.after_at, _mm512_set1_epi16(base as i16 - 1));
         slots.take(crossing.hit, crossing.before, crossing.after, column);
-    }
-
-    /// 64 columns of a row from a place on; those beyond the image are those of its end.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    fn columns(&self, begin: usize) -> [__m512i; 2] {
-        let columns = COLUMNS as usize;
-        let all = &self.image.phase;
-        let begin_at = begin.min(all.len().saturating_sub(1));
-        match all[begin_at..].first_chunk::<64>() {
-            Some(chunk) => {
-                let (low, high) = chunk.split_at(columns / 2);
-                [load_slice(low), load_slice(high)]
-            }
-            None => {
-                let mut chunk = [EpipolarImage::NO_PHASE; 64];
-                chunk[..all.len() - begin_at].copy_from_slice(&all[begin_at..]);
-                let (low, high) = chunk.split_at(columns / 2);
-                [load_slice(low), load_slice(high)]
-            }
-        }
     }
 
     /// The crossings of a slot: their columns, orders and δ, as the scalar search computes them.
@@ -360,7 +320,7 @@ impl Half {
 }
 
 /// Two rows of C2 for each lane: the first or the second and the one below.
-struct Rows {
+pub(in super::super) struct Rows {
     /// Where the rows begin.
     begins: [usize; 3],
     /// Lanes whose upper row is the second.
@@ -372,10 +332,46 @@ struct Rows {
 }
 
 impl Rows {
+    // SAFETY: all bits zero is a value of these.
+    pub(in super::super) const NONE: Self = unsafe { std::mem::zeroed() };
+
+    /// The rows of C2 that the lanes look into.
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    pub(in super::super) fn of(image: &EpipolarImage, row: [__m512; 2], regular: u32, irregular: &mut u32) -> Self {
+        let width = image.width;
+        let last = (image.phase.len() / width - 1) as i32;
+        let upper = [0, 1].map(|h| _mm512_min_epi32(_mm512_cvttps_epi32(row[h]), _mm512_set1_epi32(last)));
+        let least = |h: usize| _mm512_mask_reduce_min_epi32((regular >> (16 * h)) as u16, upper[h]);
+        let first = least(0).min(least(1)).clamp(0, last);
+        let is_second = |h: usize| _mm512_cmpeq_epi32_mask(upper[h], _mm512_set1_epi32(first + 1));
+        let is_first = |h: usize| _mm512_cmpeq_epi32_mask(upper[h], _mm512_set1_epi32(first));
+        let (one, two) = (join([is_first(0), is_first(1)]), join([is_second(0), is_second(1)]));
+        *irregular |= regular & !(one | two);
+        let below = |h: usize| {
+            let share = _mm512_sub_ps(row[h], _mm512_cvtepi32_ps(upper[h]));
+            _mm512_cvttps_epi32(_mm512_mul_ps(share, _mm512_set1_ps(65536.0)))
+        };
+        let begins = [0, 1, 2].map(|r| ((first + r).min(last) as usize) * width);
+        Self { begins, second: two, straddles: two & regular != 0, below: narrow([below(0), below(1)]) }
+    }
+
+    /// 64 columns of each row from a place on.
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+    #[inline]
+    pub(in super::super) fn tables(&self, image: &EpipolarImage, base: usize) -> [[__m512i; 2]; 3] {
+        let [first, second, third] = self.begins;
+        [columns(image, first + base), columns(image, second + base), columns(image, third + base)]
+    }
+
     /// The phase at places of the tables less that of the pixels, as [`super::super::row_view::RowView`] has it.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
-    fn difference(&self, tables: &[[__m512i; 2]; 3], place: __m512i, phases: __m512i) -> Differences {
+    pub(in super::super) fn difference(
+        &self,
+        tables: &[[__m512i; 2]; 3],
+        place: __m512i,
+        phases: __m512i,
+    ) -> Differences {
         let of = |row: usize| _mm512_permutex2var_epi16(tables[row][0], place, tables[row][1]);
         let (mut upper, mut lower) = (of(0), of(1));
         if self.straddles {
@@ -400,6 +396,26 @@ impl Rows {
     }
 }
 
+/// 64 columns of a row from a place on; those beyond the image are those of its end.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+fn columns(image: &EpipolarImage, begin: usize) -> [__m512i; 2] {
+    let columns = COLUMNS as usize;
+    let all = &image.phase;
+    let begin_at = begin.min(all.len().saturating_sub(1));
+    match all[begin_at..].first_chunk::<64>() {
+        Some(chunk) => {
+            let (low, high) = chunk.split_at(columns / 2);
+            [load_slice(low), load_slice(high)]
+        }
+        None => {
+            let mut chunk = [EpipolarImage::NO_PHASE; 64];
+            chunk[..all.len() - begin_at].copy_from_slice(&all[begin_at..]);
+            let (low, high) = chunk.split_at(columns / 2);
+            [load_slice(low), load_slice(high)]
+        }
+    }
+}
+
 /// The high word of the product of a signed and an unsigned word.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
@@ -410,20 +426,20 @@ fn high_of_signed(signed: __m512i, unsigned: __m512i) -> __m512i {
 
 /// Phases less those of the pixels, and where there are any.
 #[derive(Clone, Copy)]
-struct Differences {
-    value: __m512i,
-    known: u32,
+pub(in super::super) struct Differences {
+    pub(in super::super) value: __m512i,
+    pub(in super::super) known: u32,
 }
 
 impl Differences {
     // SAFETY: all bits zero is a value of these.
-    const NONE: Self = unsafe { std::mem::zeroed() };
+    pub(in super::super) const NONE: Self = unsafe { std::mem::zeroed() };
 }
 
 /// Between which neighbours the phase of the pixel lies.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn crosses(before: Differences, after: Differences) -> u32 {
+pub(in super::super) fn crosses(before: Differences, after: Differences) -> u32 {
     let zero = _mm512_setzero_si512();
     let rises = _mm512_cmpgt_epi16_mask(after.value, zero);
     let changes_sign = _mm512_cmpgt_epi16_mask(before.value, zero) ^ rises;
@@ -433,25 +449,25 @@ fn crosses(before: Differences, after: Differences) -> u32 {
 }
 
 /// One crossing a lane.
-struct Crossing {
-    hit: u32,
-    before: __m512i,
-    after: __m512i,
+pub(in super::super) struct Crossing {
+    pub(in super::super) hit: u32,
+    pub(in super::super) before: __m512i,
+    pub(in super::super) after: __m512i,
     /// Place of the column after it.
-    after_at: __m512i,
+    pub(in super::super) after_at: __m512i,
 }
 
 impl Crossing {
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
-    fn none() -> Self {
+    pub(in super::super) fn none() -> Self {
         let zero = _mm512_setzero_si512();
         Self { hit: 0, before: zero, after: zero, after_at: zero }
     }
 
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     #[inline]
-    fn take(&mut self, lanes: u32, before: __m512i, after: __m512i, at: __m512i) {
+    pub(in super::super) fn take(&mut self, lanes: u32, before: __m512i, after: __m512i, at: __m512i) {
         self.hit |= lanes;
         self.before = _mm512_mask_mov_epi16(self.before, lanes, before);
         self.after = _mm512_mask_mov_epi16(self.after, lanes, after);
@@ -504,14 +520,14 @@ fn nearest_whole(value: __m512) -> __m512i {
 }
 
 #[inline]
-fn join([low, high]: [u16; 2]) -> u32 {
+pub(in super::super) fn join([low, high]: [u16; 2]) -> u32 {
     u32::from(low) | u32::from(high) << 16
 }
 
 /// The least of the signed words of some lanes.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn least_word(lanes: u32, words: __m512i) -> i32 {
+pub(in super::super) fn least_word(lanes: u32, words: __m512i) -> i32 {
     let words = _mm512_mask_mov_epi16(_mm512_set1_epi16(i16::MAX), lanes, words);
     let half = _mm256_min_epi16(_mm512_castsi512_si256(words), _mm512_extracti64x4_epi64::<1>(words));
     let quarter = _mm_min_epi16(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
@@ -522,13 +538,13 @@ fn least_word(lanes: u32, words: __m512i) -> i32 {
 /// Low words of longs.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn narrow([low, high]: [__m512i; 2]) -> __m512i {
+pub(in super::super) fn narrow([low, high]: [__m512i; 2]) -> __m512i {
     _mm512_inserti64x4::<1>(_mm512_castsi256_si512(_mm512_cvtepi32_epi16(low)), _mm512_cvtepi32_epi16(high))
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn signed_half(words: __m512i, half: usize) -> __m512i {
+pub(in super::super) fn signed_half(words: __m512i, half: usize) -> __m512i {
     if half == 0 {
         _mm512_cvtepi16_epi32(_mm512_castsi512_si256(words))
     } else {
@@ -538,7 +554,7 @@ fn signed_half(words: __m512i, half: usize) -> __m512i {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn unsigned_half(words: __m512i, half: usize) -> __m512i {
+pub(in super::super) fn unsigned_half(words: __m512i, half: usize) -> __m512i {
     if half == 0 {
         _mm512_cvtepu16_epi32(_mm512_castsi512_si256(words))
     } else {
@@ -548,14 +564,14 @@ fn unsigned_half(words: __m512i, half: usize) -> __m512i {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn widen(words: [u16; 16]) -> __m512i {
+pub(in super::super) fn widen(words: [u16; 16]) -> __m512i {
     // SAFETY: sixteen words are read.
     _mm512_cvtepu16_epi32(unsafe { _mm256_loadu_si256(words.as_ptr().cast()) })
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn load_words(words: &[u16; BLOCK]) -> __m512i {
+pub(in super::super) fn load_words(words: &[u16; BLOCK]) -> __m512i {
     // SAFETY: 32 words are read.
     unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
 }
@@ -570,7 +586,7 @@ fn load_slice(words: &[u16]) -> __m512i {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn load_floats(floats: &[f32]) -> __m512 {
+pub(in super::super) fn load_floats(floats: &[f32]) -> __m512 {
     assert!(floats.len() == 16);
     // SAFETY: sixteen floats are read.
     unsafe { _mm512_loadu_ps(floats.as_ptr()) }
@@ -578,7 +594,7 @@ fn load_floats(floats: &[f32]) -> __m512 {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn store_floats(floats: __m512, to: &mut [f32]) {
+pub(in super::super) fn store_floats(floats: __m512, to: &mut [f32]) {
     let to = &mut to[..16];
     // SAFETY: sixteen floats are written.
     unsafe { _mm512_storeu_ps(to.as_mut_ptr(), floats) }
@@ -594,7 +610,7 @@ fn store_longs(longs: __m512i, to: &mut [i32]) {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-fn store_narrow(longs: __m512i, to: &mut [i16]) {
+pub(in super::super) fn store_narrow(longs: __m512i, to: &mut [i16]) {
     let to = &mut to[..16];
     // SAFETY: sixteen words are written.
     unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(longs)) }

@@ -4,11 +4,11 @@
 //! curves add up to the logarithm of the odds (an additive logistic model: Hastie and Tibshirani 1990, "Generalized Additive
 //! Models"). Their values were fitted by `examples/fit_confidence.rs` to scenes of the virtual scanner.
 
-use rayon::prelude::*;
-
 use super::super::decay::decay;
+use super::UNITS_PER_NAT;
 use super::grounds::Grounds;
-use super::selection::Selected;
+use super::paths::PATHS;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Number of curves.
 const CURVES: usize = 8;
@@ -84,6 +84,13 @@ pub const CONFIDENCE_TERMS: usize = {
 };
 
 impl Curve {
+    /// What it adds to the logarithm of the odds, nats.
+    fn log_odds(&self, grounds: &Grounds) -> f32 {
+        let (place, share) = self.between(grounds);
+        let at = self.log_odds[place];
+        if share > 0.0 { at + share * (self.log_odds[place + 1] - at) } else { at }
+    }
+
     /// The knots that an answer lies between, as place of the first and share of the second.
     fn between(&self, grounds: &Grounds) -> (usize, f32) {
         let answer = (self.of)(grounds);
@@ -114,16 +121,6 @@ impl Grounds {
         }
         terms
     }
-
-    /// The logarithm of the odds that the candidate is true, nats.
-    fn log_odds(&self) -> f32 {
-        let value = |curve: &Curve| {
-            let (place, share) = curve.between(self);
-            let at = curve.log_odds[place];
-            if share > 0.0 { at + share * (curve.log_odds[place + 1] - at) } else { at }
-        };
-        MODEL.iter().map(value).sum()
-    }
 }
 
 /// Probability that a point is where it is said to be, in steps of 1/65535.
@@ -140,14 +137,6 @@ impl Confidence {
         Self((probability * f32::from(u16::MAX)).ceil() as u16)
     }
 
-    /// The probability that odds of this logarithm say; never [`Self::NONE`].
-    fn of_log_odds(nats: f32) -> Self {
-        let odds_against = decay(f64::from(nats.abs()));
-        let unlikely = odds_against / (1.0 + odds_against);
-        let probability = if nats < 0.0 { unlikely } else { 1.0 - unlikely };
-        Self((probability * f64::from(u16::MAX)).round().max(1.0) as u16)
-    }
-
     /// As a number between 0 and 1.
     #[must_use]
     pub fn probability(self) -> f32 {
@@ -155,13 +144,148 @@ impl Confidence {
     }
 }
 
-/// The confidence of every selected candidate.
-pub(super) fn confidences(selected: &[Option<Selected>], grounds: &[Grounds]) -> Vec<Confidence> {
-    let of_pixel = |(selected, grounds): (&Option<Selected>, &Grounds)| match selected {
-        Some(_) => Confidence::of_log_odds(grounds.log_odds()),
-        None => Confidence::NONE,
-    };
-    selected.par_iter().zip(grounds).map(of_pixel).collect()
+/// Probability that odds of this logarithm say, in steps of 1/65535; never that of [`Confidence::NONE`].
+#[inline(always)]
+fn stated(nats: f32) -> u16 {
+    let odds_against = decay(f64::from(nats.abs()));
+    let unlikely = odds_against / (1.0 + odds_against);
+    let probability = if nats < 0.0 { unlikely } else { 1.0 - unlikely };
+    (probability * f64::from(u16::MAX)).round().max(1.0) as u16
+}
+
+/// The curves of [`MODEL`] by what they ask.
+const MARGIN: usize = 0;
+const ABS_Z: usize = 1;
+const REGION_PX: usize = 2;
+const REGION_LEAD: usize = 3;
+const BESIDE: usize = 4;
+const AROUND: usize = 5;
+const HIDDEN: usize = 6;
+const HIDDEN_SHARE: usize = 7;
+/// Most margin that makes a difference: the last knot lies below.
+const MAX_MARGIN: usize = (16 * PATHS) * UNITS_PER_NAT as usize;
+/// Pixels around a pixel.
+const MOST_AROUND: usize = 48;
+
+/// What the regions of pixels say.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct OfRegion {
+    pub(super) region_px: u32,
+    pub(super) lead_nats: f32,
+    pub(super) hidden_share: f32,
+}
+
+/// What each region of some pixels adds to the logarithm of the odds: by its size, its lead and its hidden share.
+pub(super) type RegionOdds = [f32; 3];
+
+/// The model as tables of whatever answers are whole numbers.
+pub(super) struct Tables {
+    /// By how much the next best order has more, summed over all paths.
+    margin: Vec<f32>,
+    beside: [f32; MOST_AROUND + 1],
+    around: [f32; MOST_AROUND + 1],
+    /// Of points that C2 does not see, by the pixels around; the last is that of points that it sees.
+    hidden: [f32; MOST_AROUND + 2],
+}
+
+impl Tables {
+    pub(super) fn new() -> Self {
+        let none = Grounds::default;
+        let margin = |units: usize| Grounds { margin_nats: margin_nats(units as u16), ..none() };
+        let hidden = |around: usize| Grounds { is_hidden: around <= MOST_AROUND, around: around as u8, ..none() };
+        Self {
+            margin: (0..=MAX_MARGIN).map(|units| MODEL[MARGIN].log_odds(&margin(units))).collect(),
+            beside: std::array::from_fn(|n| MODEL[BESIDE].log_odds(&Grounds { beside: n as u8, ..none() })),
+            around: std::array::from_fn(|n| MODEL[AROUND].log_odds(&Grounds { around: n as u8, ..none() })),
+            hidden: std::array::from_fn(|n| MODEL[HIDDEN].log_odds(&hidden(n))),
+        }
+    }
+
+    /// What a region adds.
+    pub(super) fn of_region(&self, of_region: OfRegion) -> RegionOdds {
+        let OfRegion { region_px, lead_nats, hidden_share } = of_region;
+        let grounds = Grounds { region_px, region_lead_nats: lead_nats, hidden_share, ..Grounds::default() };
+        [REGION_PX, REGION_LEAD, HIDDEN_SHARE].map(|curve| MODEL[curve].log_odds(&grounds))
+    }
+}
+
+/// Lead of an order over the next best, nats a path, of what that has more, summed over all paths.
+pub(super) fn margin_nats(units: u16) -> f32 {
+    f32::from(units) / (PATHS as f32 * UNITS_PER_NAT)
+}
+
+/// What speaks for the selected candidates of a row; numbers of pixels without candidate say nothing.
+pub(super) struct GroundsRow<'a> {
+    pub(super) margin: &'a [u16],
+    pub(super) z: &'a [f32],
+    pub(super) beside: &'a [u8],
+    pub(super) around: &'a [u8],
+    pub(super) is_hidden: &'a [bool],
+    /// By size, lead and hidden share of the regions.
+    pub(super) of_regions: [&'a [f32]; 3],
+}
+
+/// The confidence of the selected candidates of a row, to be told apart from pixels without by whoever asks; `log_odds` is
+/// room.
+pub(super) fn confidences(tables: &Tables, grounds: &GroundsRow<'_>, log_odds: &mut Vec<f32>, out: &mut [Confidence]) {
+    log_odds.resize(out.len(), 0.0);
+    simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
+}
+
+struct ConfidenceRow<'a> {
+    tables: &'a Tables,
+    grounds: &'a GroundsRow<'a>,
+    log_odds: &'a mut [f32],
+    out: &'a mut [Confidence],
+}
+
+impl Kernel for ConfidenceRow<'_> {
+    type Output = ();
+
+    /// Curve by curve, each over the whole row.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { tables, grounds: g, log_odds, out } = self;
+        let width = log_odds.len();
+        let (margin, z, is_hidden) = (&g.margin[..width], &g.z[..width], &g.is_hidden[..width]);
+        let (beside, around) = (&g.beside[..width], &g.around[..width]);
+        let [by_size, by_lead, by_share] =
+            [&g.of_regions[0][..width], &g.of_regions[1][..width], &g.of_regions[2][..width]];
+        for u in 0..width {
+            log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
+        }
+        for u in 0..width {
+            log_odds[u] = log_odds[u] + of_z(z[u].abs()) + by_size[u] + by_lead[u];
+        }
+        for u in 0..width {
+            let around = usize::from(around[u]).min(MOST_AROUND);
+            let hidden = if is_hidden[u] { around } else { MOST_AROUND + 1 };
+            let by_support = tables.beside[usize::from(beside[u]).min(MOST_AROUND)];
+            log_odds[u] = log_odds[u] + by_support + tables.around[around] + tables.hidden[hidden];
+        }
+        let out = &mut out[..width];
+        for u in 0..width {
+            out[u] = Confidence(stated(log_odds[u] + by_share[u]));
+        }
+    }
+}
+
+/// What |z| adds to the logarithm of the odds; without a branch, so that many are asked at a time.
+#[inline(always)]
+fn of_z(abs_z: f32) -> f32 {
+    const KNOTS: usize = MODEL[ABS_Z].knots.len();
+    let Curve { knots, log_odds, .. } = &MODEL[ABS_Z];
+    let (mut knot, mut width, mut at, mut rise) = (0.0, 1.0, log_odds[0], 0.0);
+    for k in 0..KNOTS {
+        let is_last = k + 1 == KNOTS;
+        let next = if is_last { k } else { k + 1 };
+        let is_beyond = abs_z >= knots[k];
+        knot = if is_beyond { knots[k] } else { knot };
+        width = if is_beyond { if is_last { 1.0 } else { knots[next] - knots[k] } } else { width };
+        at = if is_beyond { log_odds[k] } else { at };
+        rise = if is_beyond { log_odds[next] - log_odds[k] } else { rise };
+    }
+    at + (abs_z - knot) / width * rise
 }
 
 #[cfg(test)]
@@ -181,6 +305,60 @@ mod tests {
         }
     }
 
+    /// All curves, one by one: the oracle.
+    fn log_odds(grounds: &Grounds) -> f32 {
+        MODEL.iter().map(|curve| curve.log_odds(grounds)).sum()
+    }
+
+    #[test]
+    fn a_row_has_the_confidences_of_its_pixels() {
+        let mut state = 1_u32;
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 16) % below
+        };
+        let tables = Tables::new();
+        for count in [1, 16, 75] {
+            let margin: Vec<u16> = (0..count).map(|_| random(3000) as u16).collect();
+            let z: Vec<f32> = (0..count).map(|_| random(4000) as f32 / 250.0 - 8.0).collect();
+            let beside: Vec<u8> = (0..count).map(|_| random(9) as u8).collect();
+            let around: Vec<u8> = (0..count).map(|_| random(49) as u8).collect();
+            let is_hidden: Vec<bool> = (0..count).map(|_| random(2) == 0).collect();
+            let regions: Vec<OfRegion> = (0..count)
+                .map(|_| OfRegion {
+                    region_px: 1 + random(20_000),
+                    lead_nats: random(1000) as f32 / 100.0,
+                    hidden_share: random(100) as f32 / 99.0,
+                })
+                .collect();
+            let odds = regions.iter().map(|&region| tables.of_region(region));
+            let of_regions: [Vec<f32>; 3] = std::array::from_fn(|i| odds.clone().map(|odds| odds[i]).collect());
+            let mut found = vec![Confidence::NONE; count];
+            let row = GroundsRow {
+                margin: &margin,
+                z: &z,
+                beside: &beside,
+                around: &around,
+                is_hidden: &is_hidden,
+                of_regions: of_regions.each_ref().map(Vec::as_slice),
+            };
+            confidences(&tables, &row, &mut Vec::new(), &mut found);
+            for i in 0..count {
+                let grounds = Grounds {
+                    margin_nats: margin_nats(margin[i]),
+                    abs_z: z[i].abs(),
+                    region_px: regions[i].region_px,
+                    region_lead_nats: regions[i].lead_nats,
+                    beside: beside[i],
+                    around: around[i],
+                    is_hidden: is_hidden[i],
+                    hidden_share: regions[i].hidden_share,
+                };
+                assert_eq!(found[i], Confidence(stated(log_odds(&grounds))), "{grounds:?}");
+            }
+        }
+    }
+
     #[test]
     fn the_terms_of_a_curve_share_one_whole_and_give_the_same_odds() {
         for grounds in [sound(), Grounds { abs_z: 2.25, around: 13, is_hidden: true, ..sound() }, Grounds::default()] {
@@ -188,13 +366,13 @@ mod tests {
             assert!((terms.iter().sum::<f32>() - CURVES as f32).abs() < 1e-5);
             let values = MODEL.iter().flat_map(|curve| curve.log_odds);
             let sum: f32 = terms.iter().zip(values).map(|(term, value)| term * value).sum();
-            assert!((sum - grounds.log_odds()).abs() < 1e-4);
+            assert!((sum - log_odds(&grounds)).abs() < 1e-4);
         }
     }
 
     #[test]
     fn what_speaks_against_a_point_lowers_its_confidence() {
-        let confidence = |grounds: Grounds| Confidence::of_log_odds(grounds.log_odds());
+        let confidence = |grounds: Grounds| Confidence(stated(log_odds(&grounds)));
         assert!(confidence(sound()).probability() > 0.999);
         for worse in [
             Grounds { abs_z: 7.0, ..sound() },
@@ -210,10 +388,10 @@ mod tests {
     fn probabilities_are_those_of_their_odds() {
         for nats in [-20.0, -3.0, 0.0, 1.0, 4.6] {
             let exact = 1.0 / (1.0 + (-f64::from(nats)).exp());
-            let stated = f64::from(Confidence::of_log_odds(nats).probability());
+            let stated = f64::from(Confidence(stated(nats)).probability());
             assert!((stated - exact).abs() < 2e-5, "{nats}: {stated} {exact}");
         }
-        assert!(Confidence::of_log_odds(-100.0) > Confidence::NONE);
+        assert!(Confidence(stated(-100.0)) > Confidence::NONE);
         assert!(Confidence::at_least(0.9).probability() >= 0.9 && Confidence::at_least(0.0) == Confidence::NONE);
     }
 }

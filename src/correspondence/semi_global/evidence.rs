@@ -4,39 +4,40 @@
 //! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that energy. What
 //! lies outside the volume was seldom meant: its candidates must fit somewhat better.
 
-use std::ops::ControlFlow;
-
 use rayon::prelude::*;
 
 use crate::phase::Modulation;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::Avx512;
+use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::super::drift::{DepthPolynomial, RowPolynomial};
-use super::super::row_view::RowView;
-use super::super::segment::{Segment, SegmentRow};
-use super::windows::Windows;
+use super::super::drift::DepthRow;
+use super::super::segment::SegmentRow;
+use super::outlook::Outlook;
+#[cfg(target_arch = "x86_64")]
+use super::wide;
+use super::windows::{LANE_STEP, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
 /// Energy of an order without candidate, nats.
 const MISSING_NATS: f32 = 5.0;
 /// The same in whole numbers.
 pub(super) const MISSING: u8 = (MISSING_NATS * UNITS_PER_NAT) as u8;
+/// Stands for an order that a pixel does not have.
+pub(super) const NO_ORDER: u8 = u8::MAX;
 /// Energy that a candidate outside the measurement volume has on top, nats.
 const OUTSIDE_NATS: f32 = 0.2;
-const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
+pub(super) const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
 /// Largest z with an energy of its own; beyond it the candidate counts as missing.
-const MAX_Z: f32 = 5.0;
+pub(super) const MAX_Z: f32 = 5.0;
 /// Steps of the table of energies, in z.
-const STEPS_PER_Z: f32 = 64.0;
+pub(super) const STEPS_PER_Z: f32 = 64.0;
 /// z of the back-projection test (paper, section 2.1).
 pub(super) const PASSING_Z: f32 = 3.0;
 /// Share of the variance of δ that grows with noise over modulation; the rest is the same for all pixels.
 const NOISE_SHARE: f32 = 0.5;
 /// Largest sd of a pixel, in that of a pixel of median modulation.
 const MAX_SD_RATIO: f32 = 4.0;
-/// Columns by which an interval is widened against rounding.
-const COLUMN_MARGIN_PX: f32 = 0.02;
-/// Rise of Φ along all columns below which they are searched as one, turns: a projector near C1 lights a ray with one phase.
-const FLAT_TURNS: f32 = 2e-3;
 
 /// Predicted sd of δ of a true candidate about the drift.
 pub(super) struct DeltaScale {
@@ -49,133 +50,197 @@ pub(super) struct DeltaScale {
 impl DeltaScale {
     pub(super) fn of(scene: &Scene<'_>) -> Self {
         let cam1 = scene.cam1;
-        let lit = cam1.modulation.iter().zip(&cam1.valid).filter(|(_, valid)| **valid);
-        let mut lit: Vec<Modulation> = lit.map(|(&modulation, _)| modulation).collect();
-        let middle = lit.len() / 2;
-        let median_grey = if lit.is_empty() { 1.0 } else { lit.select_nth_unstable(middle).1.grey() };
+        let median_grey = median_modulation(&cam1.modulation, &cam1.valid).map_or(1.0, Modulation::grey);
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
         Self { sd_turns, median_grey }
     }
 
     /// At a modulation, turns.
-    #[inline]
-    pub(super) fn sd_turns(&self, modulation_grey: f32) -> f32 {
+    #[inline(always)]
+    fn sd_turns(&self, modulation_grey: f32) -> f32 {
         let ratio = self.median_grey / modulation_grey.max(f32::MIN_POSITIVE);
         let variance = 1.0 - NOISE_SHARE + NOISE_SHARE * ratio * ratio;
         self.sd_turns * variance.sqrt().min(MAX_SD_RATIO)
     }
 }
 
-/// A pixel of C1 and the columns of C2 in which it looks for candidates.
-pub(super) struct Outlook<'a> {
-    pub(super) row: RowView<'a>,
-    pub(super) segment: Segment,
-    pub(super) drift: DepthPolynomial,
-    pub(super) limits_px: [f32; 2],
-    /// Least and greatest Φ within these limits, turns.
-    phase_range_turns: [f32; 2],
-    pub(super) phase: u16,
+/// Median modulation of the valid pixels.
+fn median_modulation(modulation: &[Modulation], valid: &[bool]) -> Option<Modulation> {
+    // The upper byte of the median first, then the lower one. Neighbours are alike, so that each counts in a row of its own:
+    // none waits for the one before.
+    const ROWS: usize = 4;
+    let mut upper = [[0_u32; 256]; ROWS];
+    for (modulation, valid) in modulation.chunks(ROWS).zip(valid.chunks(ROWS)) {
+        for ((counts, modulation), &valid) in upper.iter_mut().zip(modulation).zip(valid) {
+            counts[usize::from(modulation.steps() >> 8)] += u32::from(valid);
+        }
+    }
+    let upper: [u32; 256] = std::array::from_fn(|byte| upper.iter().map(|counts| counts[byte]).sum());
+    let (byte, rank) = ranked(&upper, upper.iter().sum::<u32>() / 2)?;
+    let mut lower = [0_u32; 256];
+    for (modulation, &valid) in modulation.iter().zip(valid) {
+        let is_near = valid && usize::from(modulation.steps() >> 8) == byte;
+        lower[usize::from(modulation.steps() & 0xff)] += u32::from(is_near);
+    }
+    ranked(&lower, rank).map(|(lower, _)| Modulation::of_steps((byte << 8 | lower) as u16))
 }
 
-impl<'a> Outlook<'a> {
-    /// That of a pixel in column `u` of the row that `segments` and `drift` belong to.
-    pub(super) fn new(
-        scene: &Scene<'a>,
-        windows: &Windows,
-        segments: &SegmentRow,
-        drift: &RowPolynomial,
-        pixel: usize,
-        u: usize,
-    ) -> Self {
-        let segment = segments.segment(u);
-        let limits_px = windows.limits_px(&segment);
-        let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
-        Self {
-            row: RowView::new(scene.cam2, segment.row_px),
-            segment,
-            drift: drift.along_segment(u),
-            limits_px,
-            phase_range_turns: [a.min(b), a.max(b)],
-            phase: scene.cam1.phase[pixel],
+/// In which place the number of a rank is counted, and its rank there.
+fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
+    let mut below = 0;
+    let place = counts.iter().position(|count| {
+        below += count;
+        below > rank
+    })?;
+    Some((place, rank + counts[place] - below))
+}
+
+/// The sd of the pixels of a row.
+struct ScaleRow<'a> {
+    scale: &'a DeltaScale,
+    modulation: &'a [Modulation],
+    sd_turns: &'a mut [f32],
+}
+
+impl Kernel for ScaleRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        for (sd_turns, modulation) in self.sd_turns.iter_mut().zip(self.modulation) {
+            *sd_turns = self.scale.sd_turns(modulation.grey());
         }
-    }
-
-    /// Φ less the drift and the phase of the pixel at a column, turns: the order, and what is left of δ.
-    #[inline]
-    pub(super) fn order_and_rest(&self, column_px: f32) -> (i32, f32) {
-        let turns = self.segment.phase_turns(column_px) - self.drift.at(column_px) - f32::from(self.phase) / 65536.0;
-        let order = (turns + 0.5_f32.copysign(turns)) as i32;
-        (order, turns - order as f32)
-    }
-
-    /// Whether the point seen at a column lies in the measurement volume, as far as its place is known.
-    #[inline]
-    pub(super) fn is_in_volume(&self, column_px: f32) -> bool {
-        column_px >= self.segment.begin_px && column_px <= self.segment.end_px
-    }
-
-    /// The columns in which a candidate of an order can lie whose δ is off by no more than `reach_turns`.
-    #[inline]
-    pub(super) fn columns_of(&self, order: i32, reach_turns: f32) -> Option<[f32; 2]> {
-        let [first_px, last_px] = self.limits_px;
-        let [least, most] = self.phase_range_turns;
-        if most - least <= FLAT_TURNS {
-            return Some(self.limits_px);
-        }
-        let target = order as f32 + f32::from(self.phase) / 65536.0;
-        let within = |turns: f32| {
-            let (column_px, columns_per_turn) = self.segment.column_and_columns_per_turn(turns.clamp(least, most));
-            (column_px.clamp(first_px, last_px), columns_per_turn.abs())
-        };
-        // The drift is that of the middle of the interval; over its width it changes by far less than the reach.
-        let middle = target + self.drift.at(within(target).0);
-        if middle + reach_turns < least || middle - reach_turns > most {
-            return None;
-        }
-        let (column_px, columns_per_turn) = within(middle);
-        // What the middle is clamped by widens the interval on the other side: it must reach as far as before.
-        let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
-        Some([column_px - half_px, column_px + half_px])
-    }
-
-    /// Tells of all crossings in an interval of columns: column and slope.
-    #[inline]
-    pub(super) fn crossings(&self, [begin_px, end_px]: [f32; 2], mut tell: impl FnMut(f32, i32)) {
-        let columns = begin_px.max(0.0) as usize..=end_px.max(0.0).ceil() as usize;
-        let _ = self.row.crossings(self.limits_px, self.phase, columns, |column_px, slope| {
-            tell(column_px, slope);
-            ControlFlow::Continue(())
-        });
     }
 }
 
-/// Energies of all orders of all pixels: those of pixel `i` begin at `i · lanes`.
-pub(super) fn gather(scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale) -> Vec<u8> {
-    let (lanes, width) = (windows.lanes, scene.cam1.width);
-    let energies = energies();
-    let mut evidence = vec![u8::MAX; scene.cam1.phase.len() * lanes];
-    let rows = evidence.par_chunks_mut((width * lanes).max(1)).enumerate();
-    rows.for_each_init(SegmentRow::default, |segments, (v, row)| {
-        let drift = scene.drift.along_row(v);
-        scene.table.row(v, segments);
-        for (u, orders) in row.chunks_exact_mut(lanes).enumerate() {
-            let pixel = v * width + u;
-            let count = usize::from(windows.count[pixel]);
-            if count == 0 {
+/// What the pixels of a row of C1 look for their candidates with.
+#[derive(Default)]
+pub(super) struct OutlookRow {
+    pub(super) segments: SegmentRow,
+    drift: DepthRow,
+    /// sd of δ of each pixel, turns.
+    pub(super) sd_turns: Vec<f32>,
+    v: usize,
+}
+
+impl OutlookRow {
+    /// Turns to row `v`.
+    pub(super) fn turn_to(&mut self, scene: &Scene<'_>, scale: &DeltaScale, v: usize) {
+        let width = scene.cam1.width;
+        self.v = v;
+        scene.table.row(v, &mut self.segments);
+        scene.drift.along_row(v, width, &mut self.drift);
+        self.sd_turns.resize(width, 0.0);
+        let modulation = &scene.cam1.modulation[v * width..(v + 1) * width];
+        simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
+    }
+
+    /// That of a pixel of the row.
+    pub(super) fn outlook<'a>(&self, scene: &Scene<'a>, windows: &Windows, u: usize) -> Outlook<'a> {
+        Outlook::new(scene, windows, &self.segments, &self.drift, [u, self.v])
+    }
+
+    /// The same of many pixels.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, windows: &'a Windows) -> wide::Row<'a> {
+        let width = scene.cam1.width;
+        wide::Row {
+            image: scene.cam2,
+            segments: &self.segments,
+            drift: &self.drift,
+            windows,
+            phase: &scene.cam1.phase[self.v * width..(self.v + 1) * width],
+            sd_turns: &self.sd_turns,
+        }
+    }
+}
+
+/// Energies of all orders of all pixels, those of pixel `i` from `i · lanes` on; and how many orders of each pass the
+/// back-projection test |δ − drift| < 3·sd. Energies of a pixel without window are not written.
+pub(super) fn gather(
+    scene: &Scene<'_>,
+    windows: &Windows,
+    scale: &DeltaScale,
+    evidence: &mut Vec<u8>,
+    passing: &mut Vec<u8>,
+) {
+    let (lanes, width) = (windows.lanes, scene.cam1.width.max(1));
+    let energies = Energies::new();
+    evidence.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
+    passing.clear();
+    passing.resize(scene.cam1.phase.len(), 0);
+    let rows = evidence.par_chunks_mut(width * lanes).zip(passing.par_chunks_mut(width)).enumerate();
+    rows.for_each_init(OutlookRow::default, |row, (v, (evidence, passing))| {
+        row.turn_to(scene, scale, v);
+        let pixels = v * width..(v + 1) * width;
+        let (first, count) = (&windows.first[pixels.clone()], &windows.count[pixels]);
+        EvidenceRow { scene, windows, row, first, count, energies: &energies, evidence, passing }.gather();
+    });
+}
+
+/// The evidence of a row.
+struct EvidenceRow<'a> {
+    scene: &'a Scene<'a>,
+    windows: &'a Windows,
+    row: &'a OutlookRow,
+    first: &'a [i16],
+    count: &'a [u8],
+    energies: &'a Energies,
+    evidence: &'a mut [u8],
+    passing: &'a mut [u8],
+}
+
+impl EvidenceRow<'_> {
+    fn gather(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        let done = Avx512::in_use().map_or(0, |lanes| self.gather_blocks(lanes));
+        #[cfg(not(target_arch = "x86_64"))]
+        let done = 0;
+        (done..self.count.len()).for_each(|u| self.gather_pixel(u));
+    }
+
+    /// Whole blocks of pixels; yields how many pixels they have.
+    #[cfg(target_arch = "x86_64")]
+    fn gather_blocks(&mut self, level: Avx512) -> usize {
+        let lanes = self.windows.lanes;
+        let row = self.row.wide(self.scene, self.windows);
+        let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
+        let (mut of_block, mut room) = (row.no_block(), wide::Room::new());
+        for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
+            let begin = block * wide::BLOCK;
+            if !row.turn(level, &mut of_block, begin, count) {
                 continue;
             }
-            let outlook = Outlook::new(scene, windows, segments, &drift, pixel, u);
-            let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
-            for (lane, energy) in orders[..count].iter_mut().enumerate() {
-                *energy = best_energy(&outlook, i32::from(windows.first[pixel]) + lane as i32, sd_turns, &energies);
+            let evidence = &mut self.evidence[begin * lanes..][..wide::BLOCK * lanes];
+            let mut passing = [0; wide::BLOCK];
+            for skipped in (0..lanes).step_by(LANE_STEP) {
+                let tile = (&mut evidence[skipped..], lanes);
+                of_block.evidence(level, skipped, first, count, self.energies, &mut room, tile, &mut passing);
             }
+            self.passing[begin..begin + wide::BLOCK].copy_from_slice(&passing);
+            (0..wide::BLOCK).filter(|k| of_block.irregular >> k & 1 == 1).for_each(|k| self.gather_pixel(begin + k));
         }
-    });
-    evidence
+        counts.len() * wide::BLOCK
+    }
+
+    fn gather_pixel(&mut self, u: usize) {
+        let count = usize::from(self.count[u]);
+        if count == 0 {
+            return;
+        }
+        let outlook = self.row.outlook(self.scene, self.windows, u);
+        let orders = &mut self.evidence[u * self.windows.lanes..][..self.windows.lanes];
+        orders.fill(NO_ORDER);
+        for (lane, energy) in orders[..count].iter_mut().enumerate() {
+            *energy =
+                best_energy(&outlook, i32::from(self.first[u]) + lane as i32, self.row.sd_turns[u], self.energies);
+        }
+        self.passing[u] = orders.iter().filter(|&&energy| energy < self.energies.limit).count() as u8;
+    }
 }
 
 /// Energy of the best candidate of an order.
-fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &[u8]) -> u8 {
+fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &Energies) -> u8 {
     let mut best = MISSING;
     let Some(interval_px) = outlook.columns_of(order, MAX_Z * sd_turns) else { return best };
     outlook.crossings(interval_px, |column_px, _| {
@@ -183,27 +248,33 @@ fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &[u8]
         if found == order {
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
             let outside = if outlook.is_in_volume(column_px) { 0 } else { OUTSIDE };
-            best = best.min(energies.get(step).map_or(MISSING, |&energy| energy + outside));
+            best = best.min(energies.of_step[step.min(Energies::STEPS)] as u8 + outside);
         }
     });
     best
 }
 
 /// Energy of every step of z.
-fn energies() -> Vec<u8> {
-    let energy = |step: usize| {
-        let z = (step as f64 + 0.5) / f64::from(STEPS_PER_Z);
-        let nats = -((-f64::from(MISSING_NATS)).exp() + (-0.5 * z * z).exp()).ln();
-        (nats.max(0.0) * f64::from(UNITS_PER_NAT)).round() as u8
-    };
-    (0..(MAX_Z * STEPS_PER_Z) as usize).map(energy).collect()
+pub(super) struct Energies {
+    /// The last is that of a missing candidate.
+    pub(super) of_step: [i32; Self::STEPS + 1],
+    /// What an order that passes the back-projection test is below.
+    pub(super) limit: u8,
 }
 
-/// How many orders of each pixel pass the back-projection test |δ − drift| < 3·sd.
-pub(super) fn count_passing(evidence: &[u8], windows: &Windows) -> Vec<u8> {
-    let limit = energies()[(PASSING_Z * STEPS_PER_Z) as usize];
-    let passing = |energies: &[u8]| energies.iter().filter(|&&energy| energy < limit).count() as u8;
-    evidence.par_chunks_exact(windows.lanes).map(passing).collect()
+impl Energies {
+    /// Steps of z that have an energy of their own.
+    pub(super) const STEPS: usize = (MAX_Z * STEPS_PER_Z) as usize;
+
+    fn new() -> Self {
+        let of_step = std::array::from_fn(|step| {
+            let z = (step as f64 + 0.5) / f64::from(STEPS_PER_Z);
+            let nats = -((-f64::from(MISSING_NATS)).exp() + (-0.5 * z * z).exp()).ln();
+            let energy = (nats.max(0.0) * f64::from(UNITS_PER_NAT)).round() as i32;
+            if step < Self::STEPS { energy } else { i32::from(MISSING) }
+        });
+        Self { of_step, limit: of_step[(PASSING_Z * STEPS_PER_Z) as usize] as u8 }
+    }
 }
 
 #[cfg(test)]
@@ -211,11 +282,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_median_modulation_is_that_of_sorting() {
+        for count in [0, 1, 2, 7, 1000, 1001] {
+            let modulation: Vec<Modulation> =
+                (0..count).map(|i: u32| Modulation::of_steps((i * 40_503 % 5003) as u16)).collect();
+            let valid: Vec<bool> = (0..count).map(|i| i % 3 != 1).collect();
+            let mut lit: Vec<Modulation> =
+                modulation.iter().zip(&valid).filter(|(_, valid)| **valid).map(|(m, _)| *m).collect();
+            lit.sort();
+            assert_eq!(median_modulation(&modulation, &valid), lit.get(lit.len() / 2).copied());
+        }
+    }
+
+    #[test]
     fn energies_rise_from_none_to_that_of_a_missing_candidate() {
-        let energies = energies();
+        let Energies { of_step: energies, limit } = Energies::new();
         assert!(energies[0] == 0 && energies.is_sorted());
-        assert!(energies.iter().all(|&energy| energy <= MISSING) && energies.last().is_some_and(|&e| e >= MISSING - 1));
+        assert!(energies.iter().all(|&energy| energy <= i32::from(MISSING)) && energies[Energies::STEPS - 1] >= 99);
         // One sd costs half a nat.
         assert_eq!(energies[64], 10);
+        assert!((80..90).contains(&limit), "{limit}");
     }
 }

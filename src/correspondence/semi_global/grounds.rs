@@ -3,19 +3,13 @@
 use rayon::prelude::*;
 
 use super::super::neighbourhood::MAX_STEP;
-use super::super::places::Places;
-use super::claims::Claims;
-use super::paths::{PATHS, Verdict};
-use super::regions::{Regions, absolute};
-use super::selection::Selected;
-use super::{Scene, UNITS_PER_NAT};
+use super::selection::ABSENT;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Pixels on either side within which support counts.
 const REACH_PX: usize = 3;
 /// Pixels along a side of that surrounding.
 const SIDE: usize = 2 * REACH_PX + 1;
-/// Absolute phase of a pixel that does not stand: none is near it.
-const ABSENT: i32 = i32::MIN;
 
 /// What speaks for the selected candidate of one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,59 +32,9 @@ pub struct Grounds {
     pub hidden_share: f32,
 }
 
-/// The grounds of every pixel with a selected candidate; `standing` are those whose region stands, `leads_nats` the leads of
-/// the regions.
-pub(super) fn gather(
-    scene: &Scene<'_>,
-    selected: &[Option<Selected>],
-    standing: &[Option<Selected>],
-    places: &Places,
-    verdicts: &[Verdict],
-    regions: &Regions,
-    leads_nats: &[f32],
-) -> Vec<Grounds> {
-    let mut grounds = of_pixels(scene, selected, standing, places, verdicts);
-    for (region, &lead_nats) in regions.iter().zip(leads_nats) {
-        let hidden = region.iter().filter(|&&pixel| grounds[pixel as usize].is_hidden).count();
-        for &pixel in region {
-            let grounds = &mut grounds[pixel as usize];
-            grounds.region_px = region.len() as u32;
-            grounds.region_lead_nats = lead_nats;
-            grounds.hidden_share = hidden as f32 / region.len() as f32;
-        }
-    }
-    grounds
-}
-
-/// What each pixel has by itself.
-fn of_pixels(
-    scene: &Scene<'_>,
-    selected: &[Option<Selected>],
-    standing: &[Option<Selected>],
-    places: &Places,
-    verdicts: &[Verdict],
-) -> Vec<Grounds> {
-    let claims = Claims::new(scene, places, standing, |pixel| places.nearness[pixel], 0.0);
-    let surroundings = Surroundings::of(scene, standing);
-    let width = scene.cam1.width;
-    let of_pixel = |(pixel, selected): (usize, &Option<Selected>)| {
-        let Some(selected) = selected else { return Grounds::default() };
-        let (beside, around) =
-            surroundings.support([pixel % width, pixel / width], absolute(scene.cam1, pixel, selected));
-        Grounds {
-            margin_nats: f32::from(verdicts[pixel].margin) / (PATHS as f32 * UNITS_PER_NAT),
-            abs_z: selected.z.abs(),
-            beside,
-            around,
-            is_hidden: claims.is_lost(pixel, selected),
-            ..Grounds::default()
-        }
-    };
-    selected.par_iter().enumerate().map(of_pixel).collect()
-}
-
 /// Absolute phases of the pixels that stand, in a frame of absent ones as wide as support reaches.
-struct Surroundings {
+#[derive(Clone, Debug, Default)]
+pub(super) struct Surroundings {
     absolute: Vec<i32>,
     /// Width of the image and of the frame on both sides.
     stride: usize,
@@ -110,39 +54,62 @@ const MAX_DIFFERENCE: [[u32; SIDE]; SIDE] = {
 };
 
 impl Surroundings {
-    fn of(scene: &Scene<'_>, standing: &[Option<Selected>]) -> Self {
-        let absolute = |pixel: usize| standing[pixel].map_or(ABSENT, |s| absolute(scene.cam1, pixel, &s));
-        Self::framed(standing.len(), scene.cam1.width, absolute)
+    /// Pixels of an image of so many columns and rows; `fill` tells those of a row that stand, all others are absent.
+    pub(super) fn fill(&mut self, [width, height]: [usize; 2], fill: impl Fn(usize, &mut [i32]) + Sync) {
+        self.stride = width + 2 * REACH_PX;
+        self.absolute.clear();
+        self.absolute.resize(self.stride * (height + 2 * REACH_PX), ABSENT);
+        let rows = self.absolute.par_chunks_exact_mut(self.stride).skip(REACH_PX).take(height);
+        rows.enumerate().for_each(|(v, row)| fill(v, &mut row[REACH_PX..REACH_PX + width]));
     }
 
-    fn framed(pixels: usize, width: usize, absolute: impl Fn(usize) -> i32 + Sync) -> Self {
-        let stride = width + 2 * REACH_PX;
-        let height = pixels / width.max(1);
-        let mut framed = vec![ABSENT; stride * (height + 2 * REACH_PX)];
-        framed.par_chunks_exact_mut(stride).skip(REACH_PX).take(height).enumerate().for_each(|(v, row)| {
-            let row = &mut row[REACH_PX..REACH_PX + width];
-            row.iter_mut().enumerate().for_each(|(u, place)| *place = absolute(v * width + u));
-        });
-        Self { absolute: framed, stride }
+    /// How many pixels beside and around those of row `v` stand with an absolute phase that runs on to their `own`.
+    pub(super) fn support(&self, v: usize, own: &[i32], beside: &mut [u8], around: &mut [u8]) {
+        let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][..self.stride]);
+        simd::run(Level::in_use(), SupportRow { rows, own, beside, around });
     }
+}
 
-    /// How many pixels beside and around pixel u of row v stand with an absolute phase that runs on to `own`.
-    fn support(&self, [u, v]: [usize; 2], own: i32) -> (u8, u8) {
-        let (mut beside, mut around) = (0, 0);
-        for (row, limits) in MAX_DIFFERENCE.iter().enumerate() {
-            let begin = (v + row) * self.stride + u;
-            let runs_on = |column: usize| {
-                let difference = self.absolute[begin..begin + SIDE][column].wrapping_sub(own);
-                u8::from(difference.unsigned_abs() <= limits[column])
-            };
-            around += (0..SIDE).map(runs_on).sum::<u8>();
-            if row.abs_diff(REACH_PX) <= 1 {
-                beside += (REACH_PX - 1..=REACH_PX + 1).map(runs_on).sum::<u8>();
+/// Counts the support of a row.
+struct SupportRow<'a> {
+    /// The rows around it, with their frames.
+    rows: [&'a [i32]; SIDE],
+    own: &'a [i32],
+    beside: &'a mut [u8],
+    around: &'a mut [u8],
+}
+
+impl Kernel for SupportRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { rows, own, beside, around } = self;
+        beside.fill(0);
+        around.fill(0);
+        for row in 0..SIDE {
+            for column in 0..SIDE {
+                // The pixel itself is no support.
+                if row == REACH_PX && column == REACH_PX {
+                    continue;
+                }
+                let is_near = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
+                let counts = if is_near { &mut *beside } else { &mut *around };
+                count(own, &rows[row][column..], MAX_DIFFERENCE[row][column], counts);
             }
         }
-        // The pixel itself is no support.
-        let itself = u8::from(self.absolute[(v + REACH_PX) * self.stride + u + REACH_PX] == own);
-        (beside - itself, around - itself)
+        for (around, beside) in around.iter_mut().zip(beside) {
+            *around += *beside;
+        }
+    }
+}
+
+/// Counts those whose absolute phases differ by no more than a limit.
+#[inline(always)]
+fn count(own: &[i32], others: &[i32], limit: u32, counts: &mut [u8]) {
+    let (own, others) = (&own[..counts.len()], &others[..counts.len()]);
+    for i in 0..counts.len() {
+        counts[i] += u8::from(others[i].wrapping_sub(own[i]).unsigned_abs() <= limit);
     }
 }
 
@@ -156,9 +123,45 @@ mod tests {
         // A ramp of an eighth of a turn a column; the last column lies an order higher, one pixel does not stand.
         let mut absolute: Vec<i32> = (0..25).map(|i| (i % 5) * turn / 8 + if i % 5 == 4 { turn } else { 0 }).collect();
         absolute[6] = ABSENT;
-        let surroundings = Surroundings::framed(25, 5, |pixel| absolute[pixel]);
-        assert_eq!(surroundings.support([2, 2], turn / 4), (7, 18));
-        assert_eq!(surroundings.support([2, 2], turn / 4 + turn), (0, 5));
-        assert_eq!(surroundings.support([0, 0], 0), (2, 14));
+        let mut surroundings = Surroundings::default();
+        surroundings.fill([5, 5], |v, row| row.copy_from_slice(&absolute[5 * v..5 * v + 5]));
+        let support = |[u, v]: [usize; 2], own: i32| {
+            let (mut beside, mut around) = ([0; 5], [0; 5]);
+            surroundings.support(v, &[own; 5], &mut beside, &mut around);
+            (beside[u], around[u])
+        };
+        // A phase that is not the pixel's own finds the pixel no more than its own does.
+        assert_eq!(support([2, 2], turn / 4), (7, 18));
+        assert_eq!(support([2, 2], turn / 4 + turn), (0, 5));
+        assert_eq!(support([0, 0], 0), (2, 14));
+    }
+
+    #[test]
+    fn support_is_that_of_counting_one_by_one() {
+        let (width, height) = (37, 12);
+        let mut state = 9_u32;
+        let mut random = || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 16) as i32
+        };
+        let absolute: Vec<i32> =
+            (0..width * height).map(|_| if random() % 6 == 0 { ABSENT } else { random() * 2 - 60_000 }).collect();
+        let mut surroundings = Surroundings::default();
+        surroundings.fill([width, height], |v, row| row.copy_from_slice(&absolute[width * v..][..width]));
+        let (mut beside, mut around) = (vec![0; width], vec![0; width]);
+        for v in 0..height {
+            let own = &absolute[width * v..][..width];
+            surroundings.support(v, own, &mut beside, &mut around);
+            for u in (0..width).filter(|&u| own[u] != ABSENT) {
+                let (mut near, mut all) = (0, 0);
+                for (i, &other) in absolute.iter().enumerate() {
+                    let away = (i % width).abs_diff(u).max((i / width).abs_diff(v));
+                    let runs_on = other != ABSENT && (other - own[u]).abs() <= MAX_STEP * away as i32;
+                    all += u8::from(runs_on && (1..=REACH_PX).contains(&away));
+                    near += u8::from(runs_on && away == 1);
+                }
+                assert_eq!((beside[u], around[u]), (near, all), "{u} {v}");
+            }
+        }
     }
 }

@@ -20,6 +20,7 @@ pub(super) const MAX_SHIFT: usize = 8;
 const NONE: u8 = u8::MAX;
 
 /// The links of all pixels to those before them.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Links {
     /// Axis by axis, for each pixel by how many orders its window is shifted against that of the pixel before, [`MAX_SHIFT`]
     /// added; [`NONE`] where there is no link.
@@ -29,34 +30,47 @@ pub(super) struct Links {
 }
 
 impl Links {
-    pub(super) fn of(cam1: &PhaseMap, windows: &Windows) -> Self {
-        let width = cam1.width.max(1);
-        let shifts = AXES.map(|axis| {
-            let mut shifts = vec![NONE; cam1.phase.len()];
-            shifts.par_chunks_mut(width).enumerate().for_each_init(
-                || [(); 3].map(|()| Rises::new(width)),
+    /// Finds the links of all pixels.
+    pub(super) fn find(&mut self, cam1: &PhaseMap, windows: &Windows) {
+        self.width = cam1.width.max(1);
+        for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
+            shifts.clear();
+            shifts.resize(cam1.phase.len(), NONE);
+            shifts.par_chunks_mut(self.width).enumerate().for_each_init(
+                || [(); 3].map(|()| Rises::new(cam1.width)),
                 |rises, (v, shifts)| LinkRow { cam1, windows, axis, v, rises, shifts }.find(),
             );
-            shifts
-        });
-        Self { shifts, width }
+        }
     }
 
-    /// Where a path along an axis comes from at a pixel, going with the axis or against it.
+    /// Where paths along an axis come from at the pixels of a row, going with the axis or against it.
     #[inline(always)]
-    pub(super) fn towards(&self, axis: usize, [u, v]: [usize; 2], forward: bool) -> Option<Link> {
+    pub(super) fn of_row(&self, axis: usize, v: usize, forward: bool) -> RowLinks<'_> {
         let ([du, dv], shifts) = (AXES[axis], &self.shifts[axis]);
-        if forward {
-            let shift = shifts[v * self.width + u];
-            return (shift != NONE).then(|| Link { column: u.wrapping_add_signed(-du), shift: usize::from(shift) });
-        }
-        // What lies left of the image or beyond its end has no link.
-        let column = u.wrapping_add_signed(du);
-        if column >= self.width {
-            return None;
-        }
-        let shift = *shifts.get(v.wrapping_add_signed(dv) * self.width + column)?;
-        (shift != NONE).then(|| Link { column, shift: 2 * MAX_SHIFT - usize::from(shift) })
+        let row = if forward { v } else { v.wrapping_add_signed(dv) };
+        // What lies beyond the end of the image has no link.
+        let shifts = row.checked_mul(self.width).and_then(|begin| shifts.get(begin..begin + self.width));
+        RowLinks { shifts: shifts.unwrap_or(&[]), du, forward }
+    }
+}
+
+/// Where paths along an axis come from at the pixels of a row.
+#[derive(Clone, Copy)]
+pub(super) struct RowLinks<'a> {
+    shifts: &'a [u8],
+    du: isize,
+    forward: bool,
+}
+
+impl RowLinks<'_> {
+    /// That of a pixel.
+    #[inline(always)]
+    pub(super) fn towards(&self, u: usize) -> Option<Link> {
+        let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
+        let shift = usize::from(*self.shifts.get(if self.forward { u } else { column })?);
+        // Left of the image there is no link, so the column of one is always in the image.
+        (shift != usize::from(NONE))
+            .then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
     }
 }
 

@@ -23,10 +23,13 @@ mod confidence;
 mod evidence;
 mod grounds;
 mod links;
+mod outlook;
 mod paths;
 mod regions;
 mod selection;
 mod verification;
+#[cfg(target_arch = "x86_64")]
+mod wide;
 mod windows;
 
 use crate::phase::PhaseMap;
@@ -41,6 +44,9 @@ pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
 use evidence::DeltaScale;
+use paths::{PathRoom, Verdicts};
+use selection::Selection;
+use verification::VerificationRoom;
 use windows::Windows;
 
 /// Evidence and energies are whole numbers: so many a nat.
@@ -55,14 +61,14 @@ pub(super) struct Scene<'a> {
     pub(super) drift: &'a Drift,
 }
 
-/// Decisions about all pixels of C1, row by row.
-pub(super) struct Decisions {
-    pub(super) outcomes: Vec<Outcome>,
-    pub(super) chosen: Vec<Option<Candidate>>,
+/// Decisions about all pixels of C1, row by row; vectors are filled anew.
+pub(super) struct Decisions<'a> {
+    pub(super) outcomes: &'a mut Vec<Outcome>,
+    pub(super) chosen: &'a mut Vec<Option<Candidate>>,
     /// Orders of each pixel that pass the back-projection test about the drift.
-    pub(super) passing: Vec<u8>,
+    pub(super) passing: &'a mut Vec<u8>,
     /// How likely each point is true.
-    pub(super) confidence: Vec<Confidence>,
+    pub(super) confidence: &'a mut Vec<Confidence>,
 }
 
 /// What a point must have.
@@ -73,15 +79,34 @@ pub(super) struct Limits {
     pub(super) min_confidence: f32,
 }
 
-/// Decides every pixel that has a segment, and tells on what grounds.
-///
-/// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
-pub(super) fn resolve(scene: &Scene<'_>, limits: &Limits) -> (Decisions, Vec<Grounds>) {
-    let windows = Windows::of(scene);
-    let scale = DeltaScale::of(scene);
-    let evidence = evidence::gather(scene, &windows, &scale);
-    let passing = evidence::count_passing(&evidence, &windows);
-    let verdicts = paths::least_energies(scene.cam1, &windows, &evidence);
-    let selected = selection::select(scene, &windows, &scale, &verdicts);
-    verification::verify(scene, &selected, &verdicts, passing, limits)
+/// Room for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    windows: Windows,
+    evidence: Vec<u8>,
+    paths: PathRoom,
+    verdicts: Verdicts,
+    selection: Selection,
+    verification: VerificationRoom,
+}
+
+impl Room {
+    /// Decides every pixel that has a segment. The grounds of the decisions go where they are asked for.
+    ///
+    /// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
+    pub(super) fn resolve(
+        &mut self,
+        scene: &Scene<'_>,
+        limits: &Limits,
+        decisions: &mut Decisions<'_>,
+        grounds: Option<&mut Vec<Grounds>>,
+    ) {
+        let Self { windows, evidence, paths, verdicts, selection, verification } = self;
+        windows.ask(scene);
+        let scale = DeltaScale::of(scene);
+        evidence::gather(scene, windows, &scale, evidence, decisions.passing);
+        paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
+        selection.select(scene, windows, &scale, &verdicts.order);
+        verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);
+    }
 }

@@ -2,71 +2,95 @@
 //!
 //! ```text
 //! for each direction, pixel by pixel p after its predecessor q:
-//!     L(p, k) = E(p, k) + min( L(q, k − carry), min L(q) + P )      where the wrapped phase runs on from q to p
-//!     L(p, k) = E(p, k)                                             where it jumps, or there is no q
-//!     L(p)   −= min L(p)
-//!     S(p)   += L(p)
+//!     F(p, k) = min( L(q, k − carry), P )      where the wrapped phase runs on from q to p, least of L(q) taken off
+//!     F(p, k) = 0                              where it jumps, or there is no q
+//!     L(p, k) = E(p, k) + F(p, k)
+//! for each pixel:
+//!     S(p, k) = 8·E(p, k) + sum of F(p, k) over all directions
 //! ```
 //!
-//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. Four
-//! directions run with the rows of the image and four against them, in two passes that share nothing; whole numbers make
-//! their sum the same in any order.
-
-use rayon::prelude::*;
+//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
+//! the sum of L by a number that is the same for all orders of a pixel.
+//!
+//! Four directions run with the rows of the image and four against them, in two passes that begin at opposite ends and share
+//! nothing until they meet: each leaves its sums in the half that it goes through first, and decides in the other, where the
+//! sums of the other pass lie. Whole numbers make a sum the same in any order.
 
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::UNITS_PER_NAT;
-use super::evidence::MISSING;
-use super::links::{AXES, Link, Links, MAX_SHIFT};
+use super::evidence::{MISSING, NO_ORDER};
+use super::links::{AXES, Link, Links, MAX_SHIFT, RowLinks};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
-const CHANGE: i16 = (CHANGE_NATS * UNITS_PER_NAT) as i16;
+const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
+/// Numbers of orders for which loops are compiled, beside one step of them and the most: as many as this, and up to as many.
+const FEW_LANES: usize = 2 * LANE_STEP;
+const MANY_LANES: usize = 4 * LANE_STEP;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
-/// Energies of a pixel with room on either side, where orders of its neighbours may point.
-const ROOM: usize = MAX_LANES + 2 * MAX_SHIFT;
-/// Energy that no order reaches.
-const NEVER: i16 = i16::MAX / 2;
 
-/// The order with the least energy.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Verdict {
-    pub(super) order: i16,
-    /// By how much the next best order has more, summed over all paths.
-    pub(super) margin: u16,
+/// The orders with the least energy.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdicts {
+    pub(super) order: Vec<i16>,
+    /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
+    pub(super) margin: Vec<u16>,
 }
 
-/// Decides the order of every pixel with a window; others have margin 0.
-pub(super) fn least_energies(cam1: &PhaseMap, windows: &Windows, evidence: &[u8]) -> Vec<Verdict> {
-    let height = cam1.phase.len() / cam1.width.max(1);
-    let links = Links::of(cam1, windows);
-    let pass = |pass: Pass| {
-        let mut sums = vec![0_u16; evidence.len()];
-        let sweep = Sweep { width: cam1.width, height, windows, links: &links, evidence, pass, sums: &mut sums };
-        simd::run(Level::in_use(), sweep);
-        sums
-    };
-    let (down, up) = rayon::join(|| pass(Pass::Down), || pass(Pass::Up));
-    let lanes = windows.lanes;
-    let verdict = |(pixel, (down, up)): (usize, (&[u16], &[u16]))| {
-        let (mut best, mut second) = ((u16::MAX, 0), u16::MAX);
-        for (lane, (a, b)) in down.iter().zip(up).enumerate().take(usize::from(windows.count[pixel])) {
-            let sum = a + b;
-            if sum < best.0 {
-                (best, second) = ((sum, lane), best.0);
-            } else {
-                second = second.min(sum);
-            }
-        }
-        // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
-        let rival = if second == u16::MAX { best.0.saturating_add(PATHS as u16 * CHANGE as u16) } else { second };
-        Verdict { order: windows.first[pixel] + best.1 as i16, margin: rival.saturating_sub(best.0) }
-    };
-    down.par_chunks_exact(lanes).zip(up.par_chunks_exact(lanes)).enumerate().map(verdict).collect()
+/// Room for the links of pixels and the sums of paths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PathRoom {
+    links: Links,
+    sums: Vec<u16>,
+}
+
+/// Decides the order of every pixel with a window.
+pub(super) fn least_energies(
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &[u8],
+    PathRoom { links, sums }: &mut PathRoom,
+    verdicts: &mut Verdicts,
+) {
+    let (width, height) = (cam1.width.max(1), cam1.height);
+    links.find(cam1, windows);
+    sums.resize(evidence.len(), 0);
+    verdicts.order.resize(width * height, 0);
+    verdicts.margin.resize(width * height, 0);
+    let middle = height / 2;
+    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * windows.lanes);
+    let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
+    let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
+    let mut passes = [Pass::Down, Pass::Up].map(|pass| Sweep {
+        width,
+        windows,
+        links,
+        evidence,
+        pass,
+        before: AXES.map(|_| PathRow::new(width, windows.lanes)),
+        here: AXES.map(|_| PathRow::new(width, windows.lanes)),
+    });
+    let [down, up] = &mut passes;
+    let level = Level::in_use();
+    rayon::join(
+        || simd::run(level, Leaving { sweep: &mut *down, rows: 0..middle, sums: &mut *upper_sums }),
+        || simd::run(level, Leaving { sweep: &mut *up, rows: middle..height, sums: &mut *lower_sums }),
+    );
+    let (upper_sums, lower_sums) = (&*upper_sums, &*lower_sums);
+    rayon::join(
+        || {
+            let (order, margin) = (lower_order, lower_margin);
+            simd::run(level, Deciding { sweep: down, rows: middle..height, sums: lower_sums, order, margin });
+        },
+        || {
+            let (order, margin) = (upper_order, upper_margin);
+            simd::run(level, Deciding { sweep: up, rows: 0..middle, sums: upper_sums, order, margin });
+        },
+    );
 }
 
 /// Sense in which an image is passed through.
@@ -81,107 +105,248 @@ enum Pass {
 /// One pass with its four directions.
 struct Sweep<'a> {
     width: usize,
-    height: usize,
     windows: &'a Windows,
     links: &'a Links,
     evidence: &'a [u8],
     pass: Pass,
-    sums: &'a mut [u16],
+    /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
+    before: [PathRow; AXES.len()],
+    here: [PathRow; AXES.len()],
 }
 
-/// Energies of a row of pixels in one direction, with room on either side of each.
+/// Energies of a row of pixels in one direction, the least of each taken off, none above the price of a change; with room on
+/// either side where orders of its neighbours may point.
 struct PathRow {
-    energies: Vec<i16>,
-    stride: usize,
+    energies: Vec<u8>,
 }
 
 impl PathRow {
     fn new(width: usize, lanes: usize) -> Self {
-        let stride = lanes + 2 * MAX_SHIFT;
-        Self { energies: vec![NEVER; width * stride], stride }
+        Self { energies: vec![CHANGE as u8; width * (lanes + 2 * MAX_SHIFT)] }
     }
 }
 
-impl Kernel for Sweep<'_> {
+/// Goes through rows of which the other pass knows nothing yet.
+struct Leaving<'a, 'b> {
+    sweep: &'a mut Sweep<'b>,
+    rows: std::ops::Range<usize>,
+    /// Sums of the rows.
+    sums: &'a mut [u16],
+}
+
+impl Kernel for Leaving<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(mut self, _: L) {
-        // Most rigs have no more orders; loops of known length are registers.
-        match self.windows.lanes {
-            LANE_STEP => self.run_of::<LANE_STEP>(LANE_STEP),
-            lanes => self.run_of::<0>(lanes),
+    fn run<L: Lanes>(self, lanes: L) {
+        // Most rigs have few orders; loops of known length are registers.
+        match self.sweep.windows.lanes {
+            LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
+            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
 }
 
-impl Sweep<'_> {
-    /// All pixels; with a number of lanes that is known when this is compiled, or with 0 for any.
+impl Leaving<'_, '_> {
     #[inline(always)]
-    fn run_of<const KNOWN: usize>(&mut self, lanes: usize) {
-        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
-        // Along the row; from straight before, and from either side of it.
-        let rows = || [(); AXES.len()].map(|()| PathRow::new(self.width, lanes));
-        let (mut before, mut here) = (rows(), rows());
-        for i in 0..self.height {
-            let v = if self.pass == Pass::Down { i } else { self.height - 1 - i };
-            for j in 0..self.width {
-                let u = if self.pass == Pass::Down { j } else { self.width - 1 - j };
-                if self.windows.count[v * self.width + u] > 0 {
-                    self.pixel::<KNOWN>([u, v], lanes, &before, &mut here);
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
+        let Self { sweep, rows, sums } = self;
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
+            let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
+            for j in 0..sweep.width {
+                let u = sweep.column(j);
+                let pixel = v * sweep.width + u;
+                if sweep.windows.count[pixel] > 0 {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
+                    of_row[u * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
                 }
             }
-            std::mem::swap(&mut before, &mut here);
+            sweep.end_row();
         }
     }
+}
 
-    /// All four directions at a pixel.
+/// Goes through rows of which the other pass left its sums.
+struct Deciding<'a, 'b> {
+    sweep: &'a mut Sweep<'b>,
+    rows: std::ops::Range<usize>,
+    /// Sums of the rows.
+    sums: &'a [u16],
+    order: &'a mut [i16],
+    margin: &'a mut [u16],
+}
+
+impl Kernel for Deciding<'_, '_> {
+    type Output = ();
+
     #[inline(always)]
-    fn pixel<const KNOWN: usize>(
+    fn run<L: Lanes>(self, lanes: L) {
+        match self.sweep.windows.lanes {
+            LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
+            FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
+            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
+        }
+    }
+}
+
+impl Deciding<'_, '_> {
+    #[inline(always)]
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
+        let Self { sweep, rows, sums, order, margin } = self;
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
+            for j in 0..sweep.width {
+                let u = sweep.column(j);
+                let (pixel, place) = (v * sweep.width + u, (v - rows.start) * sweep.width + u);
+                if sweep.windows.count[pixel] > 0 {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
+                    let evidence = &sweep.evidence[pixel * lanes..][..lanes];
+                    let (best, lead) = decide::<L, ROOM>(level, evidence, &sum, &sums[place * lanes..][..lanes], lanes);
+                    order[place] = sweep.windows.first[pixel] + best;
+                    margin[place] = lead;
+                }
+            }
+            sweep.end_row();
+        }
+    }
+}
+
+impl<'a> Sweep<'a> {
+    #[inline(always)]
+    fn column(&self, j: usize) -> usize {
+        if self.pass == Pass::Down { j } else { self.width - 1 - j }
+    }
+
+    #[inline(always)]
+    fn end_row(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.here);
+    }
+
+    /// Where the paths come from in a row.
+    #[inline(always)]
+    fn links_of_row(&self, v: usize) -> [RowLinks<'a>; AXES.len()] {
+        let (links, forward) = (self.links, self.pass == Pass::Down);
+        [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward))
+    }
+
+    /// All four directions at a pixel in column `u`: the sum of what they bring. `along` are the energies along the row of the
+    /// pixel before, then those of this one.
+    #[inline(always)]
+    fn pixel<L: Lanes, const ROOM: usize>(
         &mut self,
-        place: [usize; 2],
+        level: L,
+        links: &[RowLinks<'_>; AXES.len()],
+        [u, pixel]: [usize; 2],
         lanes: usize,
-        before: &[PathRow; AXES.len()],
-        here: &mut [PathRow; AXES.len()],
-    ) {
-        let (u, pixel) = (place[0], place[1] * self.width + place[0]);
-        let lanes = if KNOWN > 0 { KNOWN } else { lanes };
+        along: &mut [u16; ROOM],
+    ) -> [u16; ROOM] {
+        let lanes = if ROOM <= FEW_LANES { ROOM } else { lanes };
+        let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
-        let sums = &mut self.sums[pixel * lanes..][..lanes];
+        let mut sum = [0; ROOM];
         for axis in 0..AXES.len() {
+            let is_along = AXES[axis][1] == 0;
             let mut from = [0; ROOM];
-            if let Some(Link { column, shift }) = self.links.towards(axis, place, self.pass == Pass::Down) {
-                let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
-                let source = &row.energies[column * row.stride + shift..][..lanes];
-                for lane in 0..lanes {
-                    from[lane] = source[lane].min(CHANGE);
+            if let Some(Link { column, shift }) = links[axis].towards(u) {
+                // Along the row nothing is waited for that memory has to bring.
+                if is_along && ROOM <= FEW_LANES && shift == MAX_SHIFT {
+                    from = *along;
+                } else {
+                    let before = if is_along { &self.here[axis] } else { &self.before[axis] };
+                    let before = &before.energies[column * stride + shift..][..lanes];
+                    for lane in 0..lanes {
+                        from[lane] = u16::from(before[lane]);
+                    }
                 }
             }
-            let row = &mut here[axis];
-            let energies = &mut row.energies[u * row.stride + MAX_SHIFT..][..lanes];
-            add(evidence, &from[..lanes], energies, sums);
+            let energies = add::<L, ROOM>(level, evidence, &from);
+            for lane in 0..ROOM {
+                sum[lane] += from[lane];
+            }
+            let here = &mut self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes];
+            for lane in 0..lanes {
+                here[lane] = energies[lane] as u8;
+            }
+            if is_along {
+                *along = energies;
+            }
         }
+        sum
     }
 }
 
-/// Energies of a pixel in one direction: those of the path so far and the pixel's own, their least taken off, added to the
-/// sums of all directions.
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
+/// price of a change, which whoever goes on from here pays at most.
 #[inline(always)]
-fn add(evidence: &[u8], from: &[i16], energies: &mut [i16], sums: &mut [u16]) {
-    let mut least = [NEVER; LANE_STEP];
-    for ((evidence, from), energies) in
-        evidence.chunks_exact(LANE_STEP).zip(from.chunks_exact(LANE_STEP)).zip(energies.chunks_exact_mut(LANE_STEP))
-    {
+fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM]) -> [u16; ROOM] {
+    let mut energies = *from;
+    let mut least = [u16::MAX; LANE_STEP];
+    for (energies, evidence) in energies.as_chunks_mut().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
         for lane in 0..LANE_STEP {
-            energies[lane] = i16::from(evidence[lane]) + from[lane];
-            least[lane] = least[lane].min(energies[lane]);
+            energies[lane] += u16::from(evidence[lane]);
+        }
+        let of_step = level.least(energies);
+        for lane in 0..LANE_STEP {
+            least[lane] = least[lane].min(of_step[lane]);
         }
     }
-    let least = least.into_iter().fold(NEVER, i16::min);
-    for (energy, sum) in energies.iter_mut().zip(sums) {
-        *energy -= least;
-        *sum += *energy as u16;
+    for energies in energies.as_chunks_mut::<LANE_STEP>().0 {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
+        }
     }
+    energies
 }
 
-const _: () = assert!(PATHS * (CHANGE as usize + u8::MAX as usize + MISSING as usize) < u16::MAX as usize);
+/// The place of the order with the least sum, and by how much the next best has more.
+#[inline(always)]
+fn decide<L: Lanes, const ROOM: usize>(
+    level: L,
+    evidence: &[u8],
+    sum: &[u16; ROOM],
+    other: &[u16],
+    lanes: usize,
+) -> (i16, u16) {
+    let (mut best, mut place, mut second) = (u16::MAX, 0, u16::MAX);
+    let (others, _) = other[..lanes].as_chunks::<LANE_STEP>();
+    for (step, (evidence, other)) in evidence.as_chunks::<LANE_STEP>().0.iter().zip(others).enumerate() {
+        let first = step * LANE_STEP;
+        // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
+        let mut keys = [u16::MAX; LANE_STEP];
+        for lane in 0..LANE_STEP {
+            let total = u16::from(evidence[lane]) * PATHS as u16 + sum[first + lane] + other[lane];
+            let key = total * LANE_STEP as u16 + lane as u16;
+            keys[lane] = if evidence[lane] == NO_ORDER { u16::MAX } else { key };
+        }
+        let leasts = level.least(&keys);
+        let least = leasts[0];
+        for lane in 0..LANE_STEP {
+            keys[lane] = if keys[lane] == leasts[lane] { u16::MAX } else { keys[lane] };
+        }
+        let next = level.least(&keys)[0];
+        if least < u16::MAX {
+            let total = least / LANE_STEP as u16;
+            if total < best {
+                second = second.min(best);
+                (best, place) = (total, first as u16 + least % LANE_STEP as u16);
+            } else {
+                second = second.min(total);
+            }
+            second = second.min(if next < u16::MAX { next / LANE_STEP as u16 } else { u16::MAX });
+        }
+    }
+    // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
+    let lead = if second == u16::MAX { PATHS as u16 * CHANGE } else { second - best };
+    (place as i16, lead)
+}
+
+const _: () = assert!(CHANGE < u8::MAX as u16);
+const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);

@@ -6,56 +6,187 @@
 use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
-use super::super::segment::SegmentRow;
+use super::super::neighbourhood::TURN;
+use super::super::places::{PlaceRow, Places};
 use super::Scene;
-use super::evidence::{DeltaScale, Outlook};
-use super::paths::Verdict;
+use super::evidence::{DeltaScale, OutlookRow};
+use super::outlook::Outlook;
+#[cfg(target_arch = "x86_64")]
+use super::wide;
 use super::windows::Windows;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::Avx512;
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
-const REACH_TURNS: f32 = 0.05;
-const REACH_SD: f32 = 6.0;
+pub(super) const REACH_TURNS: f32 = 0.05;
+pub(super) const REACH_SD: f32 = 6.0;
 /// Columns beside an interval in which a surface may have its rim.
-const RIM_COLUMNS: usize = 1;
+pub(super) const RIM_COLUMNS: usize = 1;
+/// Absolute phase of a pixel without candidate: none is near it.
+pub(super) const ABSENT: i32 = i32::MIN;
 
-/// A candidate and how it fits.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Selected {
-    pub(super) candidate: Candidate,
+/// The selected candidates of all pixels, and how they fit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Selection {
+    /// Absolute phase of each pixel, turns · 65536; [`ABSENT`] where no candidate is selected.
+    pub(super) absolute: Vec<i32>,
+    pub(super) column_px: Vec<f32>,
     /// (δ − drift)/sd with the sd that true candidates of these images have.
-    pub(super) z: f32,
+    pub(super) z: Vec<f32>,
+    pub(super) delta: Vec<i16>,
+    pub(super) slope: Vec<i16>,
     /// Whether it lies in the measurement volume, as far as its place is known.
-    pub(super) in_volume: bool,
+    pub(super) in_volume: Vec<bool>,
+    /// Where it lies in C2.
+    pub(super) places: Places,
 }
 
-/// The candidate of each pixel that has one of the decided order.
-pub(super) fn select(
-    scene: &Scene<'_>,
-    windows: &Windows,
-    scale: &DeltaScale,
-    verdicts: &[Verdict],
-) -> Vec<Option<Selected>> {
-    let width = scene.cam1.width;
-    let mut selected = vec![None; verdicts.len()];
-    let rows = selected.par_chunks_mut(width.max(1)).enumerate();
-    rows.for_each_init(SegmentRow::default, |segments, (v, row)| {
-        let drift = scene.drift.along_row(v);
-        scene.table.row(v, segments);
-        for (u, selected) in row.iter_mut().enumerate() {
-            let pixel = v * width + u;
-            if windows.count[pixel] > 0 {
-                let outlook = Outlook::new(scene, windows, segments, &drift, pixel, u);
-                let sd_turns = scale.sd_turns(scene.cam1.modulation[pixel].grey());
-                *selected = best_of_order(&outlook, verdicts[pixel].order, sd_turns);
+impl Selection {
+    /// Selects the candidate of each pixel that has one of the decided order.
+    pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
+        let (pixels, width) = (scene.cam1.phase.len(), scene.cam1.width.max(1));
+        self.absolute.clear();
+        self.absolute.resize(pixels, ABSENT);
+        self.column_px.resize(pixels, 0.0);
+        self.z.resize(pixels, 0.0);
+        self.delta.resize(pixels, 0);
+        self.slope.resize(pixels, 0);
+        self.in_volume.resize(pixels, false);
+        self.places.resize(pixels);
+        let places = self.absolute.par_chunks_mut(width).zip(self.column_px.par_chunks_mut(width));
+        let fits = self.z.par_chunks_mut(width).zip(self.delta.par_chunks_mut(width));
+        let rest = self.slope.par_chunks_mut(width).zip(self.in_volume.par_chunks_mut(width));
+        let Places { of_pixels, nearness } = &mut self.places;
+        let in_cam2 = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width));
+        let rows = places.zip(fits).zip(rest).zip(in_cam2).enumerate();
+        rows.for_each_init(OutlookRow::default, |row, (v, (out, (of_pixels, nearness)))| {
+            let (((absolute, column_px), (z, delta)), (slope, in_volume)) = out;
+            row.turn_to(scene, scale, v);
+            let pixels = v * width..(v + 1) * width;
+            let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+            let phase = &scene.cam1.phase[pixels];
+            let out = SelectedRow { absolute, column_px: &mut *column_px, z, delta, slope, in_volume };
+            SelectionRow { scene, windows, row, phase, count, order, out }.select();
+            PlaceRow { of_pixels, nearness }.find(scene.table, &row.segments, column_px);
+        });
+        self.normalize();
+    }
+
+    /// The candidate of a pixel that has one, of its decided order.
+    pub(super) fn candidate(&self, pixel: usize, order: i16) -> Candidate {
+        Candidate { column_px: self.column_px[pixel], order, delta: self.delta[pixel], slope: self.slope[pixel] }
+    }
+
+    /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.
+    fn normalize(&mut self) {
+        const MEDIAN_OF_UNIT_NORMAL: f32 = 0.6745;
+        /// Least scale that is believed.
+        const MIN_SCALE: f32 = 0.2;
+        let Some(median) = self.median_magnitude_of_z() else { return };
+        let scale = (median / MEDIAN_OF_UNIT_NORMAL).max(MIN_SCALE);
+        self.z.par_iter_mut().for_each(|z| *z /= scale);
+    }
+
+    /// Median of |z| of all selected candidates.
+    fn median_magnitude_of_z(&self) -> Option<f32> {
+        // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
+        let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
+        let selected = || self.z.iter().zip(&self.absolute).filter(|(_, absolute)| **absolute != ABSENT);
+        let mut counts = vec![0_u32; 1 << 15];
+        selected().for_each(|(&z, _)| counts[upper(z) % (1 << 15)] += 1);
+        let middle = counts.iter().sum::<u32>() / 2;
+        let mut below = 0;
+        let of_median = counts.iter().position(|&count| {
+            below += count;
+            below > middle
+        })?;
+        let before = below - counts[of_median];
+        let mut near: Vec<f32> = selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median).collect();
+        let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
+        Some(median)
+    }
+}
+
+/// Room for the selected candidates of a row.
+struct SelectedRow<'a> {
+    absolute: &'a mut [i32],
+    column_px: &'a mut [f32],
+    z: &'a mut [f32],
+    delta: &'a mut [i16],
+    slope: &'a mut [i16],
+    in_volume: &'a mut [bool],
+}
+
+/// Selects the candidates of a row.
+struct SelectionRow<'a> {
+    scene: &'a Scene<'a>,
+    windows: &'a Windows,
+    row: &'a OutlookRow,
+    phase: &'a [u16],
+    count: &'a [u8],
+    order: &'a [i16],
+    out: SelectedRow<'a>,
+}
+
+impl SelectionRow<'_> {
+    fn select(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        let done = Avx512::in_use().map_or(0, |lanes| self.select_blocks(lanes));
+        #[cfg(not(target_arch = "x86_64"))]
+        let done = 0;
+        (done..self.count.len()).for_each(|u| self.select_pixel(u));
+    }
+
+    /// Whole blocks of pixels; yields how many pixels they have.
+    #[cfg(target_arch = "x86_64")]
+    fn select_blocks(&mut self, level: Avx512) -> usize {
+        let row = self.row.wide(self.scene, self.windows);
+        let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
+        let (mut of_block, mut room, mut found) = (row.no_block(), wide::Room::new(), wide::Found::NONE);
+        for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
+            let begin = block * wide::BLOCK;
+            if !row.turn(level, &mut of_block, begin, count) {
+                continue;
             }
+            of_block.select(level, order, &mut room, &mut found);
+            let (out, pixels) = (&mut self.out, begin..begin + wide::BLOCK);
+            out.absolute[pixels.clone()].copy_from_slice(&found.absolute);
+            out.column_px[pixels.clone()].copy_from_slice(&found.column_px);
+            out.z[pixels.clone()].copy_from_slice(&found.z);
+            out.delta[pixels.clone()].copy_from_slice(&found.delta);
+            out.slope[pixels.clone()].copy_from_slice(&found.slope);
+            out.in_volume[pixels].copy_from_slice(&found.in_volume);
+            (0..wide::BLOCK).filter(|k| found.irregular >> k & 1 == 1).for_each(|k| self.select_pixel(begin + k));
         }
-    });
-    normalize(&mut selected);
-    selected
+        counts.len() * wide::BLOCK
+    }
+
+    fn select_pixel(&mut self, u: usize) {
+        if self.count[u] == 0 {
+            return;
+        }
+        let outlook = self.row.outlook(self.scene, self.windows, u);
+        let sd_turns = self.row.sd_turns[u];
+        let Some((rest, column_px, slope)) = best_of_order(&outlook, self.order[u], sd_turns) else { return };
+        let delta_turns = rest + outlook.drift.at(column_px);
+        let out = &mut self.out;
+        out.absolute[u] = absolute(self.order[u], self.phase[u]);
+        out.column_px[u] = column_px;
+        out.z[u] = rest / sd_turns;
+        out.delta[u] = (delta_turns * 65536.0).round().clamp(-32768.0, 32767.0) as i16;
+        out.slope[u] = slope.clamp(-32768, 32767) as i16;
+        out.in_volume[u] = outlook.is_in_volume(column_px);
+    }
 }
 
-/// The candidate of an order with the least |δ − drift|, of those within reach.
-fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<Selected> {
+/// Absolute phase, turns · 65536.
+#[inline(always)]
+fn absolute(order: i16, phase: u16) -> i32 {
+    i32::from(order) * TURN + i32::from(phase)
+}
+
+/// The candidate of an order with the least |δ − drift|, of those within reach: δ − drift, column and slope.
+fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f32, f32, i32)> {
     let reach_turns = REACH_TURNS.max(REACH_SD * sd_turns);
     let interval_px = outlook.columns_of(i32::from(order), reach_turns)?;
     let mut best: Option<(f32, f32, i32)> = None;
@@ -74,31 +205,5 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<Sel
             consider(column_px, slope);
         }
     });
-    let (rest, column_px, slope) = best?;
-    let delta_turns = rest + outlook.drift.at(column_px);
-    Some(Selected {
-        candidate: Candidate {
-            column_px,
-            order,
-            delta: (delta_turns * 65536.0).round().clamp(-32768.0, 32767.0) as i16,
-            slope: slope.clamp(-32768, 32767) as i16,
-        },
-        z: rest / sd_turns,
-        in_volume: outlook.is_in_volume(column_px),
-    })
-}
-
-/// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.
-fn normalize(selected: &mut [Option<Selected>]) {
-    const MEDIAN_OF_UNIT_NORMAL: f32 = 0.6745;
-    /// Least scale that is believed.
-    const MIN_SCALE: f32 = 0.2;
-    let mut magnitudes: Vec<f32> = selected.iter().flatten().map(|s| s.z.abs()).collect();
-    if magnitudes.is_empty() {
-        return;
-    }
-    let middle = magnitudes.len() / 2;
-    let (_, &mut median, _) = magnitudes.select_nth_unstable_by(middle, f32::total_cmp);
-    let scale = (median / MEDIAN_OF_UNIT_NORMAL).max(MIN_SCALE);
-    selected.iter_mut().flatten().for_each(|s| s.z /= scale);
+    best
 }

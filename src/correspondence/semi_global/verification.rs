@@ -11,16 +11,17 @@
 //! The regions that stand are the ground on which every pixel is then judged by itself (*grounds*, *confidence*), those of
 //! other regions too: at borders true candidates err by more than the noise of the rest and fall out of their regions.
 
+use rayon::prelude::*;
+
 use super::super::candidates::Candidate;
 use super::super::outcome::Outcome;
-use super::super::places::Places;
-use super::claims::Claims;
-use super::confidence::{Confidence, confidences};
+use super::claims::{Claim, Claims};
+use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, Tables, confidences, margin_nats};
 use super::evidence::PASSING_Z;
-use super::grounds::{Grounds, gather};
-use super::paths::{PATHS, Verdict};
-use super::regions::Regions;
-use super::selection::Selected;
+use super::grounds::{Grounds, Surroundings};
+use super::paths::{PATHS, Verdicts};
+use super::regions::{Regions, Run};
+use super::selection::{ABSENT, Selection};
 use super::{Decisions, Limits, Scene, UNITS_PER_NAT};
 
 /// Difference of z between neighbours of one region.
@@ -37,152 +38,299 @@ const BETTER_FOUNDED_NATS: f32 = 3.0;
 /// Share of a region's places that better founded ones may take.
 const MAX_LOST_SHARE: f64 = 0.3;
 
-/// Decides about every pixel; `passing` is how many orders of each pixel pass the back-projection test.
+/// Room for what is known of each pixel.
+#[derive(Clone, Debug, Default)]
+pub(super) struct VerificationRoom {
+    claims: Claims,
+    surroundings: Surroundings,
+    /// Pixels beside and around each pixel that support it.
+    beside: Vec<u8>,
+    around: Vec<u8>,
+    is_hidden: Vec<bool>,
+}
+
+/// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
+/// not stay become absent. The grounds go where they are asked for.
 pub(super) fn verify(
     scene: &Scene<'_>,
-    selected: &[Option<Selected>],
-    verdicts: &[Verdict],
-    passing: Vec<u8>,
+    selection: &mut Selection,
+    verdicts: &Verdicts,
     limits: &Limits,
-) -> (Decisions, Vec<Grounds>) {
-    let regions = Regions::of(scene.cam1, selected, MAX_Z_STEP);
-    let leads_nats: Vec<f32> = regions.iter().map(|region| lead_nats(region, verdicts)).collect();
-    let mut verification =
-        Verification { scene, standing: selected.to_vec(), outcomes: vec![Outcome::NoCandidate; selected.len()] };
-    verification.judge_regions(&regions, &leads_nats, limits.min_region_px);
-    let places = Places::of(scene.table, |pixel| selected[pixel].map(|s| s.candidate.column_px));
-    verification.contradict_by_foundation(&places, &regions, &leads_nats);
-    let grounds = gather(scene, selected, &verification.standing, &places, verdicts, &regions, &leads_nats);
-    let confidence = confidences(selected, &grounds);
-    verification.stand_by_confidence(selected, &grounds, &confidence, limits.min_confidence);
-    verification.drop_small_regions(limits.min_region_px);
-    (verification.finish(passing, confidence), grounds)
+    room: &mut VerificationRoom,
+    decisions: &mut Decisions<'_>,
+    grounds: Option<&mut Vec<Grounds>>,
+) {
+    let width = scene.cam1.width.max(1);
+    let regions = Regions::of(width, &selection.absolute, &selection.z, MAX_Z_STEP);
+    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions };
+    let leads_nats = verification.leads_nats();
+    let mut verdict_of_region = verification.judge_regions(&leads_nats);
+    verification.contradict_by_foundation(&leads_nats, &mut verdict_of_region, &mut room.claims);
+    verification.look_around(&verdict_of_region, room);
+    let of_regions = verification.of_regions(&leads_nats, room);
+    verification.state_confidence(&of_regions, room, decisions.confidence);
+    if let Some(grounds) = grounds {
+        *grounds = verification.grounds(&of_regions, room);
+    }
+    verification.stand_by_confidence(&verdict_of_region, room, decisions);
+    verification.drop_small_regions(decisions.outcomes);
+    verification.finish(decisions);
 }
 
 struct Verification<'a> {
     scene: &'a Scene<'a>,
-    /// Those that stay so far.
-    standing: Vec<Option<Selected>>,
-    outcomes: Vec<Outcome>,
+    width: usize,
+    selection: &'a mut Selection,
+    verdicts: &'a Verdicts,
+    limits: &'a Limits,
+    regions: &'a Regions,
 }
 
 impl Verification<'_> {
-    fn judge_regions(&mut self, regions: &Regions, leads_nats: &[f32], min_region_px: u32) {
-        for (region, &lead_nats) in regions.iter().zip(leads_nats) {
-            let outcome = if region.len() < min_region_px as usize {
-                Some(Outcome::Ambiguous)
-            } else {
-                judge(region, &self.standing, lead_nats)
-            };
-            if let Some(outcome) = outcome {
-                self.drop_all(region, outcome);
+    /// Mean lead of the decided orders of each region over the next best ones, nats a path.
+    fn leads_nats(&self) -> Vec<f32> {
+        let margins =
+            self.regions.sums(|run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
+        let of_region = |(margins, &size_px): (u64, &u32)| {
+            (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
+        };
+        margins.into_iter().zip(&self.regions.size_px).map(of_region).collect()
+    }
+
+    /// Why each region does not stand; `None` if it does.
+    fn judge_regions(&self, leads_nats: &[f32]) -> Vec<Option<Outcome>> {
+        // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
+        let allowed = |run: &Run| {
+            let lead_nats = leads_nats[run.region as usize];
+            (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
+        };
+        let large = self.regions.sums(|run| {
+            let allowed = allowed(run);
+            self.selection.z[run.pixels()].iter().map(|z| u64::from(z * z / MEDIAN_SQUARE > allowed)).sum()
+        });
+        let judge = |((&size_px, &lead_nats), large): ((&u32, &f32), u64)| {
+            if size_px < self.limits.min_region_px || lead_nats < MIN_LEAD_NATS {
+                return Some(Outcome::Ambiguous);
+            }
+            let small = u64::from(size_px) - large;
+            (small <= u64::from(size_px) / 2).then_some(Outcome::RejectedByDelta)
+        };
+        self.regions.size_px.iter().zip(leads_nats).zip(large).map(judge).collect()
+    }
+
+    /// The claim of a pixel with a precedence.
+    #[inline(always)]
+    fn claim(&self, pixel: usize, precedence: f32) -> Claim {
+        Claim { place: self.selection.places.of_pixels[pixel], precedence, absolute: self.selection.absolute[pixel] }
+    }
+
+    /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
+    fn contradict_by_foundation(
+        &self,
+        leads_nats: &[f32],
+        verdict_of_region: &mut [Option<Outcome>],
+        claims: &mut Claims,
+    ) {
+        let standing =
+            || leads_nats.iter().zip(&*verdict_of_region).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
+        let (least, greatest) =
+            (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
+        // Regions that take no place of any other need not claim theirs.
+        let takes = |lead_nats: f32| lead_nats > least + BETTER_FOUNDED_NATS;
+        let loses = |lead_nats: f32| greatest > lead_nats + BETTER_FOUNDED_NATS;
+        if !takes(greatest) {
+            return;
+        }
+        claims.clear(self.scene.table.epipolar_size_px().iter().product());
+        for run in &self.regions.runs {
+            let lead_nats = leads_nats[run.region as usize];
+            if verdict_of_region[run.region as usize].is_none() && takes(lead_nats) {
+                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, lead_nats)));
+            }
+        }
+        let lost = self.regions.sums(|run| {
+            let lead_nats = leads_nats[run.region as usize];
+            if verdict_of_region[run.region as usize].is_some() || !loses(lead_nats) {
+                return 0;
+            }
+            let is_lost = |&pixel: &usize| claims.is_lost(self.claim(pixel, lead_nats), BETTER_FOUNDED_NATS);
+            run.pixels().filter(is_lost).count() as u64
+        });
+        for ((verdict, lost), &size_px) in verdict_of_region.iter_mut().zip(lost).zip(&self.regions.size_px) {
+            if verdict.is_none() && lost as f64 > MAX_LOST_SHARE * f64::from(size_px) {
+                *verdict = Some(Outcome::Contradicted);
             }
         }
     }
 
-    fn drop_all(&mut self, pixels: &[u32], outcome: Outcome) {
-        for &pixel in pixels {
-            self.drop(pixel as usize, outcome);
+    /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
+    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut VerificationRoom) {
+        let VerificationRoom { claims, surroundings, beside, around, is_hidden } = room;
+        let (width, absolute) = (self.width, &self.selection.absolute);
+        let stands = |run: &&Run| verdict_of_region[run.region as usize].is_none();
+        surroundings.fill([width, absolute.len() / width], |v, row| {
+            for run in self.regions.of_row(v).iter().filter(stands) {
+                let pixels = run.pixels();
+                row[pixels.start - v * width..pixels.end - v * width].copy_from_slice(&absolute[pixels]);
+            }
+        });
+        claims.clear(self.scene.table.epipolar_size_px().iter().product());
+        for run in self.regions.runs.iter().filter(stands) {
+            run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
         }
+        beside.resize(absolute.len(), 0);
+        around.resize(absolute.len(), 0);
+        is_hidden.resize(absolute.len(), false);
+        let rows = beside.par_chunks_mut(width).zip(around.par_chunks_mut(width)).zip(is_hidden.par_chunks_mut(width));
+        rows.enumerate().for_each(|(v, ((beside, around), is_hidden))| {
+            surroundings.support(v, &absolute[v * width..(v + 1) * width], beside, around);
+            for pixel in self.regions.of_row(v).iter().flat_map(Run::pixels) {
+                let claim = self.claim(pixel, self.selection.places.nearness[pixel]);
+                is_hidden[pixel - v * width] = claims.is_lost(claim, 0.0);
+            }
+        });
     }
 
-    fn drop(&mut self, pixel: usize, outcome: Outcome) {
-        self.standing[pixel] = None;
-        self.outcomes[pixel] = outcome;
-    }
-
-    /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
-    fn contradict_by_foundation(&mut self, places: &Places, regions: &Regions, leads_nats: &[f32]) {
-        let mut of_pixels_nats = vec![0.0; self.standing.len()];
-        for (region, &lead_nats) in regions.iter().zip(leads_nats) {
-            region.iter().for_each(|&pixel| of_pixels_nats[pixel as usize] = lead_nats);
-        }
-        let claims =
-            Claims::new(self.scene, places, &self.standing, |pixel| of_pixels_nats[pixel], BETTER_FOUNDED_NATS);
-        let is_lost = |&&pixel: &&u32| {
-            let pixel = pixel as usize;
-            self.standing[pixel].is_some_and(|standing| claims.is_lost(pixel, &standing))
+    /// What each region says of its pixels.
+    fn of_regions(&self, leads_nats: &[f32], room: &VerificationRoom) -> Vec<OfRegion> {
+        let hidden =
+            self.regions.sums(|run| room.is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
+        let of_region = |((&region_px, &lead_nats), hidden): ((&u32, &f32), u64)| OfRegion {
+            region_px,
+            lead_nats,
+            hidden_share: hidden as f32 / region_px as f32,
         };
-        let loses_much =
-            |region: &&[u32]| region.iter().filter(is_lost).count() as f64 > MAX_LOST_SHARE * region.len() as f64;
-        let fallen: Vec<&[u32]> = regions.iter().filter(loses_much).collect();
-        fallen.into_iter().for_each(|region| self.drop_all(region, Outcome::Contradicted));
+        self.regions.size_px.iter().zip(leads_nats).zip(hidden).map(of_region).collect()
+    }
+
+    /// How likely each selected candidate is true.
+    fn state_confidence(&self, of_regions: &[OfRegion], room: &VerificationRoom, confidence: &mut Vec<Confidence>) {
+        let (tables, width) = (Tables::new(), self.width);
+        let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
+        confidence.resize(self.selection.absolute.len(), Confidence::NONE);
+        let rows = confidence.par_chunks_mut(width).enumerate();
+        rows.for_each_init(
+            || ([const { Vec::new() }; 3], Vec::new()),
+            |(of_regions, log_odds), (v, confidence)| {
+                for (i, of_pixels) in of_regions.iter_mut().enumerate() {
+                    of_pixels.resize(width, 0.0);
+                    for run in self.regions.of_row(v) {
+                        let columns = run.pixels().start - v * width..run.pixels().end - v * width;
+                        of_pixels[columns].fill(odds[run.region as usize][i]);
+                    }
+                }
+                let pixels = v * width..(v + 1) * width;
+                let row = GroundsRow {
+                    margin: &self.verdicts.margin[pixels.clone()],
+                    z: &self.selection.z[pixels.clone()],
+                    beside: &room.beside[pixels.clone()],
+                    around: &room.around[pixels.clone()],
+                    is_hidden: &room.is_hidden[pixels],
+                    of_regions: of_regions.each_ref().map(Vec::as_slice),
+                };
+                confidences(&tables, &row, log_odds, confidence);
+            },
+        );
+    }
+
+    /// The grounds of every pixel with a selected candidate.
+    fn grounds(&self, of_regions: &[OfRegion], room: &VerificationRoom) -> Vec<Grounds> {
+        let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
+        for run in &self.regions.runs {
+            let OfRegion { region_px, lead_nats, hidden_share } = of_regions[run.region as usize];
+            for pixel in run.pixels() {
+                grounds[pixel] = Grounds {
+                    margin_nats: margin_nats(self.verdicts.margin[pixel]),
+                    abs_z: self.selection.z[pixel].abs(),
+                    region_px,
+                    region_lead_nats: lead_nats,
+                    beside: room.beside[pixel],
+                    around: room.around[pixel],
+                    is_hidden: room.is_hidden[pixel],
+                    hidden_share,
+                };
+            }
+        }
+        grounds
     }
 
     /// Lets every selected candidate stand that is confident enough, and no other.
     fn stand_by_confidence(
         &mut self,
-        selected: &[Option<Selected>],
-        grounds: &[Grounds],
-        confidence: &[Confidence],
-        min_confidence: f32,
+        verdict_of_region: &[Option<Outcome>],
+        room: &VerificationRoom,
+        decisions: &mut Decisions<'_>,
     ) {
-        let least = Confidence::at_least(min_confidence);
-        for (pixel, selected) in selected.iter().enumerate() {
-            let Some(candidate) = selected else { continue };
-            if confidence[pixel] >= least {
-                self.standing[pixel] = *selected;
-            } else if self.standing[pixel].is_some() {
-                self.drop(pixel, reason(candidate, &grounds[pixel]));
+        let least = Confidence::at_least(self.limits.min_confidence);
+        let (width, regions) = (self.width, self.regions);
+        let Selection { absolute, z, .. } = &mut *self.selection;
+        decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
+        let rows = absolute.par_chunks_mut(width).zip(z.par_chunks(width)).zip(room.is_hidden.par_chunks(width));
+        let decided = decisions.outcomes.par_chunks_mut(width).zip(decisions.confidence.par_chunks(width));
+        rows.zip(decided).enumerate().for_each(|(v, (((absolute, z), is_hidden), (outcomes, confidence)))| {
+            outcomes.fill(Outcome::NoCandidate);
+            for run in regions.of_row(v) {
+                let verdict = verdict_of_region[run.region as usize];
+                for u in run.pixels().start - v * width..run.pixels().end - v * width {
+                    if confidence[u] < least {
+                        outcomes[u] = verdict.unwrap_or_else(|| reason(is_hidden[u], z[u]));
+                        absolute[u] = ABSENT;
+                    }
+                }
+            }
+        });
+    }
+
+    fn drop_small_regions(&mut self, outcomes: &mut [Outcome]) {
+        let Selection { absolute, z, .. } = &mut *self.selection;
+        let regions = Regions::of(self.width, absolute, z, f32::INFINITY);
+        for run in &regions.runs {
+            if regions.size_px[run.region as usize] < self.limits.min_region_px {
+                outcomes[run.pixels()].fill(Outcome::Ambiguous);
+                absolute[run.pixels()].fill(ABSENT);
             }
         }
     }
 
-    fn drop_small_regions(&mut self, min_region_px: u32) {
-        for region in Regions::of(self.scene.cam1, &self.standing, f32::INFINITY).iter() {
-            if region.len() < min_region_px as usize {
-                self.drop_all(region, Outcome::Ambiguous);
-            }
-        }
-    }
-
-    fn finish(mut self, passing: Vec<u8>, mut confidence: Vec<Confidence>) -> Decisions {
-        let mut chosen: Vec<Option<Candidate>> = vec![None; self.standing.len()];
-        for (pixel, standing) in self.standing.iter().enumerate() {
-            if let Some(standing) = standing {
-                self.outcomes[pixel] = match (standing.in_volume, passing[pixel]) {
+    fn finish(&self, decisions: &mut Decisions<'_>) {
+        let width = self.width;
+        let Decisions { outcomes, chosen, passing, confidence } = decisions;
+        chosen.resize(outcomes.len(), None);
+        let rows =
+            outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(confidence.par_chunks_mut(width));
+        rows.enumerate().for_each(|(v, ((outcomes, chosen), confidence))| {
+            for u in 0..outcomes.len() {
+                let pixel = v * width + u;
+                if self.selection.absolute[pixel] == ABSENT {
+                    (confidence[u], chosen[u]) = (Confidence::NONE, None);
+                    continue;
+                }
+                outcomes[u] = match (self.selection.in_volume[pixel], passing[pixel]) {
                     (false, _) => Outcome::OutsideVolume,
-                    (true, 1) if standing.z.abs() < PASSING_Z => Outcome::Reference,
+                    (true, 1) if self.selection.z[pixel].abs() < PASSING_Z => Outcome::Reference,
                     (true, 0 | 1) => Outcome::Unique,
                     (true, _) => Outcome::AcrossEpipolar,
                 };
-                chosen[pixel] = standing.in_volume.then_some(standing.candidate);
+                chosen[u] = self.selection.in_volume[pixel].then(|| self.candidate(pixel));
+                if chosen[u].is_none() {
+                    confidence[u] = Confidence::NONE;
+                }
             }
-            if chosen[pixel].is_none() {
-                confidence[pixel] = Confidence::NONE;
-            }
-        }
-        Decisions { outcomes: self.outcomes, chosen, passing, confidence }
+        });
+    }
+
+    fn candidate(&self, pixel: usize) -> Candidate {
+        self.selection.candidate(pixel, self.verdicts.order[pixel])
     }
 }
 
 /// Why a candidate of a region that stands does not.
-fn reason(selected: &Selected, grounds: &Grounds) -> Outcome {
-    if grounds.is_hidden {
+fn reason(is_hidden: bool, z: f32) -> Outcome {
+    if is_hidden {
         Outcome::Contradicted
-    } else if selected.z.abs() >= PASSING_Z {
+    } else if z.abs() >= PASSING_Z {
         Outcome::RejectedByDelta
     } else {
         Outcome::Ambiguous
     }
-}
-
-/// Why a region does not stand; `None` if it does.
-fn judge(region: &[u32], selected: &[Option<Selected>], lead_nats: f32) -> Option<Outcome> {
-    if lead_nats < MIN_LEAD_NATS {
-        return Some(Outcome::Ambiguous);
-    }
-    // The median: of a small region half the pixels lie at its border.
-    let mut squares: Vec<f32> =
-        region.iter().filter_map(|&pixel| selected[pixel as usize]).map(|s| s.z * s.z).collect();
-    let middle = squares.len() / 2;
-    let (_, median, _) = squares.select_nth_unstable_by(middle, f32::total_cmp);
-    let allowed = (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE);
-    (*median / MEDIAN_SQUARE > allowed).then_some(Outcome::RejectedByDelta)
-}
-
-/// Mean lead of the decided orders of a region over the next best ones, nats a path.
-fn lead_nats(region: &[u32], verdicts: &[Verdict]) -> f32 {
-    let margins: u64 = region.iter().map(|&pixel| u64::from(verdicts[pixel as usize].margin)).sum();
-    (margins as f64 / region.len() as f64) as f32 / (PATHS as f32 * UNITS_PER_NAT)
 }

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::super::segment::{Segment, SegmentRow};
+use crate::simd::{self, Kernel, Lanes, Level};
+
+use super::super::segment::SegmentRow;
 use super::Scene;
 
 /// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
@@ -21,6 +23,7 @@ pub(super) const LANE_STEP: usize = 16;
 pub(super) const MAX_LANES: usize = 128;
 
 /// For each pixel of C1 the orders that a candidate can have.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Windows {
     /// Least order of each pixel.
     pub(super) first: Vec<i16>,
@@ -28,60 +31,94 @@ pub(super) struct Windows {
     pub(super) count: Vec<u8>,
     /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
+    pub(super) reach: Reach,
+}
+
+/// The columns in which candidates are sought.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reach {
     /// How far segments reach beyond the volume, pixels of the epipolar frame.
-    beyond_px: f32,
+    pub(super) beyond_px: f32,
     /// Last column of the epipolar frame, pixels.
-    last_column_px: f32,
+    pub(super) last_column_px: f32,
 }
 
 impl Windows {
-    pub(super) fn of(scene: &Scene<'_>) -> Self {
+    /// Asks for the orders of the pixels of a scene.
+    pub(super) fn ask(&mut self, scene: &Scene<'_>) {
         let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
         let orders = mean_orders(scene);
         let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
         let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
-        let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
-        let mut windows = Self { first: Vec::new(), count: Vec::new(), lanes: 0, beyond_px, last_column_px };
-        let ranges: Vec<(i16, u8)> =
-            (0..scene.cam1.height).into_par_iter().flat_map_iter(|v| windows.orders_of_row(scene, v)).collect();
-        let most = ranges.iter().map(|range| usize::from(range.1)).max().unwrap_or(0);
-        windows.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
-        (windows.first, windows.count) = ranges.into_iter().unzip();
-        windows
+        let reach = Reach { beyond_px, last_column_px: (scene.table.epipolar_size_px()[0] - 1) as f32 };
+        self.reach = reach;
+        self.first.resize(scene.cam1.phase.len(), 0);
+        self.count.resize(scene.cam1.phase.len(), 0);
+        let width = scene.cam1.width.max(1);
+        let rows = self.first.par_chunks_mut(width).zip(self.count.par_chunks_mut(width)).enumerate();
+        rows.for_each_init(SegmentRow::default, |segments, (v, (first, count))| {
+            scene.table.row(v, segments);
+            let pixels = v * width..(v + 1) * width;
+            let (phase, valid) = (&scene.cam1.phase[pixels.clone()], &scene.cam1.valid[pixels]);
+            simd::run(Level::in_use(), WindowRow { reach, segments, phase, valid, first, count });
+        });
+        let most = self.count.par_iter().copied().max().map_or(0, usize::from);
+        self.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
     }
+}
 
+impl Reach {
     /// First and last column at which candidates of a segment are sought, pixels.
-    #[inline]
-    pub(super) fn limits_px(&self, segment: &Segment) -> [f32; 2] {
-        let first_px = (segment.begin_px - self.beyond_px).max(0.0);
-        [first_px, (segment.end_px + self.beyond_px).min(self.last_column_px)]
+    #[inline(always)]
+    pub(super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
+        [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
     }
+}
 
-    fn orders_of_row(&self, scene: &Scene<'_>, v: usize) -> Vec<(i16, u8)> {
-        let width = scene.cam1.width;
-        let mut segments = SegmentRow::default();
-        scene.table.row(v, &mut segments);
-        (0..width).map(|u| self.orders(scene, &segments.segment(u), v * width + u)).collect()
-    }
+/// Asks for the orders of a row of pixels.
+struct WindowRow<'a> {
+    reach: Reach,
+    segments: &'a SegmentRow,
+    phase: &'a [u16],
+    valid: &'a [bool],
+    first: &'a mut [i16],
+    count: &'a mut [u8],
+}
 
-    fn orders(&self, scene: &Scene<'_>, segment: &Segment, pixel: usize) -> (i16, u8) {
-        if !scene.cam1.valid[pixel] || segment.is_none() {
-            return (0, 0);
+impl Kernel for WindowRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { reach, segments: s, phase, valid, first, count } = self;
+        let width = phase.len();
+        let (begin, end, reference) = (&s.begin_px[..width], &s.end_px[..width], &s.reference_px[..width]);
+        let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
+        let (valid, first, count) = (&valid[..width], &mut first[..width], &mut count[..width]);
+        for u in 0..width {
+            let coefficients = [a[u], b[u], d[u]];
+            let phase_turns = f32::from(phase[u]) / 65536.0;
+            let limits_px = reach.limits_px([begin[u], end[u]]);
+            let (least, orders) = orders(limits_px, reference[u], coefficients, phase_turns);
+            let (within, _) = self::orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
+            // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
+            let fits = (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2));
+            let least = if fits { least } else { within - (MAX_LANES / 4) as f32 };
+            let is_asked = valid[u] & (begin[u] <= end[u]);
+            first[u] = if is_asked { least as i16 } else { 0 };
+            count[u] = if is_asked { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
         }
-        let phase_turns = f32::from(scene.cam1.phase[pixel]) / 65536.0;
-        let at = |column_px: f32| segment.phase_turns(column_px) - phase_turns;
-        let range = |[first_px, last_px]: [f32; 2]| {
-            let (a, b) = (at(first_px), at(last_px));
-            let least = (a.min(b) - DELTA_MARGIN_TURNS).ceil();
-            (least, (a.max(b) + DELTA_MARGIN_TURNS).floor() - least + 1.0)
-        };
-        let (first, count) = range(self.limits_px(segment));
-        let (within, _) = range(segment.limits_px());
-        // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
-        let fits = count <= MAX_LANES as f32 && first.abs() < f32::from(i16::MAX / 2);
-        let first = if fits { first } else { within - (MAX_LANES / 4) as f32 };
-        (first as i16, count.clamp(1.0, MAX_LANES as f32) as u8)
     }
+}
+
+/// The least order within limits, and the number of orders.
+#[inline(always)]
+fn orders([first_px, last_px]: [f32; 2], reference_px: f32, [a, b, d]: [f32; 3], phase_turns: f32) -> (f32, f32) {
+    let (s, t) = (first_px - reference_px, last_px - reference_px);
+    let at_first = (a + b * s) / (1.0 + d * s) - phase_turns;
+    let at_last = (a + b * t) / (1.0 + d * t) - phase_turns;
+    let least = (at_first.min(at_last) - DELTA_MARGIN_TURNS).ceil();
+    (least, (at_first.max(at_last) + DELTA_MARGIN_TURNS).floor() - least + 1.0)
 }
 
 /// Mean rise of Φ over a segment, turns; at least one.

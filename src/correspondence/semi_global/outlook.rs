@@ -1,0 +1,96 @@
+//! What one pixel of C1 sees of its segment, and of what lies beyond.
+
+use std::ops::ControlFlow;
+
+use super::super::drift::{DepthPolynomial, DepthRow};
+use super::super::row_view::RowView;
+use super::super::segment::{Segment, SegmentRow};
+use super::Scene;
+use super::windows::Windows;
+
+/// Columns by which an interval is widened against rounding.
+pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
+/// Rise of Φ along all columns below which they are searched as one, turns: a projector near C1 lights a ray with one phase.
+pub(super) const FLAT_TURNS: f32 = 2e-3;
+
+/// A pixel of C1 and the columns of C2 in which it looks for candidates.
+pub(super) struct Outlook<'a> {
+    pub(super) row: RowView<'a>,
+    pub(super) segment: Segment,
+    pub(super) drift: DepthPolynomial,
+    pub(super) limits_px: [f32; 2],
+    /// Least and greatest Φ within these limits, turns.
+    phase_range_turns: [f32; 2],
+    pub(super) phase: u16,
+}
+
+impl<'a> Outlook<'a> {
+    /// That of the pixel in column `u` of row `v`, which `segments` and `drift` belong to.
+    pub(super) fn new(
+        scene: &Scene<'a>,
+        windows: &Windows,
+        segments: &SegmentRow,
+        drift: &DepthRow,
+        [u, v]: [usize; 2],
+    ) -> Self {
+        let segment = segments.segment(u);
+        let limits_px = windows.reach.limits_px(segment.limits_px());
+        let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
+        Self {
+            row: RowView::new(scene.cam2, segment.row_px),
+            segment,
+            drift: drift.segment(u),
+            limits_px,
+            phase_range_turns: [a.min(b), a.max(b)],
+            phase: scene.cam1.phase[v * scene.cam1.width + u],
+        }
+    }
+
+    /// Φ less the drift and the phase of the pixel at a column, turns: the order, and what is left of δ.
+    #[inline]
+    pub(super) fn order_and_rest(&self, column_px: f32) -> (i32, f32) {
+        let turns = self.segment.phase_turns(column_px) - self.drift.at(column_px) - f32::from(self.phase) / 65536.0;
+        let order = (turns + 0.5_f32.copysign(turns)) as i32;
+        (order, turns - order as f32)
+    }
+
+    /// Whether the point seen at a column lies in the measurement volume, as far as its place is known.
+    #[inline]
+    pub(super) fn is_in_volume(&self, column_px: f32) -> bool {
+        column_px >= self.segment.begin_px && column_px <= self.segment.end_px
+    }
+
+    /// The columns in which a candidate of an order can lie whose δ is off by no more than `reach_turns`.
+    #[inline]
+    pub(super) fn columns_of(&self, order: i32, reach_turns: f32) -> Option<[f32; 2]> {
+        let [first_px, last_px] = self.limits_px;
+        let [least, most] = self.phase_range_turns;
+        if most - least <= FLAT_TURNS {
+            return Some(self.limits_px);
+        }
+        let target = order as f32 + f32::from(self.phase) / 65536.0;
+        let within = |turns: f32| {
+            let (column_px, columns_per_turn) = self.segment.column_and_columns_per_turn(turns.clamp(least, most));
+            (column_px.clamp(first_px, last_px), columns_per_turn.abs())
+        };
+        // The drift is that of the middle of the interval; over its width it changes by far less than the reach.
+        let middle = target + self.drift.at(within(target).0);
+        if middle + reach_turns < least || middle - reach_turns > most {
+            return None;
+        }
+        let (column_px, columns_per_turn) = within(middle);
+        // What the middle is clamped by widens the interval on the other side: it must reach as far as before.
+        let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
+        Some([column_px - half_px, column_px + half_px])
+    }
+
+    /// Tells of all crossings in an interval of columns: column and slope.
+    #[inline]
+    pub(super) fn crossings(&self, [begin_px, end_px]: [f32; 2], mut tell: impl FnMut(f32, i32)) {
+        let columns = begin_px.max(0.0) as usize..=end_px.max(0.0).ceil() as usize;
+        let _ = self.row.crossings(self.limits_px, self.phase, columns, |column_px, slope| {
+            tell(column_px, slope);
+            ControlFlow::Continue(())
+        });
+    }
+}
