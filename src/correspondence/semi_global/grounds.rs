@@ -99,7 +99,7 @@ impl Kernel for SupportRow<'_> {
             }
         }
         for (around, beside) in around.iter_mut().zip(beside) {
-            *around += *beside;
+            *around = around.wrapping_add(*beside);
         }
     }
 }
@@ -109,7 +109,8 @@ impl Kernel for SupportRow<'_> {
 fn count(own: &[i32], others: &[i32], limit: u32, counts: &mut [u8]) {
     let (own, others) = (&own[..counts.len()], &others[..counts.len()]);
     for i in 0..counts.len() {
-        counts[i] += u8::from(others[i].wrapping_sub(own[i]).unsigned_abs() <= limit);
+        let runs_on = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
+        counts[i] = counts[i].wrapping_add(u8::from(runs_on));
     }
 }
 

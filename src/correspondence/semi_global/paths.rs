@@ -27,9 +27,8 @@ use super::windows::{LANE_STEP, MAX_LANES, Windows};
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
 const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
-/// Numbers of orders for which loops are compiled, beside one step of them and the most: as many as this, and up to as many.
+/// Number of orders for which loops are compiled, beside one step of them and any number.
 const FEW_LANES: usize = 2 * LANE_STEP;
-const MANY_LANES: usize = 4 * LANE_STEP;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
 
@@ -143,7 +142,6 @@ impl Kernel for Leaving<'_, '_> {
         match self.sweep.windows.lanes {
             LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
             FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
-            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
             _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
@@ -189,7 +187,6 @@ impl Kernel for Deciding<'_, '_> {
         match self.sweep.windows.lanes {
             LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
             FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
-            ..=MANY_LANES => self.run_of::<L, MANY_LANES>(lanes),
             _ => self.run_of::<L, MAX_LANES>(lanes),
         }
     }
@@ -251,7 +248,7 @@ impl<'a> Sweep<'a> {
         let lanes = if ROOM <= FEW_LANES { ROOM } else { lanes };
         let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
-        let mut sum = [0; ROOM];
+        let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
             let is_along = AXES[axis][1] == 0;
             let mut from = [0; ROOM];
@@ -267,9 +264,9 @@ impl<'a> Sweep<'a> {
                     }
                 }
             }
-            let energies = add::<L, ROOM>(level, evidence, &from);
-            for lane in 0..ROOM {
-                sum[lane] += from[lane];
+            let energies = add::<L, ROOM>(level, evidence, &from, lanes);
+            for lane in 0..lanes {
+                sum[lane] = sum[lane].wrapping_add(from[lane]);
             }
             let here = &mut self.here[axis].energies[u * stride + MAX_SHIFT..][..lanes];
             for lane in 0..lanes {
@@ -286,19 +283,19 @@ impl<'a> Sweep<'a> {
 /// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
 /// price of a change, which whoever goes on from here pays at most.
 #[inline(always)]
-fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM]) -> [u16; ROOM] {
+fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
     let mut energies = *from;
     let mut least = [u16::MAX; LANE_STEP];
     for (energies, evidence) in energies.as_chunks_mut().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
         for lane in 0..LANE_STEP {
-            energies[lane] += u16::from(evidence[lane]);
+            energies[lane] = energies[lane].wrapping_add(u16::from(evidence[lane]));
         }
         let of_step = level.least(energies);
         for lane in 0..LANE_STEP {
             least[lane] = least[lane].min(of_step[lane]);
         }
     }
-    for energies in energies.as_chunks_mut::<LANE_STEP>().0 {
+    for energies in energies[..lanes].as_chunks_mut::<LANE_STEP>().0 {
         for lane in 0..LANE_STEP {
             energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
         }
@@ -317,13 +314,17 @@ fn decide<L: Lanes, const ROOM: usize>(
 ) -> (i16, u16) {
     let (mut best, mut place, mut second) = (u16::MAX, 0, u16::MAX);
     let (others, _) = other[..lanes].as_chunks::<LANE_STEP>();
-    for (step, (evidence, other)) in evidence.as_chunks::<LANE_STEP>().0.iter().zip(others).enumerate() {
+    let sums = sum.as_chunks::<LANE_STEP>().0;
+    for (step, ((evidence, other), sums)) in
+        evidence.as_chunks::<LANE_STEP>().0.iter().zip(others).zip(sums).enumerate()
+    {
         let first = step * LANE_STEP;
         // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
         let mut keys = [u16::MAX; LANE_STEP];
         for lane in 0..LANE_STEP {
-            let total = u16::from(evidence[lane]) * PATHS as u16 + sum[first + lane] + other[lane];
-            let key = total * LANE_STEP as u16 + lane as u16;
+            let own = u16::from(evidence[lane]).wrapping_mul(PATHS as u16);
+            let total = own.wrapping_add(sums[lane]).wrapping_add(other[lane]);
+            let key = total.wrapping_mul(LANE_STEP as u16).wrapping_add(lane as u16);
             keys[lane] = if evidence[lane] == NO_ORDER { u16::MAX } else { key };
         }
         let leasts = level.least(&keys);
