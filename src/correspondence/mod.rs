@@ -36,6 +36,7 @@ mod segment_table;
 mod semi_global;
 mod slip;
 mod source_map;
+mod unions;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

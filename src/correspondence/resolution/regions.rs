@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
+use super::super::unions::Unions;
 use super::continuity::{Along, Continuity};
 use super::decisions::Decisions;
 use super::grid::{Grid, ones, words};
@@ -138,8 +139,7 @@ impl LinksOfRow<'_> {
 struct Joined {
     /// Place and length of each run.
     runs: Vec<(u32, u32)>,
-    /// A run of the same region, the first of it or nearer to it.
-    parent: Vec<u32>,
+    unions: Unions,
     /// Where the runs of the row above begin.
     above: usize,
 }
@@ -162,7 +162,7 @@ impl Joined {
                     begin = place;
                 }
                 if ends >> k & 1 == 1 {
-                    self.parent.push(self.runs.len() as u32);
+                    self.unions.add();
                     self.runs.push((begin, place - begin + 1));
                 }
             }
@@ -193,40 +193,19 @@ impl Joined {
                 }
                 (upper_end, lower_end) =
                     (self.runs[upper].0 + self.runs[upper].1, self.runs[lower].0 + self.runs[lower].1);
-                self.join(upper, lower);
+                self.unions.unite(upper, lower);
             }
         }
     }
 
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.first_of(a as u32), self.first_of(b as u32));
-        self.parent[a.max(b) as usize] = a.min(b);
-    }
-
-    fn first_of(&mut self, mut run: u32) -> u32 {
-        while self.parent[run as usize] != run {
-            let next = self.parent[run as usize];
-            self.parent[run as usize] = self.parent[next as usize];
-            run = next;
-        }
-        run
-    }
-
     /// Regions, numbered by their first pixels.
-    fn into_regions(mut self, grid: Grid) -> Regions {
+    fn into_regions(self, grid: Grid) -> Regions {
         let mut regions =
             Regions { runs: Vec::with_capacity(self.runs.len()), sizes: Vec::new(), label: vec![NONE; grid.places()] };
-        for run in 0..self.runs.len() {
-            let (place, length) = self.runs[run];
-            let first = self.first_of(run as u32) as usize;
-            let region = if first == run {
-                regions.sizes.push(0);
-                regions.sizes.len() as u32 - 1
-            } else {
-                regions.runs[first].region
-            };
-            regions.sizes[region as usize] += length;
+        for ((place, length), region) in self.runs.into_iter().zip(self.unions.numbers()) {
             let run = Run { place, length, region };
+            regions.sizes.resize(regions.sizes.len().max(region as usize + 1), 0);
+            regions.sizes[region as usize] += length;
             regions.label[run.places()].fill(region);
             regions.runs.push(run);
         }

@@ -7,6 +7,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::super::neighbourhood::MAX_STEP;
+use super::super::unions::Unions;
 use super::selection::ABSENT;
 use crate::simd::{self, Kernel, Lanes, Level};
 
@@ -62,7 +63,12 @@ impl Regions {
             }
         }
         let mut runs = runs.concat();
-        let size_px = unions.number(&mut runs);
+        let mut size_px = Vec::new();
+        for (run, number) in runs.iter_mut().zip(unions.numbers()) {
+            run.region = number;
+            size_px.resize(size_px.len().max(number as usize + 1), 0);
+            size_px[number as usize] += run.end - run.begin;
+        }
         Self { runs, begins, size_px }
     }
 
@@ -193,44 +199,6 @@ fn row_below_touches(rows: [&Row<'_>; 2], runs: [&[Run]; 2], max_z_step: f32, ma
         }
     }
     pairs
-}
-
-/// Sets of runs, each named by the first of them.
-struct Unions(Vec<u32>);
-
-impl Unions {
-    fn of(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    fn name(&mut self, mut run: usize) -> usize {
-        while self.0[run] as usize != run {
-            self.0[run] = self.0[self.0[run] as usize];
-            run = self.0[run] as usize;
-        }
-        run
-    }
-
-    fn unite(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.name(a), self.name(b));
-        self.0[a.max(b)] = a.min(b) as u32;
-    }
-
-    /// Numbers the sets in the order of their first runs, and tells how many pixels each has.
-    fn number(mut self, runs: &mut [Run]) -> Vec<u32> {
-        let mut size_px = Vec::new();
-        for i in 0..runs.len() {
-            let name = self.name(i);
-            runs[i].region = if name == i {
-                size_px.push(0);
-                size_px.len() as u32 - 1
-            } else {
-                runs[name].region
-            };
-            size_px[runs[i].region as usize] += runs[i].end - runs[i].begin;
-        }
-        size_px
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,58 @@
+//! Sets of runs of pixels that were found to belong together.
+
+/// Sets of things that are counted; each set is named by the first of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Unions(Vec<u32>);
+
+impl Unions {
+    /// So many things, each by itself.
+    pub(super) fn of(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    /// One more thing, by itself.
+    pub(super) fn add(&mut self) {
+        self.0.push(self.0.len() as u32);
+    }
+
+    /// Makes the sets of two things one.
+    pub(super) fn unite(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.name(a), self.name(b));
+        self.0[a.max(b)] = a.min(b) as u32;
+    }
+
+    /// For each thing the number of its set; sets are numbered in the order of their first things.
+    pub(super) fn numbers(mut self) -> Vec<u32> {
+        let mut numbers = Vec::with_capacity(self.0.len());
+        let mut sets = 0;
+        for thing in 0..self.0.len() {
+            let name = self.name(thing);
+            numbers.push(if name == thing { sets } else { numbers[name] });
+            sets += u32::from(name == thing);
+        }
+        numbers
+    }
+
+    fn name(&mut self, mut thing: usize) -> usize {
+        while self.0[thing] as usize != thing {
+            self.0[thing] = self.0[self.0[thing] as usize];
+            thing = self.0[thing] as usize;
+        }
+        thing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_are_numbered_by_their_first_things() {
+        let mut unions = Unions::of(6);
+        unions.add();
+        unions.unite(5, 2);
+        unions.unite(6, 5);
+        unions.unite(1, 3);
+        assert_eq!(unions.numbers(), [0, 1, 2, 1, 3, 2, 2]);
+    }
+}
