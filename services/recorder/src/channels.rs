@@ -7,7 +7,7 @@ use fringeflow::message::{
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, Wake, WakeSource,
+    REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, WaitSource, wait_for,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -21,7 +21,6 @@ pub(crate) struct Channels {
     reports: Subscriber<(), StageReport>,
     window_reports: Numbered<(), WindowReport>,
     poses: Option<Numbered<(), PoseReport>>,
-    wake: Wake,
 }
 
 /// A channel whose messages are numbered.
@@ -52,13 +51,12 @@ impl Channels {
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
             poses: is_tracked.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
-            wake: Wake::new()?,
         })
     }
 
     /// Waits for messages, or for a change of the state.
     pub(crate) fn wait(&self, state: &Subscriber<(), ScanState>) -> Result<(), TransportError> {
-        let mut ports: Vec<&dyn WakeSource> = vec![
+        let mut ports: Vec<&dyn WaitSource> = vec![
             state,
             &self.cameras[0].port,
             &self.cameras[1].port,
@@ -67,10 +65,10 @@ impl Channels {
             &self.reports,
             &self.window_reports.port,
         ];
-        ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
-        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WakeSource));
-        ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WakeSource));
-        self.wake.wait(&ports, BEAT)
+        ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WaitSource));
+        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WaitSource));
+        ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WaitSource));
+        wait_for(&ports, BEAT)
     }
 
     /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
