@@ -7,7 +7,7 @@ use fringeflow::message::{
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, WaitSource, wait_for,
+    REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TransportError, WaitSource, wait_for,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -30,6 +30,29 @@ struct Numbered<H: Header, P: Payload + ?Sized> {
     from: Stage,
     /// `None` until the first message: what was sent before it was not for this recorder.
     arrivals: Option<Arrivals>,
+}
+
+/// A message that came.
+pub(crate) enum Taken<'a> {
+    /// One that is written down at once.
+    Message(Recordable<'a>),
+    /// An image, which may stay where it is until it is in the file.
+    Image(Image),
+}
+
+/// An image in the memory that it came in.
+pub(crate) struct Image(Received<FrameHeader, [u8]>);
+
+impl Image {
+    pub(crate) fn header(&self) -> FrameHeader {
+        *self.0.header()
+    }
+}
+
+impl AsRef<[u8]> for Image {
+    fn as_ref(&self) -> &[u8] {
+        self.0.payload()
+    }
 }
 
 impl Channels {
@@ -72,27 +95,28 @@ impl Channels {
     }
 
     /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) {
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(Taken<'_>, u64)) {
         loop {
             let mut any = self.events.next(
                 |(), event| event.sequence,
                 |(), event, missing| {
-                    take(&Recordable::Pattern(event), missing);
+                    take(Taken::Message(Recordable::Pattern(event)), missing);
                 },
             );
             for camera in &mut self.cameras {
-                any |= camera.next(
-                    |header, _| header.published,
-                    |header, image, missing| {
-                        take(&Recordable::Frame { header, image }, missing);
-                    },
-                );
+                if let Some((image, missing)) = camera.receive(|header, _| header.published) {
+                    take(Taken::Image(Image(image)), missing);
+                    any = true;
+                }
             }
             if let Some(maps) = &mut self.maps {
                 any |= maps.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing);
+                        take(
+                            Taken::Message(Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }),
+                            missing,
+                        );
                     },
                 );
             }
@@ -100,36 +124,42 @@ impl Channels {
                 any |= found.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing);
+                        take(
+                            Taken::Message(Recordable::Correspondences {
+                                header,
+                                payload: bytemuck::cast_slice(payload),
+                            }),
+                            missing,
+                        );
                     },
                 );
             }
             any |= self.clouds.next(
                 |header, _| header.published,
                 |header, records, missing| {
-                    take(&Recordable::Cloud { header, records }, missing);
+                    take(Taken::Message(Recordable::Cloud { header, records }), missing);
                 },
             );
             any |= self.window_reports.next(
                 |(), report| report.published,
                 |(), report, missing| {
-                    take(&Recordable::WindowReport(report), missing);
+                    take(Taken::Message(Recordable::WindowReport(report)), missing);
                 },
             );
             if let Some(poses) = &mut self.poses {
                 any |= poses.next(
                     |(), report| report.published,
                     |(), report, missing| {
-                        take(&Recordable::Pose(report), missing);
+                        take(Taken::Message(Recordable::Pose(report)), missing);
                         if report.has_pose() {
-                            take(&Recordable::PoseTransform(report), 0);
+                            take(Taken::Message(Recordable::PoseTransform(report)), 0);
                         }
                     },
                 );
             }
             // Of many senders, whose messages have no common number.
             if let Some(report) = receive(&mut self.reports) {
-                take(&Recordable::Report(&report), 0);
+                take(Taken::Message(Recordable::Report(&report)), 0);
                 any = true;
             }
             if !any {
@@ -156,12 +186,17 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
         Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, from, arrivals: None })
     }
 
-    /// Takes the next message, if there is one.
-    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
-        let Some(message) = receive(&mut self.port) else { return false };
+    /// The next message, if there is one, and how many are missing before it.
+    fn receive(&mut self, number: impl Fn(&H, &P) -> u64) -> Option<(Received<H, P>, u64)> {
+        let message = receive(&mut self.port)?;
         let number = number(message.header(), message.payload());
         let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
-        let missing = arrivals.arrive(number).unwrap_or(0);
+        Some((message, arrivals.arrive(number).unwrap_or(0)))
+    }
+
+    /// Takes the next message, if there is one.
+    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
+        let Some((message, missing)) = self.receive(number) else { return false };
         take(message.header(), message.payload(), missing);
         true
     }
