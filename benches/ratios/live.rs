@@ -12,7 +12,7 @@ use super::bench::Bench;
 use super::clock::median;
 use super::line::{Report, Wanted, milliseconds};
 use super::processors;
-use super::scenes::bench_folder;
+use super::scenes::{FULL_PX, bench_folder};
 
 const NAME: &str = "last image received → cloud, p50, live ÷ in process";
 const WANTED: f64 = 1.3;
@@ -64,7 +64,7 @@ fn rounds(command: &Path) -> Result<Vec<[f64; 2]>, String> {
     })
 }
 
-/// The demo as it is but for its images: fewer of them, and other places for its files.
+/// The demo as it is but for its images: larger and fewer ones, and other places for its files.
 fn configuration(folder: &Path) -> Result<PathBuf, String> {
     let demo = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/demo.toml");
     let text = std::fs::read_to_string(demo).map_err(|e| format!("{demo}: {e}"))?;
@@ -72,6 +72,7 @@ fn configuration(folder: &Path) -> Result<PathBuf, String> {
         ("name = \"demo\"", "name = \"ratios\"".to_owned()),
         ("\"../demo-output/demo.images\"", format!("{:?}", folder.join("images"))),
         ("\"../demo-output\"", format!("{folder:?}")),
+        ("size_px = [480, 384]", format!("size_px = {FULL_PX:?}")),
         ("rate_hz = 20.0", "rate_hz = 10.0".to_owned()),
         ("poses = 80", "poses = 16".to_owned()),
         ("travel_mm = [0.5, 0.45, 0.08]", "travel_mm = [0.1, 0.09, 0.016]".to_owned()),

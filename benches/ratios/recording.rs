@@ -1,11 +1,16 @@
 //! Recording images, against writing as many bytes to the same disk; both are asked to be kept at the end.
+//!
+//! Images come as those of cameras do, when the ones before are on their way: all at once they would fill the queue, whose memory
+//! would be touched for the first time, which a recording of more than a moment does not do.
 
 use std::fs::File;
 use std::io::Write as _;
+use std::sync::Arc;
+use std::time::Duration;
 
-use fringeflow::dataset::Setup;
+use fringeflow::dataset::{GreyImage, Setup};
 use fringeflow::message::{FrameHeader, PixelFormat};
-use fringeflow::recording::{Opening, Origin, Recordable, Recorder};
+use fringeflow::recording::{Opening, Origin, Recorder};
 
 use super::bench::Bench;
 use super::clock::{contender, interleave};
@@ -13,9 +18,12 @@ use super::line::{Report, Time, Wanted};
 use super::scenes::bench_folder;
 
 const WANTED: f64 = 1.15;
-/// Pairs of images of a recording, and a queue that holds them all.
+/// Pairs of images of a recording, and a queue that would hold them all.
 const PAIRS: u64 = 40;
 const QUEUE_BYTES: usize = 1 << 30;
+/// Images that may wait before the next one comes, and how long the camera takes to see that they do not.
+const WAITING: usize = 2;
+const PAUSE: Duration = Duration::from_micros(200);
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
@@ -23,7 +31,10 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let pairs = if bench.is_measured { PAIRS } else { 1 };
     let folder = bench_folder();
     let [target, plain] = [folder.join("ratio.mcap"), folder.join("plain.bytes")];
-    let image = |camera: usize, number: u64| easy.images.cameras[camera][number as usize % 4].pixels.as_slice();
+    // They stay as they are until they are dropped, as those in the memory of a channel do.
+    let shared = |image: &GreyImage| Arc::<[u8]>::from(image.pixels.as_slice());
+    let images = easy.images.cameras.each_ref().map(|images| images.iter().map(shared).collect::<Vec<_>>());
+    let image = |camera: usize, number: u64| &images[camera][number as usize % 4];
     let record = || {
         let origin = Origin::here();
         let opening = Opening { setup: &setup, configuration: "", origin: &origin, min_free_bytes: 0 };
@@ -31,8 +42,11 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         let recorder = Recorder::create(&target, &opening, QUEUE_BYTES).unwrap();
         for number in 0..pairs {
             for camera in 0..2 {
+                while recorder.waiting() >= WAITING {
+                    std::thread::sleep(PAUSE);
+                }
                 let header = header(bench.size_px, camera as u32 + 1, number);
-                recorder.push(&Recordable::Frame { header: &header, image: image(camera, number) });
+                recorder.push_held(&header, Arc::clone(image(camera, number)));
             }
         }
         recorder.finish().unwrap();

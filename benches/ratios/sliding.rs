@@ -20,17 +20,24 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let images = easy.scene.moving_images(STEPS);
     for method in ResolutionMethod::ALL {
         let new = || Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method);
-        let (mut sliding, mut first) = (new(), 0);
-        let mut next = move || {
-            first = (first + 1) % (MOVING_IMAGES - window_images());
-            first
-        };
+        let mut sliding = new();
+        // Both see the same windows in the same order.
+        let [mut next, mut same] = [0, 1].map(|_| {
+            let mut first = 0;
+            move || {
+                first = (first + 1) % (MOVING_IMAGES - window_images());
+                first
+            }
+        });
         let mut contenders = [
             contender(|| {
                 let first = next();
                 _ = black_box(sliding.cloud(first % STEPS, &window(&images, first)));
             }),
-            contender(|| _ = black_box(new().cloud(0, &window(&images, 0)))),
+            contender(|| {
+                let first = same();
+                _ = black_box(new().cloud(first % STEPS, &window(&images, first)));
+            }),
         ];
         let spent = interleave(bench.repetitions, &mut contenders);
         let name = format!("each further cloud of a sliding window ÷ one from scratch, {}", method.name());

@@ -7,6 +7,7 @@ mod cameras;
 mod former;
 mod health;
 mod monitor;
+mod processors;
 mod raw;
 mod scanner;
 mod tracking;
@@ -28,6 +29,7 @@ pub use cameras::{
 };
 pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
+pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
 pub use tracking::TrackingConfiguration;
 pub use virtual_scanner::VirtualScannerConfiguration;
@@ -109,6 +111,15 @@ pub enum ConfigurationProblem {
     Camera {
         /// `cam1` or `cam2`.
         camera: &'static str,
+        /// What is wrong.
+        #[source]
+        problem: Box<Self>,
+    },
+    /// Something of what one service is given.
+    #[error("in [processors.{service}]: {problem}")]
+    Service {
+        /// Its name.
+        service: &'static str,
         /// What is wrong.
         #[source]
         problem: Box<Self>,

@@ -1,5 +1,6 @@
 //! The file as serde reads it: every key optional, unknown ones refused.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::Deserialize;
@@ -25,6 +26,7 @@ pub(super) struct RawConfiguration {
     pub(super) recorder: RawRecorder,
     pub(super) monitor: RawMonitor,
     pub(super) tracking: RawTracking,
+    pub(super) processors: BTreeMap<String, RawProcessors>,
 }
 
 impl RawConfiguration {
@@ -225,6 +227,15 @@ pub(super) struct RawTracking {
     pub(super) merge_every: Option<u32>,
     pub(super) shown_points: Option<usize>,
     pub(super) shown_every_s: Option<f64>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawProcessors {
+    pub(super) cpus: Option<Vec<usize>>,
+    pub(super) threads: Option<usize>,
+    pub(super) realtime_priority: Option<u8>,
+    pub(super) lock_memory: Option<String>,
 }
 
 /// The value that a word stands for.

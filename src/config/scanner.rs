@@ -13,6 +13,7 @@ use crate::simulation::{SimulationError, VirtualScanner};
 
 use super::cameras::{self, CameraSource};
 use super::monitor::{self, MonitorConfiguration};
+use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_scanner::{self, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
@@ -44,6 +45,8 @@ pub struct ScannerConfiguration {
     pub recorder: RecorderConfiguration,
     /// Metrics, dashboard, live view.
     pub monitor: MonitorConfiguration,
+    /// What services are given of the machine.
+    pub processors: ProcessorsConfiguration,
     /// The text all this was read from.
     pub text: String,
 }
@@ -153,6 +156,7 @@ impl ScannerConfiguration {
             )?,
             recorder: recorder(&raw.recorder, folder)?,
             monitor: monitor::configuration(&raw.monitor, folder)?,
+            processors: processors::configuration(&raw.processors)?,
             text: text.to_owned(),
         })
     }

@@ -24,7 +24,6 @@ mod matching;
 mod neighbourhood;
 mod outcome;
 mod patches;
-mod places;
 pub mod reference_methods;
 mod resolution;
 mod row_view;

@@ -5,7 +5,7 @@
 //! written: a disk that runs full says so while there is still room to close the file.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::io::{self, ErrorKind, IoSlice, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -141,13 +141,11 @@ impl Write for FileEnd {
         (&*self.0).write(bytes)
     }
 
+    fn write_vectored(&mut self, pieces: &[IoSlice<'_>]) -> io::Result<usize> {
+        (&*self.0).write_vectored(pieces)
+    }
+
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
-    }
-}
-
-impl Seek for FileEnd {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        (&*self.0).seek(to)
     }
 }

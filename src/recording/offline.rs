@@ -5,14 +5,12 @@ use std::path::Path;
 use super::Recordable;
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
-use super::recordable::Encoded;
 use super::writer::{Opening, RecordingWriter};
 
 /// A recording in the making; it ends with [`Self::finish`] or one of the others that consume it.
 pub struct OfflineRecorder {
     writer: RecordingWriter,
     counts: RecorderCounts,
-    encoded: Encoded,
 }
 
 impl OfflineRecorder {
@@ -22,7 +20,7 @@ impl OfflineRecorder {
     /// The name is taken, or the file cannot be made.
     pub fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        Ok(Self { writer, counts: RecorderCounts::default(), encoded: Encoded::default() })
+        Ok(Self { writer, counts: RecorderCounts::default() })
     }
 
     /// Attaches a file.
@@ -38,11 +36,13 @@ impl OfflineRecorder {
         let Some(topic) = message.topic() else { return Ok(()) };
         let counts = self.counts.of(topic);
         counts.taken += 1;
-        message.encode(&mut self.encoded);
-        if !self.writer.admits(self.encoded.bytes.len()) {
+        // Of several the others are not needed: as many come back as were handed over.
+        let mut encoded = self.writer.released().last().unwrap_or_default();
+        message.encode(&mut encoded);
+        if !self.writer.admits(encoded.bytes.len()) {
             return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
         }
-        self.writer.write(topic, message.times(), &self.encoded)?;
+        self.writer.write(topic, message.times(), encoded)?;
         counts.passed += 1;
         Ok(())
     }
@@ -53,7 +53,7 @@ impl OfflineRecorder {
     /// It cannot be written.
     pub fn finish(self) -> Result<RecorderCounts, RecordingError> {
         let metadata = self.counts.metadata("end");
-        self.writer.finish(metadata)?;
+        self.writer.finish(&metadata)?;
         Ok(self.counts)
     }
 

@@ -58,7 +58,7 @@ impl Queue {
             let freed = state.free.pop()?;
             state.bytes = state.bytes.saturating_sub(freed.bytes.capacity());
         }
-        let encoded = Encoded { bytes: Vec::with_capacity(bytes), split: 0 };
+        let encoded = Encoded { bytes: Vec::with_capacity(bytes), ..Encoded::default() };
         state.bytes += encoded.bytes.capacity();
         Some(encoded)
     }
@@ -82,6 +82,11 @@ impl Queue {
             None if state.ended => Next::Ended,
             None => Next::Nothing,
         }
+    }
+
+    /// Messages that wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.lock().items.len()
     }
 
     /// Gives a buffer back.

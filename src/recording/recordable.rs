@@ -1,5 +1,7 @@
 //! Messages of the channels as they are recorded: from header structs and payload bytes to protobuf, one copy.
 
+use std::ops::Range;
+
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp, Vector3, log};
 
@@ -9,6 +11,7 @@ use crate::message::{
     PatternEvent, PixelFormat, PoseReport, Stage, StageReport, Window, WindowReport,
 };
 
+use super::held::Held;
 use super::{Topic, TruthPose, schema, tracking, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.
@@ -16,7 +19,7 @@ const DATA_KEY: u8 = 6 << 3 | 2;
 /// Key of the `payload` of maps: field 2, bytes.
 const PAYLOAD_KEY: u8 = 2 << 3 | 2;
 /// What a message takes beside its payload, at most (a mark may be longer, and is small anyway).
-const MOST_HEADER_BYTES: usize = 2048;
+pub(super) const MOST_HEADER_BYTES: usize = 2048;
 
 /// A message of a channel, with its payload, that a recording takes.
 #[derive(Clone, Copy, Debug)]
@@ -91,8 +94,10 @@ pub enum Recordable<'a> {
 /// One or two encoded messages that belong together: what a header describes follows it.
 #[derive(Debug, Default)]
 pub struct Encoded {
-    /// Both messages, one after the other.
+    /// Both messages, one after the other; without the end of the second where that is held.
     pub(super) bytes: Vec<u8>,
+    /// What follows the bytes, where it lies.
+    pub(super) held: Option<Held>,
     /// Where the second begins.
     pub(super) split: usize,
 }
@@ -100,9 +105,30 @@ pub struct Encoded {
 impl Encoded {
     /// The messages, each with its own topic: that of the whole, or of its header.
     pub fn parts(&self, topic: Topic) -> impl Iterator<Item = (Topic, &[u8])> {
-        let split = topic.header().map_or(0, |_| self.split.min(self.bytes.len()));
-        let (header, message) = self.bytes.split_at(split);
-        topic.header().map(|of_header| (of_header, header)).into_iter().chain([(topic, message)])
+        self.ranges(topic).map(|(topic, range)| (topic, self.bytes.get(range).unwrap_or_default()))
+    }
+
+    /// Bytes of both messages.
+    pub(super) fn len(&self) -> usize {
+        self.bytes.len() + self.held.as_ref().map_or(0, |held| held.bytes().len())
+    }
+
+    /// A range of both messages: what of it was encoded, and what is held.
+    pub(super) fn slices(&self, range: &Range<usize>) -> [&[u8]; 2] {
+        let split = self.bytes.len();
+        let encoded = self.bytes.get(range.start.min(split)..range.end.min(split));
+        let held = self
+            .held
+            .as_ref()
+            .and_then(|held| held.bytes().get(range.start.saturating_sub(split)..range.end.saturating_sub(split)));
+        [encoded.unwrap_or_default(), held.unwrap_or_default()]
+    }
+
+    /// Where the messages are.
+    pub(super) fn ranges(&self, topic: Topic) -> impl Iterator<Item = (Topic, Range<usize>)> + use<> {
+        let end = self.len();
+        let split = topic.header().map_or(0, |_| self.split.min(end));
+        topic.header().map(|of_header| (of_header, 0..split)).into_iter().chain([(topic, split..end)])
     }
 }
 
@@ -195,13 +221,12 @@ impl Recordable<'_> {
     /// Encodes it into a buffer, whose content is replaced.
     pub fn encode(&self, out: &mut Encoded) {
         out.bytes.clear();
+        out.held = None;
         let bytes = &mut out.bytes;
         match self {
             Self::Frame { header, image } => {
-                append(bytes, &schema::FrameHeader::of(header));
-                out.split = bytes.len();
-                append(bytes, &raw_image(header));
-                append_bytes(bytes, DATA_KEY, image);
+                encode_frame(header, image.len(), out);
+                out.bytes.extend_from_slice(image);
             }
             Self::Cloud { header, records } => {
                 append(bytes, &schema::CloudHeader::of(header));
@@ -240,6 +265,17 @@ impl Recordable<'_> {
     }
 }
 
+/// Encodes an image of so many bytes into a buffer, whose content is replaced, up to its bytes.
+pub(super) fn encode_frame(header: &FrameHeader, image_bytes: usize, out: &mut Encoded) {
+    let Encoded { bytes, held, split } = out;
+    bytes.clear();
+    *held = None;
+    append(bytes, &schema::FrameHeader::of(header));
+    *split = bytes.len();
+    append(bytes, &raw_image(header));
+    append_length(bytes, DATA_KEY, image_bytes);
+}
+
 /// A time as Foxglove's messages have it; those beyond 2106 are shown as 0.
 pub(super) fn timestamp(time_ns: u64) -> Option<Timestamp> {
     let seconds = u32::try_from(time_ns / 1_000_000_000).ok()?;
@@ -257,9 +293,14 @@ fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {
 
 /// Adds a field of bytes to a message that is encoded already; the order of fields does not matter.
 fn append_bytes(bytes: &mut Vec<u8>, key: u8, content: &[u8]) {
-    bytes.push(key);
-    let _ = prost::encode_length_delimiter(content.len(), bytes);
+    append_length(bytes, key, content.len());
     bytes.extend_from_slice(content);
+}
+
+/// Adds what stands before the content of a field of bytes.
+fn append_length(bytes: &mut Vec<u8>, key: u8, length: usize) {
+    bytes.push(key);
+    let _ = prost::encode_length_delimiter(length, bytes);
 }
 
 /// What Foxglove calls the format of an image; `None` for one that is not recorded.

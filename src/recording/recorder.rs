@@ -11,13 +11,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::message::DropReason;
+use crate::message::{DropReason, FrameHeader};
 
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
+use super::held::{Held, Places};
 use super::opening::monotonic_ns;
 use super::queue::{Item, Next, Queue};
-use super::recordable::Encoded;
+use super::recordable::{Encoded, MOST_HEADER_BYTES, encode_frame};
 use super::writer::{Opening, RecordingWriter};
 use super::{Recordable, Topic};
 
@@ -25,6 +26,8 @@ use super::{Recordable, Topic};
 pub const DEFAULT_QUEUE_BYTES: usize = 256 << 20;
 /// Bytes of the disk that stay free unless the configuration says otherwise.
 pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
+/// Images that are held at once: enough for a chunk and those behind it, and fewer than a channel lets its subscribers hold.
+pub const MOST_HELD: usize = 8;
 /// Longest time that a message waits for its way to the kernel.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Longest time that it waits for its way to the disk.
@@ -43,6 +46,7 @@ pub struct Recorded {
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Shared>,
+    places: Places,
     writer: Option<JoinHandle<Result<PathBuf, RecordingError>>>,
 }
 
@@ -73,7 +77,7 @@ impl Recorder {
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&work, writer).run());
         let writer = thread.map_err(|e| RecordingProblem::Unwritable(e).of(target))?;
-        Ok(Self { shared, writer: Some(writer) })
+        Ok(Self { shared, places: Places::new(MOST_HELD), writer: Some(writer) })
     }
 
     /// Takes a message, or counts it as lost; never waits for the disk.
@@ -92,10 +96,33 @@ impl Recorder {
         self.shared.queue.push(Item { topic, times: message.times(), encoded }, had);
     }
 
+    /// [`Self::push`] of an image that need not be copied, since it stays as it is until it is dropped: at most
+    /// [`MOST_HELD`] are held at once, each until it is in the file, and those beyond are copied.
+    pub fn push_held(&self, header: &FrameHeader, image: impl AsRef<[u8]> + Send + 'static) {
+        let message = Recordable::Frame { header, image: image.as_ref() };
+        let Some((topic, place)) = message.topic().zip(self.places.take()) else { return self.push(&message) };
+        let times = message.times();
+        self.shared.account().counts.of(topic).taken += 1;
+        let Some(mut encoded) = self.shared.queue.buffer(MOST_HEADER_BYTES) else {
+            self.shared.account().counts.of(topic).drop_one(DropReason::QueueFull);
+            return;
+        };
+        let had = encoded.bytes.capacity();
+        encode_frame(header, image.as_ref().len(), &mut encoded);
+        encoded.held = Some(Held::new(image, place));
+        self.shared.queue.push(Item { topic, times, encoded }, had);
+    }
+
     /// What was taken, written and lost so far.
     #[must_use]
     pub fn counts(&self) -> RecorderCounts {
         self.shared.account().counts.clone()
+    }
+
+    /// Messages that wait for their way to the kernel.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.shared.queue.waiting()
     }
 
     /// Why nothing more is written, though the recording was not ended; `None` while all is well.
@@ -182,12 +209,12 @@ impl<'a> WriterThread<'a> {
 
     fn take(&mut self, item: Item) {
         let Item { topic, times, encoded } = item;
-        let admitted = self.writer.as_mut().map(|writer| writer.admits(encoded.bytes.len()));
+        let admitted = self.writer.as_mut().map(|writer| writer.admits(encoded.len()));
         if admitted == Some(false) {
             tracing::error!("{}: the disk is full, the recording ends", self.shared.target.display());
             self.close("disk full");
         }
-        match self.writer.as_mut().map(|writer| writer.write(topic, times, &encoded)) {
+        match self.writer.as_mut().map(|writer| writer.write(topic, times, encoded)) {
             Some(Ok(())) => *self.unflushed.entry(topic).or_default() += 1,
             Some(Err(problem)) => {
                 self.lose(topic, 1);
@@ -195,7 +222,13 @@ impl<'a> WriterThread<'a> {
             }
             None => self.lose(topic, 1),
         }
-        self.shared.queue.give_back(encoded);
+        self.give_back();
+    }
+
+    /// Gives the queue the buffers whose content is in the file.
+    fn give_back(&mut self) {
+        let released = self.writer.iter_mut().flat_map(RecordingWriter::released);
+        released.for_each(|buffer| self.shared.queue.give_back(buffer));
     }
 
     fn lose(&self, topic: Topic, count: u64) {
@@ -212,6 +245,7 @@ impl<'a> WriterThread<'a> {
             result = result.and_then(|()| writer.sync());
             self.synced_at = Instant::now();
         }
+        self.give_back();
         match result {
             Ok(()) => self.count_written(),
             Err(problem) => self.fail(&problem),
@@ -236,7 +270,7 @@ impl<'a> WriterThread<'a> {
         let mut encoded = Encoded::default();
         loss.encode(&mut encoded);
         // The counts tell it too, so a failure here loses nothing; the next write comes upon it again.
-        let _ = writer.write(Topic::Log, loss.times(), &encoded);
+        let _ = writer.write(Topic::Log, loss.times(), encoded);
     }
 
     /// Closes the file with the account of what is in it.
@@ -246,7 +280,7 @@ impl<'a> WriterThread<'a> {
         let mut metadata = self.shared.account().counts.metadata(why);
         metadata.insert("ended_ns".to_owned(), monotonic_ns().to_string());
         self.shared.account().ended = Some(why);
-        self.closed = Some(writer.finish(metadata));
+        self.closed = Some(writer.finish(&metadata));
     }
 
     /// Gives the file up where it is; what was not flushed is lost, what was can be recovered.

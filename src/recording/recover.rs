@@ -68,7 +68,7 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
     account.insert("ended".to_owned(), "recovered".to_owned());
     account.insert("written".to_owned(), written.to_string());
     account.insert("recovered.faults".to_owned(), recovered.faults.len().to_string());
-    writer.finish(account)?;
+    writer.finish(&account)?;
     Ok(recovered)
 }
 
@@ -111,7 +111,7 @@ impl Recovery {
                     check_version(&entries)?;
                 }
                 self.found.push(name.to_owned());
-                self.writer.metadata(name, entries)
+                self.writer.metadata(name, &entries)
             }
         }
     }

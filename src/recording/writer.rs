@@ -4,24 +4,21 @@
 //! are noise to a compressor, so compressing them costs ten times the time and saves nothing.
 
 use std::collections::BTreeMap;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, McapError, WriteOptions, Writer};
+use mcap::records::MessageHeader;
 
 use crate::dataset::{CALIBRATION_FILE, META_FILE, Setup};
 
 use super::error::{RecordingError, RecordingProblem};
 use super::file::{FileEnd, UnfinishedFile};
+use super::mcap_writer::{Attachment, Content, McapWriter, Schema};
 use super::opening::{Origin, standing_messages};
 use super::recordable::{Encoded, Times};
 use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic, UNFINISHED};
 
-/// Size from which a chunk is closed.
-const CHUNK_BYTES: u64 = 4 << 20;
-/// Small writes are gathered to this size.
-const BUFFER_BYTES: usize = 1 << 20;
+/// Messages up to this size are copied into the chunk; buffers of larger ones are held until it is in the file.
+const COPIED_BYTES: usize = 16 << 10;
 
 /// What a recording begins with.
 #[derive(Clone, Copy, Debug)]
@@ -38,10 +35,12 @@ pub struct Opening<'a> {
 
 /// A recording in the making.
 pub(super) struct RecordingWriter {
-    mcap: Writer<BufWriter<FileEnd>>,
+    mcap: McapWriter<FileEnd>,
     file: UnfinishedFile,
     target: PathBuf,
     channels: BTreeMap<Topic, Channel>,
+    /// Buffers of messages that were copied.
+    idle: Vec<Encoded>,
 }
 
 struct Channel {
@@ -63,14 +62,12 @@ impl RecordingWriter {
     /// Makes the file and writes nothing but its header.
     pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
-        // Chunks are put together in memory, so that the file never holds one whose length is not known yet.
-        let options = WriteOptions::new().compression(None).chunk_size(Some(CHUNK_BYTES)).disable_seeking(true);
-        let options = options.profile("fringeflow").library(concat!("fringeflow ", env!("CARGO_PKG_VERSION")));
-        match options.create(BufWriter::with_capacity(BUFFER_BYTES, file.end())) {
-            Ok(mcap) => Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new() }),
+        let library = concat!("fringeflow ", env!("CARGO_PKG_VERSION"));
+        match McapWriter::begin(file.end(), "fringeflow", library) {
+            Ok(mcap) => Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new(), idle: Vec::new() }),
             Err(e) => {
                 file.discard();
-                Err(problem_of(e).of(target))
+                Err(RecordingProblem::Unwritable(e).of(target))
             }
         }
     }
@@ -78,7 +75,7 @@ impl RecordingWriter {
     fn open(&mut self, opening: &Opening<'_>) -> Result<(), RecordingProblem> {
         let Opening { setup, configuration, origin, .. } = *opening;
         let time_ns = origin.started_ns;
-        self.metadata(METADATA, origin.metadata(setup))?;
+        self.metadata(METADATA, &origin.metadata(setup))?;
         self.attach(CALIBRATION_FILE, "application/yaml", setup.text.calibration.as_bytes(), time_ns)?;
         self.attach(META_FILE, "application/json", setup.text.description.as_bytes(), time_ns)?;
         self.attach(CONFIGURATION_FILE, "application/toml", configuration.as_bytes(), time_ns)?;
@@ -94,15 +91,31 @@ impl RecordingWriter {
         self.file.admits(message_bytes)
     }
 
-    /// Writes a message, and the header before it where its topic has one.
-    pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: &Encoded) -> Result<(), RecordingProblem> {
-        encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data))
+    /// Writes a message, and the header before it where its topic has one. The buffer is [`Self::released`] once its content is
+    /// in the file.
+    pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: Encoded) -> Result<(), RecordingProblem> {
+        if encoded.held.is_none() && encoded.len() <= COPIED_BYTES {
+            let written = encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data));
+            self.idle.push(encoded);
+            return written;
+        }
+        let parts: Vec<_> = encoded.ranges(topic).collect();
+        let buffer = self.mcap.hold(encoded).map_err(RecordingProblem::Unwritable)?;
+        parts.into_iter().try_for_each(|(topic, range)| {
+            let header = self.next_header(topic, times);
+            self.message(&header, Content::Held(buffer, range))
+        })
+    }
+
+    /// Buffers that were handed over and are not needed any more.
+    pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
+        self.idle.drain(..).chain(self.mcap.released())
     }
 
     /// Writes one message.
     pub(super) fn write_one(&mut self, topic: Topic, times: Times, data: &[u8]) -> Result<(), RecordingProblem> {
-        let sequence = self.channel(topic)?.sequence;
-        self.write_numbered(topic, sequence, times, data)
+        let header = self.next_header(topic, times);
+        self.message(&header, Content::Copied(data))
     }
 
     /// Writes one message with a sequence number of its own; later ones count from there.
@@ -113,27 +126,29 @@ impl RecordingWriter {
         times: Times,
         data: &[u8],
     ) -> Result<(), RecordingProblem> {
-        let channel = self.channel(topic)?;
-        let header =
-            MessageHeader { channel_id: channel.id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
-        channel.sequence = sequence.wrapping_add(1);
-        self.mcap.write_to_known_channel(&header, data).map_err(problem_of)
+        self.channel(topic).sequence = sequence;
+        self.write_one(topic, times, data)
     }
 
-    fn channel(&mut self, topic: Topic) -> Result<&mut Channel, RecordingProblem> {
-        if !self.channels.contains_key(&topic) {
-            let schema = match topic.schema() {
-                Some(schema) => self.mcap.add_schema(&schema.name, &schema.encoding, &schema.data),
-                None => Ok(0),
-            };
-            let schema = schema.map_err(problem_of)?;
-            let id = topic.channel_id();
-            let added = self.mcap.add_channel_with_id(id, schema, topic.name(), "protobuf", &BTreeMap::new());
-            added.map_err(problem_of)?;
-            self.channels.insert(topic, Channel { id, sequence: 0 });
-        }
-        let missing = || RecordingProblem::Unfinishable(format!("topic {} has no channel", topic.name()));
-        self.channels.get_mut(&topic).ok_or_else(missing)
+    fn message(&mut self, header: &MessageHeader, content: Content<'_>) -> Result<(), RecordingProblem> {
+        self.mcap.message(header, content).map_err(RecordingProblem::Unwritable)
+    }
+
+    /// The header of the next message of a topic.
+    fn next_header(&mut self, topic: Topic, times: Times) -> MessageHeader {
+        let Channel { id, sequence } = *self.channel(topic);
+        self.channel(topic).sequence = sequence.wrapping_add(1);
+        MessageHeader { channel_id: id, sequence, log_time: times.log_ns, publish_time: times.publish_ns }
+    }
+
+    fn channel(&mut self, topic: Topic) -> &mut Channel {
+        let Self { channels, mcap, .. } = self;
+        channels.entry(topic).or_insert_with(|| {
+            let schema = topic.schema();
+            let named = schema.as_ref().map(|s| Schema { name: &s.name, encoding: &s.encoding, data: &s.data });
+            mcap.add_channel(topic.channel_id(), topic.name(), named);
+            Channel { id: topic.channel_id(), sequence: 0 }
+        })
     }
 
     /// Writes an attachment.
@@ -147,24 +162,18 @@ impl RecordingWriter {
         if !self.admits(data.len()) {
             return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
         }
-        let attachment = Attachment {
-            log_time: time_ns,
-            create_time: time_ns,
-            name: name.to_owned(),
-            media_type: media_type.to_owned(),
-            data: data.into(),
-        };
-        self.mcap.attach(&attachment).map_err(problem_of)
+        let attachment = Attachment { time_ns, name, media_type, data };
+        self.mcap.attach(&attachment).map_err(RecordingProblem::Unwritable)
     }
 
     /// Writes metadata.
-    pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingProblem> {
-        self.mcap.write_metadata(&Metadata { name: name.to_owned(), metadata: entries }).map_err(problem_of)
+    pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> Result<(), RecordingProblem> {
+        self.mcap.metadata(name, entries).map_err(RecordingProblem::Unwritable)
     }
 
     /// Closes the chunk and hands everything to the kernel: what is written so far survives the process.
     pub(super) fn flush(&mut self) -> Result<(), RecordingProblem> {
-        self.mcap.flush().map_err(problem_of)
+        self.mcap.close_chunk().map_err(RecordingProblem::Unwritable)
     }
 
     /// Has the disk keep what was flushed: it survives the machine.
@@ -173,15 +182,10 @@ impl RecordingWriter {
     }
 
     /// Writes the recorder's account and the end of the file, and gives the file its name.
-    pub(super) fn finish(mut self, account: BTreeMap<String, String>) -> Result<PathBuf, RecordingError> {
+    pub(super) fn finish(mut self, account: &BTreeMap<String, String>) -> Result<PathBuf, RecordingError> {
         let written = self.metadata(RECORDER_METADATA, account);
-        // A second call would say that all is well, so the first answer counts.
-        let finished = written.and_then(|()| self.mcap.finish().map(drop).map_err(problem_of));
-        let flushed = finished.and_then(|()| {
-            use std::io::Write as _;
-            self.mcap.into_inner().flush().map_err(RecordingProblem::Unwritable)
-        });
-        flushed.map_err(|problem| RecordingProblem::Unfinishable(problem.to_string()).of(&self.target))?;
+        let finished = written.and_then(|()| self.mcap.finish().map_err(RecordingProblem::Unwritable));
+        finished.map_err(|problem| RecordingProblem::Unfinishable(problem.to_string()).of(&self.target))?;
         self.file.finish()
     }
 
@@ -194,14 +198,6 @@ impl RecordingWriter {
 
     /// Removes the file.
     pub(super) fn discard(self) {
-        drop(self.mcap);
         self.file.discard();
-    }
-}
-
-fn problem_of(error: McapError) -> RecordingProblem {
-    match error {
-        McapError::Io(e) => RecordingProblem::Unwritable(e),
-        other => RecordingProblem::Unwritable(std::io::Error::other(other)),
     }
 }

@@ -9,7 +9,7 @@ use iceoryx2::service::builder::request_response::Builder;
 use crate::message::{ControlRequest, ControlResponse};
 
 use super::attached::Attached;
-use super::wake::Listening;
+use super::wait::Listening;
 use super::{Instance, Ipc, Node, TransportError};
 
 /// Name of the request–response service, and of the event service that tells of requests.

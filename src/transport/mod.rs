@@ -1,7 +1,7 @@
 //! Channels between processes, and the only place that names the library behind them, iceoryx2.
 //!
 //! In: the name of an instance. Out: typed ports that the services publish to and receive from, without a copy between
-//! processes: [`Publisher`], [`Subscriber`], [`ControlServer`], and [`Wake`], which waits for any of them.
+//! processes: [`Publisher`], [`Subscriber`], [`ControlServer`], and [`wait_for`], which waits for any of them.
 //!
 //! ```text
 //!  Instance (name → folder, prefix of shared memory)
@@ -33,7 +33,7 @@ mod payload;
 mod publisher;
 mod shared_memory;
 mod subscriber;
-mod wake;
+mod wait;
 
 #[cfg(test)]
 mod tests;
@@ -52,7 +52,7 @@ pub use payload::{Header, Payload};
 pub use publisher::Publisher;
 pub use shared_memory::{check_shared_memory, required_bytes};
 pub use subscriber::{Received, Subscriber};
-pub use wake::{Wake, WakeSource};
+pub use wait::{WaitSource, wait_for};
 
 /// The flavour of iceoryx2's services: between processes, and with ports that may move to another thread.
 type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;

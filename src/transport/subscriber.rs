@@ -10,7 +10,7 @@ use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateEr
 use iceoryx2::sample::Sample;
 
 use super::attached::Attached;
-use super::wake::Listening;
+use super::wait::Listening;
 use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
 
 /// Silence after which a subscriber opens its port anew.

@@ -167,7 +167,6 @@ fn waiting_ends_with_a_message_of_any_port() {
     let mut first = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut second = Subscriber::open(&node, CAM2_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
-    let wake = Wake::new().unwrap();
     let sender = std::thread::spawn(move || {
         std::thread::sleep(STEP);
         publisher.send(&frame(3), &[1]).unwrap();
@@ -175,7 +174,7 @@ fn waiting_ends_with_a_message_of_any_port() {
     });
     let start = Instant::now();
     let received = loop {
-        wake.wait(&[&first, &second], HANG).unwrap();
+        wait_for(&[&first, &second], HANG).unwrap();
         assert!(first.receive().unwrap().is_none());
         let received = numbers(&mut second);
         if !received.is_empty() {
@@ -198,10 +197,9 @@ fn a_request_is_answered_and_without_a_server_refused() {
     let mut server = ControlServer::open(&node).unwrap();
     let instance = place.instance.clone();
     let client = std::thread::spawn(move || request(&instance, &ask, HANG).unwrap());
-    let wake = Wake::new().unwrap();
     let echo = |request: &ControlRequest| ControlResponse { refused: 1, text: request.text, ..Default::default() };
     while server.answer(echo).unwrap() == 0 {
-        wake.wait(&[&server], HANG).unwrap();
+        wait_for(&[&server], HANG).unwrap();
     }
     let response = client.join().unwrap();
     assert_eq!((response.refused, response.text.to_text().as_str()), (1, "here"));
@@ -309,7 +307,7 @@ fn the_longest_path_has_room_for_sockets() {
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
     publisher.send(&frame(1), &[1]).unwrap();
-    Wake::new().unwrap().wait(&[&subscriber], HANG).unwrap();
+    wait_for(&[&subscriber], HANG).unwrap();
     assert_eq!(numbers(&mut subscriber), [1]);
 }
 

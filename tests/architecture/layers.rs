@@ -77,12 +77,14 @@ pub(crate) const RESTRICTED: &[(&str, &[&str])] = &[
     ("core::time", &["transport", "recording", "services/"]),
 ];
 
-/// Files that may hold `unsafe`: SIMD kernels and the V4L2 queue.
+/// Files that may hold `unsafe`: SIMD kernels, the V4L2 queue, and calls of the system that have no safe form.
 pub(crate) const UNSAFE_FILES: &[&str] = &[
     "services/capture/src/ioctl.rs",
+    "services/runtime/src/processors/realtime.rs",
     "src/simd/mod.rs",
     "src/simd/arrays.rs",
     "src/simd/avx512.rs",
     "src/correspondence/search/wide.rs",
     "src/correspondence/semi_global/wide.rs",
+    "src/transport/wait.rs",
 ];

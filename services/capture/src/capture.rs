@@ -4,7 +4,7 @@ use fringeflow::config::{CameraSource, V4l2Camera};
 use fringeflow::dataset::CameraId;
 use fringeflow::message::{DropReason, FrameHeader, ScanState, Stage, flags};
 use fringeflow::pixels::{SourceFormat, UnpackError, unpack};
-use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, Wake};
+use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
 
 use crate::camera::{Camera, Image};
@@ -20,7 +20,6 @@ pub(crate) struct Capture {
     account: Account,
     output: Publisher<FrameHeader, [u8]>,
     states: Subscriber<(), ScanState>,
-    wake: Wake,
     scanning: bool,
     /// The last fault of an image that was logged: what repeats itself is said once.
     logged: Option<String>,
@@ -46,7 +45,6 @@ impl Capture {
             account: host.account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
-            wake: Wake::new()?,
             scanning: false,
             logged: None,
         })
@@ -62,7 +60,7 @@ impl Capture {
         if self.scanning {
             self.camera.ensure_streaming().map_err(|e| ServiceError::Unusable(e.to_string()))?;
             if !self.camera.wait(BEAT) {
-                self.wake.wait(&[&self.states], BEAT)?;
+                wait_for(&[&self.states], BEAT)?;
             }
         }
         self.put_out_all(host)?;
@@ -72,7 +70,7 @@ impl Capture {
                 self.camera.close();
             }
             if !is_last {
-                self.wake.wait(&[&self.states], BEAT)?;
+                wait_for(&[&self.states], BEAT)?;
             }
         }
         Ok(())

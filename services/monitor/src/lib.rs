@@ -23,7 +23,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fringeflow::message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
 use fringeflow::recording::Recordable;
-use fringeflow::transport::{REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, Wake};
+use fringeflow::transport::{
+    REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, wait_for,
+};
 use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 
 pub use check::check;
@@ -114,7 +116,6 @@ struct Channels {
     next_window: u64,
     poses: Subscriber<(), PoseReport>,
     states: Subscriber<(), ScanState>,
-    wake: Wake,
 }
 
 impl Channels {
@@ -125,7 +126,6 @@ impl Channels {
             next_window: 0,
             poses: Subscriber::open(&host.node, TRACKING_POSE, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
-            wake: Wake::new()?,
         })
     }
 
@@ -151,7 +151,7 @@ impl Channels {
     }
 
     fn wait(&self) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.reports, &self.windows, &self.poses, &self.states], BEAT)
+        wait_for(&[&self.reports, &self.windows, &self.poses, &self.states], BEAT)
     }
 
     fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {

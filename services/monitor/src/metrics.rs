@@ -310,6 +310,12 @@ fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> 
         each(|s| s.memory_bytes as f64),
     )?;
     out.counters("service_cpu_seconds", "CPU time of the service.", each(|s| s.cpu_s))?;
+    let faults = services.iter().flat_map(|service| {
+        let series = |(kind, faults)| (vec![("service", service.name), ("kind", kind)], faults);
+        ["minor", "major"].into_iter().zip(service.page_faults).map(series)
+    });
+    let help = "Page faults of the service: minor ones, which map memory, and major ones, which wait for a disk.";
+    out.counters("service_page_faults", help, faults)?;
     let restarts = services.iter().map(|service| (vec![("service", service.name)], u64::from(service.restarts)));
     out.counters("service_restarts", "How often the service was started again.", restarts)
 }

@@ -43,6 +43,9 @@ pub(crate) struct ServiceStatus {
     pub(crate) cpu_s: f64,
     #[serde(skip)]
     pub(crate) memory_bytes: u64,
+    /// Page faults over all its processes, without and with a wait for a disk.
+    #[serde(skip)]
+    pub(crate) page_faults: [u64; 2],
 }
 
 /// Looks after the services.
@@ -58,6 +61,8 @@ struct Watch {
     process: Option<Process>,
     /// CPU time of processes that are gone, seconds.
     cpu_before_s: f64,
+    /// Their page faults.
+    faults_before: [u64; 2],
     counts: Vec<Counts>,
 }
 
@@ -74,6 +79,7 @@ impl ServiceStatus {
             stages: stages.to_vec(),
             cpu_s: 0.0,
             memory_bytes: 0,
+            page_faults: [0; 2],
         }
     }
 
@@ -112,7 +118,7 @@ impl Services {
 impl Watch {
     fn new(name: &'static str, stages: &[Stage], pid: Option<u32>) -> Self {
         let status = ServiceStatus::new(name, stages);
-        Self { status, process: pid.map(Process::new), cpu_before_s: 0.0, counts: Vec::new() }
+        Self { status, process: pid.map(Process::new), cpu_before_s: 0.0, faults_before: [0; 2], counts: Vec::new() }
     }
 
     fn look(&mut self, tally: &Tally, now_ns: u64, span_s: f64) {
@@ -132,6 +138,7 @@ impl Watch {
     fn follow(&mut self, pid: u32) {
         if self.process.as_ref().is_none_or(|process| process.pid() != pid) {
             self.cpu_before_s = self.status.cpu_s;
+            self.faults_before = self.status.page_faults;
             self.process = Some(Process::new(pid));
         }
     }
@@ -147,6 +154,8 @@ impl Watch {
             let spent_s = cpu_s - self.status.cpu_s;
             self.status.cpu_percent = (!is_first && span_s > 0.0).then(|| 100.0 * spent_s.max(0.0) / span_s);
             self.status.cpu_s = cpu_s;
+            let [minor, major] = self.faults_before;
+            self.status.page_faults = [minor + usage.minor_faults, major + usage.major_faults];
         }
     }
 
@@ -253,9 +262,9 @@ mod tests {
     }
 
     #[test]
-    fn cpu_time_is_that_of_all_processes_of_a_service() {
+    fn cpu_time_and_page_faults_are_those_of_all_processes_of_a_service() {
         let mut services = Services::new(&[("phase", &[Stage::Phase])]);
-        let usage = |cpu_s| Some(Usage { cpu_s, memory_bytes: 5_000_000 });
+        let usage = |cpu_s| Some(Usage { cpu_s, memory_bytes: 5_000_000, minor_faults: 40, major_faults: 3 });
         let watch = &mut services.watches[1];
         watch.follow(7);
         watch.take_usage(usage(1.0), 1.0);
@@ -264,5 +273,6 @@ mod tests {
         watch.follow(8);
         watch.take_usage(usage(0.25), 1.0);
         assert_eq!((watch.status.cpu_s, watch.status.cpu_percent), (1.75, Some(25.0)));
+        assert_eq!(watch.status.page_faults, [80, 6]);
     }
 }

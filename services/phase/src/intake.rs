@@ -4,7 +4,9 @@ use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
 use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
-use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, Wake};
+use fringeflow::transport::{
+    CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, wait_for,
+};
 use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError, receive};
 
 use crate::image::Image;
@@ -16,7 +18,6 @@ const WAITING_BEYOND_WINDOW: usize = 3;
 pub(crate) struct Intake {
     cameras: [Subscriber<FrameHeader, [u8]>; 2],
     events: Subscriber<(), PatternEvent>,
-    wake: Wake,
     synchronizer: Synchronizer<Image>,
     size_px: [usize; 2],
     format: PixelFormat,
@@ -54,11 +55,10 @@ impl Intake {
         }
         // Read after the account has caught up: an event announced in between is counted at the end.
         let lost_event = host.last_of(Stage::Projector);
-        let (wake, size_px) = (Wake::new()?, host.setup.image_size_px);
+        let size_px = host.setup.image_size_px;
         Ok(Self {
             cameras,
             events,
-            wake,
             synchronizer,
             size_px,
             format: host.configuration.pixel_format(),
@@ -72,7 +72,7 @@ impl Intake {
 
     /// Waits for messages.
     pub(crate) fn wait(&self) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.cameras[0], &self.cameras[1], &self.events], BEAT)
+        wait_for(&[&self.cameras[0], &self.cameras[1], &self.events], BEAT)
     }
 
     /// Takes what has come, one message of each channel in turn; `on_window` is given each window with its number as soon as

@@ -7,7 +7,7 @@ use fringeflow::message::{
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, Wake, WakeSource,
+    REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TransportError, WaitSource, wait_for,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -21,7 +21,6 @@ pub(crate) struct Channels {
     reports: Subscriber<(), StageReport>,
     window_reports: Numbered<(), WindowReport>,
     poses: Option<Numbered<(), PoseReport>>,
-    wake: Wake,
 }
 
 /// A channel whose messages are numbered.
@@ -31,6 +30,29 @@ struct Numbered<H: Header, P: Payload + ?Sized> {
     from: Stage,
     /// `None` until the first message: what was sent before it was not for this recorder.
     arrivals: Option<Arrivals>,
+}
+
+/// A message that came.
+pub(crate) enum Taken<'a> {
+    /// One that is written down at once.
+    Message(Recordable<'a>),
+    /// An image, which may stay where it is until it is in the file.
+    Image(Image),
+}
+
+/// An image in the memory that it came in.
+pub(crate) struct Image(Received<FrameHeader, [u8]>);
+
+impl Image {
+    pub(crate) fn header(&self) -> FrameHeader {
+        *self.0.header()
+    }
+}
+
+impl AsRef<[u8]> for Image {
+    fn as_ref(&self) -> &[u8] {
+        self.0.payload()
+    }
 }
 
 impl Channels {
@@ -52,13 +74,12 @@ impl Channels {
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
             poses: is_tracked.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
-            wake: Wake::new()?,
         })
     }
 
     /// Waits for messages, or for a change of the state.
     pub(crate) fn wait(&self, state: &Subscriber<(), ScanState>) -> Result<(), TransportError> {
-        let mut ports: Vec<&dyn WakeSource> = vec![
+        let mut ports: Vec<&dyn WaitSource> = vec![
             state,
             &self.cameras[0].port,
             &self.cameras[1].port,
@@ -67,34 +88,35 @@ impl Channels {
             &self.reports,
             &self.window_reports.port,
         ];
-        ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WakeSource));
-        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WakeSource));
-        ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WakeSource));
-        self.wake.wait(&ports, BEAT)
+        ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WaitSource));
+        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WaitSource));
+        ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WaitSource));
+        wait_for(&ports, BEAT)
     }
 
     /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(&Recordable<'_>, u64)) {
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(Taken<'_>, u64)) {
         loop {
             let mut any = self.events.next(
                 |(), event| event.sequence,
                 |(), event, missing| {
-                    take(&Recordable::Pattern(event), missing);
+                    take(Taken::Message(Recordable::Pattern(event)), missing);
                 },
             );
             for camera in &mut self.cameras {
-                any |= camera.next(
-                    |header, _| header.published,
-                    |header, image, missing| {
-                        take(&Recordable::Frame { header, image }, missing);
-                    },
-                );
+                if let Some((image, missing)) = camera.receive(|header, _| header.published) {
+                    take(Taken::Image(Image(image)), missing);
+                    any = true;
+                }
             }
             if let Some(maps) = &mut self.maps {
                 any |= maps.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }, missing);
+                        take(
+                            Taken::Message(Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }),
+                            missing,
+                        );
                     },
                 );
             }
@@ -102,36 +124,42 @@ impl Channels {
                 any |= found.next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(&Recordable::Correspondences { header, payload: bytemuck::cast_slice(payload) }, missing);
+                        take(
+                            Taken::Message(Recordable::Correspondences {
+                                header,
+                                payload: bytemuck::cast_slice(payload),
+                            }),
+                            missing,
+                        );
                     },
                 );
             }
             any |= self.clouds.next(
                 |header, _| header.published,
                 |header, records, missing| {
-                    take(&Recordable::Cloud { header, records }, missing);
+                    take(Taken::Message(Recordable::Cloud { header, records }), missing);
                 },
             );
             any |= self.window_reports.next(
                 |(), report| report.published,
                 |(), report, missing| {
-                    take(&Recordable::WindowReport(report), missing);
+                    take(Taken::Message(Recordable::WindowReport(report)), missing);
                 },
             );
             if let Some(poses) = &mut self.poses {
                 any |= poses.next(
                     |(), report| report.published,
                     |(), report, missing| {
-                        take(&Recordable::Pose(report), missing);
+                        take(Taken::Message(Recordable::Pose(report)), missing);
                         if report.has_pose() {
-                            take(&Recordable::PoseTransform(report), 0);
+                            take(Taken::Message(Recordable::PoseTransform(report)), 0);
                         }
                     },
                 );
             }
             // Of many senders, whose messages have no common number.
             if let Some(report) = receive(&mut self.reports) {
-                take(&Recordable::Report(&report), 0);
+                take(Taken::Message(Recordable::Report(&report)), 0);
                 any = true;
             }
             if !any {
@@ -158,12 +186,17 @@ impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
         Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, from, arrivals: None })
     }
 
-    /// Takes the next message, if there is one.
-    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
-        let Some(message) = receive(&mut self.port) else { return false };
+    /// The next message, if there is one, and how many are missing before it.
+    fn receive(&mut self, number: impl Fn(&H, &P) -> u64) -> Option<(Received<H, P>, u64)> {
+        let message = receive(&mut self.port)?;
         let number = number(message.header(), message.payload());
         let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
-        let missing = arrivals.arrive(number).unwrap_or(0);
+        Some((message, arrivals.arrive(number).unwrap_or(0)))
+    }
+
+    /// Takes the next message, if there is one.
+    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
+        let Some((message, missing)) = self.receive(number) else { return false };
         take(message.header(), message.payload(), missing);
         true
     }

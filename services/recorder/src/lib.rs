@@ -7,11 +7,10 @@ mod channels;
 mod session;
 
 use fringeflow::message::{Counts, DropReason, ScanState, Stage};
-use fringeflow::recording::Recordable;
 use fringeflow::transport::{SCAN_STATE, Subscriber};
 use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receive};
 
-use channels::Channels;
+use channels::{Channels, Taken};
 use session::Session;
 
 /// What came of the recordings of a run.
@@ -87,7 +86,7 @@ impl Recorder {
     }
 
     /// Takes a message, before which so many were overwritten in its channel.
-    fn take(&mut self, message: &Recordable<'_>, missing: u64) {
+    fn take(&mut self, message: Taken<'_>, missing: u64) {
         self.outside.taken += missing;
         self.outside.drop_many(DropReason::Overrun, missing);
         match &mut self.session {

@@ -6,6 +6,8 @@ use fringeflow::message::{Counts, ScanState};
 use fringeflow::recording::{Opening, Origin, Recordable, Recorder, RecordingError};
 use fringeflow_runtime::{Host, clock};
 
+use crate::channels::Taken;
+
 /// The file of a recorder that was started again: the one before keeps what it had written, for `fringeflow recover`.
 fn continued(file: &Path, restarts: u32) -> PathBuf {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -39,13 +41,16 @@ impl Session {
     }
 
     /// Takes a message; how many were lost in its channel before it is written down as well.
-    pub(crate) fn take(&self, message: &Recordable<'_>, missing: u64) {
+    pub(crate) fn take(&self, message: Taken<'_>, missing: u64) {
         if missing > 0 {
             let text = format!("{missing} messages were overwritten before the recorder took them");
             let time_ns = clock::now_ns();
             self.recorder.push(&Recordable::Event { time_ns, is_warning: true, source: "recorder", text: &text });
         }
-        self.recorder.push(message);
+        match message {
+            Taken::Message(message) => self.recorder.push(&message),
+            Taken::Image(image) => self.recorder.push_held(&image.header(), image),
+        }
     }
 
     pub(crate) fn mark(&self, time_ns: u64, text: &str) {

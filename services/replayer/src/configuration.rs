@@ -28,8 +28,8 @@ pub enum ConfigurationTextError {
 pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Result<String, ConfigurationTextError> {
     let mut table: Table = recording.configuration_text().parse()?;
     rename_former_keys(&mut table);
-    // The setup comes from the recording, too.
-    for section in ["rig", "virtual_scanner", "recorder"] {
+    // The setup comes from the recording, too; processors are those of the machine that recorded.
+    for section in ["rig", "virtual_scanner", "recorder", "processors"] {
         table.remove(section);
     }
     let driver = if recording.count(Topic::Pattern) > 0 { "external" } else { "cycle" };

@@ -6,6 +6,8 @@ use fringeflow::config::{ConfigurationError, ScannerConfiguration, SetupTextErro
 use fringeflow::correspondence::{SegmentFileError, SegmentTable};
 use fringeflow::dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
 
+use crate::processors::{self, AffinityError, Standing};
+
 /// Arguments that every service takes.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServiceArgs {
@@ -32,6 +34,17 @@ pub enum ArgumentError {
     /// The configuration file.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
+    /// CPUs that a service is given and cannot have.
+    #[error("{}: in [processors.{service}]: {source}", config.display())]
+    Processors {
+        /// The configuration file.
+        config: PathBuf,
+        /// The service.
+        service: &'static str,
+        /// What is wrong.
+        #[source]
+        source: AffinityError,
+    },
     /// The rig that the configuration names.
     #[error("{}: {source}", config.display())]
     Rig {
@@ -86,6 +99,27 @@ impl ServiceArgs {
     /// [`ArgumentError::Configuration`].
     pub fn configuration(&self) -> Result<ScannerConfiguration, ArgumentError> {
         Ok(ScannerConfiguration::read(&self.config)?)
+    }
+
+    /// Whether this machine has the CPUs that services are given.
+    ///
+    /// # Errors
+    /// [`ArgumentError::Processors`].
+    pub fn check_processors(&self, configuration: &ScannerConfiguration) -> Result<(), ArgumentError> {
+        processors::check(&configuration.processors).map_err(|refused| self.refused_processors(refused))
+    }
+
+    /// Takes what a service is given of the machine, before it starts threads.
+    pub(crate) fn take_processors(
+        &self,
+        configuration: &ScannerConfiguration,
+        service: &'static str,
+    ) -> Result<Option<Standing>, ArgumentError> {
+        processors::take(&configuration.processors, service).map_err(|refused| self.refused_processors(refused))
+    }
+
+    fn refused_processors(&self, (service, source): (&'static str, AffinityError)) -> ArgumentError {
+        ArgumentError::Processors { config: self.config.clone(), service, source }
     }
 
     /// Reads the setup: from its folder, or as the configuration says.

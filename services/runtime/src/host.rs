@@ -90,22 +90,27 @@ pub struct ItemTimes {
 }
 
 impl Host {
-    /// Reads configuration and setup and joins the instance as `name`.
+    /// Reads configuration and setup, takes what service `name` is given of the machine, and joins the instance under that name.
     ///
     /// # Errors
     /// [`ServiceError`].
-    pub fn open(arguments: &ServiceArgs, name: &str) -> Result<Self, ServiceError> {
+    pub fn open(arguments: &ServiceArgs, name: &'static str) -> Result<Self, ServiceError> {
+        let configuration = arguments.configuration()?;
+        // Before anything starts a thread: threads inherit it.
+        let standing = arguments.take_processors(&configuration, name)?;
         let stop = Stop::on_signals().map_err(ServiceError::Signals)?;
         if arguments.supervised {
             stop.also_when_input_ends();
         }
-        let configuration = arguments.configuration()?;
         let setup = arguments.setup(&configuration)?;
         let instance = Instance::new(&configuration.name)?;
         let node = Node::open(&instance, name)?;
         let sizes = channel_sizes(&setup, &configuration);
         let reports = Publisher::open(&node, REPORT_STAGE, &sizes)?;
         let accounts = accounts_folder(&instance);
+        if let Some(standing) = standing {
+            standing.tell(&accounts, name);
+        }
         let restarts = arguments.restarts;
         Ok(Self { configuration, setup, node, sizes, stop, accounts, restarts, reports, beaten_ns: 0, checked_ns: 0 })
     }
@@ -164,10 +169,13 @@ impl Host {
         crate::ensure_connected(port, &self.accounts, from, next, now_ns)
     }
 
-    /// Whether the next stage has finished all that this one put out; true where there is none.
+    /// Whether the next stage has time: has finished all that this one put out, so that what comes is as new as can be; where
+    /// the configuration wants no window lost, has begun all of it, so that both work. True where there is no next stage.
     #[must_use]
     pub fn is_free(&self, next: Stage, account: &Account) -> bool {
-        let is_free = |counts: Counts| counts.taken >= account.counts().passed && counts.in_work() == Some(0);
+        let has_begun_all = |counts: &Counts| counts.taken >= account.counts().passed;
+        let is_done = |counts: &Counts| self.configuration.wait_when_busy || counts.in_work() == Some(0);
+        let is_free = |counts: Counts| has_begun_all(&counts) && is_done(&counts);
         self.counts_of(next).is_none_or(is_free)
     }
 

@@ -7,6 +7,7 @@ mod arguments;
 pub mod clock;
 mod host;
 pub mod log;
+pub mod processors;
 mod receive;
 mod services;
 mod stop;

@@ -29,6 +29,20 @@ pub enum ServiceKind {
 }
 
 impl ServiceKind {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::VirtualProjector,
+        Self::VirtualCameras,
+        Self::Camera1,
+        Self::Camera2,
+        Self::Phase,
+        Self::Correspondence,
+        Self::Cloud,
+        Self::Tracking,
+        Self::Recorder,
+        Self::Monitor,
+    ];
+
     /// Its name as an argument of `fringeflow service`.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use fringeflow::message::{DropReason, Stage, Window};
-use fringeflow::transport::{Channel, Header, Payload, Publisher, Received, Subscriber, TransportError, Wake};
+use fringeflow::transport::{Channel, Header, Payload, Publisher, Received, Subscriber, TransportError, wait_for};
 
 use crate::clock::now_ns;
 use crate::host::{BEAT, Host, ItemTimes, ServiceError};
@@ -104,7 +104,6 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
     let mut input = Subscriber::open(&host.node, T::INPUT, &host.sizes)?;
     let output = Publisher::open(&host.node, T::OUTPUT, &host.sizes)?;
     let account = host.account(T::STAGE)?;
-    let wake = Wake::new()?;
     let mut service = Service { host, transform, account, output, logged: None };
     service.host.catch_up(&mut service.account, DropReason::Restart)?;
     loop {
@@ -122,7 +121,7 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
         if service.tend(&mut input) {
             service.host.catch_up(&mut service.account, DropReason::Overrun)?;
         }
-        wake.wait(&[&input], BEAT)?;
+        wait_for(&[&input], BEAT)?;
     }
     service.host.catch_up(&mut service.account, DropReason::Overrun)?;
     service.host.report(T::STAGE, service.account.counts(), None);

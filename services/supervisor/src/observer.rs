@@ -5,7 +5,7 @@ use std::time::Duration;
 use fringeflow::message::{Stage, StageReport};
 use fringeflow::telemetry::{Tally, TrackingFigures, TrackingWatch, WindowFigures};
 use fringeflow::transport::{
-    ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, Wake,
+    ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
 use fringeflow_runtime::{Account, accounts_folder, clock};
 
@@ -31,7 +31,6 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
     let mut reports = Subscriber::open(&node, REPORT_STAGE, &ChannelSizes::default())?;
     let mut windows = Subscriber::open(&node, REPORT_WINDOW, &ChannelSizes::default())?;
     let mut poses = Subscriber::open(&node, TRACKING_POSE, &ChannelSizes::default())?;
-    let wake = Wake::new()?;
     let (mut tally, mut window, mut watch) = (Tally::default(), None, TrackingWatch::default());
     let end_ns = clock::now_ns() + span_ns;
     loop {
@@ -48,7 +47,7 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
         if rest_ns == 0 {
             break;
         }
-        wake.wait(&[&reports, &windows], Duration::from_nanos(rest_ns))?;
+        wait_for(&[&reports, &windows], Duration::from_nanos(rest_ns))?;
     }
     let accounts = accounts_folder(instance);
     for stage in Stage::ALL.into_iter().filter(|&stage| tally.stage(stage).is_none()).collect::<Vec<_>>() {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use fringeflow::message::{ScanState, Stage, StageReport, WindowReport};
 use fringeflow::transport::{
     ChannelSizes, ControlServer, KeptChannels, Node, Publisher, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber,
-    TransportError, Wake,
+    TransportError, wait_for,
 };
 use fringeflow_runtime::{ensure_connected, receive};
 
@@ -22,7 +22,6 @@ pub(crate) struct Ports {
     /// Number of the report of a window that comes next.
     next_window: u64,
     control: ControlServer,
-    wake: Wake,
     sent: Option<u64>,
 }
 
@@ -35,7 +34,6 @@ impl Ports {
             windows: Subscriber::open(node, REPORT_WINDOW, sizes)?,
             next_window: 0,
             control: ControlServer::open(node)?,
-            wake: Wake::new()?,
             sent: None,
         })
     }
@@ -70,7 +68,7 @@ impl Ports {
     }
 
     pub(crate) fn wait(&self, rest: Duration) -> Result<(), TransportError> {
-        self.wake.wait(&[&self.reports, &self.windows, &self.control], rest)
+        wait_for(&[&self.reports, &self.windows, &self.control], rest)
     }
 
     pub(crate) fn ensure_connected(&mut self, accounts: &Path, now_ns: u64) -> Result<(), TransportError> {

@@ -8,7 +8,7 @@ mod shown;
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow::fusion::Tracker;
 use fringeflow::message::{CloudHeader, DropReason, PoseReport, Stage};
-use fringeflow::transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, Wake};
+use fringeflow::transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, wait_for};
 use fringeflow::wire::tracking::pose_report;
 use fringeflow_runtime::{Account, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, messages, receive};
 
@@ -29,7 +29,6 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "tracking")?;
     let mut clouds = Subscriber::open(&host.node, CLOUD, &host.sizes)?;
     let mut stage = TrackingStage::open(&host)?;
-    let wake = Wake::new()?;
     host.catch_up(&mut stage.account, DropReason::Restart)?;
     loop {
         // Asked before the channel is emptied, so that what the cloud service put out last is not left.
@@ -49,7 +48,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         stage.shown.turn(&stage.tracker, &stage.last, clock::now_ns());
         // Another may have come meanwhile, and its wake-up have been heard.
         if is_idle {
-            wake.wait(&[&clouds], BEAT)?;
+            wait_for(&[&clouds], BEAT)?;
         }
     }
     host.catch_up(&mut stage.account, DropReason::Thinned)?;

@@ -2,7 +2,7 @@
 
 use fringeflow::config::ProjectorDriver;
 use fringeflow::message::{DropReason, PatternEvent, ScanState};
-use fringeflow::transport::{PROJECTOR_PATTERN, SCAN_STATE, Subscriber, TransportError, Wake};
+use fringeflow::transport::{PROJECTOR_PATTERN, SCAN_STATE, Subscriber, TransportError, wait_for};
 use fringeflow_runtime::{Host, ServiceError, clock, receive};
 
 use crate::capture::Capture;
@@ -13,7 +13,6 @@ pub(crate) struct Source {
     states: Subscriber<(), ScanState>,
     scanning: bool,
     kind: Kind,
-    wake: Wake,
 }
 
 enum Kind {
@@ -34,7 +33,7 @@ impl Source {
             }
         };
         let states = Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?;
-        Ok(Self { states, scanning: false, kind, wake: Wake::new()? })
+        Ok(Self { states, scanning: false, kind })
     }
 
     /// Triggers the cameras as far as the time has come.
@@ -75,8 +74,8 @@ impl Source {
     /// Waits for events and changes of the state.
     pub(crate) fn wait(&self, longest: std::time::Duration) -> Result<(), TransportError> {
         match &self.kind {
-            Kind::Clock(_) => self.wake.wait(&[&self.states], longest),
-            Kind::Cable(_, events) => self.wake.wait(&[&self.states, events.as_ref()], longest),
+            Kind::Clock(_) => wait_for(&[&self.states], longest),
+            Kind::Cable(_, events) => wait_for(&[&self.states, events.as_ref()], longest),
         }
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use fringeflow::config::RigSource;
 use fringeflow::message::{DropReason, PatternEvent, ScanState, Stage};
 use fringeflow::simulation::Faults;
-use fringeflow::transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, Wake};
+use fringeflow::transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, wait_for};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, receive};
 
 pub use projector::{Shown, VirtualProjector};
@@ -19,7 +19,6 @@ pub use projector::{Shown, VirtualProjector};
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "virtual-projector")?;
     let mut service = Service::open(&host)?;
-    let wake = Wake::new()?;
     while !host.stop.is_requested() {
         service.follow_state();
         service.show(&mut host)?;
@@ -32,7 +31,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             Ok(())
         });
         let next_ns = service.projector.next_ns().unwrap_or(u64::MAX);
-        wake.wait(&[&service.states], Duration::from_nanos(next_ns.saturating_sub(clock::now_ns())).min(BEAT))?;
+        wait_for(&[&service.states], Duration::from_nanos(next_ns.saturating_sub(clock::now_ns())).min(BEAT))?;
     }
     host.report(Stage::Projector, service.account.counts(), None);
     Ok(())

@@ -25,6 +25,7 @@ mod grounds;
 mod links;
 mod outlook;
 mod paths;
+mod places;
 mod regions;
 mod selection;
 mod verification;

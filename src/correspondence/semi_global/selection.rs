@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
-use super::super::places::{PlaceRow, Places};
 use super::Scene;
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
+use super::places::{PlaceRow, Places};
 #[cfg(target_arch = "x86_64")]
 use super::wide;
 use super::windows::Windows;

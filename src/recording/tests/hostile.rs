@@ -70,7 +70,7 @@ fn made(folder: &Folder, make: impl FnOnce(&mut RecordingWriter)) -> PathBuf {
     let path = folder.path("made.mcap");
     let mut writer = RecordingWriter::create_empty(&path, UNFINISHED, 0).unwrap();
     make(&mut writer);
-    writer.finish(BTreeMap::new()).unwrap()
+    writer.finish(&BTreeMap::new()).unwrap()
 }
 
 fn format(version: &str) -> BTreeMap<String, String> {
@@ -80,7 +80,7 @@ fn format(version: &str) -> BTreeMap<String, String> {
 #[test]
 fn a_newer_format_is_refused_before_anything_else() {
     let folder = Folder::new();
-    let path = made(&folder, |writer| writer.metadata(METADATA, format("2")).unwrap());
+    let path = made(&folder, |writer| writer.metadata(METADATA, &format("2")).unwrap());
     let message = Recording::open(&path).unwrap_err().to_string();
     assert!(message.contains("format version 2") && message.contains("9.9.9"), "{message}");
     assert!(message.contains("update fringeflow"), "{message}");
@@ -95,7 +95,7 @@ fn what_every_recording_has_is_asked_for_by_name() {
     let path = made(&folder, |_| ());
     assert!(matches!(problem(&path), RecordingProblem::Missing { what: "metadata fringeflow" }));
     std::fs::remove_file(&path).unwrap();
-    let path = made(&folder, |writer| writer.metadata(METADATA, format("1")).unwrap());
+    let path = made(&folder, |writer| writer.metadata(METADATA, &format("1")).unwrap());
     assert!(matches!(problem(&path), RecordingProblem::Missing { what: "attachment calibration.yml" }));
 }
 
@@ -104,7 +104,7 @@ fn a_calibration_that_cannot_be_is_named_with_its_field() {
     let folder = Folder::new();
     let text = &setup().text;
     let path = made(&folder, |writer| {
-        writer.metadata(METADATA, format("1")).unwrap();
+        writer.metadata(METADATA, &format("1")).unwrap();
         writer.attach("calibration.yml", "", text.calibration.replace("K1", "K9").as_bytes(), 0).unwrap();
         writer.attach("meta.json", "", text.description.as_bytes(), 0).unwrap();
         writer.attach("configuration.toml", "", b"", 0).unwrap();
@@ -117,7 +117,7 @@ fn a_calibration_that_cannot_be_is_named_with_its_field() {
 fn headers_and_payloads_that_do_not_pair_are_named() {
     let folder = Folder::new();
     let write = |writer: &mut RecordingWriter, topic, data: &[u8]| {
-        writer.metadata(METADATA, format("1")).unwrap();
+        writer.metadata(METADATA, &format("1")).unwrap();
         writer.write_one(topic, Times { log_ns: 0, publish_ns: 0 }, data).unwrap();
     };
     let lonely = [(Topic::Cam1Frame, "its header is missing"), (Topic::Cam2Header, "camera is 0; expected 2")];

@@ -15,21 +15,22 @@ const PAIRS: u64 = 6;
 fn chunked_recording(folder: &Folder) -> Vec<u8> {
     let path = folder.path("whole.mcap");
     let mut writer = RecordingWriter::create(&path, &opening(&Origin::default())).unwrap();
-    let (mut encoded, mut counts) = (Encoded::default(), RecorderCounts::default());
+    let mut counts = RecorderCounts::default();
     for sequence in 0..PAIRS {
         for camera in [1, 2] {
             let header = frame(camera, sequence);
             let image = frame_bytes(&header);
             let message = Recordable::Frame { header: &header, image: &image };
+            let mut encoded = Encoded::default();
             message.encode(&mut encoded);
             let topic = message.topic().unwrap();
-            writer.write(topic, message.times(), &encoded).unwrap();
+            writer.write(topic, message.times(), encoded).unwrap();
             counts.of(topic).taken += 1;
             counts.of(topic).passed += 1;
         }
         writer.flush().unwrap();
     }
-    writer.finish(counts.metadata("end")).unwrap();
+    writer.finish(&counts.metadata("end")).unwrap();
     std::fs::read(path).unwrap()
 }
 

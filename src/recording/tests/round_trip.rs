@@ -53,6 +53,35 @@ fn every_message_reads_back_as_it_was() {
 }
 
 #[test]
+fn images_that_are_held_make_the_same_file_as_copied_ones() {
+    let folder = Folder::new();
+    let record = |name: &str, is_held: bool| {
+        let recorder = Recorder::create(&folder.path(name), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+        for sequence in 0..3 * MOST_HELD as u64 {
+            let header = frame(1 + sequence as u32 % 2, sequence);
+            let image = frame_bytes(&header);
+            if is_held {
+                recorder.push_held(&header, image);
+            } else {
+                recorder.push(&Recordable::Frame { header: &header, image: &image });
+            }
+        }
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(recorded.counts.total().passed, 3 * MOST_HELD as u64);
+        let recording = Recording::open(&recorded.file).unwrap();
+        let read = recording.messages().map(|message| message.unwrap());
+        let images = read.filter(|message| [Topic::Cam1Frame, Topic::Cam2Frame].contains(&message.topic));
+        images.map(|message| message.content).collect::<Vec<_>>()
+    };
+    let (held, copied) = (record("held.mcap", true), record("copied.mcap", false));
+    assert_eq!(held.len(), 3 * MOST_HELD);
+    for (held, copied) in held.iter().zip(&copied) {
+        let (Content::Frame(header, image), Content::Frame(of_copy, copy)) = (held, copied) else { panic!() };
+        assert!(header == of_copy && image == copy);
+    }
+}
+
+#[test]
 fn messages_come_in_the_order_of_their_times() {
     let folder = Folder::new();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use fringeflow::message::{FrameHeader, ScanState};
-use fringeflow::transport::{CAM1_FRAME, ChannelSizes, Instance, Node, Publisher, SCAN_STATE, Subscriber, Wake};
+use fringeflow::transport::{CAM1_FRAME, ChannelSizes, Instance, Node, Publisher, SCAN_STATE, Subscriber, wait_for};
 
 /// Longest wait for an image, before the rest is looked at.
 const BEAT: Duration = Duration::from_millis(50);
@@ -72,7 +72,6 @@ impl Witness {
 
 impl Shared {
     fn watch(&self, mut images: Subscriber<FrameHeader, [u8]>, mut states: Publisher<(), ScanState>) {
-        let wake = Wake::new().unwrap();
         let mut scans = None;
         while !self.is_dropped.load(Ordering::Relaxed) {
             let is_to_scan = !self.is_over.load(Ordering::Relaxed);
@@ -81,7 +80,7 @@ impl Shared {
             }
             // Otherwise a service that came later would not hear of the state.
             states.ensure_connected().unwrap();
-            wake.wait(&[&images], BEAT).unwrap();
+            wait_for(&[&images], BEAT).unwrap();
             while let Some(image) = images.receive().unwrap() {
                 self.first.lock().unwrap().get_or_insert_with(|| image.payload().to_vec());
                 self.headers.lock().unwrap().push(*image.header());

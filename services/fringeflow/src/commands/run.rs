@@ -103,6 +103,7 @@ pub(super) fn plan(
     recording: Option<String>,
 ) -> Result<Plan, Failure> {
     let configuration = arguments.configuration()?;
+    arguments.check_processors(&configuration)?;
     let setup = arguments.setup(&configuration)?;
     // Computed here once, so that its file is there, and its faults are told, before anything starts.
     drop(arguments.segment_table(&configuration, &setup)?);

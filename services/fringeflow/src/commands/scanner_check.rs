@@ -67,6 +67,13 @@ fn points(arguments: &ServiceArgs) -> Vec<Point> {
         Err(error) => return vec![Point::of("configuration", Err(error))],
     };
     let mut points = vec![Point::of::<Failure>("configuration", Ok(file.to_string()))];
+    if !configuration.processors.is_empty() {
+        let processors = arguments.check_processors(&configuration);
+        points.push(Point::of(
+            "processors",
+            processors.map(|()| "this machine has those that services are given".to_owned()),
+        ));
+    }
     let setup = arguments.setup(&configuration);
     points.push(Point::of("calibration and volume", setup.as_ref().map(rig_text)));
     if let Ok(setup) = &setup {

@@ -1,12 +1,15 @@
 //! `fringeflow status`: what a running instance does, seen from another terminal.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::Duration;
 
+use fringeflow::config::SERVICES;
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow::telemetry::{GaugeFigures, HealthFigures, Latency, StageFigures, StageTally, TrackingFigures};
 use fringeflow::transport::{Instance, request};
-use fringeflow_runtime::{clock, dashboard_file};
+use fringeflow_runtime::processors::Standing;
+use fringeflow_runtime::{accounts_folder, clock, dashboard_file};
 use fringeflow_supervisor::{Observed, headline, observe, stage_line};
 
 use crate::failure::Failure;
@@ -36,6 +39,8 @@ struct Report {
     /// Where the dashboard is.
     dashboard: Option<String>,
     stages: Vec<StageReport>,
+    /// What services were given of the machine, where the configuration says something of them.
+    processors: BTreeMap<&'static str, Standing>,
     exposure_to_cloud: Option<Latency>,
     /// Health of the scanner as of the last window; `null` where none came while the reports were gathered.
     health: Option<Health>,
@@ -84,6 +89,9 @@ impl Args {
         for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
+        for (service, standing) in processors(&self.instance) {
+            writeln!(out, "{service} {standing}")?;
+        }
         if let Some(tracking) = &observed.tracking {
             writeln!(out, "{tracking}")?;
         }
@@ -105,6 +113,7 @@ impl Args {
             dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             stages: tally.stages().map(stage).collect(),
+            processors: processors(&self.instance),
             exposure_to_cloud: tally.total().brief(),
             health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::of(health, now_ns)),
             tracking,
@@ -138,4 +147,11 @@ fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u6
 fn dashboard(instance: &str) -> Option<String> {
     let file = dashboard_file(&Instance::new(instance).ok()?);
     std::fs::read_to_string(file).ok()
+}
+
+/// What the services of an instance were given of the machine, by name.
+fn processors(instance: &str) -> BTreeMap<&'static str, Standing> {
+    let Ok(instance) = Instance::new(instance) else { return BTreeMap::new() };
+    let accounts = accounts_folder(&instance);
+    SERVICES.into_iter().filter_map(|service| Some((service, Standing::read(&accounts, service)?))).collect()
 }

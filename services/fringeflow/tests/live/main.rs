@@ -17,6 +17,7 @@ mod full_disk;
 mod health;
 mod killed;
 mod monitor;
+mod processors;
 mod projector;
 mod recorded_run;
 mod refused;

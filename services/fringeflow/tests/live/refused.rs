@@ -49,6 +49,16 @@ fn configurations_that_cannot_be() {
         ("lost = 0.0", "lost = 1.5", "virtual_scanner.faults: the share of lost images is 1.5; "),
         ("when_busy = \"skip\"", "when_busy = \"sleep\"", "window.when_busy is \"sleep\""),
         ("name = \"t\"", "name = \"t", "TOML"),
+        (
+            "[window]",
+            "[processors.phase]\ncpus = []\n[window]",
+            "in [processors.phase]: key cpus is []; it must list at least",
+        ),
+        (
+            "[window]",
+            "[processors.phase]\ncpus = [0, 1023]\n[window]",
+            "in [processors.phase]: key cpus is [0, 1023]; this process may use CPUs",
+        ),
     ] {
         let bench = Bench::with(&[(from, to)]);
         bench.refused(&[&"run", &"--config", &bench.configuration()], &["scanner.toml", says]);

@@ -1,0 +1,142 @@
+//! `[processors.SERVICE]`: what of the machine a service is given.
+//!
+//! In: tables by the name of a service. Out: per service the CPUs it may run on, its threads, its priority and whether its
+//! memory stays in RAM. What a table does not say is left to the system. Which CPUs there are is not asked here: the same
+//! file may be read on another machine.
+
+use std::collections::BTreeMap;
+
+use super::ConfigurationProblem;
+use super::raw::{RawProcessors, checked, one_of};
+
+/// Services that a table may name, as `fringeflow service` does.
+pub const SERVICES: [&str; 10] = [
+    "virtual-projector",
+    "virtual-cameras",
+    "camera1",
+    "camera2",
+    "phase",
+    "correspondence",
+    "cloud",
+    "tracking",
+    "recorder",
+    "monitor",
+];
+
+/// CPUs that the system can count.
+const MOST_CPUS: usize = 1024;
+/// Most threads of a service.
+const MOST_THREADS: usize = 1024;
+
+/// What services are given, by name.
+pub type ProcessorsConfiguration = BTreeMap<&'static str, ServiceProcessors>;
+
+/// What one service is given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ServiceProcessors {
+    /// CPUs that it may run on, in rising order; all if `None`.
+    pub cpus: Option<Vec<usize>>,
+    /// Threads that it computes with; one for each of its CPUs if `None`.
+    pub threads: Option<usize>,
+    /// Priority among the real-time tasks of the system, 1 to 99; an ordinary task if `None`.
+    pub realtime_priority: Option<u8>,
+    /// What of its memory stays in RAM.
+    pub lock_memory: MemoryLock,
+}
+
+/// What of the memory of a service stays in RAM.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MemoryLock {
+    /// What the system sees fit.
+    #[default]
+    Off,
+    /// Whatever was used once.
+    Used,
+    /// All that it has, used or not: nothing is waited for at the first use either.
+    All,
+}
+
+pub(super) fn configuration(
+    raw: &BTreeMap<String, RawProcessors>,
+) -> Result<ProcessorsConfiguration, ConfigurationProblem> {
+    let names = SERVICES.map(|name| (name, name));
+    let of_service = |(name, raw): (&String, &RawProcessors)| {
+        let name = one_of("processors", name, &names)?;
+        let problem = |problem| ConfigurationProblem::Service { service: name, problem: Box::new(problem) };
+        Ok((name, service(raw).map_err(problem)?))
+    };
+    raw.iter().map(of_service).collect()
+}
+
+fn service(raw: &RawProcessors) -> Result<ServiceProcessors, ConfigurationProblem> {
+    let threads = |n| checked("threads", n, |n| (1..=MOST_THREADS).contains(n), "it must lie between 1 and 1024");
+    let priority = |p| checked("realtime_priority", p, |p| (1..=99).contains(p), "it must lie between 1 and 99");
+    let locks = [("off", MemoryLock::Off), ("used", MemoryLock::Used), ("all", MemoryLock::All)];
+    Ok(ServiceProcessors {
+        cpus: raw.cpus.as_deref().map(cpus).transpose()?,
+        threads: raw.threads.map(threads).transpose()?,
+        realtime_priority: raw.realtime_priority.map(priority).transpose()?,
+        lock_memory: one_of("lock_memory", raw.lock_memory.as_deref().unwrap_or("off"), &locks)?,
+    })
+}
+
+fn cpus(raw: &[usize]) -> Result<Vec<usize>, ConfigurationProblem> {
+    let mut cpus = raw.to_vec();
+    cpus.sort_unstable();
+    let is_repeated = cpus.windows(2).any(|pair| pair[0] == pair[1]);
+    if cpus.is_empty() || is_repeated || cpus.iter().any(|&cpu| cpu >= MOST_CPUS) {
+        return Err(ConfigurationProblem::Value {
+            key: "cpus",
+            value: format!("{raw:?}"),
+            expected: "it must list at least one CPU, each once, by the numbers that `lscpu --extended` shows; leave the key \
+                       out for all of them",
+        });
+    }
+    Ok(cpus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(serde::Deserialize)]
+    struct File {
+        processors: BTreeMap<String, RawProcessors>,
+    }
+
+    fn parse(text: &str) -> Result<ProcessorsConfiguration, String> {
+        let file: File = toml::from_str(text).map_err(|e| e.to_string())?;
+        configuration(&file.processors).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_service_is_given_what_its_table_says_and_no_more() {
+        let given =
+            parse("[processors.phase]\ncpus = [3, 1]\nthreads = 4\n[processors.camera1]\nrealtime_priority = 20");
+        let given = given.unwrap();
+        let phase = ServiceProcessors { cpus: Some(vec![1, 3]), threads: Some(4), ..ServiceProcessors::default() };
+        assert_eq!((given.len(), &given["phase"]), (2, &phase));
+        assert_eq!(given["camera1"].realtime_priority, Some(20));
+        let locked = parse("[processors.cloud]\nlock_memory = \"used\"").unwrap();
+        assert_eq!(locked["cloud"].lock_memory, MemoryLock::Used);
+    }
+
+    #[test]
+    fn what_cannot_be_is_named_with_its_service() {
+        let refused = |text: &str| parse(&format!("[processors.phase]\n{text}")).unwrap_err();
+        assert!(
+            refused("cpus = []").starts_with("in [processors.phase]: key cpus is []; it must list at least one CPU")
+        );
+        assert!(refused("cpus = [2, 2]").contains("each once"));
+        assert!(refused("cpus = [1024]").contains("key cpus is [1024]"));
+        assert!(refused("cpus = [-1]").contains("cpus"));
+        assert!(refused("threads = 0").contains("key threads is 0; it must lie between"));
+        assert!(refused("realtime_priority = 100").contains("key realtime_priority is 100"));
+        assert!(
+            refused("lock_memory = \"on\"")
+                .contains("key lock_memory is \"on\"; known are [\"off\", \"used\", \"all\"]")
+        );
+        assert!(refused("cpu = [1]").contains("cpu"));
+        assert!(parse("[processors.fase]\nthreads = 1").unwrap_err().contains("processors is \"fase\"; known are"));
+    }
+}

@@ -1,0 +1,177 @@
+//! The crate `mcap` is the oracle: the same messages make the same file, byte for byte.
+
+use std::io::Cursor;
+
+use mcap::WriteOptions;
+
+use super::*;
+use crate::recording::held::{Held, Places};
+
+/// What a file is made of.
+enum Step {
+    Channel(u16, &'static str, Option<&'static str>),
+    Message(u16, u64, usize),
+    /// Two messages in one buffer.
+    Pair([u16; 2], u64, [usize; 2]),
+    Attachment(&'static str, usize),
+    Metadata(&'static str),
+    Flush,
+}
+
+use Step::{Attachment as Attach, Channel, Flush, Message, Metadata, Pair};
+
+fn content(bytes: usize, seed: u64) -> Vec<u8> {
+    (0..bytes as u64).map(|i| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 7) as u8).collect()
+}
+
+fn header(channel_id: u16, time_ns: u64) -> MessageHeader {
+    MessageHeader { channel_id, sequence: time_ns as u32 + 3, log_time: time_ns, publish_time: time_ns / 2 }
+}
+
+fn entries() -> BTreeMap<String, String> {
+    BTreeMap::from([("a".to_owned(), "ö".to_owned()), ("b".to_owned(), String::new())])
+}
+
+fn by_the_crate(steps: &[Step]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let options = WriteOptions::new().compression(None).chunk_size(Some(CHUNK_BYTES)).disable_seeking(true);
+    let mut writer = options.profile("p").library("l").create(Cursor::new(&mut out)).unwrap();
+    for step in steps {
+        match *step {
+            Channel(id, topic, schema) => {
+                let schema = schema.map_or(0, |name| writer.add_schema(name, "protobuf", name.as_bytes()).unwrap());
+                writer.add_channel_with_id(id, schema, topic, "protobuf", &BTreeMap::new()).unwrap();
+            }
+            Message(channel, time_ns, bytes) => {
+                writer.write_to_known_channel(&header(channel, time_ns), &content(bytes, time_ns)).unwrap();
+            }
+            Pair(channels, time_ns, bytes) => {
+                for (channel, bytes) in channels.into_iter().zip(bytes) {
+                    writer.write_to_known_channel(&header(channel, time_ns), &content(bytes, time_ns)).unwrap();
+                }
+            }
+            Attach(name, bytes) => {
+                let data = content(bytes, 5).into();
+                let [name, media_type] = [name, "text/plain"].map(str::to_owned);
+                writer.attach(&mcap::Attachment { log_time: 7, create_time: 7, name, media_type, data }).unwrap();
+            }
+            Metadata(name) => {
+                writer.write_metadata(&mcap::records::Metadata { name: name.to_owned(), metadata: entries() }).unwrap();
+            }
+            Flush => writer.flush().unwrap(),
+        }
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    out
+}
+
+/// Takes a few bytes at a time, as a pipe would.
+struct Reluctant(Vec<u8>);
+
+impl Write for Reluctant {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = bytes.len().min(70_001);
+        self.0.extend(&bytes[..taken]);
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Two messages of which the second is held but for its beginning.
+fn half_held(mut bytes: Vec<u8>, split: usize) -> Encoded {
+    let content = bytes.split_off(split + (bytes.len() - split) / 3);
+    let place = Places::new(1).take().unwrap();
+    Encoded { bytes, split, held: Some(Held::new(content, place)) }
+}
+
+/// The file, and how many buffers came back.
+fn by_ours<W: Write>(steps: &[Step], file: W) -> (W, usize) {
+    let mut writer = McapWriter::begin(file, "p", "l").unwrap();
+    let mut released = 0;
+    for step in steps {
+        match *step {
+            Channel(id, topic, schema) => {
+                let schema = schema.map(|name| Schema { name, encoding: "protobuf", data: name.as_bytes() });
+                writer.add_channel(id, topic, schema);
+            }
+            Message(channel, time_ns, bytes) => {
+                writer.message(&header(channel, time_ns), Content::Copied(&content(bytes, time_ns))).unwrap();
+            }
+            Pair(channels, time_ns, [first, second]) => {
+                let bytes = [content(first, time_ns), content(second, time_ns)].concat();
+                let buffer = writer.hold(half_held(bytes, first)).unwrap();
+                for (channel, range) in channels.into_iter().zip([0..first, first..first + second]) {
+                    writer.message(&header(channel, time_ns), Content::Held(buffer, range)).unwrap();
+                }
+            }
+            Attach(name, bytes) => {
+                let data = content(bytes, 5);
+                writer.attach(&Attachment { time_ns: 7, name, media_type: "text/plain", data: &data }).unwrap();
+            }
+            Metadata(name) => writer.metadata(name, &entries()).unwrap(),
+            Flush => writer.close_chunk().unwrap(),
+        }
+        released += writer.released().count();
+    }
+    (writer.finish().unwrap(), released)
+}
+
+fn assert_same(steps: &[Step]) {
+    let expected = by_the_crate(steps);
+    for found in [by_ours(steps, Vec::new()).0, by_ours(steps, Reluctant(Vec::new())).0.0] {
+        let differs = expected.iter().zip(&found).position(|(a, b)| a != b);
+        assert_eq!((expected.len(), differs), (found.len(), None));
+    }
+}
+
+#[test]
+fn a_file_without_messages() {
+    assert_same(&[]);
+    assert_same(&[Metadata("m"), Flush, Attach("a", 0), Flush]);
+}
+
+#[test]
+fn messages_that_are_copied_and_messages_in_buffers() {
+    assert_same(&[
+        Metadata("m"),
+        Attach("a", 1000),
+        Channel(4, "/b", Some("B")),
+        Channel(2, "/a", Some("A")),
+        Message(4, 9, 30),
+        Pair([2, 4], 5, [70, 80]),
+        Pair([2, 4], 8, [0, 1]),
+        Channel(9, "/c", Some("A")),
+        Channel(1, "/d", None),
+        Message(9, 2, 0),
+        Flush,
+        Message(1, 12, 10),
+        Pair([9, 9], 3, [4000, 1]),
+        Metadata("end"),
+    ]);
+}
+
+#[test]
+fn chunks_that_are_full() {
+    let mut steps = vec![Channel(1, "/a", Some("A")), Channel(2, "/b", Some("B"))];
+    for time_ns in 0..12 {
+        steps.push(Message(2, time_ns, 700_000));
+        // Its second message alone would fill a chunk.
+        steps.push(Message(1, time_ns, 100));
+        steps.push(Message(2, time_ns, 5 << 20));
+    }
+    assert_same(&steps);
+}
+
+#[test]
+fn buffers_come_back_once_they_are_in_the_file() {
+    let mut steps = vec![Channel(1, "/a", None)];
+    steps.extend((0..5).map(|time_ns| Pair([1, 1], time_ns, [10, 3 << 20])));
+    // Two fill a chunk, which the next one closes.
+    assert_eq!(by_ours(&steps, Vec::new()).1, 4);
+    steps.push(Flush);
+    assert_eq!(by_ours(&steps, Vec::new()).1, 5);
+}
