@@ -81,7 +81,7 @@ impl Grid {
     /// Row of a place, those of the margin counted.
     #[inline]
     fn row_with_margin(self, place: usize) -> usize {
-        ((place / LANES) as u64 * self.reciprocal >> RECIPROCAL_BITS) as usize
+        (((place / LANES) as u64 * self.reciprocal) >> RECIPROCAL_BITS) as usize
     }
 
     /// The part of a plane that begins with the first row and holds all rows of the image, with the rows' margins.
