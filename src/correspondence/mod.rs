@@ -9,7 +9,8 @@
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd;
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
 //! 5. *semi-global*: the orders of the whole image decided together, or
-//!    *neighbourhood*, *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions;
+//!    *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions; *neighbourhood*, *unions*:
+//!    what both know of neighbours and regions;
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;

@@ -245,4 +245,54 @@ mod tests {
         assert_eq!(rims(6554 * 3 + 100), []);
         assert_eq!(rims(42601), []);
     }
+    #[test]
+    fn many_columns_at_once_are_each_by_itself() {
+        let mut state = 5_u64;
+        let mut random = move |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let width = 333;
+        for row_px in [0.0, 0.3, 0.5, 0.9999, 1.0] {
+            // Rising and falling surfaces with holes, the second row a little ahead, now and then by half a turn.
+            let slope = random(20_000) as i32 - 10_000;
+            let mut phase = Vec::new();
+            for row in 0..2 {
+                phase.extend((0..width).map(|column: i32| match random(12) {
+                    0 => EpipolarImage::NO_PHASE,
+                    1 => random(65536) as u16,
+                    _ => (slope * column + 700 * row + random(2000) as i32) as u16,
+                }));
+            }
+            let image = EpipolarImage { width: width as usize, phase, ..EpipolarImage::default() };
+            let row = RowView::new(&image, row_px);
+            for phase in (0..65536).step_by(4099).map(|phase| phase as u16) {
+                let limits_px = [7.3, 329.1];
+                let mut expected = Vec::new();
+                let all = row.crossings(limits_px, phase, 7..=330, |column_px, slope| {
+                    expected.push((column_px, slope));
+                    ControlFlow::Continue(())
+                });
+                assert!(all.is_continue());
+                let mut found = Vec::new();
+                let all = row.crossings_of_many(limits_px, phase, 7..=330, |column_px, slope| {
+                    found.push((column_px, slope));
+                    ControlFlow::Continue(())
+                });
+                assert!(all.is_continue());
+                assert_eq!(found, expected);
+                for first in [0, 7, 300, 320, 332] {
+                    let bits = Level::ALL.map(|level| simd::run(level, Crossed { row: &row, phase, first }));
+                    assert_eq!(bits, [bits[0]; 3]);
+                    let crosses = |k: &usize| {
+                        let at = |column| if column < width as usize { row.difference(column, phase) } else { None };
+                        let ends = (at(first + k), at(first + k + 1));
+                        matches!(ends, (Some(before), Some(after)) if crossing(first + k, before, after).is_some())
+                    };
+                    let expected = (0..LANES).filter(crosses).fold(0, |bits, k| bits | 1 << k);
+                    assert_eq!(bits[0], expected);
+                }
+            }
+        }
+    }
 }

@@ -500,3 +500,6 @@ impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
         }
     }
 }
+
+#[cfg(test)]
+mod test_scene;

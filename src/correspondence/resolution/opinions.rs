@@ -160,3 +160,65 @@ pub(super) fn sides(continuity: &Continuity, decisions: &Decisions, place: usize
 pub(super) fn places_of(block: usize, bits: u32) -> impl Iterator<Item = usize> {
     ones(bits).map(move |k| block * LANES + k)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::simd::{self, Level};
+
+    use super::super::test_scene::TestScene;
+    use super::*;
+
+    /// What a pixel is decided for, by walks.
+    fn choice(question: &Question<'_>, place: usize) -> Option<u8> {
+        let (mut proposals, mut total) = (Vec::new(), 0);
+        question.lists.eligible(place, &mut proposals);
+        for &axis in question.axes {
+            for forwards in [false, true] {
+                question.continuity.walk(place, axis, forwards, FAR as usize, |next, turns| {
+                    if question.decisions.is_decided(next) {
+                        total += 1;
+                        let proposed = question.decisions.order[next].wrapping_sub(turns);
+                        for proposal in proposals.iter_mut().filter(|proposal| proposal.order == proposed) {
+                            proposal.tally.votes += 1;
+                            proposal.tally.delta_sum += i32::from(question.decisions.delta[next]);
+                        }
+                    }
+                });
+            }
+        }
+        question.rule.choose(&proposals, total, question.tolerance).map(|best| best.k)
+    }
+
+    #[test]
+    fn rows_are_asked_as_walks_say() {
+        let scene = TestScene::new(150, 60);
+        let grid = scene.continuity.grid;
+        let mut lists = Lists::new(&scene.lists, grid);
+        let open_places = scene.places(&scene.decisions.decided, false);
+        for &place in open_places.iter().filter(|&place| place % 9 == 0) {
+            assert!(lists.of(place).is_empty() || lists.exclude(place, 1));
+        }
+        let mut open = vec![0; grid.all_blocks()];
+        open_places.iter().for_each(|&place| open[place / LANES] |= 1 << (place % LANES));
+        let changed = ChangedTiles::new(grid, true);
+        for axes in [&[Axis::Row][..], &[Axis::Column], &[Axis::Row, Axis::Column]] {
+            for (rule, tolerance) in [(VoteRule::strict(3), 150), (VoteRule::LENIENT, 65536)] {
+                let (continuity, decisions, lists) = (&scene.continuity, &scene.decisions, &lists);
+                let question = Question { continuity, decisions, lists, axes, rule, tolerance };
+                let expected: Vec<(usize, u8)> =
+                    open_places.iter().filter_map(|&place| Some((place, choice(&question, place)?))).collect();
+                assert!(expected.len() > 100, "{}", expected.len());
+                for level in Level::ALL {
+                    let mut decided = Vec::new();
+                    for v in 0..60 {
+                        let blocks = grid.blocks_of_row(v);
+                        let (open, changed) = (&open, &changed);
+                        simd::run(level, Ask { question, blocks, open, changed, decided: &mut decided });
+                    }
+                    let decided: Vec<(usize, u8)> = decided.iter().map(|d| (d.place as usize, d.k)).collect();
+                    assert_eq!(decided, expected, "{level:?} {axes:?}");
+                }
+            }
+        }
+    }
+}

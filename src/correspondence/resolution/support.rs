@@ -122,7 +122,7 @@ impl<L: Lanes> Votes<L> {
                 let phase = lanes.load(words(&support.continuity.phase, place));
                 let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(phase, self.phase));
                 let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(self.phase, phase));
-                asked &= !(up | down);
+                asked &= !(up | down | lanes.bits(lanes.is_greater(lanes.abs(turns), one)));
             }
             let proposed = lanes.sub(lanes.load(words(&decisions.order, place)), turns);
             let agree = lanes.bits(lanes.is_equal(proposed, self.order)) & asked;
@@ -171,6 +171,65 @@ fn decided(all: &[u32], axis: Axis, forwards: bool, place: usize, block: usize) 
         (Axis::Row, false) => {
             let both = u64::from(all[block - 1]) | u64::from(all[block]) << LANES;
             (both >> (LANES - (block * LANES - place))) as u32
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::simd::{self, Kernel, Level};
+
+    use super::super::grid::bit;
+    use super::super::test_scene::TestScene;
+    use super::*;
+
+    struct OfBlock<'a>(Support<'a>, usize);
+
+    impl Kernel for OfBlock<'_> {
+        type Output = u32;
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, lanes: L) -> u32 {
+            self.0.of_block(lanes, self.1)
+        }
+    }
+
+    /// Whether a place is supported, by walks.
+    fn is_supported(support: &Support<'_>, place: usize) -> bool {
+        let (mut tally, mut total) = (Tally::default(), 0);
+        for (axis, forwards) in [(Axis::Row, false), (Axis::Row, true), (Axis::Column, false), (Axis::Column, true)] {
+            support.continuity.walk(place, axis, forwards, NEAR, |next, turns| {
+                if support.decisions.is_decided(next) {
+                    let same = support.decisions.order[next].wrapping_sub(turns) == support.decisions.order[place];
+                    total += 1;
+                    tally.votes += u16::from(same);
+                    tally.delta_sum += if same { i32::from(support.decisions.delta[next]) } else { 0 };
+                }
+            });
+        }
+        support.rule.supports(tally, total, support.decisions.delta[place], support.tolerance)
+    }
+
+    #[test]
+    fn blocks_are_supported_as_walks_say() {
+        let scene = TestScene::new(150, 60);
+        for (min_votes, tolerance) in [(1, 40), (3, 100), (3, 65536), (6, 200)] {
+            let rule = VoteRule::strict(min_votes);
+            let support = Support { continuity: &scene.continuity, decisions: &scene.decisions, rule, tolerance };
+            let mut counts = [0; 2];
+            for level in Level::ALL {
+                let blocks = scene.continuity.grid.all_blocks();
+                let mut supported = vec![0; blocks];
+                for block in scene.continuity.grid.blocks_of_image() {
+                    supported[block] = simd::run(level, OfBlock(support, block));
+                }
+                for place in scene.places(&scene.decisions.decided, true) {
+                    let expected = is_supported(&support, place);
+                    assert_eq!(bit(&supported, place), expected, "{level:?} {place}");
+                    counts[usize::from(expected)] += 1;
+                }
+            }
+            assert!(counts.iter().all(|&count| count > 300), "{counts:?}");
         }
     }
 }

@@ -32,6 +32,13 @@ pub struct CandidateLists {
 }
 
 impl CandidateLists {
+    /// Lists of so many pixels.
+    #[cfg(test)]
+    pub(super) fn of_pixels(lists: &[Vec<Candidate>]) -> Self {
+        let rows: Vec<_> = lists.iter().map(|list| (vec![list.len() as u8], list.clone())).collect();
+        concatenate(&rows)
+    }
+
     /// Candidates of a pixel, by ascending column.
     #[must_use]
     #[inline]
