@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
+use super::MAX_IMAGES;
 use super::fit::{MotionFit, time, unexplained};
 use super::planes::Window;
 
@@ -40,31 +41,38 @@ pub(super) fn compensate<S: Sample>(window: &mut Window<'_, S>, fit: &MotionFit,
     window.grey_per_value.iter().zip(&plain).map(share).fold(0.0, f32::max)
 }
 
+/// Sums over pixels: normal equations of γ, of as many images as there are.
+struct Sums {
+    normal: [[f64; MAX_IMAGES]; MAX_IMAGES],
+    right: [f64; MAX_IMAGES],
+}
+
 /// γ of every image; `None` without enough pixels to tell.
 fn departures<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, validity: &Validity) -> Option<Vec<f64>> {
     let images = fit.images();
     let projector = residual_projector(fit.shifts_rad())?;
-    let (mut normal, mut right) = (DMatrix::<f64>::zeros(images, images), DVector::<f64>::zeros(images));
+    let mut sums = Sums { normal: [[0.0; MAX_IMAGES]; MAX_IMAGES], right: [0.0; MAX_IMAGES] };
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     for v in starts(window.height()) {
         for u in starts(window.width) {
             let rows = (v..v + BLOCK).map(|row| row * window.width + u);
             let pixels: Vec<usize> = rows.flat_map(|first| first..first + BLOCK).collect();
-            add_block(window, fit, validity, &pixels, &projector, &mut normal, &mut right);
+            add_block(window, fit, validity, &pixels, &projector, &mut sums);
         }
     }
     let basis: Vec<[f64; 3]> = fit.shifts_rad().iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
     let told = unexplained(&basis);
     let product = |a: &[f64], b: &[f64]| -> f64 {
-        (0..images).map(|i| (0..images).map(|j| a[i] * normal[(i, j)] * b[j]).sum::<f64>()).sum()
+        (0..images).map(|i| (0..images).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
     };
     let mut reduced = DMatrix::from_fn(told.len(), told.len(), |k, l| product(&told[k], &told[l]));
-    let ridge = RIDGE * normal.trace() / images as f64;
+    let trace: f64 = (0..images).map(|i| sums.normal[i][i]).sum();
+    let ridge = RIDGE * trace / images as f64;
     if ridge <= 0.0 {
         return None;
     }
     (0..told.len()).for_each(|k| reduced[(k, k)] += ridge);
-    let along = |direction: &Vec<f64>| direction.iter().zip(right.iter()).map(|(a, b)| a * b).sum::<f64>();
+    let along = |direction: &Vec<f64>| direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum::<f64>();
     let solution = reduced.cholesky()?.solve(&DVector::from_iterator(told.len(), told.iter().map(along)));
     let departure = |i: usize| told.iter().zip(solution.iter()).map(|(direction, part)| part * direction[i]).sum();
     let departures: Vec<f64> = (0..images).map(departure).collect();
@@ -86,15 +94,16 @@ fn add_block<S: Sample>(
     validity: &Validity,
     pixels: &[usize],
     projector: &[Vec<f64>],
-    normal: &mut DMatrix<f64>,
-    right: &mut DVector<f64>,
+    sums: &mut Sums,
 ) {
     let images = fit.images();
-    let fitted: Vec<(Vec<f64>, [f64; 5])> =
-        pixels.iter().filter_map(|&pixel| fitted(window, fit, validity, pixel)).collect();
+    let fitted: Vec<_> = pixels.iter().filter_map(|&pixel| fitted(window, fit, validity, pixel)).collect();
     let slope: f64 = fitted.iter().map(|(_, [_, re, im, a, b])| b * re - a * im).sum();
     let power: f64 = fitted.iter().map(|(_, [_, re, im, ..])| re * re + im * im).sum();
-    let Some(motion_rad) = (power > 0.0).then(|| fit.motion_rad((slope / power) as f32)).flatten() else { return };
+    let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
+    if motion_rad.is_nan() {
+        return;
+    }
     let turns: Vec<[f64; 2]> = fit
         .shifts_rad()
         .iter()
@@ -105,15 +114,19 @@ fn add_block<S: Sample>(
         })
         .collect();
     for (greys, [offset, re, im, ..]) in &fitted {
-        // As if it had not moved.
-        let still: Vec<f64> = greys.iter().zip(&turns).map(|(grey, [cos, sin])| grey - (re * cos - im * sin)).collect();
-        let model: Vec<f64> =
-            fit.turns.iter().map(|&[cos, sin]| offset + re * f64::from(cos) - im * f64::from(sin)).collect();
+        let (mut still, mut model) = ([0.0; MAX_IMAGES], [0.0; MAX_IMAGES]);
+        for i in 0..images {
+            // As if it had not moved.
+            let [cos, sin] = turns[i];
+            still[i] = greys[i] - (re * cos - im * sin);
+            let [cos, sin] = fit.turns[i].map(f64::from);
+            model[i] = offset + re * cos - im * sin;
+        }
         for (i, row) in projector.iter().enumerate() {
             let residual: f64 = row.iter().zip(&still).map(|(q, grey)| q * grey).sum();
-            right[i] += model[i] * residual;
+            sums.right[i] += model[i] * residual;
             for (j, q) in row.iter().enumerate() {
-                normal[(i, j)] += model[i] * q * model[j];
+                sums.normal[i][j] += model[i] * q * model[j];
             }
         }
     }
@@ -125,22 +138,23 @@ fn fitted<S: Sample>(
     fit: &MotionFit,
     validity: &Validity,
     pixel: usize,
-) -> Option<(Vec<f64>, [f64; 5])> {
+) -> Option<([f64; MAX_IMAGES], [f64; 5])> {
     let images = fit.images();
     if (0..images).any(|image| window.is_saturated(image, pixel)) {
         return None;
     }
-    let greys: Vec<f64> = (0..images).map(|image| f64::from(window.grey(image, pixel))).collect();
+    let mut greys = [0.0; MAX_IMAGES];
+    (0..images).for_each(|image| greys[image] = f64::from(window.grey(image, pixel)));
     let values: [f64; 5] = std::array::from_fn(|k| {
         greys.iter().zip(&fit.weights[k]).map(|(grey, weight)| grey * f64::from(*weight)).sum()
     });
     let [offset, re, im, a, b] = values;
-    let modulation = re.hypot(im);
+    let modulation = (re * re + im * im).sqrt();
     let off = |(i, grey): (usize, &f64)| {
         let ([cos, sin], t) = (fit.turns[i].map(f64::from), time(i, images));
         (grey - offset - (re + t * a) * cos + (im + t * b) * sin).powi(2)
     };
-    let residual = (greys.iter().enumerate().map(off).sum::<f64>() / images as f64).sqrt();
+    let residual = (greys[..images].iter().enumerate().map(off).sum::<f64>() / images as f64).sqrt();
     let is_good = modulation >= 2.0 * f64::from(validity.min_modulation_grey) && residual < EDGE_SHARE * modulation;
     is_good.then_some((greys, values))
 }

@@ -10,6 +10,7 @@ use super::planes::{Fitted, TILE};
 
 /// Pixels to either side that are asked.
 const REACH: usize = 2;
+const _: () = assert!(REACH == 2, "`around` adds five");
 /// Rounds: the first takes what the fit gives, ripple and all, the next take off the ripple of the motion found before.
 const ROUNDS: usize = 3;
 
@@ -24,8 +25,10 @@ pub(super) fn motion(fit: &MotionFit, fitted: &Fitted, [width, height]: [usize; 
             let tile = PartsTile { fit, fitted, first: tile * TILE, motion_rad: motion, slope, power };
             simd::run(Level::in_use(), tile);
         });
-        motion_rad.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, motion)| {
-            motion_of_row(fit, &slope, &power, [width, height], v, motion);
+        let rows = motion_rad.par_chunks_mut(width.max(1)).enumerate();
+        rows.for_each_init(<[Vec<f32>; 2]>::default, |sums, (row, motion_rad)| {
+            let (slope, power, size) = (&slope, &power, [width, height]);
+            simd::run(Level::in_use(), MotionOfRow { fit, slope, power, size, row, sums, motion_rad });
         });
     }
     motion_rad
@@ -52,26 +55,54 @@ impl Kernel for PartsTile<'_> {
     }
 }
 
-/// Writes the motion of the pixels of a row.
-fn motion_of_row(
-    fit: &MotionFit,
-    slope: &[f32],
-    power: &[f32],
-    [width, height]: [usize; 2],
+/// Finds the motion of the pixels of a row.
+struct MotionOfRow<'a> {
+    fit: &'a MotionFit,
+    slope: &'a [f32],
+    power: &'a [f32],
+    size: [usize; 2],
     row: usize,
-    motion_rad: &mut [f32],
-) {
-    let (mut slopes, mut powers) = (vec![0.0_f32; width + 2 * REACH], vec![0.0_f32; width + 2 * REACH]);
-    for other in row.saturating_sub(REACH)..(row + REACH + 1).min(height) {
-        let pixels = other * width..(other + 1) * width;
-        for (sums, plane) in [(&mut slopes, slope), (&mut powers, power)] {
-            sums[REACH..].iter_mut().zip(&plane[pixels.clone()]).for_each(|(sum, value)| *sum += value);
+    /// Sums over the rows around, with room on either side.
+    sums: &'a mut [Vec<f32>; 2],
+    motion_rad: &'a mut [f32],
+}
+
+impl Kernel for MotionOfRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let [width, height] = self.size;
+        let [slopes, powers] = self.sums;
+        for sums in [&mut *slopes, &mut *powers] {
+            sums.clear();
+            sums.resize(width + 2 * REACH, 0.0);
+        }
+        for other in self.row.saturating_sub(REACH)..(self.row + REACH + 1).min(height) {
+            let pixels = other * width..(other + 1) * width;
+            add_row(&mut slopes[REACH..][..width], &self.slope[pixels.clone()]);
+            add_row(&mut powers[REACH..][..width], &self.power[pixels]);
+        }
+        let motion_rad = &mut self.motion_rad[..width];
+        for u in 0..width {
+            let (slope, power) = (around(slopes, width, u), around(powers, width, u));
+            let motion = self.fit.motion_rad(slope / power);
+            motion_rad[u] = if power > 0.0 { motion } else { f32::NAN };
         }
     }
-    let sum = |values: &[f32], u: usize| values[u..=u + 2 * REACH].iter().sum::<f32>();
-    for (u, motion) in motion_rad.iter_mut().enumerate() {
-        let power = sum(&powers, u);
-        let known = if power > 0.0 { fit.motion_rad(sum(&slopes, u) / power) } else { None };
-        *motion = known.unwrap_or(f32::NAN);
+}
+
+#[inline(always)]
+fn add_row(sums: &mut [f32], row: &[f32]) {
+    let row = &row[..sums.len()];
+    for u in 0..sums.len() {
+        sums[u] += row[u];
     }
+}
+
+/// Sum over the pixels of a row around one.
+#[inline(always)]
+fn around(values: &[f32], width: usize, u: usize) -> f32 {
+    let of = |offset: usize| values[offset..][..width][u];
+    of(0) + of(1) + of(2) + of(3) + of(4)
 }

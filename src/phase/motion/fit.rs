@@ -73,7 +73,8 @@ pub(super) struct Response {
 struct MotionTable {
     /// Largest value that belongs to a motion.
     limit: f32,
-    motion_rad: Vec<f32>,
+    /// Motions at equal distances up to the limit, each with the next.
+    motion_rad: Box<[[f32; 2]; TABLE + 1]>,
 }
 
 impl MotionFit {
@@ -153,11 +154,12 @@ impl MotionFit {
         self.noise_gain
     }
 
-    /// The motion, rad an image, whose fit gives `Im(z'/z)`; `None` where it is too fast to be told.
-    #[inline]
-    pub(super) fn motion_rad(&self, slope: f32) -> Option<f32> {
+    /// The motion, rad an image, whose fit gives `Im(z'/z)`; NaN where it is too fast to be told.
+    #[inline(always)]
+    pub(super) fn motion_rad(&self, slope: f32) -> f32 {
         let [ahead, back] = &self.motions;
-        if slope >= 0.0 { ahead.motion_rad(slope) } else { back.motion_rad(-slope).map(|motion| -motion) }
+        let motion_rad = if slope >= 0.0 { ahead } else { back }.motion_rad(slope.abs());
+        if slope >= 0.0 { motion_rad } else { -motion_rad }
     }
 }
 
@@ -243,15 +245,17 @@ impl MotionTable {
             let part = if high > low { (wanted - low) / (high - low) } else { 0.0 };
             ((above - 1) as f64 + part) * step
         };
-        Self { limit: limit as f32, motion_rad: (0..=TABLE).map(|i| motion(i) as f32).collect() }
+        let pair = |i: usize| [motion(i) as f32, motion((i + 1).min(TABLE)) as f32];
+        Self { limit: limit as f32, motion_rad: Box::new(std::array::from_fn(pair)) }
     }
 
-    #[inline]
-    fn motion_rad(&self, slope: f32) -> Option<f32> {
+    #[inline(always)]
+    fn motion_rad(&self, slope: f32) -> f32 {
         let place = slope / self.limit * TABLE as f32;
-        let below = place as usize;
-        let (low, high) = (self.motion_rad.get(below)?, self.motion_rad.get(below + 1)?);
-        Some(low + (high - low) * (place - below as f32))
+        let below = place.min(TABLE as f32) as i32;
+        let [low, high] = self.motion_rad[(below as usize).min(TABLE)];
+        let motion_rad = low + (high - low) * (place - below as f32);
+        if (below as usize) < TABLE { motion_rad } else { f32::NAN }
     }
 }
 

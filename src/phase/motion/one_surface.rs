@@ -77,37 +77,39 @@ impl<'a, S: Sample> OneSurface<'a, S> {
             .zip(decoded.motion_rad.par_chunks(width))
             .zip(decoded.residual.par_chunks(width))
             .enumerate();
-        let counts = rows.map(|(v, (((((phase, modulation), mean), valid), motion), residual))| {
-            let mut counts = Repaired::default();
-            for u in 0..phase.len() {
-                let pixel = v * width + u;
-                let is_saturated = (0..self.moments.len()).any(|image| self.window.is_saturated(image, pixel));
-                let least = self.validity.min_modulation_grey;
-                let modulation_grey = modulation[u].grey();
-                let is_lit = modulation_grey >= least;
-                let fits = valid[u] && residual[u] <= self.largest(modulation_grey);
-                if !is_saturated && (fits || !is_lit) {
-                    counts.exposure.add(false, modulation_grey, least);
-                    continue;
+        let counts =
+            rows.map_init(Vec::new, |saturated, (v, (((((phase, modulation), mean), valid), motion), residual))| {
+                let mut counts = Repaired::default();
+                self.window.find_saturated(v * width..v * width + phase.len(), saturated);
+                for u in 0..phase.len() {
+                    let pixel = v * width + u;
+                    let is_saturated = saturated[u];
+                    let least = self.validity.min_modulation_grey;
+                    let modulation_grey = modulation[u].grey();
+                    let is_lit = modulation_grey >= least;
+                    let fits = valid[u] && residual[u] <= self.largest(modulation_grey);
+                    if !is_saturated && (fits || !is_lit) {
+                        counts.exposure.add(false, modulation_grey, least);
+                        continue;
+                    }
+                    let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
+                    let found = self.best(pixel, motion_rad);
+                    valid[u] = found.is_some();
+                    if let Some([offset, re, im, _]) = found {
+                        phase[u] = turn_fraction(im, re);
+                        modulation[u] = Modulation::of_grey((re * re + im * im).sqrt());
+                        mean[u] = (offset + 0.5) as u8;
+                    }
+                    counts.exposure.add(is_saturated, modulation[u].grey(), least);
+                    if is_saturated {
+                        // Too much light, not motion.
+                        continue;
+                    }
+                    let count = if found.is_some() { &mut counts.one_surface_pixels } else { &mut counts.lost_pixels };
+                    *count += 1;
                 }
-                let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
-                let found = self.best(pixel, motion_rad);
-                valid[u] = found.is_some();
-                if let Some([offset, re, im, _]) = found {
-                    phase[u] = turn_fraction(im, re);
-                    modulation[u] = Modulation::of_grey((re * re + im * im).sqrt());
-                    mean[u] = (offset + 0.5) as u8;
-                }
-                counts.exposure.add(is_saturated, modulation[u].grey(), least);
-                if is_saturated {
-                    // Too much light, not motion.
-                    continue;
-                }
-                let count = if found.is_some() { &mut counts.one_surface_pixels } else { &mut counts.lost_pixels };
-                *count += 1;
-            }
-            counts
-        });
+                counts
+            });
         counts.reduce(Repaired::default, |a, b| Repaired {
             one_surface_pixels: a.one_surface_pixels + b.one_surface_pixels,
             lost_pixels: a.lost_pixels + b.lost_pixels,

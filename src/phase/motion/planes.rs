@@ -118,6 +118,17 @@ impl<'a, S: Sample> Window<'a, S> {
         !self.images[image][pixel].is_below(self.saturation)
     }
 
+    /// Whether any sample of a pixel is saturated, pixel by pixel.
+    pub(super) fn find_saturated(&self, pixels: std::ops::Range<usize>, saturated: &mut Vec<bool>) {
+        saturated.clear();
+        saturated.resize(pixels.len(), false);
+        for image in &self.images {
+            for (saturated, sample) in saturated.iter_mut().zip(&image[pixels.clone()]) {
+                *saturated |= !sample.is_below(self.saturation);
+            }
+        }
+    }
+
     /// The harmonics of the fringes, the motion taken off.
     fn harmonics(&self, fit: &MotionFit, decoded: &Decoded) -> Harmonics {
         let (shifts, images) = (fit.shifts_rad(), self.images.len());
