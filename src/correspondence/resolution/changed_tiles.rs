@@ -2,6 +2,7 @@
 
 use super::continuity::FAR;
 use super::grid::Grid;
+use super::opinions::Directions;
 
 /// Rows of a tile, which is a block wide: no walk leads beyond the tiles beside its own.
 const ROWS: usize = FAR as usize + 1;
@@ -39,6 +40,37 @@ impl ChangedTiles {
     #[inline]
     fn tile_of(&self, block: usize) -> usize {
         (block / self.blocks / ROWS + 1) * self.blocks + block % self.blocks
+    }
+}
+
+/// Where decisions changed since each kind of their neighbours were last asked.
+pub(super) struct Unheard {
+    /// Open pixels, along the epipolar direction.
+    along: ChangedTiles,
+    /// Open pixels, across it too.
+    across: ChangedTiles,
+    /// Decided pixels, for contradictions.
+    pub(super) by_decided: ChangedTiles,
+}
+
+impl Unheard {
+    /// Nobody has been asked yet.
+    pub(super) fn all(grid: Grid) -> Self {
+        let all = ChangedTiles::new(grid, true);
+        Self { along: all.clone(), across: all.clone(), by_decided: all }
+    }
+
+    pub(super) fn mark(&mut self, block: usize) {
+        self.along.mark(block);
+        self.across.mark(block);
+        self.by_decided.mark(block);
+    }
+
+    pub(super) fn of(&mut self, directions: Directions) -> &mut ChangedTiles {
+        match directions {
+            Directions::Along => &mut self.along,
+            Directions::AlongAndAcross => &mut self.across,
+        }
     }
 }
 

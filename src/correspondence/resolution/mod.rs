@@ -29,7 +29,7 @@ mod uniqueness;
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
+use crate::simd::{self, LANES, Level};
 
 use super::candidates::DeltaGate;
 use super::neighbourhood::TURN;
@@ -38,7 +38,7 @@ use super::search::CandidateLists;
 use super::segment::SegmentRow;
 use super::segment_table::{EpipolarAxis, SegmentTable};
 
-use changed_tiles::ChangedTiles;
+use changed_tiles::{ChangedTiles, Unheard};
 use continuity::{Axis, Continuity};
 use decision::VoteRule;
 use decisions::{Decisions, nearest_column};
@@ -48,7 +48,7 @@ use opinions::{Ask, Decision, Directions, Question, places_of, sides};
 pub(super) use pass::Pass;
 use region_delta::level_regions;
 use regions::Regions;
-use support::Support;
+use support::{Support, SupportedInRow};
 use uniqueness::Precedence;
 
 /// Tolerance that every difference of δ meets.
@@ -442,61 +442,6 @@ impl<'a> Resolver<'a> {
             self.decisions.decided[place / LANES] &= !(1 << (place % LANES));
             let pixel = self.grid().pixel(place);
             self.resolution.outcomes[pixel] = Outcome::RejectedByDelta;
-        }
-    }
-}
-
-/// Where decisions changed since each kind of their neighbours were last asked.
-struct Unheard {
-    /// Open pixels, along the epipolar direction.
-    along: ChangedTiles,
-    /// Open pixels, across it too.
-    across: ChangedTiles,
-    /// Decided pixels, for contradictions.
-    by_decided: ChangedTiles,
-}
-
-impl Unheard {
-    /// Nobody has been asked yet.
-    fn all(grid: Grid) -> Self {
-        let all = ChangedTiles::new(grid, true);
-        Self { along: all.clone(), across: all.clone(), by_decided: all }
-    }
-
-    fn mark(&mut self, block: usize) {
-        self.along.mark(block);
-        self.across.mark(block);
-        self.by_decided.mark(block);
-    }
-
-    fn of(&mut self, directions: Directions) -> &mut ChangedTiles {
-        match directions {
-            Directions::Along => &mut self.along,
-            Directions::AlongAndAcross => &mut self.across,
-        }
-    }
-}
-
-/// Which decided pixels of a row their neighbours support.
-struct SupportedInRow<'a, F> {
-    support: Support<'a>,
-    /// The block before the first of the row.
-    first: usize,
-    asked: &'a F,
-    supported: &'a mut [u32],
-}
-
-impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let mut b = 1;
-        while b + 1 < self.supported.len() {
-            if (self.asked)(self.first + b) {
-                self.supported[b] = self.support.of_block(lanes, self.first + b);
-            }
-            b += 1;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Whether the decided pixels next to a pixel support what it was decided for: up to three steps to each of four sides.
 
-use crate::simd::{LANES, Lanes};
+use crate::simd::{Kernel, LANES, Lanes};
 
 use super::continuity::{Along, Axis, Continuity};
 use super::decision::{Tally, VoteRule};
@@ -175,9 +175,33 @@ fn decided(all: &[u32], axis: Axis, forwards: bool, place: usize, block: usize) 
     }
 }
 
+/// Which decided pixels of a row their neighbours support.
+pub(super) struct SupportedInRow<'a, F> {
+    pub(super) support: Support<'a>,
+    /// The block before the first of the row.
+    pub(super) first: usize,
+    pub(super) asked: &'a F,
+    pub(super) supported: &'a mut [u32],
+}
+
+impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let mut b = 1;
+        while b + 1 < self.supported.len() {
+            if (self.asked)(self.first + b) {
+                self.supported[b] = self.support.of_block(lanes, self.first + b);
+            }
+            b += 1;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use crate::simd::{self, Kernel, Level};
+    use crate::simd::{self, Level};
 
     use super::super::grid::bit;
     use super::super::test_scene::TestScene;
