@@ -18,7 +18,7 @@ use super::error::{RecordingError, RecordingProblem};
 use super::held::{Held, Places};
 use super::opening::monotonic_ns;
 use super::queue::{Item, Next, Queue};
-use super::recordable::{Encoded, MOST_HEADER_BYTES, encode_frame};
+use super::recordable::{Encoded, MOST_HEADER_BYTES, Times, encode_frame};
 use super::writer::{Opening, RecordingWriter};
 use super::{Recordable, Topic};
 
@@ -86,14 +86,7 @@ impl Recorder {
             self.shared.account().counts.malformed += 1;
             return;
         };
-        self.shared.account().counts.of(topic).taken += 1;
-        let Some(mut encoded) = self.shared.queue.buffer(message.size()) else {
-            self.shared.account().counts.of(topic).drop_one(DropReason::QueueFull);
-            return;
-        };
-        let had = encoded.bytes.capacity();
-        message.encode(&mut encoded);
-        self.shared.queue.push(Item { topic, times: message.times(), encoded }, had);
+        self.accept(topic, message.times(), message.size(), |encoded| message.encode(encoded));
     }
 
     /// [`Self::push`] of an image that need not be copied, since it stays as it is until it is dropped: at most
@@ -101,15 +94,22 @@ impl Recorder {
     pub fn push_held(&self, header: &FrameHeader, image: impl AsRef<[u8]> + Send + 'static) {
         let message = Recordable::Frame { header, image: image.as_ref() };
         let Some((topic, place)) = message.topic().zip(self.places.take()) else { return self.push(&message) };
-        let times = message.times();
+        let (times, image_bytes) = (message.times(), image.as_ref().len());
+        self.accept(topic, times, MOST_HEADER_BYTES, |encoded| {
+            encode_frame(header, image_bytes, encoded);
+            encoded.held = Some(Held::new(image, place));
+        });
+    }
+
+    /// Counts a message, and puts it into the queue if that has room for so many bytes.
+    fn accept(&self, topic: Topic, times: Times, bytes: usize, encode: impl FnOnce(&mut Encoded)) {
         self.shared.account().counts.of(topic).taken += 1;
-        let Some(mut encoded) = self.shared.queue.buffer(MOST_HEADER_BYTES) else {
+        let Some(mut encoded) = self.shared.queue.buffer(bytes) else {
             self.shared.account().counts.of(topic).drop_one(DropReason::QueueFull);
             return;
         };
         let had = encoded.bytes.capacity();
-        encode_frame(header, image.as_ref().len(), &mut encoded);
-        encoded.held = Some(Held::new(image, place));
+        encode(&mut encoded);
         self.shared.queue.push(Item { topic, times, encoded }, had);
     }
 
