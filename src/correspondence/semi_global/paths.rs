@@ -75,19 +75,25 @@ pub(super) fn least_energies(
     });
     let [down, up] = &mut passes;
     let level = Level::in_use();
-    rayon::join(
-        || simd::run(level, Leaving { sweep: &mut *down, rows: 0..middle, sums: &mut *upper_sums }),
-        || simd::run(level, Leaving { sweep: &mut *up, rows: middle..height, sums: &mut *lower_sums }),
-    );
-    let (upper_sums, lower_sums) = (&*upper_sums, &*lower_sums);
+    let (above, below) = (0..middle, middle..height);
     rayon::join(
         || {
-            let (order, margin) = (lower_order, lower_margin);
-            simd::run(level, Deciding { sweep: down, rows: middle..height, sums: lower_sums, order, margin });
+            let visit = Leave { sums: &mut *upper_sums };
+            simd::run(level, Through { sweep: &mut *down, rows: above.clone(), visit });
         },
         || {
-            let (order, margin) = (upper_order, upper_margin);
-            simd::run(level, Deciding { sweep: up, rows: 0..middle, sums: upper_sums, order, margin });
+            let visit = Leave { sums: &mut *lower_sums };
+            simd::run(level, Through { sweep: &mut *up, rows: below.clone(), visit });
+        },
+    );
+    rayon::join(
+        || {
+            let visit = Decide { sums: lower_sums, order: lower_order, margin: lower_margin };
+            simd::run(level, Through { sweep: down, rows: below.clone(), visit });
+        },
+        || {
+            let visit = Decide { sums: upper_sums, order: upper_order, margin: upper_margin };
+            simd::run(level, Through { sweep: up, rows: above.clone(), visit });
         },
     );
 }
@@ -125,15 +131,27 @@ impl PathRow {
     }
 }
 
-/// Goes through rows of which the other pass knows nothing yet.
-struct Leaving<'a, 'b> {
+/// Goes through some rows.
+struct Through<'a, 'b, V> {
     sweep: &'a mut Sweep<'b>,
     rows: std::ops::Range<usize>,
-    /// Sums of the rows.
-    sums: &'a mut [u16],
+    visit: V,
 }
 
-impl Kernel for Leaving<'_, '_> {
+/// What becomes of the sums of pixels.
+trait Visit {
+    /// Takes what the paths of a pass bring to the orders of a pixel; `place` is that of the pixel among those of the rows.
+    fn take<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_>,
+        pixel: usize,
+        place: usize,
+        sum: &[u16; ROOM],
+    );
+}
+
+impl<V: Visit> Kernel for Through<'_, '_, V> {
     type Output = ();
 
     #[inline(always)]
@@ -147,56 +165,10 @@ impl Kernel for Leaving<'_, '_> {
     }
 }
 
-impl Leaving<'_, '_> {
+impl<V: Visit> Through<'_, '_, V> {
     #[inline(always)]
     fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
-        let Self { sweep, rows, sums } = self;
-        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
-        for i in 0..rows.len() {
-            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
-            let of_row = &mut sums[(v - rows.start) * sweep.width * lanes..][..sweep.width * lanes];
-            let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
-            for j in 0..sweep.width {
-                let u = sweep.column(j);
-                let pixel = v * sweep.width + u;
-                if sweep.windows.count[pixel] > 0 {
-                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
-                    of_row[u * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
-                }
-            }
-            sweep.end_row();
-        }
-    }
-}
-
-/// Goes through rows of which the other pass left its sums.
-struct Deciding<'a, 'b> {
-    sweep: &'a mut Sweep<'b>,
-    rows: std::ops::Range<usize>,
-    /// Sums of the rows.
-    sums: &'a [u16],
-    order: &'a mut [i16],
-    margin: &'a mut [u16],
-}
-
-impl Kernel for Deciding<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        match self.sweep.windows.lanes {
-            LANE_STEP => self.run_of::<L, LANE_STEP>(lanes),
-            FEW_LANES => self.run_of::<L, FEW_LANES>(lanes),
-            _ => self.run_of::<L, MAX_LANES>(lanes),
-        }
-    }
-}
-
-impl Deciding<'_, '_> {
-    #[inline(always)]
-    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
-        let Self { sweep, rows, sums, order, margin } = self;
-        let lanes = if ROOM <= FEW_LANES { ROOM } else { sweep.windows.lanes };
+        let Self { sweep, rows, mut visit } = self;
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let (links, mut along) = (sweep.links_of_row(v), [0; ROOM]);
@@ -204,11 +176,8 @@ impl Deciding<'_, '_> {
                 let u = sweep.column(j);
                 let (pixel, place) = (v * sweep.width + u, (v - rows.start) * sweep.width + u);
                 if sweep.windows.count[pixel] > 0 {
-                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], lanes, &mut along);
-                    let evidence = &sweep.evidence[pixel * lanes..][..lanes];
-                    let (best, lead) = decide::<L, ROOM>(level, evidence, &sum, &sums[place * lanes..][..lanes], lanes);
-                    order[place] = sweep.windows.first[pixel] + best;
-                    margin[place] = lead;
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], &mut along);
+                    visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
                 }
             }
             sweep.end_row();
@@ -216,7 +185,58 @@ impl Deciding<'_, '_> {
     }
 }
 
+/// Leaves the sums of rows of which the other pass knows nothing yet.
+struct Leave<'a> {
+    sums: &'a mut [u16],
+}
+
+impl Visit for Leave<'_> {
+    #[inline(always)]
+    fn take<L: Lanes, const ROOM: usize>(
+        &mut self,
+        _: L,
+        sweep: &Sweep<'_>,
+        _: usize,
+        place: usize,
+        sum: &[u16; ROOM],
+    ) {
+        let lanes = sweep.lanes::<ROOM>();
+        self.sums[place * lanes..][..lanes].copy_from_slice(&sum[..lanes]);
+    }
+}
+
+/// Decides in rows of which the other pass left its sums.
+struct Decide<'a> {
+    sums: &'a [u16],
+    order: &'a mut [i16],
+    margin: &'a mut [u16],
+}
+
+impl Visit for Decide<'_> {
+    #[inline(always)]
+    fn take<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_>,
+        pixel: usize,
+        place: usize,
+        sum: &[u16; ROOM],
+    ) {
+        let lanes = sweep.lanes::<ROOM>();
+        let evidence = &sweep.evidence[pixel * lanes..][..lanes];
+        let (best, lead) = decide::<L, ROOM>(level, evidence, sum, &self.sums[place * lanes..][..lanes], lanes);
+        self.order[place] = sweep.windows.first[pixel] + best;
+        self.margin[place] = lead;
+    }
+}
+
 impl<'a> Sweep<'a> {
+    /// Number of orders, known to loops that have room for few.
+    #[inline(always)]
+    fn lanes<const ROOM: usize>(&self) -> usize {
+        if ROOM <= FEW_LANES { ROOM } else { self.windows.lanes }
+    }
+
     #[inline(always)]
     fn column(&self, j: usize) -> usize {
         if self.pass == Pass::Down { j } else { self.width - 1 - j }
@@ -242,10 +262,9 @@ impl<'a> Sweep<'a> {
         level: L,
         links: &[RowLinks<'_>; AXES.len()],
         [u, pixel]: [usize; 2],
-        lanes: usize,
         along: &mut [u16; ROOM],
     ) -> [u16; ROOM] {
-        let lanes = if ROOM <= FEW_LANES { ROOM } else { lanes };
+        let lanes = self.lanes::<ROOM>();
         let stride = lanes + 2 * MAX_SHIFT;
         let evidence = &self.evidence[pixel * lanes..][..lanes];
         let mut sum = [0_u16; ROOM];
