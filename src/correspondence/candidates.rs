@@ -47,20 +47,19 @@ impl DeltaGate {
     /// The least and the greatest δ that pass, turns · 65536; the least beyond the greatest where none does.
     pub(super) fn bounds(&self) -> [i16; 2] {
         let middle = (self.mean_turns * 65536.0).round() as i16;
-        let all = i32::from(i16::MIN)..i32::from(i16::MAX) + 1;
-        let middle = i32::from(middle);
-        if !self.passes(middle as i16) {
+        if !self.passes(middle) {
             return [1, 0];
         }
-        let last = |inside: i32, mut beyond: i32| {
-            let mut inside = inside;
+        // Of all numbers from the middle to one beyond the range those that pass come first.
+        let last = |mut beyond: i32| {
+            let mut inside = i32::from(middle);
             while (beyond - inside).abs() > 1 {
                 let between = (inside + beyond) / 2;
                 if self.passes(between as i16) { inside = between } else { beyond = between }
             }
             inside as i16
         };
-        [last(middle, all.start - 1), last(middle, all.end)]
+        [last(i32::from(i16::MIN) - 1), last(i32::from(i16::MAX) + 1)]
     }
 }
 

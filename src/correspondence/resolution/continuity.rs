@@ -133,10 +133,7 @@ impl Continuity {
         let (here_turns, here) = (lanes.word(turns[place]), lanes.word(phase[place] as i16));
         let turns = lanes.sub(lanes.load(words(turns, place - CENTRE)), here_turns);
         let phase = lanes.load(words(phase, place - CENTRE));
-        let (zero, one) = (lanes.word(0), lanes.word(1));
-        let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(phase, here));
-        let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(here, phase));
-        let period = up | down | lanes.bits(lanes.is_greater(lanes.abs(turns), one));
+        let period = are_periods(lanes, here, phase, turns);
         let (before, after) = (period << (LANES - CENTRE), period >> (CENTRE + 1));
         [reach[0].min(before.leading_zeros()), reach[1].min(after.trailing_zeros())]
     }
@@ -151,6 +148,15 @@ pub(super) const CENTRE: usize = LANES / 2;
 #[inline(always)]
 fn is_a_period(from: u16, to: u16, turns: i16) -> bool {
     ((i32::from(to) - i32::from(from)) + (i32::from(turns) << 16)).abs() >= 1 << 16
+}
+
+/// [`is_a_period`] of each lane, a bit each.
+#[inline(always)]
+pub(super) fn are_periods<L: Lanes>(lanes: L, from: L::Words, to: L::Words, turns: L::Words) -> u32 {
+    let (zero, one) = (lanes.word(0), lanes.word(1));
+    let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(to, from));
+    let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(from, to));
+    up | down | lanes.bits(lanes.is_greater(lanes.abs(turns), one))
 }
 
 /// Steps from the pixels of a block to the next ones, a bit each.
@@ -178,21 +184,20 @@ impl Kernel for StepsOfRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let blocks = self.grid.blocks_of_row(self.v);
-        let stride = self.grid.stride();
-        for (b, block) in (1..).zip(blocks) {
+        for (b, block) in (1..).zip(self.grid.blocks_of_row(self.v)) {
             let place = block * LANES;
-            let here = lanes.load(words(self.phase, place));
-            let next = [lanes.load(words(self.phase, place + 1)), lanes.load(words(self.phase, place + stride))];
-            let before = [lanes.load(words(self.phase, place - 1)), lanes.load(words(self.phase, place - stride))];
-            let valid = self.valid[block];
-            let next_valid = [bits_from(self.valid, place + 1), self.valid[block + self.grid.blocks]];
-            let mut axis = 0;
-            while axis < 2 {
-                self.steps[b][axis] = steps(lanes, [before[axis], here, next[axis]], valid & next_valid[axis]);
-                axis += 1;
-            }
+            self.steps[b] = [self.of_block(lanes, place, 1), self.of_block(lanes, place, self.grid.stride())];
         }
+    }
+}
+
+impl StepsOfRow<'_> {
+    /// Steps to the pixels one stride on, from those of a block that begins at `place`.
+    #[inline(always)]
+    fn of_block<L: Lanes>(&self, lanes: L, place: usize, stride: usize) -> Steps {
+        let [before, here, next] = [place - stride, place, place + stride].map(|place| words(self.phase, place));
+        let [before, here, next] = [lanes.load(before), lanes.load(here), lanes.load(next)];
+        steps(lanes, [before, here, next], bits_from(self.valid, place) & bits_from(self.valid, place + stride))
     }
 }
 

@@ -133,6 +133,11 @@ pub(super) fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
+/// The places of a block whose bits are set.
+pub(super) fn places_of(block: usize, bits: u32) -> impl Iterator<Item = usize> {
+    ones(bits).map(move |k| block * LANES + k)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -42,9 +42,9 @@ use changed_tiles::{ChangedTiles, Unheard};
 use continuity::{Axis, Continuity};
 use decision::VoteRule;
 use decisions::{Decisions, nearest_column};
-use grid::Grid;
+use grid::{Grid, places_of};
 use lists::Lists;
-use opinions::{Ask, Decision, Directions, Question, places_of, sides};
+use opinions::{Ask, Decision, Directions, Question, sides};
 pub(super) use pass::Pass;
 use region_delta::level_regions;
 use regions::Regions;
@@ -394,10 +394,7 @@ impl<'a> Resolver<'a> {
     fn contradict_by_delta(&mut self, tolerance: i32) {
         let regions = Regions::of(&self.continuity, &self.decisions, tolerance);
         let level = level_regions(self, &regions);
-        let mut false_ones = vec![0; self.grid().all_blocks()];
-        let fallen = regions.runs.iter().filter(|run| !level[run.region as usize]);
-        fallen.flat_map(|run| run.blocks()).for_each(|(block, places)| false_ones[block] |= places);
-        self.exclude(&false_ones);
+        self.exclude(&regions.places_where(self.grid(), |region| !level[region]));
     }
 
     /// Undoes and excludes the decisions that are false, a bit a place; yields how many.

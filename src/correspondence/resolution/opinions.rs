@@ -7,7 +7,7 @@ use super::changed_tiles::ChangedTiles;
 use super::continuity::{Axis, CENTRE, Continuity, FAR};
 use super::decision::{Proposal, VoteRule};
 use super::decisions::Decisions;
-use super::grid::{bits_from, ones, words};
+use super::grid::{bits_from, words};
 use super::lists::Lists;
 use super::support::NEAR;
 
@@ -154,11 +154,6 @@ pub(super) fn sides(continuity: &Continuity, decisions: &Decisions, place: usize
         has
     };
     sides.iter().filter(|side| has_support(side)).count()
-}
-
-/// The open places of a block.
-pub(super) fn places_of(block: usize, bits: u32) -> impl Iterator<Item = usize> {
-    ones(bits).map(move |k| block * LANES + k)
 }
 
 #[cfg(test)]

@@ -92,13 +92,8 @@ impl Kernel for DeltaOfRun<'_> {
         let (u, v) = (u as i64 - i64::from(self.run.place), v as i64);
         let [least, greatest] = self.bounds;
         let (zero, one, number) = (lanes.word(0), lanes.word(1), lanes.load(&NUMBERS));
-        let places = self.run.places();
-        let mut block = places.start / LANES;
-        while block * LANES < places.end {
+        for (block, of_run) in self.run.blocks() {
             let first = block * LANES;
-            let begin = places.start.max(first) - first;
-            let end = places.end.min(first + LANES) - first;
-            let of_run = (u32::MAX >> (LANES - (end - begin))) << begin;
             let delta = lanes.load(words(self.delta, first));
             let fails = lanes.bits(lanes.is_greater(lanes.word(least), delta))
                 | lanes.bits(lanes.is_greater(delta, lanes.word(greatest)));
@@ -119,7 +114,6 @@ impl Kernel for DeltaOfRun<'_> {
             sums.place[0] += of_column;
             sums.place_delta[0] += column * sum + number_delta;
             sums.place_place[0] += column * column * count + 2 * column * of_number + squares;
-            block += 1;
         }
         sums.place[1] = v * sums.count;
         sums.place_delta[1] = v * sums.sum;

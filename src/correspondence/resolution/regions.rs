@@ -7,7 +7,7 @@ use crate::simd::{self, Kernel, LANES, Lanes, Level};
 use super::super::unions::Unions;
 use super::continuity::{Along, Continuity};
 use super::decisions::Decisions;
-use super::grid::{Grid, ones, words};
+use super::grid::{Grid, bits_from, ones, words};
 
 /// A place without region.
 const NONE: u32 = u32::MAX;
@@ -63,6 +63,14 @@ impl Regions {
         joined.into_regions(grid)
     }
 
+    /// A bit a place: those of the regions that are wanted.
+    pub(super) fn places_where(&self, grid: Grid, is_wanted: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut bits = vec![0; grid.all_blocks()];
+        let wanted = self.runs.iter().filter(|run| is_wanted(run.region as usize));
+        wanted.flat_map(|run| run.blocks()).for_each(|(block, places)| bits[block] |= places);
+        bits
+    }
+
     /// Region of a place, if it is decided.
     #[inline]
     pub(super) fn region_of(&self, place: usize) -> Option<usize> {
@@ -104,10 +112,9 @@ impl Kernel for LinksOfRow<'_> {
         while b + 1 < blocks {
             let block = first + b;
             if decided[block] != 0 {
-                let next = decided[block] >> 1 | decided[block + 1] << (LANES - 1);
                 self.links[b] = Links {
-                    next: self.links_along(lanes, &self.continuity.row, block, next),
-                    below: self.links_along(lanes, &self.continuity.column, block, decided[block + blocks]),
+                    next: self.links_along(lanes, &self.continuity.row, block),
+                    below: self.links_along(lanes, &self.continuity.column, block),
                 };
             }
             b += 1;
@@ -116,14 +123,15 @@ impl Kernel for LinksOfRow<'_> {
 }
 
 impl LinksOfRow<'_> {
-    /// Which pixels of a block belong together with those one stride on, `next` are those that are decided.
+    /// Which pixels of a block belong together with those one stride on.
     #[inline(always)]
-    fn links_along<L: Lanes>(&self, lanes: L, along: &Along, block: usize, next: u32) -> u32 {
-        let both = along.runs_on[block] & self.decisions.decided[block] & next;
+    fn links_along<L: Lanes>(&self, lanes: L, along: &Along, block: usize) -> u32 {
+        let (here, there) = (block * LANES, block * LANES + along.stride);
+        let decided = &self.decisions.decided;
+        let both = along.runs_on[block] & decided[block] & bits_from(decided, there);
         if both == 0 {
             return 0;
         }
-        let (here, there) = (block * LANES, block * LANES + along.stride);
         let (order, delta) = (&self.decisions.order, &self.decisions.delta);
         let turns = lanes.sub(lanes.load(words(&along.turns, there)), lanes.load(words(&along.turns, here)));
         let expected = lanes.add(lanes.load(words(order, here)), turns);

@@ -2,10 +2,10 @@
 
 use crate::simd::{Kernel, LANES, Lanes};
 
-use super::continuity::{Along, Axis, Continuity};
+use super::continuity::{Along, Continuity, are_periods};
 use super::decision::{Tally, VoteRule};
 use super::decisions::Decisions;
-use super::grid::words;
+use super::grid::{bits_from, words};
 
 /// Steps of a walk.
 pub(super) const NEAR: usize = 3;
@@ -20,9 +20,6 @@ pub(super) struct Support<'a> {
     pub(super) tolerance: i32,
 }
 
-/// The pixels that a walk has come to, a bit for each pixel of the block it began from.
-type Walks = [u32; NEAR];
-
 impl Support<'_> {
     /// Of a block the decided pixels that their neighbours support.
     #[inline(always)]
@@ -32,49 +29,27 @@ impl Support<'_> {
             return 0;
         }
         let mut votes = Votes::new(lanes, self, block);
-        let continuity = self.continuity;
-        let [left, right] = row_walks(&continuity.row, block);
-        let [above, below] = column_walks(&continuity.column, block);
-        votes.add(lanes, self, Axis::Row, false, left);
-        votes.add(lanes, self, Axis::Row, true, right);
-        votes.add(lanes, self, Axis::Column, false, above);
-        votes.add(lanes, self, Axis::Column, true, below);
+        votes.add(lanes, self, &self.continuity.row, false);
+        votes.add(lanes, self, &self.continuity.row, true);
+        votes.add(lanes, self, &self.continuity.column, false);
+        votes.add(lanes, self, &self.continuity.column, true);
         votes.supported(lanes, self) & decided
     }
 }
 
-/// The walks along the rows from a block, to the left and to the right.
+/// The pixels that walks from a block have come to, a bit for each that they began from: after one step, two, and three.
 #[inline(always)]
-fn row_walks(along: &Along, block: usize) -> [Walks; 2] {
-    let with_next = |bits: &[u32]| u64::from(bits[block]) | u64::from(bits[block + 1]) << LANES;
-    let with_last = |bits: &[u32]| u64::from(bits[block - 1]) | u64::from(bits[block]) << LANES;
-    let (runs_on, passes) = (with_next(&along.runs_on), with_next(&along.passes));
-    let one = runs_on;
-    let two = one & (runs_on & passes) >> 1;
-    let three = two & (runs_on & passes) >> 2;
-    let right = [one as u32, two as u32, three as u32];
-    let (runs_on, passes) = (with_last(&along.runs_on), with_last(&along.passes));
-    let one = runs_on << 1;
-    let two = one & runs_on << 2 & passes << 1;
-    let three = two & runs_on << 3 & passes << 2;
-    [[(one >> LANES) as u32, (two >> LANES) as u32, (three >> LANES) as u32], right]
-}
-
-/// The walks along the columns from a block, upwards and downwards.
-#[inline(always)]
-fn column_walks(along: &Along, block: usize) -> [Walks; 2] {
-    let blocks = along.stride / LANES;
-    let (runs_on, passes) = (&along.runs_on, &along.passes);
-    let (first, second, third) = (block - blocks, block - 2 * blocks, block - 3 * blocks);
-    let one = runs_on[first];
-    let two = one & runs_on[second] & passes[first];
-    let three = two & runs_on[third] & passes[second];
-    let up = [one, two, three];
-    let (first, second) = (block + blocks, block + 2 * blocks);
-    let one = runs_on[block];
-    let two = one & runs_on[first] & passes[first];
-    let three = two & runs_on[second] & passes[second];
-    [up, [one, two, three]]
+fn walks(along: &Along, block: usize, forwards: bool) -> [u32; NEAR] {
+    let (here, stride) = (block * LANES, along.stride);
+    // A step is told by the first of its two pixels.
+    let runs_on = |steps: usize| {
+        bits_from(&along.runs_on, if forwards { here + (steps - 1) * stride } else { here - steps * stride })
+    };
+    let passes =
+        |steps: usize| bits_from(&along.passes, if forwards { here + steps * stride } else { here - steps * stride });
+    let one = runs_on(1);
+    let two = one & runs_on(2) & passes(1);
+    [one, two, two & runs_on(3) & passes(2)]
 }
 
 /// Votes for the decisions of a block.
@@ -102,16 +77,16 @@ impl<L: Lanes> Votes<L> {
 
     /// Asks those that the walks to one side have come to.
     #[inline(always)]
-    fn add(&mut self, lanes: L, support: &Support<'_>, axis: Axis, forwards: bool, walks: Walks) {
-        let (along, decisions) = (support.continuity.along(axis), support.decisions);
-        let here = self.block * LANES;
+    fn add(&mut self, lanes: L, support: &Support<'_>, along: &Along, forwards: bool) {
+        let (decisions, here) = (support.decisions, self.block * LANES);
         let here_turns = lanes.load(words(&along.turns, here));
         let (zero, one) = (lanes.word(0), lanes.word(1));
+        let walks = walks(along, self.block, forwards);
         let mut step = 0;
         while step < NEAR {
             let distance = (step + 1) * along.stride;
             let place = if forwards { here + distance } else { here - distance };
-            let mut asked = walks[step] & decided(&decisions.decided, axis, forwards, place, self.block);
+            let mut asked = walks[step] & bits_from(&decisions.decided, place);
             if asked == 0 {
                 step += 1;
                 continue;
@@ -120,9 +95,7 @@ impl<L: Lanes> Votes<L> {
             if step + 1 == NEAR {
                 // Three of the largest steps are more than a period.
                 let phase = lanes.load(words(&support.continuity.phase, place));
-                let up = lanes.bits(lanes.is_greater(turns, zero)) & lanes.bits(lanes.is_at_least(phase, self.phase));
-                let down = lanes.bits(lanes.is_greater(zero, turns)) & lanes.bits(lanes.is_at_least(self.phase, phase));
-                asked &= !(up | down | lanes.bits(lanes.is_greater(lanes.abs(turns), one)));
+                asked &= !are_periods(lanes, self.phase, phase, turns);
             }
             let proposed = lanes.sub(lanes.load(words(&decisions.order, place)), turns);
             let agree = lanes.bits(lanes.is_equal(proposed, self.order)) & asked;
@@ -160,21 +133,6 @@ impl<L: Lanes> Votes<L> {
     }
 }
 
-/// The decided pixels among those a walk has come to from a block: `place` is where the first of them lies.
-#[inline(always)]
-fn decided(all: &[u32], axis: Axis, forwards: bool, place: usize, block: usize) -> u32 {
-    match (axis, forwards) {
-        (Axis::Column, _) => all[place / LANES],
-        (Axis::Row, true) => {
-            ((u64::from(all[block]) | u64::from(all[block + 1]) << LANES) >> (place - block * LANES)) as u32
-        }
-        (Axis::Row, false) => {
-            let both = u64::from(all[block - 1]) | u64::from(all[block]) << LANES;
-            (both >> (LANES - (block * LANES - place))) as u32
-        }
-    }
-}
-
 /// Which decided pixels of a row their neighbours support.
 pub(super) struct SupportedInRow<'a, F> {
     pub(super) support: Support<'a>,
@@ -203,6 +161,7 @@ impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
 mod tests {
     use crate::simd::{self, Level};
 
+    use super::super::continuity::Axis;
     use super::super::grid::bit;
     use super::super::test_scene::TestScene;
     use super::*;

@@ -6,7 +6,7 @@ use super::super::candidates::Candidate;
 use super::super::search::CandidateLists;
 use super::continuity::Continuity;
 use super::decisions::Decisions;
-use super::grid::ones;
+use super::grid::{bit, places_of};
 
 /// Patches of slopes of all kinds with holes, two of three pixels decided, a tenth of those for a wrong order.
 pub(super) struct TestScene {
@@ -54,8 +54,8 @@ impl TestScene {
     /// Places of the image whose bits are set, or those whose are not.
     pub(super) fn places(&self, bits: &[u32], set: bool) -> Vec<usize> {
         let grid = self.continuity.grid;
-        let all = grid.blocks_of_image().flat_map(|block| ones(u32::MAX).map(move |k| block * 32 + k));
+        let all = grid.blocks_of_image().flat_map(|block| places_of(block, u32::MAX));
         let in_image = move |place: &usize| grid.column_and_row(*place)[0] < grid.width();
-        all.filter(in_image).filter(|&place| super::grid::bit(bits, place) == set).collect()
+        all.filter(in_image).filter(|&place| bit(bits, place) == set).collect()
     }
 }

@@ -7,7 +7,7 @@ use crate::simd::{self, Kernel, LANES, Lanes};
 
 use super::super::neighbourhood::TURN;
 use super::Resolver;
-use super::opinions::places_of;
+use super::grid::places_of;
 use super::regions::Regions;
 use super::steepness::Steepness;
 
@@ -76,9 +76,7 @@ pub(super) fn contested(
         Precedence::Foundation => lost,
         Precedence::Nearness => claims.lost(&stands, Claim::hides),
     };
-    let fallen = regions.runs.iter().filter(|run| !stands[run.region as usize]);
-    let mut contested = vec![0; resolver.continuity.grid.all_blocks()];
-    fallen.flat_map(|run| run.blocks()).for_each(|(block, places)| contested[block] |= places);
+    let mut contested = regions.places_where(resolver.continuity.grid, |region| !stands[region]);
     lost.iter().for_each(|claim| contested[claim.place as usize / LANES] |= 1 << (claim.place as usize % LANES));
     contested
 }
