@@ -1,7 +1,7 @@
 //! The candidates of all pixels of an image.
 
 #[cfg(target_arch = "x86_64")]
-pub(super) mod wide;
+mod wide;
 
 use rayon::prelude::*;
 

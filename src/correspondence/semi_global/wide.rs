@@ -12,20 +12,18 @@ use crate::simd::Avx512;
 
 use super::super::drift::DepthRow;
 use super::super::epipolar_image::EpipolarImage;
-use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
-pub(super) use super::super::search::wide::BLOCK;
-use super::super::search::wide::{
-    Crossing, Differences, Rows, crosses, join, least_word, load_floats, load_words, narrow, signed_half, store_floats,
-    store_narrow, unsigned_half, widen,
+pub(super) use super::super::registers::BLOCK;
+use super::super::registers::{
+    COLUMNS, Crossing, Differences, Rows, crosses, join, least_word, load_floats, load_words, narrow, signed_half,
+    store_floats, store_narrow, unsigned_half, widen,
 };
+use super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::segment::SegmentRow;
 use super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS};
 use super::windows::{LANE_STEP, Windows};
 
-/// Columns that two registers hold.
-const COLUMNS: i32 = 64;
 /// Most columns of an interval.
 const MAX_WIDTH: i32 = 24;
 /// Columns beside an interval that are looked at for rims: those of the rims, and their neighbours.
