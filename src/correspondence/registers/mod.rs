@@ -8,8 +8,8 @@ mod words;
 
 pub(super) use rows::{COLUMNS, Crossing, Differences, Rows, crosses};
 pub(super) use words::{
-    join, least_word, load_floats, load_words, narrow, signed_half, store_floats, store_longs, store_narrow,
-    unsigned_half, widen,
+    greatest_byte, join, least_word, load_bytes, load_floats, load_signed, load_words, narrow, signed_half,
+    store_bytes, store_floats, store_longs, store_narrow, unsigned_half, widen,
 };
 
 /// Pixels of a block.
