@@ -14,7 +14,7 @@ pub use reference::reference_cloud;
 
 mod triangulate;
 
-pub use triangulate::{TriangulationInput, triangulate};
+pub use triangulate::{TriangulationInput, Triangulator};
 
 /// One measured point: one pixel of C1 and its correspondence in C2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,14 +4,21 @@
 //! column of the epipolar frame.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
-use rayon::prelude::*;
-
-use crate::correspondence::{Candidate, Matches, SegmentRow, SegmentTable};
-use crate::geometry::{EpipolarFrame, Sighted, Sights};
+use crate::correspondence::{Confidence, Matches, Outcome, RayRow, SegmentTable};
+use crate::geometry::{EpipolarFrame, Sights};
 use crate::phase::Modulation;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::{Cloud, CloudPoint};
+
+/// Pixels that are looked at together.
+const TILE_PX: usize = RayRow::PIXELS;
+/// Rows that one thread takes at a time.
+const ROWS_AT_A_TIME: usize = 16;
+/// δ is told in turns · 65536.
+const RAD_PER_DELTA: f32 = (TAU / 65536.0) as f32;
 
 /// What the points are made of, beside the matches.
 #[derive(Clone, Copy)]
@@ -27,118 +34,222 @@ pub struct TriangulationInput<'a> {
     pub phase_noise_grey: [f32; 2],
     /// Segment table that the matches come from.
     pub table: &'a SegmentTable,
-    /// Epipolar frame of the same rig.
-    pub frame: &'a EpipolarFrame,
 }
 
-/// Makes the points of all matches, in the order of their pixels, in the memory of the cloud before.
-///
-/// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in either camera (the modulation of C1 stands for both),
-/// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
-pub fn triangulate(matches: &Matches, input: TriangulationInput<'_>, cloud: &mut Cloud) {
-    let width = input.width.max(1);
-    let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
-    let phase_noise = cam1_grey.hypot(cam2_grey) / TAU * 65536.0;
-    let rows = matches.chosen.par_chunks_exact(width);
-    let counts: Vec<usize> = rows.map(|row| row.iter().flatten().count()).collect();
-    cloud.points.resize(counts.iter().sum(), CloudPoint::default());
-    let mut rest = cloud.points.as_mut_slice();
-    let rows: Vec<&mut [CloudPoint]> = counts.iter().filter_map(|&count| rest.split_off_mut(..count)).collect();
-    let made: Vec<usize> = rows
-        .into_par_iter()
-        .enumerate()
-        .map_init(Room::default, |room, (v, out)| {
-            let Room { segments, pixels, sights, sighted } = room;
-            input.table.row(v, segments);
-            pixels.clear();
-            sights.clear();
-            for u in 0..width {
-                if let Some(candidate) = &matches.chosen[v * width + u] {
-                    pixels.push(u);
-                    sights.push([segments.ray_x[u], segments.ray_y[u]], segments.row_px[u], candidate.column_px);
-                }
+/// Makes the points of one window after the other, in the same memory.
+#[derive(Clone, Debug)]
+pub struct Triangulator {
+    sights: Sights,
+    /// Of each row the place of its first point, if all of its matches have one, and how many have.
+    rows: Vec<PointsOfRow>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct PointsOfRow {
+    begin: usize,
+    made: usize,
+}
+
+impl Triangulator {
+    /// For the rig of an epipolar frame.
+    #[must_use]
+    pub fn new(frame: &EpipolarFrame) -> Self {
+        Self { sights: frame.sights(), rows: Vec::new() }
+    }
+
+    /// Makes the points of all matches, in the order of their pixels, in the memory of the cloud before; a match whose rays part
+    /// has none.
+    ///
+    /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in either camera (the modulation of C1 stands for both),
+    /// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
+    pub fn triangulate(&mut self, matches: &Matches, input: TriangulationInput<'_>, cloud: &mut Cloud) {
+        let Self { sights, rows } = self;
+        let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
+        let phase_noise = (cam1_grey.hypot(cam2_grey) / TAU * 65536.0) as f32;
+        rows.clear();
+        let mut end = 0;
+        rows.extend(matches.outcomes.chunks_exact(input.width.max(1)).map(|outcomes| {
+            let begin = end;
+            end += outcomes.iter().map(|outcome| usize::from(outcome.is_found())).sum::<usize>();
+            PointsOfRow { begin, made: 0 }
+        }));
+        cloud.points.resize(end, CloudPoint::default());
+        let work = Work { matches, input, sights, phase_noise };
+        work.fill(0..rows.len(), rows, &mut cloud.points);
+        close_gaps(&mut cloud.points, rows);
+    }
+}
+
+/// What all rows share.
+#[derive(Clone, Copy)]
+struct Work<'a> {
+    matches: &'a Matches,
+    input: TriangulationInput<'a>,
+    sights: &'a Sights,
+    /// Standard deviation of the phase of both cameras together at a modulation of a grey level, turns · 65536.
+    phase_noise: f32,
+}
+
+impl Work<'_> {
+    /// Fills in the points of some rows, in parallel.
+    fn fill(self, range: Range<usize>, rows: &mut [PointsOfRow], points: &mut [CloudPoint]) {
+        if range.len() > ROWS_AT_A_TIME {
+            let (middle, half) = (range.start + range.len() / 2, range.len() / 2);
+            let (upper, lower) = rows.split_at_mut(half);
+            let (points_above, points_below) = points.split_at_mut(lower[0].begin - upper[0].begin);
+            rayon::join(
+                || self.fill(range.start..middle, upper, points_above),
+                || self.fill(middle..range.end, lower, points_below),
+            );
+            return;
+        }
+        let mut rest = points;
+        for (place, v) in range.enumerate() {
+            let count = rows.get(place + 1).map_or(rest.len(), |next| next.begin - rows[place].begin);
+            let out;
+            (out, rest) = rest.split_at_mut(count);
+            rows[place].made = simd::run(Level::in_use(), RowKernel { work: self, v, out });
+        }
+    }
+}
+
+/// Makes the points of row `v`; how many there are.
+struct RowKernel<'a, 'b> {
+    work: Work<'a>,
+    v: usize,
+    out: &'b mut [CloudPoint],
+}
+
+impl Kernel for RowKernel<'_, '_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> usize {
+        let Self { work, v, out } = self;
+        let width = work.input.width;
+        let rays = work.input.table.rays(v);
+        let mut made = 0;
+        for k in 0..width.div_ceil(TILE_PX) {
+            let first = v * width + TILE_PX * k;
+            let tile = Tile::of(&work, first, TILE_PX.min(width - TILE_PX * k));
+            if tile.found.contains(&true) {
+                made += tile.points(&work, rays.of_patch(k), [TILE_PX * k, v], &mut out[made..]);
             }
-            input.frame.look(sights, sighted);
-            let mut made = 0;
-            for (k, &u) in pixels.iter().enumerate() {
-                let i = v * width + u;
-                if let Some(candidate) = &matches.chosen[i]
-                    && let Some(out) = out.get_mut(made)
-                {
-                    *out = point(matches, &input, phase_noise, [u, v], candidate, sights, sighted, k);
-                    made += usize::from(is_seen(out));
-                }
+        }
+        made
+    }
+}
+
+/// What is known of some neighbouring pixels of a row.
+struct Tile {
+    found: [bool; TILE_PX],
+    outcome: [Outcome; TILE_PX],
+    column_px: [f32; TILE_PX],
+    order: [i16; TILE_PX],
+    delta: [i16; TILE_PX],
+    slope: [i16; TILE_PX],
+    modulation: [Modulation; TILE_PX],
+    intensity: [u8; TILE_PX],
+    candidates: [u8; TILE_PX],
+    confidence: [Confidence; TILE_PX],
+}
+
+impl Tile {
+    /// `count` pixels from `first` on; nothing is found beyond them.
+    #[inline(always)]
+    fn of(work: &Work<'_>, first: usize, count: usize) -> Self {
+        let (matches, input) = (work.matches, &work.input);
+        let outcome = some(&matches.outcomes, first, count, Outcome::Invalid);
+        let mut found = [false; TILE_PX];
+        for i in 0..TILE_PX {
+            found[i] = outcome[i].is_found();
+        }
+        Self {
+            found,
+            outcome,
+            column_px: some(&matches.chosen.column_px, first, count, 0.0),
+            order: some(&matches.chosen.order, first, count, 0),
+            delta: some(&matches.chosen.delta, first, count, 0),
+            slope: some(&matches.chosen.slope, first, count, 0),
+            modulation: some(input.modulation, first, count, Modulation::default()),
+            intensity: some(input.mean, first, count, 0),
+            candidates: some(&matches.passing, first, count, 0),
+            confidence: some(&matches.confidence, first, count, Confidence::NONE),
+        }
+    }
+
+    /// Makes their points, of pixels from column and row `[u, v]` on; how many there are.
+    #[inline(always)]
+    fn points(
+        &self,
+        work: &Work<'_>,
+        [ray_x, ray_y, row_px]: [[f32; TILE_PX]; 3],
+        [u, v]: [usize; 2],
+        out: &mut [CloudPoint],
+    ) -> usize {
+        let (mut x_m, mut y_m, mut z_m) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
+        let (mut u2_px, mut v2_px) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
+        let (mut delta_rad, mut sigma_m) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
+        let (mut confidence, mut is_seen) = ([0.0_f32; TILE_PX], [false; TILE_PX]);
+        for i in 0..TILE_PX {
+            let seen = work.sights.look([ray_x[i], ray_y[i]], self.column_px[i], row_px[i]);
+            let slope = f32::from(self.slope[i].unsigned_abs().max(1));
+            let column_sd_px = work.phase_noise / (self.modulation[i].grey() * slope);
+            let (x, y, z) = (ray_x[i] * seen.depth_m, ray_y[i] * seen.depth_m, seen.depth_m);
+            (x_m[i], y_m[i], z_m[i]) = (x, y, z);
+            [u2_px[i], v2_px[i]] = seen.cam2_px;
+            sigma_m[i] = column_sd_px * seen.depth_per_column_m * seen.range_per_depth;
+            delta_rad[i] = f32::from(self.delta[i]) * RAD_PER_DELTA;
+            confidence[i] = self.confidence[i].probability();
+            // Before the camera, and no number that is not finite.
+            let sum = x + y + z + u2_px[i] + v2_px[i] + sigma_m[i];
+            is_seen[i] = self.found[i] & (z > 0.0) & (sum.abs() < f32::INFINITY);
+        }
+        let mut made = 0;
+        for i in 0..TILE_PX {
+            if is_seen[i] {
+                out[made] = CloudPoint {
+                    position_m: [x_m[i], y_m[i], z_m[i]],
+                    intensity: self.intensity[i],
+                    cam1_px: [(u + i) as u16, v as u16],
+                    cam2_px: [u2_px[i], v2_px[i]],
+                    order: self.order[i],
+                    delta_rad: delta_rad[i],
+                    candidates: self.candidates[i],
+                    stage: self.outcome[i] as u8,
+                    sigma_m: sigma_m[i],
+                    confidence: confidence[i],
+                };
+                made += 1;
             }
-            made
-        })
-        .collect();
-    close_gaps(&mut cloud.points, &counts, &made);
+        }
+        made
+    }
+}
+
+/// The values of `count` pixels from `first` on, and others behind them.
+#[inline(always)]
+fn some<T: Copy>(plane: &[T], first: usize, count: usize, other: T) -> [T; TILE_PX] {
+    match plane[first..].first_chunk() {
+        Some(all) if count == TILE_PX => *all,
+        _ => {
+            let mut values = [other; TILE_PX];
+            values[..count].copy_from_slice(&plane[first..first + count]);
+            values
+        }
+    }
 }
 
 /// Keeps of each row's points those that were made: of some matches the rays part.
-fn close_gaps(points: &mut Vec<CloudPoint>, counts: &[usize], made: &[usize]) {
-    let (mut from, mut to) = (0, 0);
-    for (&count, &made) in counts.iter().zip(made) {
-        if from != to {
-            points.copy_within(from..from + made, to);
+fn close_gaps(points: &mut Vec<CloudPoint>, rows: &[PointsOfRow]) {
+    let mut to = 0;
+    for row in rows {
+        if row.begin != to {
+            points.copy_within(row.begin..row.begin + row.made, to);
         }
-        (from, to) = (from + count, to + made);
+        to += row.made;
     }
     points.truncate(to);
-}
-
-/// What a row is triangulated with, used again for the next.
-#[derive(Default)]
-struct Room {
-    segments: SegmentRow,
-    /// Columns of the pixels with a correspondence.
-    pixels: Vec<usize>,
-    sights: Sights,
-    sighted: Sighted,
-}
-
-/// The point of a pixel, the k-th correspondence of its row; some number of it is not finite where the rays part.
-#[inline(always)]
-fn point(
-    matches: &Matches,
-    input: &TriangulationInput<'_>,
-    phase_noise: f64,
-    [u, v]: [usize; 2],
-    candidate: &Candidate,
-    sights: &Sights,
-    sighted: &Sighted,
-    k: usize,
-) -> CloudPoint {
-    let i = v * input.width + u;
-    let (x, y, depth_m) = (f64::from(sights.ray_x[k]), f64::from(sights.ray_y[k]), sighted.depth_m[k]);
-    let column_sd_px = column_sd_px(phase_noise, input.modulation[i], candidate);
-    let sigma_m = column_sd_px * sighted.depth_per_column_m[k] * sighted.range_per_depth[k];
-    CloudPoint {
-        position_m: [(x * depth_m) as f32, (y * depth_m) as f32, depth_m as f32],
-        intensity: input.mean[i],
-        cam1_px: [u as u16, v as u16],
-        cam2_px: [sighted.cam2_u_px[k] as f32, sighted.cam2_v_px[k] as f32],
-        order: candidate.order,
-        delta_rad: (f64::from(candidate.delta) / 65536.0 * TAU) as f32,
-        candidates: matches.passing[i],
-        stage: matches.outcomes[i] as u8,
-        sigma_m: sigma_m as f32,
-        confidence: matches.confidence[i].probability(),
-    }
-}
-
-/// Whether the rays of a point meet before the camera, and all of its numbers are finite.
-#[inline(always)]
-fn is_seen(point: &CloudPoint) -> bool {
-    let ([x, y, z], [u, v]) = (point.position_m, point.cam2_px);
-    (z > 0.0) & (x + y + z + u + v + point.sigma_m).is_finite()
-}
-
-/// Standard deviation of the column of a correspondence, pixels, where the phases of both cameras err by so much at a modulation of
-/// a grey level, turns · 65536.
-#[inline]
-fn column_sd_px(phase_noise: f64, modulation: Modulation, candidate: &Candidate) -> f64 {
-    phase_noise / (f64::from(modulation.grey()) * f64::from(candidate.slope.unsigned_abs().max(1)))
 }
 
 #[cfg(test)]
@@ -149,7 +260,8 @@ mod tests {
     fn rows_with_fewer_points_than_matches_leave_no_gaps() {
         let mut points: Vec<CloudPoint> =
             (0..9).map(|i| CloudPoint { intensity: i, ..CloudPoint::default() }).collect();
-        close_gaps(&mut points, &[3, 0, 4, 2], &[3, 0, 1, 2]);
+        let rows = [(0, 3), (3, 0), (3, 1), (7, 2)].map(|(begin, made)| PointsOfRow { begin, made });
+        close_gaps(&mut points, &rows);
         assert_eq!(points.iter().map(|point| point.intensity).collect::<Vec<_>>(), [0, 1, 2, 3, 7, 8]);
     }
 }

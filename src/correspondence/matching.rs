@@ -6,6 +6,7 @@ use crate::phase::PhaseMap;
 
 use super::agreement::{MatchError, check_rest, check_scatter, check_share};
 use super::candidates::{Candidate, occurs};
+use super::chosen::ChosenCandidates;
 use super::delta_histogram::DeltaHistogram;
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
 use super::drift::{Drift, estimate_drift};
@@ -80,7 +81,7 @@ pub struct Matches {
     /// What became of each pixel.
     pub outcomes: Vec<Outcome>,
     /// The chosen candidate of each pixel with a found outcome.
-    pub chosen: Vec<Option<Candidate>>,
+    pub chosen: ChosenCandidates,
     /// Number of candidates of each pixel that passed the back-projection test.
     pub passing: Vec<u8>,
     /// How likely each point is true; [`Confidence::NONE`] everywhere by the paper's method.
@@ -96,6 +97,15 @@ pub struct Matches {
     /// Steps, 0 to N − 1, by which the patterns of C1 and of C2 were ahead of what was said of them, shifts rising from step to
     /// step; the phases were corrected first.
     pub slip_steps: [usize; 2],
+}
+
+impl Matches {
+    /// The candidate that was chosen for a pixel; `None` where it has none.
+    #[must_use]
+    #[inline]
+    pub fn candidate(&self, pixel: usize) -> Option<Candidate> {
+        self.outcomes[pixel].is_found().then(|| self.chosen.at(pixel))
+    }
 }
 
 /// Finds the correspondence of every pixel of C1.
@@ -239,11 +249,11 @@ impl Matching<'_> {
         let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
         let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
         room.resolve(&scene, &limits, &mut decisions, grounds);
-        let found = out.chosen.iter().flatten().count();
+        let found = out.outcomes.iter().filter(|outcome| outcome.is_found()).count();
         let with_candidates = out.passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         check_share(&rest, doubtful, found, with_candidates)?;
-        out.chosen_delta_rad = delta_rad(&out.chosen);
+        out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
         out.delta = delta;
         out.delta_counts = histogram.from_minus_to_plus_pi().to_vec();
         out.drift = Some(drift);
@@ -255,19 +265,20 @@ impl Matching<'_> {
         self.check_scatter(&delta)?;
         let run = |delta: &DeltaStatistics| Pass::run(cam1, self.cam2, self.table, delta, &self.settings.resolution);
         let mut pass = run(&delta);
-        let mut chosen = pass.chosen();
-        let mut chosen_delta_rad = delta_rad(&chosen);
+        let mut chosen = ChosenCandidates::default();
+        pass.choose(cam1.width, &mut chosen);
+        let mut chosen_delta_rad = delta_rad(&pass.resolution.outcomes, &chosen);
         let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
         if changed && self.is_measured() && pass.found() > 0 {
             (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
             self.check_scatter(&delta)?;
             pass = run(&delta);
-            chosen = pass.chosen();
-            chosen_delta_rad = delta_rad(&chosen);
+            pass.choose(cam1.width, &mut chosen);
+            chosen_delta_rad = delta_rad(&pass.resolution.outcomes, &chosen);
         }
         check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found(), pass.with_candidates())?;
         Ok(Matches {
-            confidence: vec![Confidence::NONE; chosen.len()],
+            confidence: vec![Confidence::NONE; pass.resolution.outcomes.len()],
             chosen,
             chosen_delta_rad,
             passing: pass.resolution.passing,
@@ -300,9 +311,10 @@ impl Matching<'_> {
     }
 }
 
-/// Mean and sd of δ of candidates, rad.
-fn delta_rad(chosen: &[Option<Candidate>]) -> (f64, f64) {
-    mean_and_sd_rad(chosen.iter().flatten().map(|c| c.delta))
+/// Mean and sd of δ of the chosen candidates, rad.
+fn delta_rad(outcomes: &[Outcome], chosen: &ChosenCandidates) -> (f64, f64) {
+    let found = outcomes.iter().zip(&chosen.delta).filter(|(outcome, _)| outcome.is_found());
+    mean_and_sd_rad(found.map(|(_, &delta)| delta))
 }
 
 /// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes.

@@ -11,11 +11,12 @@
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
 //! 5. *semi-global*: the orders of the whole image decided together, or
 //!    *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions; *neighbourhood*, *unions*:
-//!    what both know of neighbours and regions;
+//!    what both know of neighbours and regions; *chosen*: what they decide;
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;
 mod candidates;
+mod chosen;
 mod decay;
 mod delta_histogram;
 mod delta_statistics;
@@ -43,6 +44,7 @@ mod unions;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
+pub use chosen::ChosenCandidates;
 pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
 pub use drift::{Drift, DriftMap, DriftModes, estimate_drift};
@@ -54,5 +56,5 @@ pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
 pub use search::{CandidateLists, SearchForm, find_candidates};
 pub use segment::{Segment, SegmentRow};
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
-pub use segment_table::{EpipolarAxis, SegmentTable, SegmentTableError};
+pub use segment_table::{EpipolarAxis, RayRow, SegmentTable, SegmentTableError};
 pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};

@@ -134,6 +134,18 @@ impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
         cubic(along_row, COLUMNS[u % PATCH_PX])
     }
 
+    /// One field at the columns of a patch.
+    #[inline(always)]
+    pub(super) fn of_patch(&self, field: usize, patch: usize, columns: &Columns) -> [f32; PATCH_PX] {
+        let [p0, p1, p2, p3] = self.powers;
+        let (p0, p1, p2, p3) = (&p0[patch][field], &p1[patch][field], &p2[patch][field], &p3[patch][field]);
+        let mut along_row = [0.0; POWERS];
+        for i in 0..POWERS {
+            along_row[i] = cubic([p0[i], p1[i], p2[i], p3[i]], self.t);
+        }
+        columns.values(&along_row)
+    }
+
     /// The coefficients of the powers of the column, patch by patch and field by field, into `out`.
     #[inline(always)]
     pub(super) fn along_row(&self, out: &mut [[[f32; POWERS]; FIELDS]]) {

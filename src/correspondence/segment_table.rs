@@ -156,6 +156,13 @@ impl SegmentTable {
         simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
     }
 
+    /// Rays and epipolar rows of row `v` of C1.
+    #[must_use]
+    #[inline(always)]
+    pub fn rays(&self, v: usize) -> RayRow<'_> {
+        RayRow { fields: self.fields.row(v), columns: Columns::new() }
+    }
+
     /// First and last column of the segment of a pixel; the first is the greater where there is none.
     #[must_use]
     #[inline]
@@ -262,6 +269,27 @@ impl SegmentTable {
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         self.fingerprint
+    }
+}
+
+/// Rays of C1 along a row of pixels, and the rows of the epipolar frame that they are seen in.
+#[derive(Clone, Copy)]
+pub struct RayRow<'a> {
+    fields: FieldRow<'a, FIELDS>,
+    columns: Columns,
+}
+
+impl RayRow<'_> {
+    /// Pixels that are asked for together.
+    pub const PIXELS: usize = PATCH_PX;
+
+    /// Of the k-th sixteen pixels of the row the rays, x and y at z = 1, and the epipolar rows, pixels; with the bits of
+    /// [`SegmentTable::row`].
+    #[must_use]
+    #[inline(always)]
+    pub fn of_patch(&self, k: usize) -> [[f32; PATCH_PX]; 3] {
+        let Self { fields, columns } = self;
+        [fields.of_patch(RAY_X, k, columns), fields.of_patch(RAY_Y, k, columns), fields.of_patch(ROW, k, columns)]
     }
 }
 

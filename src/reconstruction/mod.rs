@@ -118,7 +118,7 @@ fn account_for_lost_points(cloud: &Cloud, matches: &mut Matches, width: usize) {
     for (i, outcome) in matches.outcomes.iter_mut().enumerate().filter(|(_, o)| o.is_found()) {
         if points.next_if_eq(&i).is_none() {
             *outcome = Outcome::OutsideVolume;
-            matches.chosen[i] = None;
+            matches.chosen.clear(i);
             matches.confidence[i] = Confidence::NONE;
         }
     }

@@ -3,7 +3,7 @@
 //! `u8`, candidates that passed the test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero where nothing was
 //! found.
 
-use crate::correspondence::{Candidate, Confidence, DeltaStatistics, Matches, Outcome};
+use crate::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
 use crate::message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 use crate::phase::Modulation;
 use crate::worker::Correspondences;
@@ -62,24 +62,16 @@ pub fn write(found: &Correspondences, mut out: &mut [Block]) {
     let matches = &found.matches;
     let pixels = matches.outcomes.len();
     let out = &mut out;
-    let chosen =
-        |of: fn(&Candidate) -> i16| matches.chosen.iter().map(move |candidate| candidate.as_ref().map_or(0, of));
-    let columns = matches.chosen.iter().map(|candidate| candidate.map_or(0.0, |c| c.column_px));
-    fill(next_plane_mut(out, pixels), columns);
+    next_plane_mut(out, pixels).copy_from_slice(&matches.chosen.column_px);
     next_plane_mut(out, pixels).copy_from_slice(&found.modulation);
-    fill(next_plane_mut(out, pixels), chosen(|c| c.order));
-    fill(next_plane_mut(out, pixels), chosen(|c| c.delta));
-    fill(next_plane_mut(out, pixels), chosen(|c| c.slope));
+    for plane in [&matches.chosen.order, &matches.chosen.delta, &matches.chosen.slope] {
+        next_plane_mut(out, pixels).copy_from_slice(plane);
+    }
     next_plane_mut(out, pixels).copy_from_slice(&matches.confidence);
-    fill(next_plane_mut(out, pixels), matches.outcomes.iter().map(|&outcome| outcome as u8));
+    let codes: &mut [u8] = next_plane_mut(out, pixels);
+    codes.iter_mut().zip(&matches.outcomes).for_each(|(code, &outcome)| *code = outcome as u8);
     next_plane_mut(out, pixels).copy_from_slice(&matches.passing);
     next_plane_mut(out, pixels).copy_from_slice(&found.mean);
-}
-
-fn fill<T>(plane: &mut [T], values: impl Iterator<Item = T>) {
-    for (place, value) in plane.iter_mut().zip(values) {
-        *place = value;
-    }
 }
 
 /// Reads correspondences from a payload.
@@ -99,37 +91,28 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
         passing: next_plane(&mut rest, pixels),
         mean: next_plane(&mut rest, pixels),
     };
-    let outcomes = planes.outcomes()?;
+    let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::of(code as u8));
+    let outcome = |&code: &u8| known[usize::from(code)];
+    if let Some(pixel) = planes.outcome.iter().position(|code| outcome(code).is_none()) {
+        return Err(WireError::Outcome { pixel, code: planes.outcome[pixel] });
+    }
     out.width = header.width_px as usize;
     out.phase_noise_grey = header.phase_noise_grey;
     refill(&mut out.mean, planes.mean);
     refill(&mut out.modulation, planes.modulation);
     let matches = &mut out.matches;
-    matches.chosen.clear();
-    matches.chosen.extend(outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| planes.candidate(i))));
-    matches.outcomes = outcomes;
+    matches.outcomes.clear();
+    matches.outcomes.extend(planes.outcome.iter().filter_map(outcome));
+    refill(&mut matches.chosen.column_px, planes.column_px);
+    refill(&mut matches.chosen.order, planes.order);
+    refill(&mut matches.chosen.delta, planes.delta);
+    refill(&mut matches.chosen.slope, planes.slope);
     refill(&mut matches.passing, planes.passing);
     refill(&mut matches.confidence, planes.confidence);
     refill(&mut matches.delta_counts, &header.delta_counts);
     matches.delta = statistics(header);
     matches.chosen_delta_rad = (header.chosen_delta_mean_rad, header.chosen_delta_sd_rad);
     Ok(())
-}
-
-impl Planes<'_> {
-    fn outcomes(&self) -> Result<Vec<Outcome>, WireError> {
-        let outcome = |(pixel, &code)| Outcome::of(code).ok_or(WireError::Outcome { pixel, code });
-        self.outcome.iter().enumerate().map(outcome).collect()
-    }
-
-    fn candidate(&self, pixel: usize) -> Candidate {
-        Candidate {
-            column_px: self.column_px[pixel],
-            order: self.order[pixel],
-            delta: self.delta[pixel],
-            slope: self.slope[pixel],
-        }
-    }
 }
 
 fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
@@ -145,16 +128,16 @@ fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::ChosenCandidates;
 
     fn found() -> Correspondences {
         let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();
-        let candidate = |i: usize| Candidate {
-            column_px: i as f32 / 3.0,
-            order: i as i16 - 7,
-            delta: -(i as i16),
-            slope: 31 * i as i16,
+        let chosen = ChosenCandidates {
+            column_px: (0..35).map(|i| i as f32 / 3.0).collect(),
+            order: (-7..28).collect(),
+            delta: (0..35).map(|i| -i).collect(),
+            slope: (0..35).map(|i| 31 * i).collect(),
         };
-        let chosen = outcomes.iter().enumerate().map(|(i, o)| o.is_found().then(|| candidate(i))).collect();
         let delta =
             DeltaStatistics { mean_rad: 0.1, sd_rad: 0.04, noise_sd_rad: 0.01, mean_periods: 5.5, references: 12 };
         let passing = (0..35).map(|i| i as u8 % 4).collect();

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::correspondence::{Candidate, Drift, Matches, OutcomeCounts};
+use crate::correspondence::{Drift, Matches, OutcomeCounts};
 use crate::health::Health;
 use crate::message::{DriftReport, MapsHeader, OUTCOMES, WindowReport};
 use crate::worker::Correspondences;
@@ -52,7 +52,8 @@ fn drift_report(drift: &Drift) -> DriftReport {
 
 /// Median of δ over the chosen candidates, rad; 0 without any.
 fn median_rad(matches: &Matches) -> f64 {
-    let mut deltas: Vec<i16> = matches.chosen.iter().flatten().map(|candidate: &Candidate| candidate.delta).collect();
+    let found = matches.outcomes.iter().zip(&matches.chosen.delta).filter(|(outcome, _)| outcome.is_found());
+    let mut deltas: Vec<i16> = found.map(|(_, &delta)| delta).collect();
     if deltas.is_empty() {
         return 0.0;
     }
@@ -64,16 +65,15 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::Outcome;
+    use crate::correspondence::{ChosenCandidates, Outcome};
     use crate::health::{HealthLimits, Quantity};
     use crate::wire::health::measures;
 
     #[test]
     fn pixels_are_counted_by_outcome_and_the_median_is_of_the_chosen() {
-        let chosen = |delta| Some(Candidate { column_px: 0.0, order: 0, delta, slope: 0 });
         let matches = Matches {
             outcomes: vec![Outcome::Unique, Outcome::Unique, Outcome::Invalid, Outcome::Unique],
-            chosen: vec![chosen(-300), chosen(8192), None, chosen(30000)],
+            chosen: ChosenCandidates { delta: vec![-300, 8192, 0, 30000], ..ChosenCandidates::default() },
             delta_counts: vec![7],
             ..Matches::default()
         };

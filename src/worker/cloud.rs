@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cloud::{Cloud, TriangulationInput, triangulate};
+use crate::cloud::{Cloud, TriangulationInput, Triangulator};
 use crate::correspondence::SegmentTable;
 use crate::geometry::{EpipolarError, EpipolarFrame, Rig};
 
@@ -12,7 +12,7 @@ use super::Correspondences;
 #[derive(Clone, Debug)]
 pub struct CloudWorker {
     table: Arc<SegmentTable>,
-    frame: EpipolarFrame,
+    triangulator: Triangulator,
 }
 
 impl CloudWorker {
@@ -21,7 +21,7 @@ impl CloudWorker {
     /// # Errors
     /// The rig has no epipolar frame.
     pub fn new(rig: &Rig, table: Arc<SegmentTable>) -> Result<Self, EpipolarError> {
-        Ok(Self { table, frame: EpipolarFrame::new(rig)? })
+        Ok(Self { table, triangulator: Triangulator::new(&EpipolarFrame::new(rig)?) })
     }
 
     /// Makes the points, in the order of their pixels in C1; a match whose rays meet nowhere before the cameras has none.
@@ -32,8 +32,7 @@ impl CloudWorker {
             modulation: &correspondences.modulation,
             phase_noise_grey: correspondences.phase_noise_grey,
             table: &self.table,
-            frame: &self.frame,
         };
-        triangulate(&correspondences.matches, input, out);
+        self.triangulator.triangulate(&correspondences.matches, input, out);
     }
 }

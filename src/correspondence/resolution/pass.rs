@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::super::candidates::{Candidate, DeltaGate};
+use super::super::candidates::DeltaGate;
+use super::super::chosen::ChosenCandidates;
 use super::super::delta_statistics::DeltaStatistics;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::outcome::Outcome;
@@ -42,14 +43,16 @@ impl Pass {
     }
 
     /// The chosen candidate of each pixel that found one.
-    pub(in super::super) fn chosen(&self) -> Vec<Option<Candidate>> {
+    pub(in super::super) fn choose(&self, width: usize, out: &mut ChosenCandidates) {
         let Resolution { outcomes, chosen, .. } = &self.resolution;
-        let chosen = outcomes
-            .par_iter()
-            .zip(chosen)
-            .enumerate()
-            .map(|(pixel, (outcome, &k))| outcome.is_found().then(|| self.candidates.of(pixel)[usize::from(k)]));
-        chosen.collect()
+        out.resize(outcomes.len());
+        out.rows_mut(width).enumerate().for_each(|(v, mut row)| {
+            for u in 0..width {
+                let pixel = v * width + u;
+                let candidate = || self.candidates.of(pixel)[usize::from(chosen[pixel])];
+                row.set(u, outcomes[pixel].is_found().then(candidate));
+            }
+        });
     }
 
     /// Pixels with a correspondence.

@@ -35,7 +35,7 @@ mod windows;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::Candidate;
+use super::chosen::ChosenCandidates;
 use super::drift::Drift;
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
@@ -65,7 +65,7 @@ pub(super) struct Scene<'a> {
 /// Decisions about all pixels of C1, row by row; vectors are filled anew.
 pub(super) struct Decisions<'a> {
     pub(super) outcomes: &'a mut Vec<Outcome>,
-    pub(super) chosen: &'a mut Vec<Option<Candidate>>,
+    pub(super) chosen: &'a mut ChosenCandidates,
     /// Orders of each pixel that pass the back-projection test about the drift.
     pub(super) passing: &'a mut Vec<u8>,
     /// How likely each point is true.

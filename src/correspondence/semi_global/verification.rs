@@ -295,14 +295,14 @@ impl Verification<'_> {
     fn finish(&self, decisions: &mut Decisions<'_>) {
         let width = self.width;
         let Decisions { outcomes, chosen, passing, confidence } = decisions;
-        chosen.resize(outcomes.len(), None);
-        let rows =
-            outcomes.par_chunks_mut(width).zip(chosen.par_chunks_mut(width)).zip(confidence.par_chunks_mut(width));
-        rows.enumerate().for_each(|(v, ((outcomes, chosen), confidence))| {
+        chosen.resize(outcomes.len());
+        let rows = outcomes.par_chunks_mut(width).zip(chosen.rows_mut(width)).zip(confidence.par_chunks_mut(width));
+        rows.enumerate().for_each(|(v, ((outcomes, mut chosen), confidence))| {
             for u in 0..outcomes.len() {
                 let pixel = v * width + u;
                 if self.selection.absolute[pixel] == ABSENT {
-                    (confidence[u], chosen[u]) = (Confidence::NONE, None);
+                    confidence[u] = Confidence::NONE;
+                    chosen.set(u, None);
                     continue;
                 }
                 outcomes[u] = match (self.selection.in_volume[pixel], passing[pixel]) {
@@ -311,8 +311,9 @@ impl Verification<'_> {
                     (true, 0 | 1) => Outcome::Unique,
                     (true, _) => Outcome::AcrossEpipolar,
                 };
-                chosen[u] = self.selection.in_volume[pixel].then(|| self.candidate(pixel));
-                if chosen[u].is_none() {
+                let is_in_volume = self.selection.in_volume[pixel];
+                chosen.set(u, is_in_volume.then(|| self.candidate(pixel)));
+                if !is_in_volume {
                     confidence[u] = Confidence::NONE;
                 }
             }
