@@ -8,6 +8,7 @@ use super::candidates::scan_segment;
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
 use super::row_view::RowView;
+use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
 /// Pixels of C1, along either axis, of which one is examined for the histogram.
@@ -44,11 +45,11 @@ impl DeltaHistogram {
     #[must_use]
     pub fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
         let mut histogram = Self::default();
-        let mut found = Vec::new();
+        let (mut segments, mut found) = (SegmentRow::default(), Vec::new());
         for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
+            table.row(v, &mut segments);
             for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
-                let i = v * cam1.width + u;
-                let segment = table.segment(i);
+                let (i, segment) = (v * cam1.width + u, segments.segment(u));
                 if !cam1.valid[i] || segment.is_none() {
                     continue;
                 }
