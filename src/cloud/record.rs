@@ -3,6 +3,8 @@
 //! PLY and PCD store the same 41 bytes a point, little-endian and without padding, as do the channel `cloud` and
 //! recordings, with lengths in metres; NPZ stores one array a field under the same names.
 
+use rayon::prelude::*;
+
 use super::CloudPoint;
 
 /// Scalar type of a field.
@@ -70,13 +72,23 @@ pub fn write_records(out: &mut impl std::io::Write, points: &[CloudPoint], per_m
     let mut bytes = vec![0; CHUNK_POINTS.min(points.len()) * RECORD_BYTES];
     for chunk in points.chunks(CHUNK_POINTS) {
         let bytes = &mut bytes[..chunk.len() * RECORD_BYTES];
-        let (records, _) = bytes.as_chunks_mut::<RECORD_BYTES>();
-        for (record, point) in records.iter_mut().zip(chunk) {
-            encode(point, per_metre, record);
-        }
+        encode_all(chunk, per_metre, bytes);
         out.write_all(bytes)?;
     }
     Ok(())
+}
+
+/// Fills [`RECORD_BYTES`] bytes a point with the packed little-endian records of points, their lengths in metres; in parallel.
+pub fn fill_with_records(bytes: &mut [u8], points: &[CloudPoint]) {
+    let chunks = bytes.par_chunks_mut(CHUNK_POINTS * RECORD_BYTES).zip(points.par_chunks(CHUNK_POINTS));
+    chunks.for_each(|(bytes, points)| encode_all(points, 1.0, bytes));
+}
+
+fn encode_all(points: &[CloudPoint], per_metre: f32, bytes: &mut [u8]) {
+    let (records, _) = bytes.as_chunks_mut::<RECORD_BYTES>();
+    for (record, point) in records.iter_mut().zip(points) {
+        encode(point, per_metre, record);
+    }
 }
 
 /// Encodes one point; the order and the types are those of [`FIELDS`].
@@ -135,6 +147,9 @@ mod tests {
         let mut bytes = Vec::new();
         write_records(&mut bytes, &points, 1.0).unwrap();
         assert_eq!(read_records(&bytes).unwrap(), points);
+        let mut in_place = vec![0; bytes.len()];
+        fill_with_records(&mut in_place, &points);
+        assert_eq!(in_place, bytes);
         assert!(read_records(&bytes[1..]).is_none());
         assert!(read_records(&[]).unwrap().is_empty());
     }

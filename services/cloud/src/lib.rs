@@ -1,8 +1,9 @@
 //! The cloud service: correspondences in, clouds out.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 
-use fringeflow::cloud::{Cloud, write_records};
+use fringeflow::cloud::{Cloud, RECORD_BYTES, fill_with_records};
 use fringeflow::message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
 use fringeflow::transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
 use fringeflow::wire;
@@ -18,13 +19,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let worker = CloudWorker::new(&host.setup.rig, table);
     let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let stage = CloudStage {
-        worker,
-        found: Correspondences::default(),
-        window: Window::default(),
-        cloud: Cloud::default(),
-        records: Vec::new(),
-    };
+    let stage =
+        CloudStage { worker, found: Correspondences::default(), window: Window::default(), cloud: Cloud::default() };
     run_transform(&mut host, stage)
 }
 
@@ -33,8 +29,6 @@ struct CloudStage {
     found: Correspondences,
     window: Window,
     cloud: Cloud,
-    /// The cloud as it is sent: lengths in metres.
-    records: Vec<u8>,
 }
 
 impl Transform for CloudStage {
@@ -64,20 +58,23 @@ impl Transform for CloudStage {
         if self.cloud.points.is_empty() {
             return Err(Dropped::new(DropReason::EmptyCloud, "no correspondence has a point before both cameras"));
         }
-        self.records.clear();
-        write_records(&mut self.records, &self.cloud.points, 1.0).map_err(|e| Dropped::new(DropReason::Malformed, e))
+        Ok(())
     }
 
     fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
+        let points = &self.cloud.points;
         let (delta_mean_rad, delta_sd_rad) = self.found.matches.chosen_delta_rad;
-        let header = CloudHeader {
-            published,
-            window: self.window,
-            points: self.cloud.points.len() as u64,
-            delta_mean_rad,
-            delta_sd_rad,
-            published_ns: clock::now_ns(),
-        };
-        output.send(&header, &self.records)
+        let made = output.send_made(points.len() * RECORD_BYTES, |bytes| {
+            fill_with_records(bytes, points);
+            Ok::<_, Infallible>(CloudHeader {
+                published,
+                window: self.window,
+                points: points.len() as u64,
+                delta_mean_rad,
+                delta_sd_rad,
+                published_ns: clock::now_ns(),
+            })
+        });
+        made.map(|Ok(())| ())
     }
 }
