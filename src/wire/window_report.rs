@@ -52,14 +52,24 @@ fn drift_report(drift: &Drift) -> DriftReport {
 
 /// Median of δ over the chosen candidates, rad; 0 without any.
 fn median_rad(matches: &Matches) -> f64 {
-    let found = matches.outcomes.iter().zip(&matches.chosen.delta).filter(|(outcome, _)| outcome.is_found());
-    let mut deltas: Vec<i16> = found.map(|(_, &delta)| delta).collect();
-    if deltas.is_empty() {
+    // A million of them are counted faster than sorted.
+    let mut counts = vec![0_u32; 1 << u16::BITS];
+    let mut found = 0;
+    for (outcome, &delta) in matches.outcomes.iter().zip(&matches.chosen.delta) {
+        let is_found = u32::from(outcome.is_found());
+        counts[usize::from(delta.wrapping_sub(i16::MIN) as u16)] += is_found;
+        found += is_found;
+    }
+    if found == 0 {
         return 0.0;
     }
-    let middle = deltas.len() / 2;
-    let (_, median, _) = deltas.select_nth_unstable(middle);
-    f64::from(*median) / 65536.0 * TAU
+    let mut below = 0;
+    let reaches_middle = |count: &u32| {
+        below += count;
+        below > found / 2
+    };
+    let place = counts.iter().position(reaches_middle).unwrap_or(0);
+    (place as f64 + f64::from(i16::MIN)) / 65536.0 * TAU
 }
 
 #[cfg(test)]
