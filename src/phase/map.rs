@@ -54,7 +54,7 @@ pub struct Modulation(pub(super) u16);
 
 impl Modulation {
     /// Steps of a grey level.
-    const PER_GREY: f32 = 128.0;
+    pub(super) const PER_GREY: f32 = 128.0;
 
     /// That of so many grey levels, rounded down; what is more than it can say is its most.
     #[must_use]
