@@ -8,6 +8,7 @@ mod arctangent;
 mod decode;
 mod gray_code;
 mod harmonics;
+mod histogram;
 mod map;
 mod motion;
 mod residuals;

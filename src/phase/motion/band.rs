@@ -9,15 +9,17 @@ use std::ops::Range;
 
 use crate::phase::Validity;
 use crate::phase::map::Modulation;
-use crate::phase::residuals::{BINS, BINS_PER_GREY, BINS_PER_SHARE, Residuals};
+use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 use crate::simd::{Kernel, LANES, Lanes};
 
+use super::MAX_IMAGES;
 use super::estimate::{ColumnSums, MotionParts, REACH};
 use super::fit::MotionFit;
 use super::images::Images;
 use super::linear::Fitted;
 use super::moved::{Turns, everywhere, without_ripple};
+use super::speeds::Speeds;
 
 /// Rounds of the motion: the first takes what the fit gives, ripple and all, the next take off the ripple of the motion found
 /// before.
@@ -31,10 +33,13 @@ const PARTS_ROWS: usize = 2 * REACH + 1;
 /// What a band keeps of the rows that it is at.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BandRoom {
+    greys: [[f32; LANES]; MAX_IMAGES],
     fitted: Vec<Fitted>,
     parts: [Vec<MotionParts>; ROUNDS],
     sums: ColumnSums,
     pub(super) residuals: Residuals,
+    /// How the valid pixels moved.
+    pub(super) speeds: Speeds,
 }
 
 impl BandRoom {
@@ -43,6 +48,7 @@ impl BandRoom {
         self.parts.iter_mut().for_each(|parts| parts.resize_with(PARTS_ROWS * blocks, MotionParts::default));
         self.sums.resize(blocks);
         self.residuals = Residuals::default();
+        self.speeds = Speeds::default();
     }
 }
 
@@ -119,7 +125,8 @@ impl<S: Sample> Band<'_, '_, S> {
         let parts = &mut self.room.parts[0][row % PARTS_ROWS * blocks..][..blocks];
         for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
             let count = (width - b * LANES).min(LANES);
-            fitted.fit(lanes, self.images, fit, self.validity, row * width + b * LANES, count);
+            let place = [row * width + b * LANES, count];
+            fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.room.greys);
             if fitted.tells_motion {
                 parts.set(lanes, fitted, [direct, ripple, slope_ripple], all);
             } else {
@@ -210,7 +217,8 @@ impl<S: Sample> Band<'_, '_, S> {
         l.store_mask(valid, &mut decoded.valid);
         decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
         let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
-        add_residuals(l, residual, modulation, l.bits(valid), &mut self.room.residuals);
+        self.room.residuals.add_block(l, residual, modulation, l.bits(valid));
+        self.room.speeds.add_block(l, motion_rad, l.bits(valid));
     }
 }
 
@@ -273,21 +281,4 @@ fn turn_fractions<L: Lanes>(lanes: L, [x, y]: [L::Reals; 2]) -> L::Reals {
     let half = l.select_real(l.is_greater_real(zero, x), l.sub_real(l.real(0.5), quadrant), quadrant);
     let turns = l.select_real(l.is_greater_real(zero, y), l.sub_real(l.real(1.0), half), half);
     l.add_real(l.times_real(turns, l.real(65536.0)), l.real(0.5))
-}
-
-/// Counts the residuals of valid pixels.
-#[inline(always)]
-fn add_residuals<L: Lanes>(lanes: L, residual: L::Reals, modulation: L::Reals, valid: u32, residuals: &mut Residuals) {
-    let l = lanes;
-    let last = l.real((BINS - 1) as f32);
-    let share = l.times_real(l.over_real(residual, modulation), l.real(BINS_PER_SHARE));
-    let (mut shares, mut greys) = ([0; LANES], [0; LANES]);
-    l.store_real_words(l.min_real(share, last), &mut shares);
-    l.store_real_words(l.min_real(l.times_real(residual, l.real(BINS_PER_GREY)), last), &mut greys);
-    let mut left = valid;
-    while left != 0 {
-        let k = left.trailing_zeros() as usize;
-        residuals.add_bins(usize::from(shares[k]) % BINS, usize::from(greys[k]) % BINS);
-        left &= left - 1;
-    }
 }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::simd::{self, Kernel, Lanes, Level};
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 use super::MAX_IMAGES;
 use super::fit::{MotionFit, time, unexplained};
@@ -23,6 +23,7 @@ const BLOCK: usize = 16;
 const PITCH: usize = 48;
 /// Pixels of a block.
 const PIXELS: usize = BLOCK * BLOCK;
+const _: () = assert!(2 * BLOCK == LANES, "two rows are taken at a time");
 /// Partial sums over pixels: always the same, so that their rounding is.
 const PARTS: usize = 8;
 /// Share of the mean diagonal that is added to the diagonal: a drift that nothing tells stays zero.
@@ -161,9 +162,9 @@ impl<S: Sample> Kernel for Block<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
+    fn run<L: Lanes>(self, lanes: L) {
         let Self { images, fit, projector, samples, sums, .. } = self;
-        samples.take(images, self.first);
+        samples.take(lanes, images, self.first);
         samples.fit(fit);
         let [slope, power] = samples.keep(fit, self.validity);
         let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
@@ -204,21 +205,29 @@ impl<S: Sample> Kernel for Block<'_, S> {
 }
 
 impl BlockSamples {
-    /// Takes the grey levels of a block.
+    /// Takes the grey levels of a block, two rows at a time.
     #[inline(always)]
-    fn take<S: Sample>(&mut self, images: &Images<'_, S>, first: usize) {
-        self.unsaturated = [1.0; PIXELS];
-        for image in 0..images.count {
-            for v in 0..BLOCK {
-                let Some(samples) = images.samples_from(image, first + v * images.width).first_chunk::<BLOCK>() else {
-                    continue;
-                };
-                for u in 0..BLOCK {
-                    let p = v * BLOCK + u;
-                    self.greys[image][p] = f64::from(samples[u].grey(images.grey_per_value[image]));
-                    self.unsaturated[p] = if images.saturates_at(samples[u]) { 0.0 } else { self.unsaturated[p] };
+    fn take<L: Lanes, S: Sample>(&mut self, lanes: L, images: &Images<'_, S>, first: usize) {
+        let l = lanes;
+        for pair in 0..PIXELS / LANES {
+            let mut greatest = l.word(0);
+            for image in 0..images.count {
+                let mut samples = [S::default(); LANES];
+                for (row, samples) in samples.chunks_exact_mut(BLOCK).enumerate() {
+                    let begin = first + (2 * pair + row) * images.width;
+                    samples.copy_from_slice(&images.samples_from(image, begin)[..BLOCK]);
+                }
+                greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &samples)));
+                let mut greys = [0.0; LANES];
+                l.store_reals(l.times_real(S::reals(l, &samples), l.real(images.grey_per_value[image])), &mut greys);
+                let to = &mut self.greys[image][pair * LANES..][..LANES];
+                for (to, grey) in to.iter_mut().zip(greys) {
+                    *to = f64::from(grey);
                 }
             }
+            let saturated = l.bits(images.saturates(l, greatest));
+            let to = &mut self.unsaturated[pair * LANES..][..LANES];
+            to.iter_mut().enumerate().for_each(|(k, to)| *to = f64::from(!saturated >> k & 1));
         }
     }
 

@@ -74,13 +74,7 @@ impl<'a, S: Sample> Images<'a, S> {
     /// Whether a sample is saturated.
     #[inline(always)]
     pub(super) fn is_saturated(&self, image: usize, pixel: usize) -> bool {
-        self.saturates_at(self.samples[image][pixel])
-    }
-
-    /// Whether a sample is so great that it is saturated.
-    #[inline(always)]
-    pub(super) fn saturates_at(&self, sample: S) -> bool {
-        !sample.is_below(self.saturation)
+        !self.samples[image][pixel].is_below(self.saturation)
     }
 
     /// Samples of an image from a pixel on.

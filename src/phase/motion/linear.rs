@@ -42,7 +42,7 @@ impl Default for Fitted {
 }
 
 impl Fitted {
-    /// Fits `count` pixels of a row, from `pixel` on; the others say nothing.
+    /// Fits `count` pixels of a row, from `pixel` on; the others say nothing. `greys` is room for their grey levels.
     #[inline(always)]
     pub(super) fn fit<L: Lanes, S: Sample>(
         &mut self,
@@ -50,17 +50,18 @@ impl Fitted {
         images: &Images<'_, S>,
         fit: &MotionFit,
         validity: &Validity,
-        pixel: usize,
-        count: usize,
+        [pixel, count]: [usize; 2],
+        greys: &mut [[f32; LANES]; MAX_IMAGES],
     ) {
         let l = lanes;
-        let mut greys = [[0.0; LANES]; MAX_IMAGES];
         let (mut sums, mut greatest) = ([l.real(0.0); SUMS], l.word(0));
         for (i, weights) in fit.weights.iter().enumerate() {
             let block = images.block(i, pixel, count);
             greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &block)));
             let grey = l.times_real(S::reals(l, &block), l.real(images.grey_per_value[i]));
-            l.store_reals(grey, &mut greys[i]);
+            if !fit.residuals.is_empty() {
+                l.store_reals(grey, &mut greys[i]);
+            }
             let mut k = 0;
             while k < SUMS {
                 sums[k] = l.add_real(sums[k], l.times_real(grey, l.real(weights[k])));

@@ -45,7 +45,7 @@ pub(super) struct Repaired {
     pub(super) valid_pixels: u64,
     /// How the pixels are lit.
     pub(super) exposure: Exposure,
-    /// How those that are valid in the end moved.
+    /// How those moved that were valid before and are not, and the other way round.
     pub(super) speeds: Speeds,
 }
 
@@ -119,12 +119,6 @@ impl<S: Sample> Kernel for Repair<'_, S> {
             }
             asked.clear();
             self.room.asked = asked;
-            for block in 0..blocks {
-                let begin = row * width + block * LANES;
-                let valid = &self.planes.valid[begin..][..(width - block * LANES).min(LANES)];
-                self.room.repaired.valid_pixels += valid.iter().map(|&valid| u64::from(valid)).sum::<u64>();
-                self.room.repaired.speeds.add(lanes, &self.planes.beside[row * blocks + block].motion_rad, valid);
-            }
         }
     }
 }
@@ -151,6 +145,7 @@ impl<S: Sample> Repair<'_, S> {
         let fits = l.bits(l.is_at_least_real(largest, l.load_reals(residual)));
         let is_valid = l.bits(l.is_greater(l.words_of_bytes(&valid), l.word(0)));
         let again = (*saturated | (is_lit & !(fits & is_valid))) & used;
+        self.room.repaired.valid_pixels += u64::from((is_valid & !again).count_ones());
         let exposure = &mut self.room.repaired.exposure;
         exposure.lit_pixels += u64::from((is_lit & !again).count_ones());
         exposure.dim_pixels += u64::from((is_dim & !again).count_ones());
@@ -190,7 +185,10 @@ impl<S: Sample> Repair<'_, S> {
         for (p, &u) in asked.iter().enumerate() {
             let pixel = row * width + u as usize;
             let found = best.share[p] < f32::INFINITY;
-            self.planes.valid[pixel] = found;
+            let was_valid = std::mem::replace(&mut self.planes.valid[pixel], found);
+            let beside = &self.planes.beside[row * blocks + u as usize / LANES];
+            self.room.repaired.speeds.change(beside.motion_rad[u as usize % LANES], was_valid, found);
+            self.room.repaired.valid_pixels += u64::from(found);
             if found {
                 let [re, im] = [best.z[0][p], best.z[1][p]];
                 self.planes.phase[pixel] = turn_fraction(im, re);

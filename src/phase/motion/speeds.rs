@@ -1,59 +1,53 @@
-//! How fast the pixels of an image moved: histograms that add up in any order, and what they say.
+//! How fast the pixels of an image moved.
 
-use crate::phase::residuals::quantile;
-use crate::simd::{LANES, Lanes};
+use crate::phase::histogram::{Histogram, quantile};
+use crate::simd::Lanes;
 
-/// Bins of a histogram, and the range to either side that they cover, rad.
-const BINS: usize = 1024;
+/// Motions to either side that are told apart, rad an image, and bins of one side.
 const RANGE_RAD: f32 = 1.5;
+const BINS: usize = 1024;
 
-/// Histograms of the motion, rad an image, with its sense and without.
-#[derive(Clone, Debug)]
-pub(super) struct Speeds {
-    signed: [u32; BINS],
-    amount: [u32; BINS],
-}
-
-impl Default for Speeds {
-    fn default() -> Self {
-        Self { signed: [0; BINS], amount: [0; BINS] }
-    }
-}
+/// A histogram of the motion; motions that are NaN count nowhere.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Speeds(Histogram<{ 2 * BINS }>);
 
 impl Speeds {
-    /// Adds the motions of those pixels of a block that are valid and whose motion is known, which is not NaN.
+    /// Adds those of 32 pixels that are valid: bit k says it of pixel k.
     #[inline(always)]
-    pub(super) fn add<L: Lanes>(&mut self, lanes: L, motion_rad: &[f32; LANES], valid: &[bool]) {
+    pub(super) fn add_block<L: Lanes>(&mut self, lanes: L, motion_rad: L::Reals, valid: u32) {
         let l = lanes;
-        let (last, bins) = (l.real((BINS - 1) as f32), l.real(BINS as f32));
-        let motion = l.load_reals(motion_rad);
-        let is_known = l.bits(l.is_greater_real(l.real(f32::INFINITY), l.abs_real(motion)));
-        let share = |of| l.over_real(of, l.real(RANGE_RAD));
-        let signed = l.add_real(l.real(0.5), share(l.times_real(l.real(0.5), motion)));
-        let signed = l.max_real(l.min_real(l.times_real(signed, bins), last), l.real(0.0));
-        let amount = l.min_real(l.times_real(share(l.abs_real(motion)), bins), last);
-        let (mut signed_bins, mut amount_bins) = ([0; LANES], [0; LANES]);
-        l.store_real_words(signed, &mut signed_bins);
-        l.store_real_words(amount, &mut amount_bins);
-        for (k, _) in valid.iter().enumerate().filter(|&(k, &valid)| valid & (is_known >> k & 1 == 1)) {
-            self.signed[usize::from(signed_bins[k]) % BINS] += 1;
-            self.amount[usize::from(amount_bins[k]) % BINS] += 1;
+        let share = l.over_real(motion_rad, l.real(RANGE_RAD));
+        let is_known = l.bits(l.is_greater_real(l.real(f32::INFINITY), l.abs_real(share)));
+        let bins = l.times_real(l.abs_real(share), l.real(BINS as f32));
+        let bin = l.truncate(l.min_real(bins, l.real((BINS - 1) as f32)));
+        let (ahead, back) = (l.add_real(bin, l.real(BINS as f32)), l.sub_real(l.real((BINS - 1) as f32), bin));
+        let signed = l.add_real(l.real(0.5), l.times_real(l.real(0.5), share));
+        let is_ahead = l.is_at_least_real(signed, l.real(0.5));
+        self.0.add_block(l, l.select_real(is_ahead, ahead, back), valid & is_known);
+    }
+
+    /// Counts a pixel, or no more, that was not valid and is, or the other way round.
+    pub(super) fn change(&mut self, motion_rad: f32, was_valid: bool, is_valid: bool) {
+        if was_valid == is_valid || !motion_rad.is_finite() {
+            return;
         }
+        let share = motion_rad / RANGE_RAD;
+        let bin = (share.abs() * BINS as f32).trunc().min((BINS - 1) as f32);
+        let bin = if 0.5 + 0.5 * share >= 0.5 { bin + BINS as f32 } else { (BINS - 1) as f32 - bin };
+        if is_valid { self.0.add(bin) } else { self.0.remove(bin) }
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
-        let pairs = [(&mut self.signed, &other.signed), (&mut self.amount, &other.amount)];
-        for (mine, theirs) in pairs {
-            mine.iter_mut().zip(theirs).for_each(|(m, t)| *m += t);
-        }
+        self.0.merge(&other.0);
     }
 
     /// The median motion, and what the amount of it exceeds at one pixel in twenty, rad an image.
     pub(super) fn median_and_fast_rad(&self) -> [f32; 2] {
-        if self.signed.iter().all(|&n| n == 0) {
+        if self.0.len() == 0 {
             return [0.0; 2];
         }
-        let median = (quantile(&self.signed, 0.5) - 0.5) * 2.0 * RANGE_RAD;
-        [median, quantile(&self.amount, 0.95) * RANGE_RAD]
+        let signed = (0..BINS).map(|bin| self.0.count(2 * bin) + self.0.count(2 * bin + 1));
+        let amount = (0..BINS).map(|bin| self.0.count(BINS + bin) + self.0.count(BINS - 1 - bin));
+        [(quantile(signed, 0.5) - 0.5) * 2.0 * RANGE_RAD, quantile(amount, 0.95) * RANGE_RAD]
     }
 }

@@ -16,6 +16,7 @@ use super::brightness;
 use super::fit::{MotionFit, time};
 use super::images::Images;
 use super::one_surface::{OneSurface, Repair, RepairRoom, Repaired};
+use super::speeds::Speeds;
 
 /// Fewest rows of a band: those around it are fitted once more.
 const LEAST_ROWS: usize = 64;
@@ -45,8 +46,11 @@ pub(super) fn decode<S: Sample>(
     bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
         simd::run(Level::in_use(), Band { images: &images, fit, validity, rows, room, planes });
     });
-    let mut residuals = Residuals::default();
-    room.bands.iter().for_each(|(band, _)| residuals.merge(&band.residuals));
+    let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
+    for (band, _) in &room.bands {
+        residuals.merge(&band.residuals);
+        speeds.merge(&band.speeds);
+    }
     let statistics = residuals.statistics(fit.freedom(), images.format, fit.noise_gain());
     let one_surface = OneSurface::new(&images, fit, validity, &statistics);
     bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
@@ -54,7 +58,8 @@ pub(super) fn decode<S: Sample>(
     });
     let mut all = Repaired::default();
     room.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
-    let [median_rad, fast_rad] = all.speeds.median_and_fast_rad();
+    speeds.merge(&all.speeds);
+    let [median_rad, fast_rad] = speeds.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
     map.harmonics = harmonics(&images, fit, map, &room.beside);
