@@ -29,13 +29,6 @@ pub struct PhaseMap {
 }
 
 impl PhaseMap {
-    /// One without a valid pixel.
-    pub(super) fn empty(width: usize, height: usize) -> Self {
-        let mut map = Self::default();
-        map.resize(width, height);
-        map
-    }
-
     /// Gives it another size; what its planes hold is of no meaning then.
     pub(super) fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
