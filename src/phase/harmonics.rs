@@ -150,7 +150,7 @@ fn visible(shifts_rad: &[f64]) -> [bool; 2] {
 }
 
 /// So many of the pixels, all over the image, whose distances have nothing in common with any fringe period.
-pub(super) fn spread(pixels: usize, count: usize) -> impl Iterator<Item = usize> {
+pub(super) fn spread(pixels: usize, count: usize) -> impl ExactSizeIterator<Item = usize> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     (0..count.min(pixels)).map(move |i| ((i as f64 * GOLDEN).fract() * pixels as f64) as usize)
 }

@@ -168,16 +168,17 @@ impl Lanes for Arrays {
         map(a, i32::from)
     }
     #[inline(always)]
-    fn weighted(self, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
-        zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b))
+    fn widen_unsigned(self, a: Words) -> Longs {
+        map(a, |a| i32::from(a as u16))
     }
     #[inline(always)]
-    fn squares(self, a: Words, b: Words) -> Longs {
-        zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b))
+    fn add_weighted(self, sum: Longs, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
+        let weighted = zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b));
+        zip(sum, weighted, i32::wrapping_add)
     }
     #[inline(always)]
-    fn add_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_add)
+    fn add_squares(self, sum: Longs, a: Words, b: Words) -> Longs {
+        zip(sum, zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b)), i32::wrapping_add)
     }
     #[inline(always)]
     fn is_negative(self, a: Longs) -> Mask {
@@ -203,6 +204,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn add_float(self, a: Floats, b: Floats) -> Floats {
         zip(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a - b)
     }
     #[inline(always)]
     fn times_float(self, a: Floats, b: Floats) -> Floats {

@@ -43,10 +43,9 @@ fn mask_of_reals([a, b]: Pair<__mmask16>) -> __mmask32 {
     u32::from(a) | u32::from(b) << 16
 }
 
-/// Truths of longs as those of words: as many, in the order of words.
+/// Which longs are negative, in the order of words: their signs are left when they are narrowed.
 #[inline(always)]
-fn mask_of_words(masks: Pair<__mmask16>) -> __mmask32 {
-    let [a, b] = both!(_mm512_movm_epi32, masks);
+fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
     // SAFETY: the lanes prove the instructions.
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
@@ -182,23 +181,32 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn weighted(self, a: __m512i, b: __m512i, [of_a, of_b]: [i16; 2]) -> Pair<__m512i> {
-        let weights = unsafe { [_mm512_set1_epi32((i32::from(of_b) << 16) | i32::from(of_a as u16)); 2] };
-        let pairs = unsafe { [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)] };
-        both!(_mm512_madd_epi16, pairs, weights)
+    fn widen_unsigned(self, a: __m512i) -> Pair<__m512i> {
+        unsafe {
+            let zero = _mm512_setzero_si512();
+            [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)]
+        }
     }
     #[inline(always)]
-    fn squares(self, a: __m512i, b: __m512i) -> Pair<__m512i> {
-        let pairs = unsafe { [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)] };
-        both!(_mm512_madd_epi16, pairs, pairs)
+    fn add_weighted(self, [low, high]: Pair<__m512i>, a: __m512i, b: __m512i, [of_a, of_b]: [i16; 2]) -> Pair<__m512i> {
+        unsafe {
+            let weights = _mm512_set1_epi32((i32::from(of_b) << 16) | i32::from(of_a as u16));
+            [
+                _mm512_dpwssd_epi32(low, _mm512_unpacklo_epi16(a, b), weights),
+                _mm512_dpwssd_epi32(high, _mm512_unpackhi_epi16(a, b), weights),
+            ]
+        }
     }
     #[inline(always)]
-    fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_add_epi32, a, b)
+    fn add_squares(self, [low, high]: Pair<__m512i>, a: __m512i, b: __m512i) -> Pair<__m512i> {
+        unsafe {
+            let pairs = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
+            [_mm512_dpwssd_epi32(low, pairs[0], pairs[0]), _mm512_dpwssd_epi32(high, pairs[1], pairs[1])]
+        }
     }
     #[inline(always)]
     fn is_negative(self, a: Pair<__m512i>) -> __mmask32 {
-        mask_of_words(both!(_mm512_movepi32_mask, a))
+        signs(a)
     }
     #[inline(always)]
     fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i {
@@ -222,6 +230,10 @@ impl Lanes for Avx512 {
         both!(_mm512_add_ps, a, b)
     }
     #[inline(always)]
+    fn sub_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_sub_ps, a, b)
+    }
+    #[inline(always)]
     fn times_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
         both!(_mm512_mul_ps, a, b)
     }
@@ -239,7 +251,8 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn is_greater_float(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
-        mask_of_words(both!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>, a, b))
+        // The sign of the difference, which is no zero where they differ.
+        signs(both!(_mm512_castps_si512, both!(_mm512_sub_ps, b, a)))
     }
     #[inline(always)]
     fn longs(self, a: Pair<__m512>) -> Pair<__m512i> {

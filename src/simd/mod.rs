@@ -203,12 +203,12 @@ pub(crate) trait Lanes: Copy {
     fn long(self, value: i32) -> Self::Longs;
     /// Signed words as longs.
     fn widen(self, a: Self::Words) -> Self::Longs;
-    /// a·weights[0] + b·weights[1] of signed words.
-    fn weighted(self, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
-    /// a² + b² of signed words.
-    fn squares(self, a: Self::Words, b: Self::Words) -> Self::Longs;
-    /// a + b, wrapping.
-    fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// Unsigned words as longs.
+    fn widen_unsigned(self, a: Self::Words) -> Self::Longs;
+    /// sum + a·weights[0] + b·weights[1] of signed words, wrapping.
+    fn add_weighted(self, sum: Self::Longs, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
+    /// sum + a² + b² of signed words, wrapping.
+    fn add_squares(self, sum: Self::Longs, a: Self::Words, b: Self::Words) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
     /// Longs as words, those beyond 0 to 65535 at its ends.
@@ -222,6 +222,8 @@ pub(crate) trait Lanes: Copy {
     fn abs_float(self, a: Self::Floats) -> Self::Floats;
     /// a + b.
     fn add_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// a − b.
+    fn sub_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a·b.
     fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a / b.
@@ -230,7 +232,7 @@ pub(crate) trait Lanes: Copy {
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The lesser of two, neither NaN.
     fn min_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// a > b.
+    /// a > b of finite floats.
     fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     /// Floats of the range of longs as longs, rounded towards zero.
     fn longs(self, a: Self::Floats) -> Self::Longs;

@@ -37,6 +37,7 @@ const ROUNDS: usize = 2;
 
 /// Divides the brightness of the images out; the greatest departure from their mean, as a share.
 pub(super) fn compensate<S: Sample>(
+    level: Level,
     images: &mut Images<'_, S>,
     fit: &MotionFit,
     validity: &Validity,
@@ -44,7 +45,7 @@ pub(super) fn compensate<S: Sample>(
 ) -> f32 {
     let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
-        let Some(departures) = departures(images, fit, validity, room) else { break };
+        let Some(departures) = departures(level, images, fit, validity, room) else { break };
         for (grey_per_value, departure) in images.grey_per_value.iter_mut().zip(&departures) {
             *grey_per_value /= (1.0 + departure) as f32;
         }
@@ -75,6 +76,7 @@ impl Sums {
 
 /// γ of every image; `None` without enough pixels to tell.
 fn departures<S: Sample>(
+    level: Level,
     images: &Images<'_, S>,
     fit: &MotionFit,
     validity: &Validity,
@@ -91,7 +93,7 @@ fn departures<S: Sample>(
         for u in starts(images.width) {
             let first = row * PITCH * images.width + u;
             let block = Block { images, fit, validity, projector: &projector, first, samples: &mut samples, sums };
-            simd::run(Level::in_use(), block);
+            simd::run(level, block);
         }
     });
     let mut sums = Sums::default();

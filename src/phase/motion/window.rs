@@ -29,8 +29,9 @@ pub struct MotionRoom {
     bands: Vec<(BandRoom, RepairRoom)>,
 }
 
-/// Decodes a window.
+/// Decodes a window at a level.
 pub(super) fn decode<S: Sample>(
+    level: Level,
     mut images: Images<'_, S>,
     fit: &MotionFit,
     validity: &Validity,
@@ -39,12 +40,12 @@ pub(super) fn decode<S: Sample>(
 ) {
     let (width, height) = (images.width, images.height);
     map.resize(width, height);
-    let brightness_share = brightness::compensate(&mut images, fit, validity, &mut room.brightness);
+    let brightness_share = brightness::compensate(level, &mut images, fit, validity, &mut room.brightness);
     let rows = rows_of_band(height);
     room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
     room.bands.resize_with(height.div_ceil(rows), Default::default);
     bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
-        simd::run(Level::in_use(), Band { images: &images, fit, validity, rows, room, planes });
+        simd::run(level, Band { images: &images, fit, validity, rows, room, planes });
     });
     let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
     for (band, _) in &room.bands {
@@ -54,7 +55,7 @@ pub(super) fn decode<S: Sample>(
     let statistics = residuals.statistics(fit.freedom(), images.format, fit.noise_gain());
     let one_surface = OneSurface::new(&images, fit, validity, &statistics);
     bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
-        simd::run(Level::in_use(), Repair { one_surface: &one_surface, rows, room, planes });
+        simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
     });
     let mut all = Repaired::default();
     room.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
