@@ -21,7 +21,9 @@ impl<const BINS: usize> Default for Histogram<BINS> {
 impl<const BINS: usize> Histogram<BINS> {
     /// Counts a value, given in bins; what is beyond the ends of the range counts there.
     pub(super) fn add(&mut self, bins: f32) {
-        self.counts[(bins as usize).min(BINS - 1)][0] += 1;
+        let count = &mut self.counts[(bins as usize).min(BINS - 1)][0];
+        // More may have been taken away here than was counted here.
+        *count = count.wrapping_add(1);
     }
 
     /// Takes a value away that was counted.
