@@ -4,7 +4,9 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use fringeflow::grey::PixelFormat;
-use fringeflow::phase::{MotionFit, Validity, decode, decode_moving, usual_extra_images};
+use fringeflow::phase::{
+    MotionFit, MotionRoom, PhaseMap, Validity, decode_into, decode_moving_into, usual_extra_images,
+};
 
 use crate::scenes::{Geometry, Scene, shifts, shifts_rad};
 
@@ -23,7 +25,8 @@ pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
             let images = scene.images(steps, format);
             let (levels, shifts) = (&images.levels()[0], shifts(steps));
             group.bench_function(BenchmarkId::new(format.name(), steps), |bencher| {
-                bencher.iter(|| decode(black_box(levels), width, height, &shifts, &validity));
+                let mut map = PhaseMap::default();
+                bencher.iter(|| decode_into(&mut map, black_box(levels), width, height, &shifts, &validity));
             });
         }
     }
@@ -33,7 +36,8 @@ pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     let fit = MotionFit::new(&cycle.take(window).collect::<Vec<_>>()).unwrap();
     let levels = &images.levels()[0][..window];
     group.bench_function(BenchmarkId::new("moving", MOVING_STEPS), |bencher| {
-        bencher.iter(|| decode_moving(black_box(levels), width, height, &fit, &validity));
+        let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
+        bencher.iter(|| decode_moving_into(&mut map, &mut room, black_box(levels), width, height, &fit, &validity));
     });
     group.finish();
 }

@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use fringeflow::dataset::GreyImage;
 use fringeflow::grey::PixelFormat;
-use fringeflow::phase::{Validity, decode};
+use fringeflow::phase::{PhaseMap, Validity, decode_into};
 
 use super::bench::{Bench, STEPS};
 use super::clock::{contender, interleave};
@@ -38,10 +38,14 @@ fn against_reading(bench: &Bench, report: &mut Report) {
             let copies = if bench.is_measured { COLD_BYTES.div_ceil(bytes) } else { 1 };
             // One repetition goes round all copies, so that each was driven out of the caches by the others.
             let windows: Vec<Vec<GreyImage>> = vec![window.clone(); copies];
+            // A worker has one map, whose memory every window uses again.
+            let mut map = PhaseMap::default();
             let mut contenders = [
                 contender(|| {
                     for window in &windows {
-                        drop(black_box(decode(&GreyImage::levels_of(window), width, height, &shifts, &validity)));
+                        decode_into(&mut map, &GreyImage::levels_of(window), width, height, &shifts, &validity)
+                            .unwrap();
+                        black_box(&map);
                     }
                 }),
                 contender(|| {
@@ -81,7 +85,11 @@ fn against_peers(bench: &mut Bench, report: &mut Report) {
         Ok(peers) => RefCell::new(peers),
         Err(why) => return PEERS.iter().for_each(|(_, peer, _)| report.skipped(&name(peer), &why)),
     };
-    let mut contenders = vec![contender(|| drop(black_box(decode(&window, width, height, &shifts, &validity))))];
+    let mut map = PhaseMap::default();
+    let mut contenders = vec![contender(|| {
+        decode_into(&mut map, &window, width, height, &shifts, &validity).unwrap();
+        black_box(&map);
+    })];
     for (peer, ..) in PEERS {
         let peers = &peers;
         contenders.push(Box::new(move || peers.borrow_mut().run(peer)));

@@ -7,7 +7,7 @@ use fringeflow::correspondence::{
     CandidateLists, DeltaGate, DeltaHistogram, DeltaStatistics, EpipolarImage, Evidence, ResolutionMethod, SearchForm,
     SegmentTable, estimate_drift, find_candidates, measure_delta, resolve,
 };
-use fringeflow::phase::{MotionFit, PhaseMap, SequenceCheck, Validity, decode, decode_moving};
+use fringeflow::phase::{MotionFit, MotionRoom, PhaseMap, SequenceCheck, Validity, decode, decode_moving_into};
 use serde_json::json;
 
 use super::bench::{Bench, Measured, STEPS};
@@ -89,11 +89,15 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
     let all: Vec<f64> = cycle.iter().copied().cycle().take(window_images()).collect();
     let fit = MotionFit::new(&all).unwrap();
     let check = SequenceCheck::new(&cycle, 0, window_images());
+    let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
     let names = ["decoding C1 with motion", "check of the sequence of C1"];
     let spent = interleave(
         repetitions,
         &mut [
-            contender(|| drop(black_box(decode_moving(&window[0], width, height, &fit, &validity)))),
+            contender(|| {
+                decode_moving_into(&mut map, &mut room, &window[0], width, height, &fit, &validity).unwrap();
+                black_box(&map);
+            }),
             contender(|| _ = black_box(check.fault(&window[0], width, height, &validity))),
         ],
     );

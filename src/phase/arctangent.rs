@@ -3,7 +3,7 @@
 
 /// Coefficients of `atan(t)/2π ≈ t·(c0 + c1·t² + …)` on [0, 1], minimax; largest error 4e-8 turn (2.5e-7 rad),
 /// far below the 1/65536 turn that the result is rounded to.
-const COEFFICIENTS: [f32; 7] =
+pub(super) const COEFFICIENTS: [f32; 7] =
     [0.159_154_33, -0.053_026_24, 0.031_525_12, -0.021_061_523, 0.012_672_503, -0.005_348_276, 0.001_084_129_2];
 
 /// `atan2(y, x)` in turns · 65536, wrapped to `u16`; (0, 0) gives 0.

@@ -12,6 +12,7 @@
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::map::Harmonics;
+use super::motion::MAX_IMAGES;
 use super::shifts::MAX_STEPS;
 
 /// Pixels that are asked.
@@ -149,7 +150,7 @@ fn visible(shifts_rad: &[f64]) -> [bool; 2] {
 }
 
 /// So many of the pixels, all over the image, whose distances have nothing in common with any fringe period.
-pub(super) fn spread(pixels: usize, count: usize) -> impl Iterator<Item = usize> {
+pub(super) fn spread(pixels: usize, count: usize) -> impl ExactSizeIterator<Item = usize> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     (0..count.min(pixels)).map(move |i| ((i as f64 * GOLDEN).fract() * pixels as f64) as usize)
 }
@@ -192,14 +193,18 @@ impl Sums {
             self.fast += 1;
             return;
         }
-        let Some(inverse) = normal(samples.iter().map(|&[_, angle, _]| angle)).try_inverse() else { return };
-        let sums: Vector3<f64> = samples.iter().map(|&[grey, angle, _]| row(angle) * grey).sum();
+        // An angle is asked for its cosine and sine but once.
+        let mut of_angles = [Vector3::zeros(); MAX_IMAGES];
+        of_angles.iter_mut().zip(samples).for_each(|(of_angle, &[_, angle, _])| *of_angle = row(angle));
+        let of_angles = &of_angles[..samples.len().min(MAX_IMAGES)];
+        let normal: Matrix3<f64> = of_angles.iter().map(|row| row * row.transpose()).sum();
+        let Some(inverse) = normal.try_inverse() else { return };
+        let sums: Vector3<f64> = samples.iter().zip(of_angles).map(|(&[grey, ..], row)| row * grey).sum();
         let [_, re, im] = <[f64; 3]>::from(inverse * sums);
         let modulation = re.hypot(im);
         // Beside the fundamental what it changes by when the motion does.
         let rows = || {
-            samples.iter().map(move |&[grey, angle, t]| {
-                let row = row(angle);
+            samples.iter().zip(of_angles).map(move |(&[grey, _, t], row)| {
                 (Vector4::new(row[0], row[1], row[2], t * (im * row[1] - re * row[2]) / modulation), grey)
             })
         };

@@ -29,13 +29,6 @@ pub struct PhaseMap {
 }
 
 impl PhaseMap {
-    /// One without a valid pixel.
-    pub(super) fn empty(width: usize, height: usize) -> Self {
-        let mut map = Self::default();
-        map.resize(width, height);
-        map
-    }
-
     /// Gives it another size; what its planes hold is of no meaning then.
     pub(super) fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
@@ -54,7 +47,7 @@ pub struct Modulation(pub(super) u16);
 
 impl Modulation {
     /// Steps of a grey level.
-    const PER_GREY: f32 = 128.0;
+    pub(super) const PER_GREY: f32 = 128.0;
 
     /// That of so many grey levels, rounded down; what is more than it can say is its most.
     #[must_use]

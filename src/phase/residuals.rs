@@ -1,7 +1,9 @@
 //! How well sinusoids fit the images, over all pixels: histograms that add up in any order, and what they say.
 
 use crate::grey::PixelFormat;
+use crate::simd::Lanes;
 
+use super::histogram::Histogram;
 use super::map::FitStatistics;
 
 /// Standard deviation of rounding to whole grey levels, 1/√12; deeper images round to fractions of them.
@@ -12,38 +14,41 @@ const BINS: usize = 1024;
 const SHARE_RANGE: f32 = 2.0;
 /// Residuals up to this many grey levels are told apart.
 const RESIDUAL_RANGE_GREY: f32 = 64.0;
+/// Bins of a share of 1, and of a grey level.
+const BINS_PER_SHARE: f32 = BINS as f32 / SHARE_RANGE;
+const BINS_PER_GREY: f32 = BINS as f32 / RESIDUAL_RANGE_GREY;
 
 /// Histograms of the residual over the valid pixels, absolute and as a share of the modulation.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Residuals {
-    share: Vec<u64>,
-    residual: Vec<u64>,
-}
-
-impl Default for Residuals {
-    fn default() -> Self {
-        Self { share: vec![0; BINS], residual: vec![0; BINS] }
-    }
+    share: Histogram<BINS>,
+    residual: Histogram<BINS>,
 }
 
 impl Residuals {
     pub(super) fn add(&mut self, residual_grey: f32, modulation_grey: f32) {
-        let bin = |value: f32, range: f32| ((value / range * BINS as f32) as usize).min(BINS - 1);
-        self.share[bin(residual_grey / modulation_grey, SHARE_RANGE)] += 1;
-        self.residual[bin(residual_grey, RESIDUAL_RANGE_GREY)] += 1;
+        self.share.add(residual_grey / modulation_grey * BINS_PER_SHARE);
+        self.residual.add(residual_grey * BINS_PER_GREY);
     }
 
-    pub(super) fn merge(mut self, other: Self) -> Self {
-        let pairs = [(&mut self.share, other.share), (&mut self.residual, other.residual)];
-        for (mine, theirs) in pairs {
-            mine.iter_mut().zip(theirs).for_each(|(m, t)| *m += t);
-        }
-        self
+    /// Adds those of 32 pixels that are valid: bit k says it of pixel k.
+    #[inline(always)]
+    pub(super) fn add_block<L: Lanes>(&mut self, lanes: L, residual: L::Reals, modulation: L::Reals, valid: u32) {
+        let l = lanes;
+        let share = l.over_real(residual, modulation);
+        self.share.add_block(l, l.times_real(share, l.real(BINS_PER_SHARE)), valid);
+        self.residual.add_block(l, l.times_real(residual, l.real(BINS_PER_GREY)), valid);
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.share.merge(&other.share);
+        self.residual.merge(&other.residual);
     }
 
     /// Statistics of fits that leave so many degrees of freedom to the images of a format, and make `noise_gain` of noise ÷
     /// modulation.
     pub(super) fn statistics(&self, freedom: usize, format: PixelFormat, noise_gain: f32) -> FitStatistics {
-        let valid_pixels = self.share.iter().sum();
+        let valid_pixels = self.share.len();
         let rounding_grey = ROUNDING_NOISE_GREY * format.grey_per_value();
         if freedom == 0 || valid_pixels == 0 {
             return FitStatistics { valid_pixels, residual_share: None, noise_grey: rounding_grey, noise_gain };
@@ -51,28 +56,12 @@ impl Residuals {
         // Median of a χ distribution over its standard deviation, Wilson and Hilferty's approximation.
         let freedom = freedom as f32;
         let median_of_unit_noise = (1.0 - 2.0 / (9.0 * freedom)).powi(3).sqrt();
-        let noise_grey = median(&self.residual) * RESIDUAL_RANGE_GREY / median_of_unit_noise;
+        let noise_grey = self.residual.quantile(0.5) * RESIDUAL_RANGE_GREY / median_of_unit_noise;
         FitStatistics {
             valid_pixels,
-            residual_share: Some(median(&self.share) * SHARE_RANGE),
+            residual_share: Some(self.share.quantile(0.5) * SHARE_RANGE),
             noise_grey: noise_grey.max(rounding_grey),
             noise_gain,
         }
     }
-}
-
-/// Median of a histogram, as a fraction of its range.
-pub(super) fn median(histogram: &[u64]) -> f32 {
-    quantile(histogram, 0.5)
-}
-
-/// The value that a share of what a histogram counts does not exceed, as a fraction of its range.
-pub(super) fn quantile(histogram: &[u64], share: f64) -> f32 {
-    let wanted = (histogram.iter().sum::<u64>() as f64 * share).ceil() as u64;
-    let mut below = 0;
-    let bin = histogram.iter().position(|n| {
-        below += n;
-        below >= wanted
-    });
-    (bin.unwrap_or(0) as f32 + 0.5) / histogram.len() as f32
 }

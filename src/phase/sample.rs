@@ -13,6 +13,9 @@ pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {
     /// Stored values with their bias.
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words;
 
+    /// Stored values as reals.
+    fn reals<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Reals;
+
     /// Stored values as unsigned words, from those with their bias.
     fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words;
 
@@ -37,6 +40,11 @@ impl Sample for u8 {
     #[inline(always)]
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
         lanes.words_of_bytes(samples)
+    }
+
+    #[inline(always)]
+    fn reals<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Reals {
+        lanes.reals_of_bytes(samples)
     }
 
     #[inline(always)]
@@ -71,6 +79,11 @@ impl Sample for [u8; 2] {
     #[inline(always)]
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
         lanes.add(lanes.words_of_le(samples), lanes.word(Self::BIAS))
+    }
+
+    #[inline(always)]
+    fn reals<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Reals {
+        lanes.reals_of_le(samples)
     }
 
     #[inline(always)]

@@ -39,6 +39,7 @@ impl Lanes for Arrays {
     type Words = Words;
     type Longs = Longs;
     type Floats = Floats;
+    type Reals = Floats;
     type Mask = Mask;
 
     #[inline(always)]
@@ -126,6 +127,10 @@ impl Lanes for Arrays {
         out
     }
     #[inline(always)]
+    fn and(self, a: Mask, b: Mask) -> Mask {
+        zip(a, b, |a, b| a & b)
+    }
+    #[inline(always)]
     fn and_not(self, a: Mask, b: Mask) -> Mask {
         zip(a, b, |a, b| a & !b)
     }
@@ -163,16 +168,17 @@ impl Lanes for Arrays {
         map(a, i32::from)
     }
     #[inline(always)]
-    fn weighted(self, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
-        zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b))
+    fn widen_unsigned(self, a: Words) -> Longs {
+        map(a, |a| i32::from(a as u16))
     }
     #[inline(always)]
-    fn squares(self, a: Words, b: Words) -> Longs {
-        zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b))
+    fn add_weighted(self, sum: Longs, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
+        let weighted = zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b));
+        zip(sum, weighted, i32::wrapping_add)
     }
     #[inline(always)]
-    fn add_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_add)
+    fn add_squares(self, sum: Longs, a: Words, b: Words) -> Longs {
+        zip(sum, zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b)), i32::wrapping_add)
     }
     #[inline(always)]
     fn is_negative(self, a: Longs) -> Mask {
@@ -200,6 +206,10 @@ impl Lanes for Arrays {
         zip(a, b, |a, b| a + b)
     }
     #[inline(always)]
+    fn sub_float(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
     fn times_float(self, a: Floats, b: Floats) -> Floats {
         zip(a, b, |a, b| a * b)
     }
@@ -224,6 +234,95 @@ impl Lanes for Arrays {
     fn longs(self, a: Floats) -> Longs {
         // SAFETY: whoever calls it promises numbers of the range of longs.
         map(a, |a| unsafe { a.to_int_unchecked() })
+    }
+
+    #[inline(always)]
+    fn real(self, value: f32) -> Floats {
+        [value; LANES]
+    }
+    #[inline(always)]
+    fn load_reals(self, reals: &[f32; LANES]) -> Floats {
+        *reals
+    }
+    #[inline(always)]
+    fn store_reals(self, a: Floats, to: &mut [f32; LANES]) {
+        *to = a;
+    }
+    #[inline(always)]
+    fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Floats {
+        map(*bytes, f32::from)
+    }
+    #[inline(always)]
+    fn reals_of_le(self, words: &[[u8; 2]; LANES]) -> Floats {
+        map(*words, |word| f32::from(u16::from_le_bytes(word)))
+    }
+    #[inline(always)]
+    fn reals_of_words(self, words: &[u16; LANES]) -> Floats {
+        map(*words, f32::from)
+    }
+    #[inline(always)]
+    fn abs_real(self, a: Floats) -> Floats {
+        map(a, f32::abs)
+    }
+    #[inline(always)]
+    fn add_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn times_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn over_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn root_real(self, a: Floats) -> Floats {
+        map(a, f32::sqrt)
+    }
+    #[inline(always)]
+    fn max_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn min_real(self, a: Floats, b: Floats) -> Floats {
+        zip(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn is_greater_real(self, a: Floats, b: Floats) -> Mask {
+        zip(a, b, |a, b| truth(a > b))
+    }
+    #[inline(always)]
+    fn is_at_least_real(self, a: Floats, b: Floats) -> Mask {
+        zip(a, b, |a, b| truth(a >= b))
+    }
+    #[inline(always)]
+    fn select_real(self, mask: Mask, yes: Floats, no: Floats) -> Floats {
+        let mut out = no;
+        for i in 0..LANES {
+            out[i] = if mask[i] != 0 { yes[i] } else { no[i] };
+        }
+        out
+    }
+    #[inline(always)]
+    fn truncate(self, a: Floats) -> Floats {
+        self.floats(self.longs(a))
+    }
+    #[inline(always)]
+    fn look_up(self, table: &[f32], places: Floats) -> Floats {
+        map(places, |place| table[place as usize])
+    }
+    #[inline(always)]
+    fn store_real_words(self, a: Floats, to: &mut [u16; LANES]) {
+        *to = map(self.longs(a), |a| a as u16);
+    }
+    #[inline(always)]
+    fn store_real_bytes(self, a: Floats, to: &mut [u8; LANES]) {
+        *to = map(self.longs(a), |a| a as u8);
     }
 
     #[inline(always)]

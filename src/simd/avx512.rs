@@ -37,10 +37,15 @@ macro_rules! both {
     }};
 }
 
-/// Truths of longs as those of words: as many, in the order of words.
+/// Truths of reals, which are in the order of memory already.
 #[inline(always)]
-fn mask_of_words(masks: Pair<__mmask16>) -> __mmask32 {
-    let [a, b] = both!(_mm512_movm_epi32, masks);
+fn mask_of_reals([a, b]: Pair<__mmask16>) -> __mmask32 {
+    u32::from(a) | u32::from(b) << 16
+}
+
+/// Which longs are negative, in the order of words: their signs are left when they are narrowed.
+#[inline(always)]
+fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
     // SAFETY: the lanes prove the instructions.
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
@@ -51,6 +56,7 @@ impl Lanes for Avx512 {
     type Words = __m512i;
     type Longs = Pair<__m512i>;
     type Floats = Pair<__m512>;
+    type Reals = Pair<__m512>;
     type Mask = __mmask32;
 
     #[inline(always)]
@@ -134,6 +140,10 @@ impl Lanes for Avx512 {
         unsafe { _mm512_mask_blend_epi16(mask, no, yes) }
     }
     #[inline(always)]
+    fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 {
+        a & b
+    }
+    #[inline(always)]
     fn and_not(self, a: __mmask32, b: __mmask32) -> __mmask32 {
         a & !b
     }
@@ -171,23 +181,32 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn weighted(self, a: __m512i, b: __m512i, [of_a, of_b]: [i16; 2]) -> Pair<__m512i> {
-        let weights = unsafe { [_mm512_set1_epi32((i32::from(of_b) << 16) | i32::from(of_a as u16)); 2] };
-        let pairs = unsafe { [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)] };
-        both!(_mm512_madd_epi16, pairs, weights)
+    fn widen_unsigned(self, a: __m512i) -> Pair<__m512i> {
+        unsafe {
+            let zero = _mm512_setzero_si512();
+            [_mm512_unpacklo_epi16(a, zero), _mm512_unpackhi_epi16(a, zero)]
+        }
     }
     #[inline(always)]
-    fn squares(self, a: __m512i, b: __m512i) -> Pair<__m512i> {
-        let pairs = unsafe { [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)] };
-        both!(_mm512_madd_epi16, pairs, pairs)
+    fn add_weighted(self, [low, high]: Pair<__m512i>, a: __m512i, b: __m512i, [of_a, of_b]: [i16; 2]) -> Pair<__m512i> {
+        unsafe {
+            let weights = _mm512_set1_epi32((i32::from(of_b) << 16) | i32::from(of_a as u16));
+            [
+                _mm512_dpwssd_epi32(low, _mm512_unpacklo_epi16(a, b), weights),
+                _mm512_dpwssd_epi32(high, _mm512_unpackhi_epi16(a, b), weights),
+            ]
+        }
     }
     #[inline(always)]
-    fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_add_epi32, a, b)
+    fn add_squares(self, [low, high]: Pair<__m512i>, a: __m512i, b: __m512i) -> Pair<__m512i> {
+        unsafe {
+            let pairs = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
+            [_mm512_dpwssd_epi32(low, pairs[0], pairs[0]), _mm512_dpwssd_epi32(high, pairs[1], pairs[1])]
+        }
     }
     #[inline(always)]
     fn is_negative(self, a: Pair<__m512i>) -> __mmask32 {
-        mask_of_words(both!(_mm512_movepi32_mask, a))
+        signs(a)
     }
     #[inline(always)]
     fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i {
@@ -211,6 +230,10 @@ impl Lanes for Avx512 {
         both!(_mm512_add_ps, a, b)
     }
     #[inline(always)]
+    fn sub_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_sub_ps, a, b)
+    }
+    #[inline(always)]
     fn times_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
         both!(_mm512_mul_ps, a, b)
     }
@@ -228,11 +251,124 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn is_greater_float(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
-        mask_of_words(both!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>, a, b))
+        // The sign of the difference, which is no zero where they differ.
+        signs(both!(_mm512_castps_si512, both!(_mm512_sub_ps, b, a)))
     }
     #[inline(always)]
     fn longs(self, a: Pair<__m512>) -> Pair<__m512i> {
         both!(_mm512_cvttps_epi32, a)
+    }
+
+    #[inline(always)]
+    fn real(self, value: f32) -> Pair<__m512> {
+        unsafe { [_mm512_set1_ps(value); 2] }
+    }
+    #[inline(always)]
+    fn load_reals(self, reals: &[f32; LANES]) -> Pair<__m512> {
+        let (halves, _) = reals.as_chunks::<{ LANES / 2 }>();
+        unsafe { [_mm512_loadu_ps(halves[0].as_ptr()), _mm512_loadu_ps(halves[1].as_ptr())] }
+    }
+    #[inline(always)]
+    fn store_reals(self, [a, b]: Pair<__m512>, to: &mut [f32; LANES]) {
+        let (halves, _) = to.as_chunks_mut::<{ LANES / 2 }>();
+        unsafe {
+            _mm512_storeu_ps(halves[0].as_mut_ptr(), a);
+            _mm512_storeu_ps(halves[1].as_mut_ptr(), b);
+        }
+    }
+    #[inline(always)]
+    fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Pair<__m512> {
+        let (halves, _) = bytes.as_chunks::<{ LANES / 2 }>();
+        let [a, b] =
+            unsafe { [_mm_loadu_si128(halves[0].as_ptr().cast()), _mm_loadu_si128(halves[1].as_ptr().cast())] };
+        both!(_mm512_cvtepi32_ps, both!(_mm512_cvtepu8_epi32, [a, b]))
+    }
+    #[inline(always)]
+    fn reals_of_le(self, words: &[[u8; 2]; LANES]) -> Pair<__m512> {
+        let (halves, _) = words.as_chunks::<{ LANES / 2 }>();
+        let [a, b] =
+            unsafe { [_mm256_loadu_si256(halves[0].as_ptr().cast()), _mm256_loadu_si256(halves[1].as_ptr().cast())] };
+        both!(_mm512_cvtepi32_ps, both!(_mm512_cvtepu16_epi32, [a, b]))
+    }
+    #[inline(always)]
+    fn reals_of_words(self, words: &[u16; LANES]) -> Pair<__m512> {
+        self.reals_of_le(bytemuck::cast_ref(words))
+    }
+    #[inline(always)]
+    fn abs_real(self, a: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_abs_ps, a)
+    }
+    #[inline(always)]
+    fn add_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_add_ps, a, b)
+    }
+    #[inline(always)]
+    fn sub_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_sub_ps, a, b)
+    }
+    #[inline(always)]
+    fn times_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_mul_ps, a, b)
+    }
+    #[inline(always)]
+    fn over_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_div_ps, a, b)
+    }
+    #[inline(always)]
+    fn root_real(self, a: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_sqrt_ps, a)
+    }
+    #[inline(always)]
+    fn max_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn min_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn is_greater_real(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
+        mask_of_reals(both!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>, a, b))
+    }
+    #[inline(always)]
+    fn is_at_least_real(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
+        mask_of_reals(both!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>, a, b))
+    }
+    #[inline(always)]
+    fn select_real(self, mask: __mmask32, [a, b]: Pair<__m512>, [c, d]: Pair<__m512>) -> Pair<__m512> {
+        unsafe { [_mm512_mask_blend_ps(mask as u16, c, a), _mm512_mask_blend_ps((mask >> 16) as u16, d, b)] }
+    }
+    #[inline(always)]
+    fn truncate(self, a: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_cvtepi32_ps, both!(_mm512_cvttps_epi32, a))
+    }
+    #[inline(always)]
+    fn look_up(self, table: &[f32], places: Pair<__m512>) -> Pair<__m512> {
+        assert!(!table.is_empty(), "a table to look up in");
+        // What lies beyond the table must not be read.
+        let last = unsafe { [_mm512_set1_epi32(table.len() as i32 - 1); 2] };
+        let [a, b] = both!(_mm512_min_epu32, both!(_mm512_cvttps_epi32, places), last);
+        unsafe {
+            [_mm512_i32gather_ps::<4>(a, table.as_ptr().cast()), _mm512_i32gather_ps::<4>(b, table.as_ptr().cast())]
+        }
+    }
+    #[inline(always)]
+    fn store_real_words(self, a: Pair<__m512>, to: &mut [u16; LANES]) {
+        let [a, b] = both!(_mm512_cvtepi32_epi16, both!(_mm512_cvttps_epi32, a));
+        let (halves, _) = to.as_chunks_mut::<{ LANES / 2 }>();
+        unsafe {
+            _mm256_storeu_si256(halves[0].as_mut_ptr().cast(), a);
+            _mm256_storeu_si256(halves[1].as_mut_ptr().cast(), b);
+        }
+    }
+    #[inline(always)]
+    fn store_real_bytes(self, a: Pair<__m512>, to: &mut [u8; LANES]) {
+        let [a, b] = both!(_mm512_cvtepi32_epi8, both!(_mm512_cvttps_epi32, a));
+        let (halves, _) = to.as_chunks_mut::<{ LANES / 2 }>();
+        unsafe {
+            _mm_storeu_si128(halves[0].as_mut_ptr().cast(), a);
+            _mm_storeu_si128(halves[1].as_mut_ptr().cast(), b);
+        }
     }
 
     #[inline(always)]

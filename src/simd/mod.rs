@@ -130,7 +130,8 @@ pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
 /// Vectors of [`LANES`] numbers, a pixel each, and what can be done with them.
 ///
 /// *Words* are 16-bit whole numbers, signed or not as the operation says; *longs* 32-bit signed ones; *floats* `f32`. The
-/// order of lanes in longs and floats is that of the level: they are made of words, and become words again.
+/// order of lanes in longs and floats is that of the level: they are made of words, and become words again. *Reals* are `f32`
+/// in the order of memory, for planes of them.
 pub(crate) trait Lanes: Copy {
     /// 16 bits a lane.
     type Words: Copy;
@@ -138,6 +139,8 @@ pub(crate) trait Lanes: Copy {
     type Longs: Copy;
     /// `f32` a lane.
     type Floats: Copy;
+    /// `f32` a lane, in the order of memory.
+    type Reals: Copy;
     /// A truth a lane.
     type Mask: Copy;
 
@@ -181,6 +184,8 @@ pub(crate) trait Lanes: Copy {
     fn is_at_least(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// `yes` where the mask says so, else `no`.
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
+    /// Both.
+    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// The first and not the second.
     fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Lane k is bit k.
@@ -198,12 +203,12 @@ pub(crate) trait Lanes: Copy {
     fn long(self, value: i32) -> Self::Longs;
     /// Signed words as longs.
     fn widen(self, a: Self::Words) -> Self::Longs;
-    /// a·weights[0] + b·weights[1] of signed words.
-    fn weighted(self, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
-    /// a² + b² of signed words.
-    fn squares(self, a: Self::Words, b: Self::Words) -> Self::Longs;
-    /// a + b, wrapping.
-    fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// Unsigned words as longs.
+    fn widen_unsigned(self, a: Self::Words) -> Self::Longs;
+    /// sum + a·weights[0] + b·weights[1] of signed words, wrapping.
+    fn add_weighted(self, sum: Self::Longs, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
+    /// sum + a² + b² of signed words, wrapping.
+    fn add_squares(self, sum: Self::Longs, a: Self::Words, b: Self::Words) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
     /// Longs as words, those beyond 0 to 65535 at its ends.
@@ -217,6 +222,8 @@ pub(crate) trait Lanes: Copy {
     fn abs_float(self, a: Self::Floats) -> Self::Floats;
     /// a + b.
     fn add_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// a − b.
+    fn sub_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a·b.
     fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a / b.
@@ -225,10 +232,53 @@ pub(crate) trait Lanes: Copy {
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The lesser of two, neither NaN.
     fn min_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// a > b.
+    /// a > b of finite floats.
     fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     /// Floats of the range of longs as longs, rounded towards zero.
     fn longs(self, a: Self::Floats) -> Self::Longs;
+
+    /// The same real in all lanes.
+    fn real(self, value: f32) -> Self::Reals;
+    /// Reals of memory.
+    fn load_reals(self, reals: &[f32; LANES]) -> Self::Reals;
+    /// Stores reals.
+    fn store_reals(self, a: Self::Reals, to: &mut [f32; LANES]);
+    /// Bytes as reals.
+    fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Self::Reals;
+    /// Little-endian words at any address as reals.
+    fn reals_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Reals;
+    /// Unsigned words of memory as reals.
+    fn reals_of_words(self, words: &[u16; LANES]) -> Self::Reals;
+    /// |a|.
+    fn abs_real(self, a: Self::Reals) -> Self::Reals;
+    /// a + b.
+    fn add_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// a − b.
+    fn sub_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// a·b.
+    fn times_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// a / b.
+    fn over_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// √a.
+    fn root_real(self, a: Self::Reals) -> Self::Reals;
+    /// a where it is greater than b, else b: b where either is NaN.
+    fn max_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// a where it is less than b, else b: b where either is NaN.
+    fn min_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// a > b; not where either is NaN.
+    fn is_greater_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
+    /// a ≥ b; not where either is NaN.
+    fn is_at_least_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
+    /// `yes` where the mask says so, else `no`.
+    fn select_real(self, mask: Self::Mask, yes: Self::Reals, no: Self::Reals) -> Self::Reals;
+    /// Reals of the range of longs, rounded towards zero.
+    fn truncate(self, a: Self::Reals) -> Self::Reals;
+    /// The entries of a table at the places that reals, whole numbers below its length, say.
+    fn look_up(self, table: &[f32], places: Self::Reals) -> Self::Reals;
+    /// Stores the low words of reals of the range of longs, rounded towards zero.
+    fn store_real_words(self, a: Self::Reals, to: &mut [u16; LANES]);
+    /// Stores reals from 0 to 255, rounded towards zero.
+    fn store_real_bytes(self, a: Self::Reals, to: &mut [u8; LANES]);
 
     /// The least of unsigned words, everywhere.
     fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2];

@@ -2,7 +2,9 @@
 
 use crate::geometry::Rig;
 use crate::grey::GreyLevels;
-use crate::phase::{MotionFit, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode_into, decode_moving};
+use crate::phase::{
+    MotionFit, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode_into, decode_moving_into,
+};
 
 use super::sequence::SequenceFaults;
 
@@ -22,9 +24,22 @@ pub struct PhaseWorker {
     validity: Validity,
     cam1_px: [usize; 2],
     cam2_px: [usize; 2],
+    /// What was worked out for windows of so many images, by the step that they begin with.
+    steps: Vec<Option<WindowSteps>>,
+    window_images: usize,
+    /// Memory for windows of moving scenes, of one camera after the other.
+    room: MotionRoom,
+}
+
+/// What the steps of a window tell without its images.
+#[derive(Clone, Debug)]
+struct WindowSteps {
+    fit: WindowFit,
+    check: SequenceCheck,
 }
 
 /// What the images of a window determine.
+#[derive(Clone, Debug)]
 enum WindowFit {
     /// One cycle: the phase of a scene at rest.
     Resting(PhaseShifts),
@@ -67,7 +82,9 @@ impl PhaseWorker {
     #[must_use]
     pub fn new(rig: &Rig, cycle: &PhaseShifts, validity: Validity) -> Self {
         let [cam1_px, cam2_px] = [&rig.cam1, &rig.cam2].map(|camera| [camera.width_px(), camera.height_px()]);
-        Self { cycle_rad: cycle.shifts_rad().to_vec(), validity, cam1_px, cam2_px }
+        let cycle_rad = cycle.shifts_rad().to_vec();
+        let steps = vec![None; cycle_rad.len()];
+        Self { cycle_rad, validity, cam1_px, cam2_px, steps, window_images: 0, room: MotionRoom::default() }
     }
 
     /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
@@ -84,39 +101,52 @@ impl PhaseWorker {
         out: &mut PhasePair,
     ) -> Result<(), ImagesError> {
         let images = cam1.len().max(self.cycle_rad.len());
-        let fit = self.fit(first_step, images)?;
-        self.check_sequence(first_step, images, cam1, cam2)?;
-        self.decode(1, &fit, images, cam1, self.cam1_px, &mut out.cam1)?;
-        self.decode(2, &fit, images, cam2, self.cam2_px, &mut out.cam2)
+        if images != self.window_images {
+            self.steps.fill(None);
+            self.window_images = images;
+        }
+        let begin = first_step % self.cycle_rad.len();
+        let steps = match self.steps[begin].take() {
+            Some(steps) => steps,
+            None => self.window_steps(begin, images)?,
+        };
+        let mut decode = || {
+            self.check_sequence(&steps.check, images, cam1, cam2)?;
+            self.decode(1, &steps.fit, images, cam1, self.cam1_px, &mut out.cam1)?;
+            self.decode(2, &steps.fit, images, cam2, self.cam2_px, &mut out.cam2)
+        };
+        let decoded = decode();
+        self.steps[begin] = Some(steps);
+        decoded
     }
 
     /// That both cameras' images show the steps in turn.
     fn check_sequence(
         &self,
-        first_step: usize,
+        check: &SequenceCheck,
         images: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
     ) -> Result<(), SequenceFaults> {
-        let check = SequenceCheck::new(&self.cycle_rad, first_step, images);
         let of =
             |images: &[GreyLevels<'_>], [width, height]: [usize; 2]| check.fault(images, width, height, &self.validity);
         let faults = SequenceFaults { images, cam1: of(cam1, self.cam1_px), cam2: of(cam2, self.cam2_px) };
         if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
 
-    fn fit(&self, first_step: usize, images: usize) -> Result<WindowFit, ShiftError> {
-        let cycle = self.cycle_rad.iter().cycle().skip(first_step % self.cycle_rad.len().max(1));
+    fn window_steps(&self, first_step: usize, images: usize) -> Result<WindowSteps, ShiftError> {
+        let cycle = self.cycle_rad.iter().cycle().skip(first_step);
         let shifts_rad: Vec<f64> = cycle.take(images).copied().collect();
-        Ok(if images == self.cycle_rad.len() {
+        let fit = if images == self.cycle_rad.len() {
             WindowFit::Resting(PhaseShifts::new(&shifts_rad)?)
         } else {
             WindowFit::Moving(Box::new(MotionFit::new(&shifts_rad)?))
-        })
+        };
+        Ok(WindowSteps { fit, check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
     }
 
     fn decode(
-        &self,
+        &mut self,
         camera: u8,
         fit: &WindowFit,
         expected_images: usize,
@@ -127,7 +157,9 @@ impl PhaseWorker {
         let [width, height] = size_px;
         let decoded = match fit {
             WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, &self.validity),
-            WindowFit::Moving(fit) => decode_moving(images, width, height, fit, &self.validity).map(|map| *out = map),
+            WindowFit::Moving(fit) => {
+                decode_moving_into(out, &mut self.room, images, width, height, fit, &self.validity)
+            }
         };
         decoded.ok_or_else(|| ImagesError::Camera {
             camera,

@@ -221,7 +221,7 @@ fn quarters<'a, L: Lanes, S: Sample>(
         left: l.is_greater(l.word(0), cosine),
         below: l.is_greater(l.word(0), sine),
     };
-    let (small_f, large_f) = (l.floats(l.widen(small)), l.floats(l.widen(large)));
+    let (small_f, large_f) = (l.floats(l.widen_unsigned(small)), l.floats(l.widen_unsigned(large)));
     let (phase, square) = angle(l, small_f, large_f, &direction, plan.ahead);
     // Half the difference is the cosine sum: 256 · 1/2.
     let modulation = hypotenuse(l, l.shift_left::<7>(large), square);
@@ -254,13 +254,14 @@ fn weighted<'a, L: Lanes, S: Sample>(
         // The partner of the last of an odd number has no weight.
         let b = if 2 * p + 1 < plan.steps { S::words(l, of(2 * p + 1)) } else { l.word(S::BIAS) };
         greatest = l.max_unsigned(greatest, l.max_unsigned(S::unsigned(l, a), S::unsigned(l, b)));
-        cosine = l.add_long(cosine, l.weighted(a, b, weights.cosine));
-        sine = l.add_long(sine, l.weighted(a, b, weights.sine));
+        cosine = l.add_weighted(cosine, a, b, weights.cosine);
+        sine = l.add_weighted(sine, a, b, weights.sine);
         if S::IS_BYTE && plan.is_even {
             sum = l.add(sum, l.add(a, b));
-            squares = l.add_long(squares, l.squares(a, b));
+            squares = l.add_squares(squares, a, b);
+        } else {
+            offset = l.add_weighted(offset, a, b, weights.offset);
         }
-        offset = l.add_long(offset, l.weighted(a, b, weights.offset));
     }
     let (cosine_f, sine_f) = (l.floats(cosine), l.floats(sine));
     let (abs_cosine, abs_sine) = (l.abs_float(cosine_f), l.abs_float(sine_f));
@@ -274,9 +275,15 @@ fn weighted<'a, L: Lanes, S: Sample>(
     let grey_per_step = plan.value_per_step * limits.grey_per_value;
     let steps_256 = l.times_float(large, l.float(256.0 * grey_per_step));
     let modulation = hypotenuse(l, l.narrow(l.longs(l.min_float(steps_256, l.float(65535.0)))), square);
-    let bias_grey = -f32::from(S::BIAS) * limits.grey_per_value;
-    let offset_grey = l.add_float(l.times_float(l.floats(offset), l.float(grey_per_step)), l.float(bias_grey + 0.5));
-    let mean = l.narrow(l.longs(l.min_float(offset_grey, l.float(255.0))));
+    let mean = if S::IS_BYTE && plan.is_even {
+        // (2·sum + N)/2N, rounded down; of 13 and 15 steps a mean that ends in 0.46 or more may be rounded up.
+        let twice = l.add(l.shift_left::<1>(sum), l.word(plan.steps as i16));
+        l.times_high(twice, l.word(plan.half_per_step as i16))
+    } else {
+        let bias_grey = -f32::from(S::BIAS) * limits.grey_per_value;
+        let offset = l.times_float(l.floats(offset), l.float(grey_per_step));
+        l.narrow(l.longs(l.min_float(l.add_float(offset, l.float(bias_grey + 0.5)), l.float(255.0))))
+    };
     let power = l.add_float(l.times_float(cosine_f, cosine_f), l.times_float(sine_f, sine_f));
     let steps = plan.steps as f32;
     let freedom = (plan.steps - MIN_STEPS) as f32;
@@ -286,9 +293,9 @@ fn weighted<'a, L: Lanes, S: Sample>(
         l.is_greater(l.word(0), l.word(0))
     } else if S::IS_BYTE && plan.is_even {
         // N·Σ I² − (Σ I)² is exact, and holds N²/2·B² of the sinusoid.
-        let sum = l.floats(l.widen(sum));
+        let sum = l.floats(l.widen_unsigned(sum));
         let all = l.times_float(l.floats(squares), l.float(steps));
-        let about_mean = l.add_float(all, l.times_float(l.times_float(sum, sum), l.float(-1.0)));
+        let about_mean = l.sub_float(all, l.times_float(sum, sum));
         l.is_greater_float(
             about_mean,
             l.times_float(power, l.float(steps * (0.5 * steps + share_square) * value_square)),

@@ -34,6 +34,8 @@ pub(super) struct Plan {
     pub(super) ahead: u16,
     /// Stored values a step of the sums.
     pub(super) value_per_step: f32,
+    /// 2^16/2N, rounded up.
+    pub(super) half_per_step: u16,
 }
 
 impl Plan {
@@ -66,6 +68,7 @@ impl Plan {
             is_even,
             ahead: (begin_rad.rem_euclid(TAU) / TAU * 65536.0).round() as u32 as u16,
             value_per_step: (1.0 / scale) as f32,
+            half_per_step: (1_u32 << 16).div_ceil(2 * steps as u32) as u16,
         }
     }
 }

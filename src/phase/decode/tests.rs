@@ -188,7 +188,8 @@ type Planes = (Vec<u16>, Vec<Modulation>, Vec<u8>, Vec<bool>, u64, Exposure);
 
 fn decode_at(level: Level, format: PixelFormat, images: &[Vec<u8>], shifts: &PhaseShifts) -> Planes {
     let pixels = images[0].len() / format.bytes();
-    let mut map = PhaseMap::empty(pixels, 1);
+    let mut map = PhaseMap::default();
+    map.resize(pixels, 1);
     let plan = Plan::new(shifts);
     let PhaseMap { phase, modulation, mean, valid, .. } = &mut map;
     let counts = if format == PixelFormat::Grey {

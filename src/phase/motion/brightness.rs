@@ -8,17 +8,24 @@
 //! takes for its own; all that betrays it is what a projector that is not linear makes as well.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 use super::MAX_IMAGES;
 use super::fit::{MotionFit, time, unexplained};
-use super::planes::Window;
+use super::images::Images;
 
 /// Side of a block, pixels: some fringes, so that phases of all kinds occur; and distance from one to the next.
 const BLOCK: usize = 16;
 const PITCH: usize = 48;
+/// Pixels of a block.
+const PIXELS: usize = BLOCK * BLOCK;
+const _: () = assert!(2 * BLOCK == LANES, "two rows are taken at a time");
+/// Partial sums over pixels: always the same, so that their rounding is.
+const PARTS: usize = 8;
 /// Share of the mean diagonal that is added to the diagonal: a drift that nothing tells stays zero.
 const RIDGE: f64 = 1e-4;
 /// Largest departure that is compensated: more is no drift.
@@ -29,45 +36,76 @@ const EDGE_SHARE: f64 = 0.25;
 const ROUNDS: usize = 2;
 
 /// Divides the brightness of the images out; the greatest departure from their mean, as a share.
-pub(super) fn compensate<S: Sample>(window: &mut Window<'_, S>, fit: &MotionFit, validity: &Validity) -> f32 {
-    let plain = window.grey_per_value.clone();
+pub(super) fn compensate<S: Sample>(
+    level: Level,
+    images: &mut Images<'_, S>,
+    fit: &MotionFit,
+    validity: &Validity,
+    room: &mut Vec<Sums>,
+) -> f32 {
+    let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
-        let Some(departures) = departures(window, fit, validity) else { break };
-        for (grey_per_value, departure) in window.grey_per_value.iter_mut().zip(&departures) {
+        let Some(departures) = departures(level, images, fit, validity, room) else { break };
+        for (grey_per_value, departure) in images.grey_per_value.iter_mut().zip(&departures) {
             *grey_per_value /= (1.0 + departure) as f32;
         }
     }
     let share = |(now, before): (&f32, &f32)| (before / now - 1.0).abs();
-    window.grey_per_value.iter().zip(&plain).map(share).fold(0.0, f32::max)
+    images.grey_per_value.iter().zip(&plain).map(share).fold(0.0, f32::max)
 }
 
 /// Sums over pixels: normal equations of γ, of as many images as there are.
-struct Sums {
+#[derive(Clone, Debug)]
+pub(super) struct Sums {
     normal: [[f64; MAX_IMAGES]; MAX_IMAGES],
     right: [f64; MAX_IMAGES],
 }
 
-/// γ of every image; `None` without enough pixels to tell.
-fn departures<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, validity: &Validity) -> Option<Vec<f64>> {
-    let images = fit.images();
-    let projector = residual_projector(fit.shifts_rad())?;
-    let mut sums = Sums { normal: [[0.0; MAX_IMAGES]; MAX_IMAGES], right: [0.0; MAX_IMAGES] };
-    let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
-    for v in starts(window.height()) {
-        for u in starts(window.width) {
-            let rows = (v..v + BLOCK).map(|row| row * window.width + u);
-            let pixels: Vec<usize> = rows.flat_map(|first| first..first + BLOCK).collect();
-            add_block(window, fit, validity, &pixels, &projector, &mut sums);
-        }
+impl Default for Sums {
+    fn default() -> Self {
+        Self { normal: [[0.0; MAX_IMAGES]; MAX_IMAGES], right: [0.0; MAX_IMAGES] }
     }
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        let mine = self.normal.as_flattened_mut().iter_mut().chain(&mut self.right);
+        mine.zip(other.normal.as_flattened().iter().chain(&other.right)).for_each(|(mine, theirs)| *mine += theirs);
+    }
+}
+
+/// γ of every image; `None` without enough pixels to tell.
+fn departures<S: Sample>(
+    level: Level,
+    images: &Images<'_, S>,
+    fit: &MotionFit,
+    validity: &Validity,
+    room: &mut Vec<Sums>,
+) -> Option<Vec<f64>> {
+    let count = images.count;
+    let projector = residual_projector(fit.shifts_rad())?;
+    let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
+    room.clear();
+    room.resize_with(starts(images.height).len(), Sums::default);
+    let images: &Images<'_, S> = images;
+    room.par_iter_mut().enumerate().for_each(|(row, sums)| {
+        let mut samples = BlockSamples::default();
+        for u in starts(images.width) {
+            let first = row * PITCH * images.width + u;
+            let block = Block { images, fit, validity, projector: &projector, first, samples: &mut samples, sums };
+            simd::run(level, block);
+        }
+    });
+    let mut sums = Sums::default();
+    room.iter().for_each(|of_row| sums.add(of_row));
     let basis: Vec<[f64; 3]> = fit.shifts_rad().iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
     let told = unexplained(&basis);
     let product = |a: &[f64], b: &[f64]| -> f64 {
-        (0..images).map(|i| (0..images).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
+        (0..count).map(|i| (0..count).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
     };
     let mut reduced = DMatrix::from_fn(told.len(), told.len(), |k, l| product(&told[k], &told[l]));
-    let trace: f64 = (0..images).map(|i| sums.normal[i][i]).sum();
-    let ridge = RIDGE * trace / images as f64;
+    let trace: f64 = (0..count).map(|i| sums.normal[i][i]).sum();
+    let ridge = RIDGE * trace / count as f64;
     if ridge <= 0.0 {
         return None;
     }
@@ -75,7 +113,7 @@ fn departures<S: Sample>(window: &Window<'_, S>, fit: &MotionFit, validity: &Val
     let along = |direction: &Vec<f64>| direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum::<f64>();
     let solution = reduced.cholesky()?.solve(&DVector::from_iterator(told.len(), told.iter().map(along)));
     let departure = |i: usize| told.iter().zip(solution.iter()).map(|(direction, part)| part * direction[i]).sum();
-    let departures: Vec<f64> = (0..images).map(departure).collect();
+    let departures: Vec<f64> = (0..count).map(departure).collect();
     departures.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(departures)
 }
 
@@ -88,73 +126,179 @@ fn residual_projector(shifts_rad: &[f64]) -> Option<Vec<Vec<f64>>> {
     Some((0..rows.len()).map(|i| (0..rows.len()).map(|j| entry(i, j)).collect()).collect())
 }
 
-fn add_block<S: Sample>(
-    window: &Window<'_, S>,
-    fit: &MotionFit,
-    validity: &Validity,
-    pixels: &[usize],
-    projector: &[Vec<f64>],
-    sums: &mut Sums,
-) {
-    let images = fit.images();
-    let fitted: Vec<_> = pixels.iter().filter_map(|&pixel| fitted(window, fit, validity, pixel)).collect();
-    let slope: f64 = fitted.iter().map(|(_, [_, re, im, a, b])| b * re - a * im).sum();
-    let power: f64 = fitted.iter().map(|(_, [_, re, im, ..])| re * re + im * im).sum();
-    let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
-    if motion_rad.is_nan() {
-        return;
+/// A number a pixel of a block.
+type Plane = [f64; PIXELS];
+
+/// Samples of a block, and what is fitted to them.
+struct BlockSamples {
+    greys: [Plane; MAX_IMAGES],
+    /// 1 where no sample is saturated, 0 elsewhere.
+    unsaturated: Plane,
+    /// A, Re z, Im z, Re z' and Im z'.
+    fitted: [Plane; 5],
+    squares: Plane,
+    /// A, Re z and Im z where the pixel is well lit and away from edges, 0 elsewhere.
+    kept: [Plane; 3],
+}
+
+impl Default for BlockSamples {
+    fn default() -> Self {
+        let plane = [0.0; PIXELS];
+        Self { greys: [plane; MAX_IMAGES], unsaturated: plane, fitted: [plane; 5], squares: plane, kept: [plane; 3] }
     }
-    let turns: Vec<[f64; 2]> = fit
-        .shifts_rad()
-        .iter()
-        .enumerate()
-        .map(|(i, shift)| {
-            let (resting, moved) = (*shift, shift + f64::from(motion_rad) * time(i, images));
-            [moved.cos() - resting.cos(), moved.sin() - resting.sin()]
-        })
-        .collect();
-    for (greys, [offset, re, im, ..]) in &fitted {
-        let (mut still, mut model) = ([0.0; MAX_IMAGES], [0.0; MAX_IMAGES]);
-        for i in 0..images {
-            // As if it had not moved.
-            let [cos, sin] = turns[i];
-            still[i] = greys[i] - (re * cos - im * sin);
+}
+
+/// Adds a block, freed from its motion, to the sums.
+struct Block<'a, S> {
+    images: &'a Images<'a, S>,
+    fit: &'a MotionFit,
+    validity: &'a Validity,
+    projector: &'a [Vec<f64>],
+    /// Its first pixel.
+    first: usize,
+    samples: &'a mut BlockSamples,
+    sums: &'a mut Sums,
+}
+
+impl<S: Sample> Kernel for Block<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { images, fit, projector, samples, sums, .. } = self;
+        samples.take(lanes, images, self.first);
+        samples.fit(fit);
+        let [slope, power] = samples.keep(fit, self.validity);
+        let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
+        if motion_rad.is_nan() {
+            return;
+        }
+        let [offset, re, im] = &samples.kept;
+        let [oo, or, oi, rr, ri, ii] =
+            [(offset, offset), (offset, re), (offset, im), (re, re), (re, im), (im, im)].map(|(a, b)| dot(a, b));
+        // Σ (a + b·re − c·im)·x of pixels with these moments of A, Re z and Im z with x.
+        let mut models = [[0.0; 2]; MAX_IMAGES];
+        let mut still_moments = [[0.0; 3]; MAX_IMAGES];
+        for (i, shift) in fit.shifts_rad().iter().enumerate() {
             let [cos, sin] = fit.turns[i].map(f64::from);
-            model[i] = offset + re * cos - im * sin;
+            models[i] = [cos, sin];
+            // As if it had not moved.
+            let moved = shift + f64::from(motion_rad) * time(i, images.count);
+            let [cos, sin] = [moved.cos() - shift.cos(), moved.sin() - shift.sin()];
+            let grey = &samples.greys[i];
+            still_moments[i] = [
+                dot(offset, grey) - (or * cos - oi * sin),
+                dot(re, grey) - (rr * cos - ri * sin),
+                dot(im, grey) - (ri * cos - ii * sin),
+            ];
         }
         for (i, row) in projector.iter().enumerate() {
-            let residual: f64 = row.iter().zip(&still).map(|(q, grey)| q * grey).sum();
-            sums.right[i] += model[i] * residual;
+            let [cos, sin] = models[i];
+            // Moments of the model of image i with A, Re z and Im z.
+            let moments = [oo + or * cos - oi * sin, or + rr * cos - ri * sin, oi + ri * cos - ii * sin];
             for (j, q) in row.iter().enumerate() {
-                sums.normal[i][j] += model[i] * q * model[j];
+                let [of_offset, of_re, of_im] = still_moments[j];
+                sums.right[i] += q * (of_offset + of_re * cos - of_im * sin);
+                let [cos, sin] = models[j];
+                sums.normal[i][j] += q * (moments[0] + moments[1] * cos - moments[2] * sin);
             }
         }
     }
 }
 
-/// Grey levels of a pixel and its linear fit, if it is well lit and away from edges.
-fn fitted<S: Sample>(
-    window: &Window<'_, S>,
-    fit: &MotionFit,
-    validity: &Validity,
-    pixel: usize,
-) -> Option<([f64; MAX_IMAGES], [f64; 5])> {
-    let images = fit.images();
-    if (0..images).any(|image| window.is_saturated(image, pixel)) {
-        return None;
+impl BlockSamples {
+    /// Takes the grey levels of a block, two rows at a time.
+    #[inline(always)]
+    fn take<L: Lanes, S: Sample>(&mut self, lanes: L, images: &Images<'_, S>, first: usize) {
+        let l = lanes;
+        for pair in 0..PIXELS / LANES {
+            let mut greatest = l.word(0);
+            for image in 0..images.count {
+                let mut samples = [S::default(); LANES];
+                for (row, samples) in samples.chunks_exact_mut(BLOCK).enumerate() {
+                    let begin = first + (2 * pair + row) * images.width;
+                    samples.copy_from_slice(&images.samples_from(image, begin)[..BLOCK]);
+                }
+                greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &samples)));
+                let mut greys = [0.0; LANES];
+                l.store_reals(l.times_real(S::reals(l, &samples), l.real(images.grey_per_value[image])), &mut greys);
+                let to = &mut self.greys[image][pair * LANES..][..LANES];
+                for (to, grey) in to.iter_mut().zip(greys) {
+                    *to = f64::from(grey);
+                }
+            }
+            let saturated = l.bits(images.saturates(l, greatest));
+            let to = &mut self.unsaturated[pair * LANES..][..LANES];
+            to.iter_mut().enumerate().for_each(|(k, to)| *to = f64::from(!saturated >> k & 1));
+        }
     }
-    let mut greys = [0.0; MAX_IMAGES];
-    (0..images).for_each(|image| greys[image] = f64::from(window.grey(image, pixel)));
-    let values: [f64; 5] = std::array::from_fn(|k| {
-        greys.iter().zip(&fit.weights[k]).map(|(grey, weight)| grey * f64::from(*weight)).sum()
-    });
-    let [offset, re, im, a, b] = values;
-    let modulation = (re * re + im * im).sqrt();
-    let off = |(i, grey): (usize, &f64)| {
-        let ([cos, sin], t) = (fit.turns[i].map(f64::from), time(i, images));
-        (grey - offset - (re + t * a) * cos + (im + t * b) * sin).powi(2)
-    };
-    let residual = (greys[..images].iter().enumerate().map(off).sum::<f64>() / images as f64).sqrt();
-    let is_good = modulation >= 2.0 * f64::from(validity.min_modulation_grey) && residual < EDGE_SHARE * modulation;
-    is_good.then_some((greys, values))
+
+    /// Fits every pixel, and sums up the squares of what that leaves.
+    #[inline(always)]
+    fn fit(&mut self, fit: &MotionFit) {
+        self.fitted = [[0.0; PIXELS]; 5];
+        self.squares = [0.0; PIXELS];
+        for (i, weights) in fit.weights.iter().enumerate() {
+            let grey = &self.greys[i];
+            for (fitted, &weight) in self.fitted.iter_mut().zip(weights) {
+                let weight = f64::from(weight);
+                for p in 0..PIXELS {
+                    fitted[p] += grey[p] * weight;
+                }
+            }
+        }
+        let images = fit.images();
+        let [offset, re, im, a, b] = &self.fitted;
+        for (i, turn) in fit.turns.iter().enumerate() {
+            let (grey, [cos, sin], t) = (&self.greys[i], turn.map(f64::from), time(i, images));
+            for p in 0..PIXELS {
+                let off = grey[p] - offset[p] - (re[p] + t * a[p]) * cos + (im[p] + t * b[p]) * sin;
+                self.squares[p] += off * off;
+            }
+        }
+    }
+
+    /// Keeps the pixels that are well lit and away from edges; their `Σ Im(z'·z*)` and `Σ |z|²`.
+    #[inline(always)]
+    fn keep(&mut self, fit: &MotionFit, validity: &Validity) -> [f64; 2] {
+        let least = 2.0 * f64::from(validity.min_modulation_grey);
+        let edge = EDGE_SHARE * EDGE_SHARE * fit.images() as f64;
+        let [offset, re, im, a, b] = &self.fitted;
+        let (mut slope, mut power) = ([0.0; PIXELS], [0.0; PIXELS]);
+        for p in 0..PIXELS {
+            let square = re[p] * re[p] + im[p] * im[p];
+            let is_good = square >= least * least && self.squares[p] < edge * square;
+            let kept = if is_good { self.unsaturated[p] } else { 0.0 };
+            self.kept[0][p] = kept * offset[p];
+            self.kept[1][p] = kept * re[p];
+            self.kept[2][p] = kept * im[p];
+            slope[p] = kept * (b[p] * re[p] - a[p] * im[p]);
+            power[p] = kept * square;
+        }
+        [sum(&slope), sum(&power)]
+    }
+}
+
+/// Σ a·b.
+#[inline(always)]
+fn dot(a: &Plane, b: &Plane) -> f64 {
+    let mut parts = [0.0; PARTS];
+    for first in (0..PIXELS).step_by(PARTS) {
+        for k in 0..PARTS {
+            parts[k] += a[first + k] * b[first + k];
+        }
+    }
+    parts.iter().sum()
+}
+
+/// Σ a.
+#[inline(always)]
+fn sum(a: &Plane) -> f64 {
+    let mut parts = [0.0; PARTS];
+    for first in (0..PIXELS).step_by(PARTS) {
+        for k in 0..PARTS {
+            parts[k] += a[first + k];
+        }
+    }
+    parts.iter().sum()
 }

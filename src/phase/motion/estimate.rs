@@ -1,108 +1,126 @@
 //! The motion of every pixel: the slopes of the fits over 5 × 5 pixels, of which edges say little.
 
-use rayon::prelude::*;
+use crate::simd::{LANES, Lanes};
 
-use crate::simd::{self, Kernel, Lanes, Level};
-
-use super::fit::MotionFit;
-use super::moved::Moved;
-use super::planes::{Fitted, TILE};
+use super::fit::{MOTIONS, MotionFit, TABLE};
+use super::linear::Fitted;
+use super::moved::{Complexes, product, without_ripple};
 
 /// Pixels to either side that are asked.
-const REACH: usize = 2;
+pub(super) const REACH: usize = 2;
 const _: () = assert!(REACH == 2, "`around` adds five");
-/// Rounds: the first takes what the fit gives, ripple and all, the next take off the ripple of the motion found before.
-const ROUNDS: usize = 3;
 
-/// The motion of every pixel, rad an image; NaN where nothing tells it, or where it is too fast.
-pub(super) fn motion(fit: &MotionFit, fitted: &Fitted, [width, height]: [usize; 2]) -> Vec<f32> {
-    let pixels = width * height;
-    let mut motion_rad = vec![0.0; pixels];
-    let (mut slope, mut power) = (vec![0.0; pixels], vec![0.0; pixels]);
-    for _ in 0..ROUNDS {
-        let tiles = slope.par_chunks_mut(TILE).zip(power.par_chunks_mut(TILE)).zip(motion_rad.par_chunks(TILE));
-        tiles.enumerate().for_each(|(tile, ((slope, power), motion))| {
-            let tile = PartsTile { fit, fitted, first: tile * TILE, motion_rad: motion, slope, power };
-            simd::run(Level::in_use(), tile);
-        });
-        let rows = motion_rad.par_chunks_mut(width.max(1)).enumerate();
-        rows.for_each_init(<[Vec<f32>; 2]>::default, |sums, (row, motion_rad)| {
-            let (slope, power, size) = (&slope, &power, [width, height]);
-            simd::run(Level::in_use(), MotionOfRow { fit, slope, power, size, row, sums, motion_rad });
-        });
-    }
-    motion_rad
+/// Weighted `Im(z'·z*)` and `|z|²` of 32 pixels, without ripple: their quotient over some pixels is the motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MotionParts {
+    slope: [f32; LANES],
+    power: [f32; LANES],
 }
 
-/// Finds the parts of the motion of the pixels of a tile, from `first` on.
-struct PartsTile<'a> {
-    fit: &'a MotionFit,
-    fitted: &'a Fitted,
-    first: usize,
-    motion_rad: &'a [f32],
-    slope: &'a mut [f32],
-    power: &'a mut [f32],
-}
-
-impl Kernel for PartsTile<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
-        let pixels = self.first..self.first + self.motion_rad.len();
-        let moved = Moved::of(&self.fit.rough, &self.fitted.z, pixels, self.motion_rad);
-        moved.motion_parts(self.fit, self.fitted, self.slope, self.power);
+impl Default for MotionParts {
+    fn default() -> Self {
+        Self { slope: [0.0; LANES], power: [0.0; LANES] }
     }
 }
 
-/// Finds the motion of the pixels of a row.
-struct MotionOfRow<'a> {
-    fit: &'a MotionFit,
-    slope: &'a [f32],
-    power: &'a [f32],
-    size: [usize; 2],
-    row: usize,
-    /// Sums over the rows around, with room on either side.
-    sums: &'a mut [Vec<f32>; 2],
-    motion_rad: &'a mut [f32],
+impl MotionParts {
+    /// Those of fitted pixels, by the responses H, G and that of z' to the conjugate of z at their motion.
+    #[inline(always)]
+    pub(super) fn set<L: Lanes>(
+        &mut self,
+        lanes: L,
+        fitted: &Fitted,
+        [direct, ripple, slope_ripple]: [Complexes<L>; 3],
+        known: L::Mask,
+    ) {
+        let l = lanes;
+        let z = [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])];
+        let ([x, y], has_contrast) = without_ripple(l, [direct, ripple], z);
+        // z' is freed of its own ripple, z is what the fit gives of it: both are then those of a single turning z.
+        let [re, im] = product(l, direct, [x, y]);
+        let [c, d] = slope_ripple;
+        let re_ripple = l.add_real(l.times_real(c, x), l.times_real(d, y));
+        let im_ripple = l.sub_real(l.times_real(d, x), l.times_real(c, y));
+        let re_clean = l.sub_real(l.load_reals(&fitted.slope[0]), re_ripple);
+        let im_clean = l.sub_real(l.load_reals(&fitted.slope[1]), im_ripple);
+        let weight = l.select_real(l.and(known, has_contrast), l.load_reals(&fitted.weight), l.real(0.0));
+        let power = l.times_real(weight, l.add_real(l.times_real(re, re), l.times_real(im, im)));
+        let slope = l.times_real(weight, l.sub_real(l.times_real(im_clean, re), l.times_real(re_clean, im)));
+        l.store_reals(power, &mut self.power);
+        l.store_reals(slope, &mut self.slope);
+    }
 }
 
-impl Kernel for MotionOfRow<'_> {
-    type Output = ();
+/// Sums of the parts of some rows, with room to either side.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ColumnSums {
+    slopes: Vec<f32>,
+    powers: Vec<f32>,
+}
 
-    #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
-        let [width, height] = self.size;
-        let [slopes, powers] = self.sums;
-        for sums in [&mut *slopes, &mut *powers] {
+impl ColumnSums {
+    /// Makes room for rows of so many blocks.
+    pub(super) fn resize(&mut self, blocks: usize) {
+        for sums in [&mut self.slopes, &mut self.powers] {
             sums.clear();
-            sums.resize(width + 2 * REACH, 0.0);
+            sums.resize(blocks * LANES + 2 * REACH, 0.0);
         }
-        for other in self.row.saturating_sub(REACH)..(self.row + REACH + 1).min(height) {
-            let pixels = other * width..(other + 1) * width;
-            add_row(&mut slopes[REACH..][..width], &self.slope[pixels.clone()]);
-            add_row(&mut powers[REACH..][..width], &self.power[pixels]);
+    }
+
+    /// Adds up the parts of rows, each a slice of blocks.
+    #[inline(always)]
+    pub(super) fn set<L: Lanes>(&mut self, lanes: L, rows: &[&[MotionParts]]) {
+        let l = lanes;
+        let Some((first, others)) = rows.split_first() else { return };
+        let (slopes, _) = self.slopes[REACH..].as_chunks_mut();
+        let (powers, _) = self.powers[REACH..].as_chunks_mut();
+        for (b, (parts, (slopes, powers))) in first.iter().zip(slopes.iter_mut().zip(powers)).enumerate() {
+            let (mut slope, mut power) = (l.load_reals(&parts.slope), l.load_reals(&parts.power));
+            for row in others {
+                slope = l.add_real(slope, l.load_reals(&row[b].slope));
+                power = l.add_real(power, l.load_reals(&row[b].power));
+            }
+            l.store_reals(slope, slopes);
+            l.store_reals(power, powers);
         }
-        let motion_rad = &mut self.motion_rad[..width];
-        for u in 0..width {
-            let (slope, power) = (around(slopes, width, u), around(powers, width, u));
-            let motion = self.fit.motion_rad(slope / power);
-            motion_rad[u] = if power > 0.0 { motion } else { f32::NAN };
+    }
+
+    /// Motion of the pixels of a block, rad an image; NaN where nothing tells it, or where it is too fast.
+    #[inline(always)]
+    pub(super) fn motion_rad<L: Lanes>(&self, lanes: L, fit: &MotionFit, block: usize) -> L::Reals {
+        let l = lanes;
+        let (slope, power) = (around(l, &self.slopes, block), around(l, &self.powers, block));
+        let nothing = l.real(f32::NAN);
+        let is_told = l.is_greater_real(power, l.real(0.0));
+        if l.bits(is_told) == 0 {
+            return nothing;
         }
+        let slope = l.over_real(slope, power);
+        let is_ahead = l.is_at_least_real(slope, l.real(0.0));
+        let limit = l.select_real(is_ahead, l.real(fit.limits[0]), l.real(fit.limits[1]));
+        let place = l.times_real(l.over_real(l.abs_real(slope), limit), l.real(TABLE as f32));
+        let below = l.truncate(l.min_real(place, l.real(TABLE as f32)));
+        let entry = l.select_real(is_ahead, below, l.add_real(below, l.real(MOTIONS as f32)));
+        let low = l.look_up(&fit.motions_rad, entry);
+        let high = l.look_up(&fit.motions_rad[1..], entry);
+        let motion = l.add_real(low, l.times_real(l.sub_real(high, low), l.sub_real(place, below)));
+        let motion = l.select_real(is_ahead, motion, l.sub_real(l.real(0.0), motion));
+        let is_told = l.and(is_told, l.is_greater_real(l.real(TABLE as f32), below));
+        l.select_real(is_told, motion, nothing)
     }
 }
 
+/// Sums over the pixels around those of a block.
 #[inline(always)]
-fn add_row(sums: &mut [f32], row: &[f32]) {
-    let row = &row[..sums.len()];
-    for u in 0..sums.len() {
-        sums[u] += row[u];
+fn around<L: Lanes>(lanes: L, values: &[f32], block: usize) -> L::Reals {
+    let values = &values[block * LANES..][..LANES + 2 * REACH];
+    let mut sum = lanes.real(0.0);
+    let mut k = 0;
+    while k < 2 * REACH + 1 {
+        if let Some(shifted) = values[k..].first_chunk() {
+            sum = lanes.add_real(sum, lanes.load_reals(shifted));
+        }
+        k += 1;
     }
-}
-
-/// Sum over the pixels of a row around one.
-#[inline(always)]
-fn around(values: &[f32], width: usize, u: usize) -> f32 {
-    let of = |offset: usize| values[offset..][..width][u];
-    of(0) + of(1) + of(2) + of(3) + of(4)
+    sum
 }

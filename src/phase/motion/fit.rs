@@ -7,7 +7,7 @@
 //! it from z: those of five images, and of eight and more steps with two images more (the phase would be twice as noisy as from
 //! the same images of a resting scene for 8 steps, three times for 16).
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 
 use crate::phase::shifts::{MIN_STEPS, ShiftError};
 
@@ -22,7 +22,9 @@ const MAX_TREND_NOISE: f64 = 1.25;
 /// Least eigenvalue of the normal matrix, relative to the largest, that still determines them all.
 const MIN_EIGENVALUE_SHARE: f64 = 1e-5;
 /// Entries of the table from the measured to the true motion.
-const TABLE: usize = 512;
+pub(super) const TABLE: usize = 512;
+/// Motions of a table.
+pub(super) const MOTIONS: usize = TABLE + 2;
 /// The table is built from motions up to this, rad an image, as far as they can be told apart.
 const WIDEST_RAD: f64 = 1.5;
 /// Least response |H| to a motion that can be told: what is left of the modulation.
@@ -31,41 +33,71 @@ const MIN_RESPONSE: f64 = 0.3;
 /// A complex number as the pair of its parts.
 pub(super) type Complex = [f32; 2];
 
+/// Numbers of a pixel that are sums of its samples: A, Re z, Im z, Re z' and Im z' of the fit without A'; Re z and Im z of that
+/// with A', which the phase is taken from (of the other one where the images do not tell A'); the first number that the fit without
+/// A' leaves unexplained, 0 where it leaves none.
+pub(super) const SUMS: usize = 8;
+
 /// Constants of the fit of M images with known shifts.
 #[derive(Clone, Debug)]
 pub struct MotionFit {
     shifts_rad: Vec<f64>,
     /// `cos s_i` and `sin s_i`.
     pub(super) turns: Vec<Complex>,
-    /// Weights of the images in A, Re z, Im z, Re z', Im z' of the fit without A'. It bears more ripple-free motion in the same
-    /// images, so that motion is measured by it.
-    pub(super) weights: [Vec<f32>; LEAST_IMAGES],
-    /// Its responses.
+    /// Weights of each image in the [`SUMS`].
+    pub(super) weights: Vec<[f32; SUMS]>,
+    /// Responses of the fit without A'. It bears more ripple-free motion in the same images, so that motion is measured by it.
     pub(super) rough: Response,
-    /// Weights of the images in Re z, Im z of the fit with A', which the phase is taken from; those without where they do not tell
-    /// it.
-    pub(super) phase_weights: [Vec<f32>; 2],
-    /// Its responses.
+    /// Responses of the fit that the phase is taken from.
     pub(super) fine: Response,
     /// Whether A' is determined, so that it is left out of the residual.
     pub(super) has_trend: bool,
-    /// What no fit without A' explains: weights of the images in as many numbers as are left, of unit length.
+    /// What no fit without A' explains beside the last of the [`SUMS`]: weights of the images in as many numbers as are left, of
+    /// unit length.
     pub(super) residuals: Vec<Vec<f32>>,
-    /// Response of z' to the conjugate of z, as the ripple of a [`Response`].
-    pub(super) slope_ripple: Vec<Complex>,
+    /// Response of z' to the conjugate of z.
+    pub(super) slope_ripple: Turned,
     /// Of the motions that raise the phase and of those that lower it. They differ where the window holds no whole number of
     /// half cycles.
     motions: [MotionTable; 2],
+    /// Their largest values, and all their motions, one behind the other.
+    pub(super) limits: [f32; 2],
+    pub(super) motions_rad: Vec<f32>,
     noise_gain: f32,
 }
 
 /// Response of a fitted z to the motion ε.
 #[derive(Clone, Debug)]
 pub(super) struct Response {
-    /// `h_i` in `H(ε) = Σ h_i·e^(iεt_i)`, the response to z itself.
-    pub(super) direct: Vec<Complex>,
-    /// `g_i` in `G(ε) = Σ g_i·e^(−iεt_i)`, the response to its conjugate: the ripple at twice the fringe frequency.
-    pub(super) ripple: Vec<Complex>,
+    /// `H(ε) = Σ h_i·e^(iεt_i)`, the response to z itself.
+    pub(super) direct: Turned,
+    /// `G(ε) = Σ g_i·e^(−iεt_i)`, the response to its conjugate: the ripple at twice the fringe frequency.
+    pub(super) ripple: Turned,
+}
+
+/// A sum `Σ c_i·e^(±iεt_i)` over the images, from the turns `e^(iε|t_i|)`.
+#[derive(Clone, Debug)]
+pub(super) struct Turned {
+    /// Of each image Re c, ±Im c, ±Re c and Im c, the signs those of its time and of the sum.
+    pub(super) factors: Vec<[f32; 4]>,
+    /// The sum where nothing moves.
+    pub(super) resting: Complex,
+}
+
+impl Turned {
+    fn new(coefficients: &[[f64; 2]], sense: f32) -> Self {
+        let images = coefficients.len();
+        let factors: Vec<[f32; 4]> = coefficients
+            .iter()
+            .enumerate()
+            .map(|(i, &coefficient)| {
+                let ([re, im], sign) = (coefficient.map(|part| part as f32), sense * side(i, images));
+                [re, sign * im, sign * re, im]
+            })
+            .collect();
+        let resting = [0, 3].map(|part| factors.iter().map(|factor| factor[part]).sum());
+        Self { factors, resting }
+    }
 }
 
 /// From `Im(z'/z)` as it is fitted to the motion of one sense that gives it: the same for small motions, less for large ones.
@@ -73,8 +105,8 @@ pub(super) struct Response {
 struct MotionTable {
     /// Largest value that belongs to a motion.
     limit: f32,
-    /// Motions at equal distances up to the limit, each with the next.
-    motion_rad: Box<[[f32; 2]; TABLE + 1]>,
+    /// Motions at equal distances up to the limit, and the last one once more.
+    motion_rad: Box<[f32; MOTIONS]>,
 }
 
 impl MotionFit {
@@ -110,22 +142,29 @@ impl MotionFit {
             let of = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
             (0..images).map(of).collect::<Vec<[f64; 2]>>()
         };
-        let single = |values: &[[f64; 2]]| values.iter().map(|v| v.map(|part| part as f32)).collect();
-        let both =
-            |z: [&Vec<f64>; 2]| Response { direct: single(&response(z, 1.0)), ripple: single(&response(z, -1.0)) };
+        let both = |z: [&Vec<f64>; 2]| Response {
+            direct: Turned::new(&response(z, 1.0), 1.0),
+            ripple: Turned::new(&response(z, -1.0), -1.0),
+        };
         let (z, slope) = ([&weights[1], &weights[2]], [&weights[3], &weights[4]]);
         let weight = |row: &Vec<f64>| row.iter().map(|&w| w as f32).collect::<Vec<f32>>();
         let without_trend: Vec<[f64; LEAST_IMAGES]> = basis.iter().map(|row| std::array::from_fn(|k| row[k])).collect();
+        let mut unexplained = unexplained(&without_trend).into_iter();
+        let first_unexplained = unexplained.next().unwrap_or_else(|| vec![0.0; images]);
+        let sums = weights[..LEAST_IMAGES].iter().chain(&phase_weights[1..3]).chain([&first_unexplained]);
+        let sums: Vec<&Vec<f64>> = sums.collect();
+        let motions = [1.0, -1.0].map(|sense| MotionTable::new(&response(z, 1.0), &response(slope, 1.0), sense));
         Ok(Self {
+            limits: [motions[0].limit, motions[1].limit],
+            motions_rad: motions.iter().flat_map(|table| *table.motion_rad).collect(),
+            motions,
             turns: shifts_rad.iter().map(|s| [s.cos() as f32, s.sin() as f32]).collect(),
-            motions: [1.0, -1.0].map(|sense| MotionTable::new(&response(z, 1.0), &response(slope, 1.0), sense)),
             rough: both(z),
             fine: both([&phase_weights[1], &phase_weights[2]]),
-            slope_ripple: single(&response(slope, -1.0)),
+            slope_ripple: Turned::new(&response(slope, -1.0), -1.0),
             has_trend: images >= UNKNOWNS,
-            residuals: unexplained(&without_trend).iter().map(weight).collect(),
-            weights: std::array::from_fn(|k| weight(&weights[k])),
-            phase_weights: [weight(&phase_weights[1]), weight(&phase_weights[2])],
+            residuals: unexplained.map(|row| weight(&row)).collect(),
+            weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
             noise_gain: noise_gain as f32,
             shifts_rad: shifts_rad.to_vec(),
         })
@@ -155,7 +194,6 @@ impl MotionFit {
     }
 
     /// The motion, rad an image, whose fit gives `Im(z'/z)`; NaN where it is too fast to be told.
-    #[inline(always)]
     pub(super) fn motion_rad(&self, slope: f32) -> f32 {
         let [ahead, back] = &self.motions;
         let motion_rad = if slope >= 0.0 { ahead } else { back }.motion_rad(slope.abs());
@@ -204,6 +242,11 @@ pub(super) fn time(image: usize, images: usize) -> f64 {
     image as f64 - (images as f64 - 1.0) / 2.0
 }
 
+/// Whether an image was taken before the centre of the window (−1) or not (1).
+pub(super) fn side(image: usize, images: usize) -> f32 {
+    if image < images / 2 { -1.0 } else { 1.0 }
+}
+
 /// Samples that leave anything to be told of how well they fit.
 pub(super) const LEAST_FITTED: usize = MIN_STEPS + 1;
 
@@ -245,38 +288,14 @@ impl MotionTable {
             let part = if high > low { (wanted - low) / (high - low) } else { 0.0 };
             ((above - 1) as f64 + part) * step
         };
-        let pair = |i: usize| [motion(i) as f32, motion((i + 1).min(TABLE)) as f32];
-        Self { limit: limit as f32, motion_rad: Box::new(std::array::from_fn(pair)) }
+        Self { limit: limit as f32, motion_rad: Box::new(std::array::from_fn(|i| motion(i.min(TABLE)) as f32)) }
     }
 
-    #[inline(always)]
     fn motion_rad(&self, slope: f32) -> f32 {
         let place = slope / self.limit * TABLE as f32;
-        let below = place.min(TABLE as f32) as i32;
-        let [low, high] = self.motion_rad[(below as usize).min(TABLE)];
+        let below = place.min(TABLE as f32) as usize;
+        let [low, high] = [self.motion_rad[below], self.motion_rad[below + 1]];
         let motion_rad = low + (high - low) * (place - below as f32);
-        if (below as usize) < TABLE { motion_rad } else { f32::NAN }
+        if below < TABLE { motion_rad } else { f32::NAN }
     }
-}
-
-/// Offset, z and residual of some images at a pixel that moves by a known phase; `None` if they do not determine them.
-///
-/// `samples` are grey level, time and phase shift of each.
-pub(super) fn solve_moving(samples: &[[f32; 3]], motion_rad: f32) -> Option<[f32; 4]> {
-    let row = |[_, t, shift]: &[f32; 3]| {
-        let (sin, cos) = f64::from(shift + motion_rad * t).sin_cos();
-        Vector3::new(1.0, cos, -sin)
-    };
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for sample in samples {
-        let basis = row(sample);
-        normal += basis * basis.transpose();
-        right += basis * f64::from(sample[0]);
-    }
-    let solution = normal.try_inverse()? * right;
-    let squares: f64 = samples.iter().map(|sample| (f64::from(sample[0]) - row(sample).dot(&solution)).powi(2)).sum();
-    let freedom = samples.len().checked_sub(MIN_STEPS).filter(|&freedom| freedom > 0)?;
-    let residual = (squares / freedom as f64).sqrt();
-    let result = [solution[0], solution[1], solution[2], residual].map(|value| value as f32);
-    result.iter().all(|value| value.is_finite()).then_some(result)
 }

@@ -12,25 +12,36 @@
 //! weights (arXiv 2404.06693; as sums of images arXiv 2507.10009) suppress the ripple to the order of their length. The
 //! least-squares fit of a sinusoid whose phase and modulation change steadily uses the same images, suppresses it to the
 //! second order at less noise, and says what ε is: so what is left of the ripple is taken off exactly, up to motions of about
-//! 1 rad an image for N = 4. Cost: five sums of M images a pixel in the place of three of N, and a second reading.
+//! 1 rad an image for N = 4. Cost: seven sums of M images a pixel in the place of three of N, and three rounds of responses to the
+//! motion of each pixel.
+//!
+//! *band*: rows one behind the other, by *linear* (the fit), *estimate* (the motion) and *moved* (what is left of z); *window*: what
+//! takes all of them; *one surface* and *solve*: the pixels that are decoded again.
 
+mod band;
 mod brightness;
 mod estimate;
 mod fit;
+mod images;
+mod linear;
 mod moved;
 mod one_surface;
-mod planes;
+mod solve;
+mod speeds;
 #[cfg(test)]
 mod tests;
+mod window;
 
 use crate::grey::GreyLevels;
+use crate::simd::Level;
 
 use super::Validity;
 use super::map::PhaseMap;
 
-use planes::Stack;
+use images::Stack;
 
 pub use fit::MotionFit;
+pub use window::MotionRoom;
 
 /// Most images of one window.
 pub const MAX_IMAGES: usize = 24;
@@ -55,12 +66,42 @@ pub fn decode_moving(
     fit: &MotionFit,
     validity: &Validity,
 ) -> Option<PhaseMap> {
+    let mut map = PhaseMap::default();
+    decode_moving_into(&mut map, &mut MotionRoom::default(), images, width, height, fit, validity)?;
+    Some(map)
+}
+
+/// As [`decode_moving`], into a map whose memory is used again, as is that of the room; what they held makes no difference.
+/// The map is left as it was where that yields `None`.
+#[must_use]
+pub fn decode_moving_into(
+    map: &mut PhaseMap,
+    room: &mut MotionRoom,
+    images: &[GreyLevels<'_>],
+    width: usize,
+    height: usize,
+    fit: &MotionFit,
+    validity: &Validity,
+) -> Option<()> {
+    decode_at(Level::in_use(), map, room, images, [width, height], fit, validity)
+}
+
+/// As [`decode_moving_into`], at a level.
+fn decode_at(
+    level: Level,
+    map: &mut PhaseMap,
+    room: &mut MotionRoom,
+    images: &[GreyLevels<'_>],
+    [width, height]: [usize; 2],
+    fit: &MotionFit,
+    validity: &Validity,
+) -> Option<()> {
     if images.len() != fit.images() {
         return None;
     }
-    let stack = Stack::of(images, width, height, validity)?;
-    Some(match stack {
-        Stack::Bytes(window) => window.decode(fit, validity),
-        Stack::Words(window) => window.decode(fit, validity),
-    })
+    match Stack::of(images, width, height, validity.saturation_grey)? {
+        Stack::Bytes(images) => window::decode(level, images, fit, validity, room, map),
+        Stack::Words(images) => window::decode(level, images, fit, validity, room, map),
+    }
+    Some(())
 }

@@ -3,16 +3,19 @@
 //! Of the runs of images that include the centre of the window, the one is taken that fits a moving sinusoid best; the motion
 //! is that of the neighbours. Saturated samples are left out of every run. Where no run fits, the pixel is left out.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
-use crate::phase::map::Modulation;
-use crate::phase::map::{Exposure, FitStatistics};
+use crate::phase::map::{DIM, Exposure, FitStatistics, Modulation};
 use crate::phase::sample::Sample;
+use crate::simd::{Kernel, LANES, Lanes};
 
-use super::fit::{LEAST_FITTED, MotionFit, solve_moving, time};
-use super::planes::{Decoded, Window};
+use super::band::{Beside, Planes};
+use super::fit::{LEAST_FITTED, MotionFit, time};
+use super::images::Images;
+use super::solve::{BATCH, Batch, Solutions};
+use super::speeds::Speeds;
 
 /// A residual this many times the usual one shows that the images do not belong together.
 const LARGE_RESIDUAL: f32 = 4.0;
@@ -21,7 +24,7 @@ const UNKNOWN_SHARE: f32 = 0.02;
 
 /// What finds the images that show one surface.
 pub(super) struct OneSurface<'a, S> {
-    window: &'a Window<'a, S>,
+    images: &'a Images<'a, S>,
     validity: &'a Validity,
     /// Time and phase shift of each image.
     moments: Vec<[f32; 2]>,
@@ -31,121 +34,208 @@ pub(super) struct OneSurface<'a, S> {
     usual: [f32; 2],
 }
 
-/// What was seen of the pixels on the way.
-#[derive(Clone, Copy, Debug, Default)]
+/// What is counted on the way.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Repaired {
     /// Pixels decoded from part of their images.
     pub(super) one_surface_pixels: u64,
     /// Pixels left out.
     pub(super) lost_pixels: u64,
+    /// Pixels that are valid in the end.
+    pub(super) valid_pixels: u64,
     /// How the pixels are lit.
     pub(super) exposure: Exposure,
+    /// How those moved that were valid before and are not, and the other way round.
+    pub(super) speeds: Speeds,
 }
 
-/// Offset, z and residual.
-type Solution = [f32; 4];
+impl Repaired {
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.one_surface_pixels += other.one_surface_pixels;
+        self.lost_pixels += other.lost_pixels;
+        self.valid_pixels += other.valid_pixels;
+        self.exposure = self.exposure.plus(other.exposure);
+        self.speeds.merge(&other.speeds);
+    }
+}
+
+/// Room for what is decoded again.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RepairRoom {
+    /// Pixels of a row that are to be decoded again.
+    asked: Vec<u32>,
+    batch: Batch,
+    pub(super) repaired: Repaired,
+}
 
 impl<'a, S: Sample> OneSurface<'a, S> {
     pub(super) fn new(
-        window: &'a Window<'a, S>,
+        images: &'a Images<'a, S>,
         fit: &MotionFit,
         validity: &'a Validity,
         statistics: &FitStatistics,
     ) -> Self {
-        let images = fit.images();
-        let moment = |(i, &shift): (usize, &f64)| [time(i, images) as f32, shift as f32];
+        let moment = |(i, &shift): (usize, &f64)| [time(i, images.count) as f32, shift as f32];
         let share = statistics.residual_share.unwrap_or(UNKNOWN_SHARE);
         Self {
-            window,
+            images,
             validity,
             moments: fit.shifts_rad().iter().enumerate().map(moment).collect(),
-            runs: runs(images),
+            runs: runs(images.count),
             usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share],
         }
-    }
-
-    /// Decodes the pixels again that need it.
-    pub(super) fn repair(&self, decoded: &mut Decoded) -> Repaired {
-        let width = self.window.width.max(1);
-        let map = &mut decoded.map;
-        let rows = map
-            .phase
-            .par_chunks_mut(width)
-            .zip(map.modulation.par_chunks_mut(width))
-            .zip(map.mean.par_chunks_mut(width))
-            .zip(map.valid.par_chunks_mut(width))
-            .zip(decoded.motion_rad.par_chunks(width))
-            .zip(decoded.residual.par_chunks(width))
-            .enumerate();
-        let counts =
-            rows.map_init(Vec::new, |saturated, (v, (((((phase, modulation), mean), valid), motion), residual))| {
-                let mut counts = Repaired::default();
-                self.window.find_saturated(v * width..v * width + phase.len(), saturated);
-                for u in 0..phase.len() {
-                    let pixel = v * width + u;
-                    let is_saturated = saturated[u];
-                    let least = self.validity.min_modulation_grey;
-                    let modulation_grey = modulation[u].grey();
-                    let is_lit = modulation_grey >= least;
-                    let fits = valid[u] && residual[u] <= self.largest(modulation_grey);
-                    if !is_saturated && (fits || !is_lit) {
-                        counts.exposure.add(false, modulation_grey, least);
-                        continue;
-                    }
-                    let motion_rad = if motion[u].is_finite() { motion[u] } else { 0.0 };
-                    let found = self.best(pixel, motion_rad);
-                    valid[u] = found.is_some();
-                    if let Some([offset, re, im, _]) = found {
-                        phase[u] = turn_fraction(im, re);
-                        modulation[u] = Modulation::of_grey((re * re + im * im).sqrt());
-                        mean[u] = (offset + 0.5) as u8;
-                    }
-                    counts.exposure.add(is_saturated, modulation[u].grey(), least);
-                    if is_saturated {
-                        // Too much light, not motion.
-                        continue;
-                    }
-                    let count = if found.is_some() { &mut counts.one_surface_pixels } else { &mut counts.lost_pixels };
-                    *count += 1;
-                }
-                counts
-            });
-        counts.reduce(Repaired::default, |a, b| Repaired {
-            one_surface_pixels: a.one_surface_pixels + b.one_surface_pixels,
-            lost_pixels: a.lost_pixels + b.lost_pixels,
-            exposure: a.exposure.plus(b.exposure),
-        })
     }
 
     /// Largest residual of images that belong together.
     fn largest(&self, modulation: f32) -> f32 {
         self.usual[0].max(self.usual[1] * modulation)
     }
+}
 
-    /// The solution of the run that fits best.
-    fn best(&self, pixel: usize, motion_rad: f32) -> Option<Solution> {
-        let share = |[_, re, im, residual]: &Solution| residual / (re * re + im * im).sqrt();
-        let solutions = self.runs.iter().filter_map(|run| self.solve(*run, pixel, motion_rad));
-        let fitting = solutions.filter(|[_, re, im, residual]| {
-            let modulation = (re * re + im * im).sqrt();
-            let limit = self.largest(modulation).max(self.validity.max_residual_share * modulation);
-            modulation >= self.validity.min_modulation_grey && *residual <= limit
-        });
-        fitting.min_by(|a, b| share(a).total_cmp(&share(b)))
+/// Decodes the pixels of some rows again that need it.
+pub(super) struct Repair<'a, S> {
+    pub(super) one_surface: &'a OneSurface<'a, S>,
+    pub(super) rows: Range<usize>,
+    pub(super) room: &'a mut RepairRoom,
+    pub(super) planes: Planes<'a>,
+}
+
+impl<S: Sample> Kernel for Repair<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        let width = self.one_surface.images.width;
+        let blocks = width.div_ceil(LANES);
+        self.room.repaired = Repaired::default();
+        for row in 0..self.rows.len() {
+            self.room.asked.clear();
+            for block in 0..blocks {
+                self.judge(lanes, [row, block]);
+            }
+            let mut asked = std::mem::take(&mut self.room.asked);
+            for pixels in asked.chunks(BATCH) {
+                self.decode_again(pixels, row);
+            }
+            asked.clear();
+            self.room.asked = asked;
+        }
+    }
+}
+
+impl<S: Sample> Repair<'_, S> {
+    /// Takes those pixels of a block that need to be decoded again, and counts how the others are lit.
+    #[inline(always)]
+    fn judge<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2]) {
+        let (l, of) = (lanes, self.one_surface);
+        let width = of.images.width;
+        let (count, blocks) = ((width - block * LANES).min(LANES), width.div_ceil(LANES));
+        let begin = row * width + block * LANES;
+        let used = if count == LANES { u32::MAX } else { (1 << count) - 1 };
+        let Beside { residual, saturated, .. } = &self.planes.beside[row * blocks + block];
+        let (mut steps, mut valid) = ([0; LANES], [0; LANES]);
+        let modulation: &[u16] = bytemuck::cast_slice(&self.planes.modulation[begin..][..count]);
+        steps[..count].copy_from_slice(modulation);
+        valid[..count].copy_from_slice(bytemuck::cast_slice(&self.planes.valid[begin..][..count]));
+        let modulation = l.times_real(l.reals_of_words(&steps), l.real(1.0 / Modulation::PER_GREY));
+        let least = of.validity.min_modulation_grey;
+        let is_lit = l.bits(l.is_at_least_real(modulation, l.real(least))) & used;
+        let is_dim = is_lit & !l.bits(l.is_at_least_real(modulation, l.real(DIM * least)));
+        let largest = l.max_real(l.real(of.usual[0]), l.times_real(l.real(of.usual[1]), modulation));
+        let fits = l.bits(l.is_at_least_real(largest, l.load_reals(residual)));
+        let is_valid = l.bits(l.is_greater(l.words_of_bytes(&valid), l.word(0)));
+        let again = (*saturated | (is_lit & !(fits & is_valid))) & used;
+        self.room.repaired.valid_pixels += u64::from((is_valid & !again).count_ones());
+        let exposure = &mut self.room.repaired.exposure;
+        exposure.lit_pixels += u64::from((is_lit & !again).count_ones());
+        exposure.dim_pixels += u64::from((is_dim & !again).count_ones());
+        let mut left = again;
+        while left != 0 {
+            self.room.asked.push((block * LANES) as u32 + left.trailing_zeros());
+            left &= left - 1;
+        }
     }
 
-    fn solve(&self, [first, last]: [usize; 2], pixel: usize, motion_rad: f32) -> Option<Solution> {
-        let kept = (first..=last).filter(|&image| !self.window.is_saturated(image, pixel));
-        let samples: Vec<[f32; 3]> = kept
-            .map(|image| {
-                let [t, shift] = self.moments[image];
-                [self.window.grey(image, pixel), t, shift]
-            })
-            .collect();
-        if samples.len() < LEAST_FITTED {
-            return None;
+    /// Decodes some pixels of a row again.
+    #[inline(always)]
+    fn decode_again(&mut self, asked: &[u32], row: usize) {
+        let of = self.one_surface;
+        let (images, width) = (of.images, of.images.width);
+        let blocks = width.div_ceil(LANES);
+        let (mut motion_rad, mut is_saturated) = ([0.0; BATCH], [false; BATCH]);
+        let batch = &mut self.room.batch;
+        for (p, &u) in asked.iter().enumerate() {
+            let u = u as usize;
+            let motion = self.planes.beside[row * blocks + u / LANES].motion_rad[u % LANES];
+            motion_rad[p] = if motion.is_finite() { motion } else { 0.0 };
+            let pixel = (self.rows.start + row) * width + u;
+            for image in 0..images.count {
+                let saturated = images.is_saturated(image, pixel);
+                is_saturated[p] |= saturated;
+                batch.set(image, p, images.grey(image, pixel), !saturated);
+            }
         }
-        solve_moving(&samples, motion_rad)
+        for (image, &moment) in of.moments.iter().enumerate() {
+            batch.turn(image, moment, &motion_rad);
+        }
+        let mut best = Best::default();
+        for &run in &of.runs {
+            best.try_others(&batch.solve(run), of);
+        }
+        for (p, &u) in asked.iter().enumerate() {
+            let pixel = row * width + u as usize;
+            let found = best.share[p] < f32::INFINITY;
+            let was_valid = std::mem::replace(&mut self.planes.valid[pixel], found);
+            let beside = &self.planes.beside[row * blocks + u as usize / LANES];
+            self.room.repaired.speeds.change(beside.motion_rad[u as usize % LANES], was_valid, found);
+            self.room.repaired.valid_pixels += u64::from(found);
+            if found {
+                let [re, im] = [best.z[0][p], best.z[1][p]];
+                self.planes.phase[pixel] = turn_fraction(im, re);
+                self.planes.modulation[pixel] = Modulation::of_grey((re * re + im * im).sqrt());
+                self.planes.mean[pixel] = (best.offset[p] + 0.5) as u8;
+            }
+            let (repaired, modulation) = (&mut self.room.repaired, self.planes.modulation[pixel].grey());
+            repaired.exposure.add(is_saturated[p], modulation, of.validity.min_modulation_grey);
+            if !is_saturated[p] {
+                // Otherwise it is too much light, not motion.
+                *if found { &mut repaired.one_surface_pixels } else { &mut repaired.lost_pixels } += 1;
+            }
+        }
+    }
+}
+
+/// The solution of each pixel that fits best.
+struct Best {
+    /// Residual ÷ modulation; infinite where none fits.
+    share: [f32; BATCH],
+    offset: [f32; BATCH],
+    z: [[f32; BATCH]; 2],
+}
+
+impl Default for Best {
+    fn default() -> Self {
+        Self { share: [f32::INFINITY; BATCH], offset: [0.0; BATCH], z: [[0.0; BATCH]; 2] }
+    }
+}
+
+impl Best {
+    /// Takes solutions where they fit better.
+    #[inline(always)]
+    fn try_others<S: Sample>(&mut self, others: &Solutions, of: &OneSurface<'_, S>) {
+        for p in 0..BATCH {
+            let [re, im] = [others.z[0][p], others.z[1][p]];
+            let modulation = (re * re + im * im).sqrt();
+            let limit = of.largest(modulation).max(of.validity.max_residual_share * modulation);
+            let is_lit = modulation >= of.validity.min_modulation_grey;
+            let fits = others.determined[p] & is_lit & (others.residual[p] <= limit);
+            let share = others.residual[p] / modulation;
+            if fits & (share < self.share[p]) {
+                self.share[p] = share;
+                self.offset[p] = others.offset[p];
+                (self.z[0][p], self.z[1][p]) = (re, im);
+            }
+        }
     }
 }
 

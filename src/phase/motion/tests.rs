@@ -177,3 +177,38 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let (one, three) = (with(1), with(3));
     assert_eq!(one, three);
 }
+
+/// Everything that is decoded, of widths that are no whole blocks and of scenes with all that may happen to a pixel; in a room that
+/// another window was decoded in.
+#[test]
+fn all_levels_and_any_room_give_the_same_bits() {
+    let scene = Scene {
+        motion_rad: |u, v| 0.02 * u as f64 - 1.5 + 0.01 * v as f64,
+        changes_at: |u| if u % 19 < 3 { 0.7 } else { f64::INFINITY },
+        brightness: |i| 1.2 + 0.02 * (i % 3) as f64,
+        ..RESTING
+    };
+    let mut room = MotionRoom::default();
+    for (steps, count, format) in [(4, 6, PixelFormat::Y16), (3, 6, PixelFormat::Grey), (8, 11, PixelFormat::Grey)] {
+        let bytes = scene.images(steps, count, 0);
+        let eighth = |image: &Vec<u8>| image.chunks_exact(2).map(|b| b[1]).collect::<Vec<u8>>();
+        let bytes: Vec<Vec<u8>> = if format == PixelFormat::Grey { bytes.iter().map(eighth).collect() } else { bytes };
+        let shifts: Vec<f64> = (0..count).map(|i| TAU * (i % steps) as f64 / steps as f64).collect();
+        let fit = MotionFit::new(&shifts).unwrap();
+        for (width, height) in [(WIDTH, HEIGHT), (77, 90), (31, 3), (1, 40)] {
+            let used = width * height * format.bytes();
+            let levels: Vec<GreyLevels<'_>> =
+                bytes.iter().map(|bytes| GreyLevels { format, bytes: &bytes[..used] }).collect();
+            let maps = Level::ALL.map(|level| {
+                let mut map = PhaseMap::default();
+                let size = [width, height];
+                decode_at(level, &mut map, &mut room, &levels, size, &fit, &Validity::default()).unwrap();
+                map
+            });
+            assert_eq!(maps[0], maps[1], "{steps} {count} {width}");
+            assert_eq!(maps[1], maps[2], "{steps} {count} {width}");
+            let fresh = decode_moving(&levels, width, height, &fit, &Validity::default());
+            assert_eq!(Some(&maps[2]), fresh.as_ref());
+        }
+    }
+}

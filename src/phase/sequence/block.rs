@@ -10,6 +10,7 @@ use super::span::Directions;
 
 /// Side of a block, pixels: a fringe or more, and small enough to move alike.
 const SIDE: usize = 16;
+const PIXELS: usize = SIDE * SIDE;
 /// Blocks along the shorter side of an image; as many as have room where it is smaller.
 const ALONG: usize = 10;
 /// Least share of a block's pixels that are not saturated.
@@ -46,26 +47,30 @@ impl Block {
 
     fn of(images: &[GreyLevels<'_>], width: usize, [u, v]: [usize; 2], validity: &Validity) -> Option<Self> {
         let saturation = f32::from(validity.saturation_grey);
-        let (mut sums, mut products) = (vec![0.0; images.len()], DMatrix::zeros(images.len(), images.len()));
-        let (mut greys, mut pixels) = (vec![0.0; images.len()], 0_usize);
-        for pixel in (v..v + SIDE).flat_map(|row| row * width + u..row * width + u + SIDE) {
-            greys.iter_mut().zip(images).for_each(|(grey, image)| *grey = image.grey(pixel));
-            if greys.iter().any(|&grey| grey >= saturation) {
-                continue;
+        let mut greys = vec![[0.0; PIXELS]; images.len()];
+        let mut kept = [1.0; PIXELS];
+        for (greys, image) in greys.iter_mut().zip(images) {
+            for (row, greys) in greys.chunks_exact_mut(SIDE).enumerate() {
+                let first = (v + row) * width + u;
+                greys.iter_mut().enumerate().for_each(|(k, grey)| *grey = f64::from(image.grey(first + k)));
             }
-            pixels += 1;
-            for i in 0..images.len() {
-                let grey = f64::from(greys[i]);
-                sums[i] += grey;
-                (0..=i).for_each(|j| products[(i, j)] += grey * f64::from(greys[j]));
+            for (kept, &grey) in kept.iter_mut().zip(greys.iter()) {
+                *kept = if grey >= f64::from(saturation) { 0.0 } else { *kept };
             }
         }
-        if (pixels as f64) < MIN_SHARE * (SIDE * SIDE) as f64 {
+        for greys in &mut greys {
+            greys.iter_mut().zip(&kept).for_each(|(grey, kept)| *grey *= kept);
+        }
+        // Samples are whole numbers of a power of two: sums of their products are exact in any order.
+        let sums: Vec<f64> = greys.iter().map(|greys| dot(greys, &kept)).collect();
+        let mut products =
+            DMatrix::from_fn(images.len(), images.len(), |i, j| if j <= i { dot(&greys[i], &greys[j]) } else { 0.0 });
+        let pixels = dot(&kept, &kept);
+        if pixels < MIN_SHARE * PIXELS as f64 {
             return None;
         }
-        let count = pixels as f64;
         products.fill_upper_triangle_with_lower_triangle();
-        Some(Self { mean: DVector::from_vec(sums) / count, products: products / count })
+        Some(Self { mean: DVector::from_vec(sums) / pixels, products: products / pixels })
     }
 
     /// Mean grey level of every image.
@@ -125,4 +130,15 @@ impl Block {
             noise_square: noise / modulation_square,
         })
     }
+}
+
+/// Σ a·b, as eight sums that wait for none of the others.
+fn dot(a: &[f64; PIXELS], b: &[f64; PIXELS]) -> f64 {
+    let mut sums = [0.0; 8];
+    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum()
 }

@@ -1,0 +1,284 @@
+//! Rows of a window from their samples to the phase, so few at a time that what lies between stays in the cache.
+//!
+//! ```text
+//!  row v: samples ─► fit, parts of the motion ─┐ 2 rows behind                ┐ 2 rows behind                ┐ 2 rows behind
+//!                       motion of 5 × 5 pixels ┴► parts without that ripple ─► ┴► the same once more ─► … motion ─► phase
+//! ```
+
+use std::ops::Range;
+
+use crate::phase::Validity;
+use crate::phase::map::Modulation;
+use crate::phase::residuals::Residuals;
+use crate::phase::sample::Sample;
+use crate::simd::{Kernel, LANES, Lanes};
+
+use super::MAX_IMAGES;
+use super::estimate::{ColumnSums, MotionParts, REACH};
+use super::fit::MotionFit;
+use super::images::Images;
+use super::linear::Fitted;
+use super::moved::{Turns, everywhere, without_ripple};
+use super::speeds::Speeds;
+
+/// Rounds of the motion: the first takes what the fit gives, ripple and all, the next take off the ripple of the motion found
+/// before.
+const ROUNDS: usize = 3;
+/// Rows that a phase depends on to either side.
+const HALO: usize = ROUNDS * REACH;
+/// Fitted rows that are kept, and rows of parts.
+const FITTED_ROWS: usize = HALO + 1;
+const PARTS_ROWS: usize = 2 * REACH + 1;
+
+/// What a band keeps of the rows that it is at.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BandRoom {
+    greys: [[f32; LANES]; MAX_IMAGES],
+    fitted: Vec<Fitted>,
+    parts: [Vec<MotionParts>; ROUNDS],
+    sums: ColumnSums,
+    pub(super) residuals: Residuals,
+    /// How the valid pixels moved.
+    pub(super) speeds: Speeds,
+}
+
+impl BandRoom {
+    fn resize(&mut self, blocks: usize) {
+        self.fitted.resize_with(FITTED_ROWS * blocks, Fitted::default);
+        self.parts.iter_mut().for_each(|parts| parts.resize_with(PARTS_ROWS * blocks, MotionParts::default));
+        self.sums.resize(blocks);
+        self.residuals = Residuals::default();
+        self.speeds = Speeds::default();
+    }
+}
+
+/// Where what a band yields goes: planes of its rows.
+pub(super) struct Planes<'a> {
+    pub(super) phase: &'a mut [u16],
+    pub(super) modulation: &'a mut [Modulation],
+    pub(super) mean: &'a mut [u8],
+    pub(super) valid: &'a mut [bool],
+    pub(super) beside: &'a mut [Beside],
+}
+
+/// What is known of 32 pixels of a row beside their phase.
+#[derive(Clone, Debug)]
+pub(super) struct Beside {
+    /// Motion, rad an image; NaN where it is not known.
+    pub(super) motion_rad: [f32; LANES],
+    /// Standard deviation of the samples about the moving sinusoid, grey levels.
+    pub(super) residual: [f32; LANES],
+    /// Which have a saturated sample: pixel k is bit k.
+    pub(super) saturated: u32,
+}
+
+impl Default for Beside {
+    fn default() -> Self {
+        Self { motion_rad: [0.0; LANES], residual: [0.0; LANES], saturated: 0 }
+    }
+}
+
+/// Decodes some rows.
+pub(super) struct Band<'a, 'b, S> {
+    pub(super) images: &'a Images<'b, S>,
+    pub(super) fit: &'a MotionFit,
+    pub(super) validity: &'a Validity,
+    pub(super) rows: Range<usize>,
+    pub(super) room: &'a mut BandRoom,
+    pub(super) planes: Planes<'a>,
+}
+
+impl<S: Sample> Kernel for Band<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        let height = self.images.height;
+        self.room.resize(self.images.width.div_ceil(LANES));
+        let mut turns = Turns::new(lanes);
+        let around = |reach: usize| self.rows.start.saturating_sub(reach)..(self.rows.end + reach).min(height);
+        let rows: [Range<usize>; ROUNDS + 1] = std::array::from_fn(|round| around(HALO - round * REACH));
+        for newest in rows[0].start..self.rows.end + HALO {
+            if newest < rows[0].end {
+                self.fit_row(lanes, newest);
+            }
+            for round in 1..=ROUNDS {
+                match newest.checked_sub(round * REACH) {
+                    Some(row) if rows[round].contains(&row) => self.move_row(lanes, row, round, &mut turns),
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+impl<S: Sample> Band<'_, '_, S> {
+    /// Fits a row, and finds the parts of its motion as if it had none.
+    #[inline(always)]
+    fn fit_row<L: Lanes>(&mut self, lanes: L, row: usize) {
+        let fit = self.fit;
+        let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
+        let [direct, ripple, slope_ripple] = resting.map(|of| everywhere(lanes, of.resting));
+        let all = lanes.mask(u32::MAX);
+        let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
+        let fitted = &mut self.room.fitted[row % FITTED_ROWS * blocks..][..blocks];
+        let parts = &mut self.room.parts[0][row % PARTS_ROWS * blocks..][..blocks];
+        for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
+            let count = (width - b * LANES).min(LANES);
+            let place = [row * width + b * LANES, count];
+            fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.room.greys);
+            if fitted.tells_motion {
+                parts.set(lanes, fitted, [direct, ripple, slope_ripple], all);
+            } else {
+                *parts = MotionParts::default();
+            }
+        }
+    }
+
+    /// Finds the motion of a row by the parts of a round; with it the parts of the next, or the phase.
+    #[inline(always)]
+    fn move_row<L: Lanes>(&mut self, lanes: L, row: usize, round: usize, turns: &mut Turns<L>) {
+        let blocks = self.images.width.div_ceil(LANES);
+        self.add_up(lanes, row, round - 1);
+        for block in 0..blocks {
+            let motion_rad = self.room.sums.motion_rad(lanes, self.fit, block);
+            if round < ROUNDS {
+                self.find_parts(lanes, [row, block], round, motion_rad, turns);
+            } else {
+                self.finish(lanes, [row, block], motion_rad, turns);
+            }
+        }
+    }
+
+    /// Adds up the parts of the rows around one.
+    #[inline(always)]
+    fn add_up<L: Lanes>(&mut self, lanes: L, row: usize, round: usize) {
+        let blocks = self.images.width.div_ceil(LANES);
+        let (first, last) = (row.saturating_sub(REACH), (row + REACH).min(self.images.height - 1));
+        let mut rows = [[].as_slice(); PARTS_ROWS];
+        for (rows, other) in rows.iter_mut().zip(first..=last) {
+            *rows = &self.room.parts[round][other % PARTS_ROWS * blocks..][..blocks];
+        }
+        self.room.sums.set(lanes, &rows[..=last - first]);
+    }
+
+    #[inline(always)]
+    fn find_parts<L: Lanes>(
+        &mut self,
+        lanes: L,
+        [row, block]: [usize; 2],
+        round: usize,
+        motion_rad: L::Reals,
+        turns: &mut Turns<L>,
+    ) {
+        let (fit, blocks) = (self.fit, self.images.width.div_ceil(LANES));
+        let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
+        let parts = &mut self.room.parts[round][row % PARTS_ROWS * blocks + block];
+        if fitted.tells_motion {
+            let (known, angle) = known(lanes, motion_rad);
+            turns.set(lanes, fit.images(), angle);
+            let sums = turns.sums(lanes, [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple]);
+            parts.set(lanes, fitted, sums, known);
+        } else {
+            *parts = MotionParts::default();
+        }
+    }
+
+    /// Phase, modulation, mean and validity of a block.
+    #[inline(always)]
+    fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2], motion_rad: L::Reals, turns: &mut Turns<L>) {
+        let l = lanes;
+        let (fit, width, blocks) = (self.fit, self.images.width, self.images.width.div_ceil(LANES));
+        let count = (width - block * LANES).min(LANES);
+        let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
+        let (known, angle) = known(l, motion_rad);
+        turns.set(l, fit.images(), angle);
+        let responses = turns.sums(l, [&fit.fine.direct, &fit.fine.ripple]);
+        let z = [l.load_reals(&fitted.phase_z[0]), l.load_reals(&fitted.phase_z[1])];
+        let (z, has_contrast) = without_ripple(l, responses, z);
+        let place = [row * width + block * LANES, count];
+        let [offset, residual] = turns.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
+        let [re, im] = z;
+        let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
+        let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));
+        let fits = l.is_at_least_real(l.times_real(l.real(self.validity.max_residual_share), modulation), residual);
+        let valid = l.and(l.and(known, has_contrast), l.and(is_lit, fits));
+        let valid = l.and(valid, l.mask(if count == LANES { u32::MAX } else { (1 << count) - 1 }));
+        let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
+        let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
+        let beside = &mut self.planes.beside[(row - self.rows.start) * blocks + block];
+        l.store_reals(motion_rad, &mut beside.motion_rad);
+        l.store_reals(residual, &mut beside.residual);
+        beside.saturated = fitted.saturated;
+        let mut decoded = DecodedBlock::default();
+        l.store_real_words(turn_fractions(l, z), &mut decoded.phase);
+        l.store_real_words(steps, &mut decoded.modulation);
+        l.store_real_bytes(mean, &mut decoded.mean);
+        l.store_mask(valid, &mut decoded.valid);
+        decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
+        let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
+        self.room.residuals.add_block(l, residual, modulation, l.bits(valid));
+        self.room.speeds.add_block(l, motion_rad, l.bits(valid));
+    }
+}
+
+/// Phase, modulation, mean and validity of 32 pixels.
+#[derive(Default)]
+struct DecodedBlock {
+    phase: [u16; LANES],
+    modulation: [u16; LANES],
+    mean: [u8; LANES],
+    valid: [bool; LANES],
+}
+
+impl DecodedBlock {
+    /// Stores the first `count` from a pixel on.
+    #[inline(always)]
+    fn copy_to(&self, planes: &mut Planes<'_>, pixel: usize, count: usize) {
+        let places = pixel..pixel + count;
+        let modulation: &mut [u16] = bytemuck::cast_slice_mut(&mut planes.modulation[places.clone()]);
+        let (phase, mean, valid) =
+            (&mut planes.phase[places.clone()], &mut planes.mean[places.clone()], &mut planes.valid[places]);
+        if count == LANES {
+            phase.copy_from_slice(&self.phase);
+            modulation.copy_from_slice(&self.modulation);
+            mean.copy_from_slice(&self.mean);
+            valid.copy_from_slice(&self.valid);
+        } else {
+            phase.copy_from_slice(&self.phase[..count]);
+            modulation.copy_from_slice(&self.modulation[..count]);
+            mean.copy_from_slice(&self.mean[..count]);
+            valid.copy_from_slice(&self.valid[..count]);
+        }
+    }
+}
+
+/// Where motions are known, and the motions with 0 where they are not.
+#[inline(always)]
+fn known<L: Lanes>(lanes: L, motion_rad: L::Reals) -> (L::Mask, L::Reals) {
+    let known = lanes.is_greater_real(lanes.real(f32::INFINITY), lanes.abs_real(motion_rad));
+    (known, lanes.select_real(known, motion_rad, lanes.real(0.0)))
+}
+
+/// The angles of complex numbers, turns · 65536 rounded; 65536 in the place of 0 where that is nearer.
+#[inline(always)]
+fn turn_fractions<L: Lanes>(lanes: L, [x, y]: [L::Reals; 2]) -> L::Reals {
+    use crate::phase::arctangent::COEFFICIENTS;
+    let l = lanes;
+    let (ax, ay) = (l.abs_real(x), l.abs_real(y));
+    let (small, large) = (l.min_real(ax, ay), l.max_real(ax, ay));
+    let zero = l.real(0.0);
+    let t = l.select_real(l.is_greater_real(large, zero), l.over_real(small, large), zero);
+    let u = l.times_real(t, t);
+    let mut sum = l.real(COEFFICIENTS[COEFFICIENTS.len() - 1]);
+    let mut k = COEFFICIENTS.len() - 1;
+    while k > 0 {
+        k -= 1;
+        sum = l.add_real(l.real(COEFFICIENTS[k]), l.times_real(u, sum));
+    }
+    let octant = l.times_real(t, sum);
+    let quadrant = l.select_real(l.is_greater_real(ay, ax), l.sub_real(l.real(0.25), octant), octant);
+    let half = l.select_real(l.is_greater_real(zero, x), l.sub_real(l.real(0.5), quadrant), quadrant);
+    let turns = l.select_real(l.is_greater_real(zero, y), l.sub_real(l.real(1.0), half), half);
+    l.add_real(l.times_real(turns, l.real(65536.0)), l.real(0.5))
+}

@@ -1,0 +1,53 @@
+//! How fast the pixels of an image moved.
+
+use crate::phase::histogram::{Histogram, quantile};
+use crate::simd::Lanes;
+
+/// Motions to either side that are told apart, rad an image, and bins of one side.
+const RANGE_RAD: f32 = 1.5;
+const BINS: usize = 1024;
+
+/// A histogram of the motion; motions that are NaN count nowhere.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Speeds(Histogram<{ 2 * BINS }>);
+
+impl Speeds {
+    /// Adds those of 32 pixels that are valid: bit k says it of pixel k.
+    #[inline(always)]
+    pub(super) fn add_block<L: Lanes>(&mut self, lanes: L, motion_rad: L::Reals, valid: u32) {
+        let l = lanes;
+        let share = l.over_real(motion_rad, l.real(RANGE_RAD));
+        let is_known = l.bits(l.is_greater_real(l.real(f32::INFINITY), l.abs_real(share)));
+        let bins = l.times_real(l.abs_real(share), l.real(BINS as f32));
+        let bin = l.truncate(l.min_real(bins, l.real((BINS - 1) as f32)));
+        let (ahead, back) = (l.add_real(bin, l.real(BINS as f32)), l.sub_real(l.real((BINS - 1) as f32), bin));
+        let signed = l.add_real(l.real(0.5), l.times_real(l.real(0.5), share));
+        let is_ahead = l.is_at_least_real(signed, l.real(0.5));
+        self.0.add_block(l, l.select_real(is_ahead, ahead, back), valid & is_known);
+    }
+
+    /// Counts a pixel, or no more, that was not valid and is, or the other way round.
+    pub(super) fn change(&mut self, motion_rad: f32, was_valid: bool, is_valid: bool) {
+        if was_valid == is_valid || !motion_rad.is_finite() {
+            return;
+        }
+        let share = motion_rad / RANGE_RAD;
+        let bin = (share.abs() * BINS as f32).trunc().min((BINS - 1) as f32);
+        let bin = if 0.5 + 0.5 * share >= 0.5 { bin + BINS as f32 } else { (BINS - 1) as f32 - bin };
+        if is_valid { self.0.add(bin) } else { self.0.remove(bin) }
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.0.merge(&other.0);
+    }
+
+    /// The median motion, and what the amount of it exceeds at one pixel in twenty, rad an image.
+    pub(super) fn median_and_fast_rad(&self) -> [f32; 2] {
+        if self.0.len() == 0 {
+            return [0.0; 2];
+        }
+        let signed = (0..BINS).map(|bin| self.0.count(2 * bin) + self.0.count(2 * bin + 1));
+        let amount = (0..BINS).map(|bin| self.0.count(BINS + bin) + self.0.count(BINS - 1 - bin));
+        [(quantile(signed, 0.5) - 0.5) * 2.0 * RANGE_RAD, quantile(amount, 0.95) * RANGE_RAD]
+    }
+}

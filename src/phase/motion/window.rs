@@ -1,0 +1,117 @@
+//! A whole window: bands of rows side by side, then what takes all of them to know.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::phase::Validity;
+use crate::phase::harmonics::{self, Samples};
+use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
+use crate::phase::residuals::Residuals;
+use crate::phase::sample::Sample;
+use crate::simd::{self, LANES, Level};
+
+use super::band::{Band, BandRoom, Beside, Planes};
+use super::brightness;
+use super::fit::{MotionFit, time};
+use super::images::Images;
+use super::one_surface::{OneSurface, Repair, RepairRoom, Repaired};
+use super::speeds::Speeds;
+
+/// Fewest rows of a band: those around it are fitted once more.
+const LEAST_ROWS: usize = 64;
+
+/// Memory for the decoding of windows, about nine bytes a pixel and some rows of each thread.
+#[derive(Clone, Debug, Default)]
+pub struct MotionRoom {
+    brightness: Vec<brightness::Sums>,
+    beside: Vec<Beside>,
+    bands: Vec<(BandRoom, RepairRoom)>,
+}
+
+/// Decodes a window at a level.
+pub(super) fn decode<S: Sample>(
+    level: Level,
+    mut images: Images<'_, S>,
+    fit: &MotionFit,
+    validity: &Validity,
+    room: &mut MotionRoom,
+    map: &mut PhaseMap,
+) {
+    let (width, height) = (images.width, images.height);
+    map.resize(width, height);
+    let brightness_share = brightness::compensate(level, &mut images, fit, validity, &mut room.brightness);
+    let rows = rows_of_band(height);
+    room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
+    room.bands.resize_with(height.div_ceil(rows), Default::default);
+    bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
+        simd::run(level, Band { images: &images, fit, validity, rows, room, planes });
+    });
+    let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
+    for (band, _) in &room.bands {
+        residuals.merge(&band.residuals);
+        speeds.merge(&band.speeds);
+    }
+    let statistics = residuals.statistics(fit.freedom(), images.format, fit.noise_gain());
+    let one_surface = OneSurface::new(&images, fit, validity, &statistics);
+    bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
+        simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
+    });
+    let mut all = Repaired::default();
+    room.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
+    speeds.merge(&all.speeds);
+    let [median_rad, fast_rad] = speeds.median_and_fast_rad();
+    let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
+    map.exposure = exposure;
+    map.harmonics = harmonics(&images, fit, map, &room.beside);
+    map.fit = FitStatistics { valid_pixels, ..statistics };
+    map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
+}
+
+/// Rows of a band: all for a single thread, else two bands a thread, so that no thread waits long for the last one.
+fn rows_of_band(height: usize) -> usize {
+    let threads = rayon::current_num_threads();
+    let bands = if threads > 1 { 2 * threads } else { 1 };
+    height.div_ceil(bands).max(LEAST_ROWS)
+}
+
+/// The bands of so many rows, each with its planes and its room.
+fn bands<'a>(
+    map: &'a mut PhaseMap,
+    room: &'a mut MotionRoom,
+    rows: usize,
+) -> impl IndexedParallelIterator<Item = (Range<usize>, Planes<'a>, &'a mut (BandRoom, RepairRoom))> {
+    let (width, height) = (map.width.max(1), map.height);
+    let pixels = rows * width;
+    let planes = map
+        .phase
+        .par_chunks_mut(pixels)
+        .zip(map.modulation.par_chunks_mut(pixels))
+        .zip(map.mean.par_chunks_mut(pixels))
+        .zip(map.valid.par_chunks_mut(pixels))
+        .zip(room.beside.par_chunks_mut(rows * width.div_ceil(LANES)))
+        .zip(&mut room.bands);
+    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), beside), room))| {
+        let rows = band * rows..((band + 1) * rows).min(height);
+        (rows, Planes { phase, modulation, mean, valid, beside }, room)
+    })
+}
+
+/// The harmonics of the fringes, the motion taken off.
+fn harmonics<S: Sample>(images: &Images<'_, S>, fit: &MotionFit, map: &PhaseMap, beside: &[Beside]) -> Harmonics {
+    let (shifts, blocks) = (fit.shifts_rad(), images.width.div_ceil(LANES));
+    harmonics::measure(shifts, images.width * images.height, |pixel, out: &mut Samples| {
+        let (row, u) = (pixel / images.width, pixel % images.width);
+        let beside = &beside[row * blocks + u / LANES];
+        let motion_rad = f64::from(beside.motion_rad[u % LANES]);
+        if !map.valid[pixel] || !motion_rad.is_finite() || beside.saturated >> (u % LANES) & 1 == 1 {
+            return false;
+        }
+        let sample = |image: usize| {
+            let t = time(image, images.count);
+            [f64::from(images.grey(image, pixel)), shifts[image] + motion_rad * t, t]
+        };
+        out.extend((0..images.count).map(sample));
+        true
+    })
+}
