@@ -5,17 +5,16 @@
 
 use rayon::prelude::*;
 
+use super::super::bands::{self, BAND_ROWS};
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
 use super::Scene;
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
 use super::places::{PlaceRow, Places};
-#[cfg(target_arch = "x86_64")]
-use super::wide;
-use super::windows::Windows;
-#[cfg(target_arch = "x86_64")]
-use crate::simd::Avx512;
+use super::wide::{self, SelectionRoom};
+use super::windows::{Reach, Windows};
+use crate::simd::{self, Kernel, Lanes, Level};
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
 pub(super) const REACH_TURNS: f32 = 0.05;
@@ -39,13 +38,16 @@ pub(super) struct Selection {
     pub(super) in_volume: Vec<bool>,
     /// Where it lies in C2.
     pub(super) places: Places,
+    rooms: Vec<OutlookRow>,
+    /// Room for the median of z.
+    counts: Vec<u32>,
+    near: Vec<f32>,
 }
 
 impl Selection {
     /// Selects the candidate of each pixel that has one of the decided order.
     pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
         let (pixels, width) = (scene.cam1.phase.len(), scene.cam1.width.max(1));
-        self.absolute.clear();
         self.absolute.resize(pixels, ABSENT);
         self.column_px.resize(pixels, 0.0);
         self.z.resize(pixels, 0.0);
@@ -53,21 +55,35 @@ impl Selection {
         self.slope.resize(pixels, 0);
         self.in_volume.resize(pixels, false);
         self.places.resize(pixels);
-        let places = self.absolute.par_chunks_mut(width).zip(self.column_px.par_chunks_mut(width));
-        let fits = self.z.par_chunks_mut(width).zip(self.delta.par_chunks_mut(width));
-        let rest = self.slope.par_chunks_mut(width).zip(self.in_volume.par_chunks_mut(width));
+        bands::resize(&mut self.rooms, scene.cam1.height);
+        let of_band = BAND_ROWS * width;
+        let places = self.absolute.par_chunks_mut(of_band).zip(self.column_px.par_chunks_mut(of_band));
+        let fits = self.z.par_chunks_mut(of_band).zip(self.delta.par_chunks_mut(of_band));
+        let rest = self.slope.par_chunks_mut(of_band).zip(self.in_volume.par_chunks_mut(of_band));
         let Places { of_pixels, nearness } = &mut self.places;
-        let in_cam2 = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width));
-        let rows = places.zip(fits).zip(rest).zip(in_cam2).enumerate();
-        rows.for_each_init(OutlookRow::default, |row, (v, (out, (of_pixels, nearness)))| {
+        let in_cam2 = of_pixels.par_chunks_mut(of_band).zip(nearness.par_chunks_mut(of_band));
+        let bands = places.zip(fits).zip(rest).zip(in_cam2).zip(&mut self.rooms).enumerate();
+        bands.for_each(|(band, ((out, (of_pixels, nearness)), row))| {
             let (((absolute, column_px), (z, delta)), (slope, in_volume)) = out;
-            row.turn_to(scene, scale, v);
-            let pixels = v * width..(v + 1) * width;
-            let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
-            let phase = &scene.cam1.phase[pixels];
-            let out = SelectedRow { absolute, column_px: &mut *column_px, z, delta, slope, in_volume };
-            SelectionRow { scene, windows, row, phase, count, order, out }.select();
-            PlaceRow { of_pixels, nearness }.find(scene.table, &row.segments, column_px);
+            for (i, here) in (0..absolute.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
+                let v = band * BAND_ROWS + i;
+                row.turn_to(scene, scale, v);
+                let pixels = v * width..(v + 1) * width;
+                let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+                let out = SelectedRow {
+                    absolute: &mut absolute[here.clone()],
+                    column_px: &mut column_px[here.clone()],
+                    z: &mut z[here.clone()],
+                    delta: &mut delta[here.clone()],
+                    slope: &mut slope[here.clone()],
+                    in_volume: &mut in_volume[here.clone()],
+                };
+                let phase = &scene.cam1.phase[pixels];
+                let selection = SelectionRow { scene, reach: windows.reach, row, phase, count, order, out };
+                simd::run(Level::in_use(), selection);
+                let places = PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here.clone()] };
+                places.find(scene.table, &row.segments, &column_px[here]);
+            }
         });
         self.normalize();
     }
@@ -88,11 +104,13 @@ impl Selection {
     }
 
     /// Median of |z| of all selected candidates.
-    fn median_magnitude_of_z(&self) -> Option<f32> {
+    fn median_magnitude_of_z(&mut self) -> Option<f32> {
         // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
         let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
-        let selected = || self.z.iter().zip(&self.absolute).filter(|(_, absolute)| **absolute != ABSENT);
-        let mut counts = vec![0_u32; 1 << 15];
+        let Self { z, absolute, counts, near, .. } = self;
+        let selected = || z.iter().zip(&*absolute).filter(|(_, absolute)| **absolute != ABSENT);
+        counts.clear();
+        counts.resize(1 << 15, 0);
         selected().for_each(|(&z, _)| counts[upper(z) % (1 << 15)] += 1);
         let middle = counts.iter().sum::<u32>() / 2;
         let mut below = 0;
@@ -101,7 +119,8 @@ impl Selection {
             below > middle
         })?;
         let before = below - counts[of_median];
-        let mut near: Vec<f32> = selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median).collect();
+        near.clear();
+        near.extend(selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median));
         let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
         Some(median)
     }
@@ -117,10 +136,38 @@ struct SelectedRow<'a> {
     in_volume: &'a mut [bool],
 }
 
+/// The same of a block.
+pub(super) struct SelectedBlock<'a> {
+    pub(super) absolute: &'a mut [i32; wide::BLOCK],
+    pub(super) column_px: &'a mut [f32; wide::BLOCK],
+    pub(super) z: &'a mut [f32; wide::BLOCK],
+    pub(super) delta: &'a mut [i16; wide::BLOCK],
+    pub(super) slope: &'a mut [i16; wide::BLOCK],
+    pub(super) in_volume: &'a mut [bool; wide::BLOCK],
+}
+
+impl SelectedRow<'_> {
+    #[inline(always)]
+    fn block(&mut self, begin: usize) -> SelectedBlock<'_> {
+        #[inline(always)]
+        fn of<T>(row: &mut [T], begin: usize) -> &mut [T; wide::BLOCK] {
+            row[begin..].first_chunk_mut().expect("a block lies within its row")
+        }
+        SelectedBlock {
+            absolute: of(self.absolute, begin),
+            column_px: of(self.column_px, begin),
+            z: of(self.z, begin),
+            delta: of(self.delta, begin),
+            slope: of(self.slope, begin),
+            in_volume: of(self.in_volume, begin),
+        }
+    }
+}
+
 /// Selects the candidates of a row.
 struct SelectionRow<'a> {
     scene: &'a Scene<'a>,
-    windows: &'a Windows,
+    reach: Reach,
     row: &'a OutlookRow,
     phase: &'a [u16],
     count: &'a [u8],
@@ -128,44 +175,42 @@ struct SelectionRow<'a> {
     out: SelectedRow<'a>,
 }
 
-impl SelectionRow<'_> {
-    fn select(&mut self) {
-        #[cfg(target_arch = "x86_64")]
-        let done = Avx512::in_use().map_or(0, |lanes| self.select_blocks(lanes));
-        #[cfg(not(target_arch = "x86_64"))]
-        let done = 0;
-        (done..self.count.len()).for_each(|u| self.select_pixel(u));
-    }
+impl Kernel for SelectionRow<'_> {
+    type Output = ();
 
-    /// Whole blocks of pixels; yields how many pixels they have.
-    #[cfg(target_arch = "x86_64")]
-    fn select_blocks(&mut self, level: Avx512) -> usize {
-        let row = self.row.wide(self.scene, self.windows);
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, level: L) {
+        let row = self.row.wide(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let (mut of_block, mut room, mut found) = (row.no_block(), wide::Room::new(), wide::Found::NONE);
+        let mut room = SelectionRoom::new(level);
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * wide::BLOCK;
-            if !row.turn(level, &mut of_block, begin, count) {
+            let Some(mut of_block) = row.block(level, begin, count) else {
+                self.out.absolute[begin..][..wide::BLOCK].fill(ABSENT);
                 continue;
-            }
-            of_block.select(level, order, &mut room, &mut found);
-            let (out, pixels) = (&mut self.out, begin..begin + wide::BLOCK);
-            out.absolute[pixels.clone()].copy_from_slice(&found.absolute);
-            out.column_px[pixels.clone()].copy_from_slice(&found.column_px);
-            out.z[pixels.clone()].copy_from_slice(&found.z);
-            out.delta[pixels.clone()].copy_from_slice(&found.delta);
-            out.slope[pixels.clone()].copy_from_slice(&found.slope);
-            out.in_volume[pixels].copy_from_slice(&found.in_volume);
-            (0..wide::BLOCK).filter(|k| found.irregular >> k & 1 == 1).for_each(|k| self.select_pixel(begin + k));
+            };
+            of_block.select(order, &mut room, self.out.block(begin));
+            self.select_pixels(begin, of_block.irregular());
         }
-        counts.len() * wide::BLOCK
+        (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
+    }
+}
+
+impl SelectionRow<'_> {
+    /// Some of the pixels from one on, a bit each, one by one.
+    fn select_pixels(&mut self, begin: usize, mut pixels: u32) {
+        while pixels != 0 {
+            self.select_pixel(begin + pixels.trailing_zeros() as usize);
+            pixels &= pixels - 1;
+        }
     }
 
     fn select_pixel(&mut self, u: usize) {
+        self.out.absolute[u] = ABSENT;
         if self.count[u] == 0 {
             return;
         }
-        let outlook = self.row.outlook(self.scene, self.windows, u);
+        let outlook = self.row.outlook(self.scene, self.reach, u);
         let sd_turns = self.row.sd_turns[u];
         let Some((rest, column_px, slope)) = best_of_order(&outlook, self.order[u], sd_turns) else { return };
         let delta_turns = rest + outlook.drift.at(column_px);

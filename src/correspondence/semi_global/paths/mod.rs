@@ -1,0 +1,365 @@
+//! Least energies along straight paths through the image, and the order that has the least sum of them.
+//!
+//! ```text
+//! for each direction, pixel by pixel p after its predecessor q:
+//!     F(p, k) = min( L(q, k − carry), P )      where the wrapped phase runs on from q to p, least of L(q) taken off
+//!     F(p, k) = 0                              where it jumps, or there is no q
+//!     L(p, k) = E(p, k) + F(p, k)
+//! for each pixel:
+//!     S(p, k) = 8·E(p, k) + sum of F(p, k) over all directions
+//! ```
+//!
+//! Over most of an image one order fits and the others do not, so that paths are *settled*: F is 0 for that order and P for all
+//! others, whatever the energies were. A pixel where all paths come settled on the order that fits best leaves them so, and its
+//! sums follow from its best energies alone; whole runs of such pixels are passed by without looking at their orders.
+//!
+//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
+//! the sum of L by a number that is the same for all orders of a pixel.
+//!
+//! Four directions run with the rows of the image and four against them, in two passes that begin at opposite ends and share
+//! nothing until they meet: each leaves its sums in the half that it goes through first, and decides in the other, where the
+//! sums of the other pass lie. Whole numbers make a sum the same in any order.
+
+mod decision;
+mod settled;
+
+use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
+
+use super::UNITS_PER_NAT;
+use super::evidence::{Evidence, MISSING};
+use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
+use super::windows::{LANE_STEP, MAX_LANES, Windows};
+
+use decision::{Decide, Leave};
+use settled::{AgreedRow, place_of_settled, run_of_ones, settled};
+
+/// Price of an order that does not continue where the wrapped phase does, nats.
+const CHANGE_NATS: f32 = 8.0;
+const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
+/// Numbers of orders for which loops are compiled, beside any number.
+const ONE_STEP: usize = LANE_STEP;
+const TWO_STEPS: usize = 2 * LANE_STEP;
+const THREE_STEPS: usize = 3 * LANE_STEP;
+/// Paths through each pixel.
+pub(super) const PATHS: usize = 8;
+
+/// The orders with the least energy.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdicts {
+    pub(super) order: Vec<i16>,
+    /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
+    pub(super) margin: Vec<u16>,
+}
+
+/// Room for the links of pixels and the sums of paths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PathRoom {
+    links: Links,
+    /// What the pass that comes first leaves to the other: where its paths are settled, and the sums elsewhere.
+    places: Vec<u8>,
+    sums: Vec<u16>,
+    passes: [PassRoom; 2],
+}
+
+/// Decides the order of every pixel with a window.
+pub(super) fn least_energies(
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &Evidence,
+    PathRoom { links, places, sums, passes }: &mut PathRoom,
+    verdicts: &mut Verdicts,
+) {
+    let (width, height) = (cam1.width.max(1), cam1.height);
+    links.find(cam1, windows);
+    places.resize(width * height, NO_PLACE);
+    sums.resize(width * height * windows.lanes, 0);
+    verdicts.order.resize(width * height, 0);
+    verdicts.margin.resize(width * height, 0);
+    let middle = height / 2;
+    let (upper_places, lower_places) = places.split_at_mut(middle * width);
+    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * windows.lanes);
+    let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
+    let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
+    let [down, up] = passes;
+    [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, windows.lanes));
+    let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, room: down };
+    let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, room: up };
+    let level = Level::in_use();
+    let (above, below) = (0..middle, middle..height);
+    rayon::join(
+        || {
+            let visit = Leave { places: &mut *upper_places, sums: &mut *upper_sums };
+            simd::run(level, Through { sweep: &mut down, rows: above.clone(), visit });
+        },
+        || {
+            let visit = Leave { places: &mut *lower_places, sums: &mut *lower_sums };
+            simd::run(level, Through { sweep: &mut up, rows: below.clone(), visit });
+        },
+    );
+    rayon::join(
+        || {
+            let visit = Decide { places: lower_places, sums: lower_sums, order: lower_order, margin: lower_margin };
+            simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
+        },
+        || {
+            let visit = Decide { places: upper_places, sums: upper_sums, order: upper_order, margin: upper_margin };
+            simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
+        },
+    );
+}
+
+/// Sense in which an image is passed through.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    /// Rows from the first, columns from the left.
+    Down,
+    /// Rows from the last, columns from the right.
+    Up,
+}
+
+/// One pass with its four directions.
+struct Sweep<'a, 'b> {
+    width: usize,
+    windows: &'a Windows,
+    links: &'a Links,
+    evidence: &'a Evidence,
+    pass: Pass,
+    room: &'b mut PassRoom,
+}
+
+/// Room for a pass.
+#[derive(Clone, Debug, Default)]
+struct PassRoom {
+    /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
+    before: [PathRow; AXES.len()],
+    here: [PathRow; AXES.len()],
+    agreed: AgreedRow,
+}
+
+impl PassRoom {
+    /// No row was passed yet.
+    fn clear(&mut self, width: usize, lanes: usize) {
+        for row in self.before.iter_mut().chain(&mut self.here) {
+            row.energies.clear();
+            row.energies.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
+            row.places.clear();
+            row.places.resize(width, NO_PLACE);
+        }
+        self.agreed.resize(width);
+    }
+}
+
+/// Energies of a row of pixels in one direction, the least of each taken off, none above the price of a change.
+#[derive(Clone, Debug, Default)]
+struct PathRow {
+    /// Places of the orders on which the pixels are settled; [`NO_PLACE`] of those that have energies.
+    places: Vec<u8>,
+    /// With room on either side where orders of a pixel's neighbours may point.
+    energies: Vec<u8>,
+}
+
+impl PathRow {
+    /// Energies that a path brings on along a link.
+    #[inline(always)]
+    fn towards(&self, Link { column, shift }: Link, lanes: usize) -> &[u8] {
+        match self.places[column] {
+            NO_PLACE => &self.energies[column * (lanes + 2 * MAX_SHIFT) + shift..][..lanes],
+            place => settled(usize::from(place), shift, lanes),
+        }
+    }
+
+    /// Takes the energies of a pixel.
+    #[inline(always)]
+    fn set(&mut self, u: usize, energies: &[u16]) {
+        let lanes = energies.len();
+        let own = &mut self.energies[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
+        for lane in 0..lanes {
+            own[lane] = energies[lane] as u8;
+        }
+        self.places[u] = place_of_settled(own);
+    }
+}
+
+/// Goes through some rows.
+struct Through<'a, 'b, 'c, V> {
+    sweep: &'a mut Sweep<'b, 'c>,
+    rows: std::ops::Range<usize>,
+    visit: V,
+}
+
+/// What becomes of the sums of pixels. `place` is that of a row or a pixel among those of the rows.
+trait Visit {
+    /// Takes what holds for the pixels of a row if all paths come to them settled on the `agreed` places; `first` is the number
+    /// of their first one.
+    fn begin_row<L: Lanes>(&mut self, level: L, sweep: &mut Sweep<'_, '_>, first: usize, place: usize);
+
+    /// Takes a pixel for which it does, where the row did not tell all.
+    fn take_settled<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_, '_>,
+        pixel: usize,
+        place: usize,
+        agreed: u8,
+    );
+
+    /// Takes what the paths of a pass bring to the orders of any other pixel.
+    fn take<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_, '_>,
+        pixel: usize,
+        place: usize,
+        sum: &[u16; ROOM],
+    );
+}
+
+impl<V: Visit> Kernel for Through<'_, '_, '_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        // Most rigs have few orders; loops of known length are registers.
+        match self.sweep.windows.lanes {
+            ONE_STEP => self.run_of::<L, ONE_STEP>(lanes),
+            TWO_STEPS => self.run_of::<L, TWO_STEPS>(lanes),
+            THREE_STEPS => self.run_of::<L, THREE_STEPS>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
+        }
+    }
+}
+
+impl<V: Visit> Through<'_, '_, '_, V> {
+    #[inline(always)]
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
+        let Self { sweep, rows, mut visit } = self;
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
+            let links = sweep.begin_row(v);
+            visit.begin_row(level, sweep, first, first_place);
+            let (mut along, mut j) = ([0; ROOM], 0);
+            while j < sweep.width {
+                let u = sweep.column(j);
+                j += 1;
+                let (pixel, place) = (first + u, first_place + u);
+                if sweep.windows.count[pixel] == 0 {
+                    continue;
+                }
+                let agreed = sweep.room.agreed.places[u];
+                if agreed != NO_PLACE && sweep.place_along(&links[0], u) == agreed {
+                    visit.take_settled::<L, ROOM>(level, sweep, pixel, place, agreed);
+                    if j < sweep.width {
+                        j += run_of_ones(&sweep.room.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
+                    }
+                } else {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], &mut along);
+                    visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
+                }
+            }
+            std::mem::swap(&mut sweep.room.before, &mut sweep.room.here);
+        }
+    }
+}
+
+impl<'a> Sweep<'a, '_> {
+    /// Number of orders, known to loops that have room for few.
+    #[inline(always)]
+    fn lanes<const ROOM: usize>(&self) -> usize {
+        if ROOM < MAX_LANES { ROOM } else { self.windows.lanes }
+    }
+
+    #[inline(always)]
+    fn column(&self, j: usize) -> usize {
+        if self.pass == Pass::Down { j } else { self.width - 1 - j }
+    }
+
+    /// Finds the pixels of a row to which all paths come settled, as if those along the row did; yields where paths come from.
+    #[inline(always)]
+    fn begin_row(&mut self, v: usize) -> [RowLinks<'a>; AXES.len()] {
+        let (links, forward) = (self.links, self.pass == Pass::Down);
+        let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
+        let PassRoom { before, here, agreed } = &mut *self.room;
+        let pixels = v * self.width..(v + 1) * self.width;
+        agreed.find(&links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
+        here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
+        links
+    }
+
+    /// The place on which the path along the row comes to a pixel settled.
+    #[inline(always)]
+    fn place_along(&self, links: &RowLinks<'_>, u: usize) -> u8 {
+        let Some(Link { column, shift }) = links.towards(u) else { return NO_PLACE };
+        match self.room.here[0].places[column] {
+            NO_PLACE => NO_PLACE,
+            place => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
+        }
+    }
+
+    /// All four directions at a pixel in column `u`: the sum of what they bring. `along` are the energies along the row of the
+    /// last pixel that came here, then those of this one.
+    #[inline(always)]
+    fn pixel<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        links: &[RowLinks<'_>; AXES.len()],
+        [u, pixel]: [usize; 2],
+        along: &mut [u16; ROOM],
+    ) -> [u16; ROOM] {
+        let lanes = self.lanes::<ROOM>();
+        let evidence = &self.evidence.energies[pixel * lanes..][..lanes];
+        let PassRoom { before, here, .. } = &mut *self.room;
+        let mut sum = [0_u16; ROOM];
+        for axis in 0..AXES.len() {
+            let is_along = AXES[axis][1] == 0;
+            let mut from = [0; ROOM];
+            if let Some(link) = links[axis].towards(u) {
+                let row = if is_along { &here[axis] } else { &before[axis] };
+                // Along the row nothing is waited for that memory has to bring.
+                let is_known = is_along && link.shift == MAX_SHIFT && row.places[link.column] == NO_PLACE;
+                if is_known && ROOM < MAX_LANES {
+                    from = *along;
+                } else {
+                    let before = row.towards(link, lanes);
+                    for lane in 0..lanes {
+                        from[lane] = u16::from(before[lane]);
+                    }
+                }
+            }
+            let energies = add::<L, ROOM>(level, evidence, &from, lanes);
+            for lane in 0..lanes {
+                sum[lane] = sum[lane].wrapping_add(from[lane]);
+            }
+            here[axis].set(u, &energies[..lanes]);
+            if is_along {
+                *along = energies;
+            }
+        }
+        sum
+    }
+}
+
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
+/// price of a change, which whoever goes on from here pays at most.
+#[inline(always)]
+fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
+    let mut energies = *from;
+    let mut least = [u16::MAX; LANE_STEP];
+    for (energies, evidence) in energies.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_add(u16::from(evidence[lane]));
+            least[lane] = least[lane].min(energies[lane]);
+        }
+    }
+    let least = level.least(&least);
+    for energies in energies[..lanes].as_chunks_mut::<LANE_STEP>().0 {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
+        }
+    }
+    energies
+}
+
+const _: () = assert!(CHANGE < u8::MAX as u16);
+const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);

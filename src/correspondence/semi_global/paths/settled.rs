@@ -1,0 +1,152 @@
+//! Paths that are settled on one order: all others have the price of a change.
+
+use crate::simd::{self, Kernel, Lanes, Level};
+
+use super::super::evidence::{BestOfRow, MISSING};
+use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
+use super::super::windows::MAX_LANES;
+use super::{CHANGE, PathRow};
+
+/// Energies of a settled pixel, as far as any neighbour may point beside its orders.
+static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
+    let mut energies = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
+    energies[MAX_LANES + MAX_SHIFT] = 0;
+    energies
+};
+
+/// Energies from so many orders beside the first order of a pixel on that is settled on the order in a place.
+#[inline(always)]
+pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
+    &SETTLED[MAX_LANES + shift - place..][..lanes]
+}
+
+/// The place of the order that a pixel with such energies is settled on; [`NO_PLACE`] if it is not.
+#[inline(always)]
+pub(super) fn place_of_settled(energies: &[u8]) -> u8 {
+    for (step, energies_of_step) in energies.as_chunks::<8>().0.iter().enumerate() {
+        // The lowest byte that is zero is found by borrowing.
+        let bytes = u64::from_le_bytes(*energies_of_step);
+        let zeros = bytes.wrapping_sub(u64::MAX / 255) & !bytes & (u64::MAX / 255 << 7);
+        if zeros != 0 {
+            let place = 8 * step + zeros.trailing_zeros() as usize / 8;
+            let is_settled = energies == settled(place, MAX_SHIFT, energies.len());
+            return if is_settled { place as u8 } else { NO_PLACE };
+        }
+    }
+    NO_PLACE
+}
+
+/// What would hold for the pixels of a row if the paths along it came settled too.
+#[derive(Clone, Debug, Default)]
+pub(super) struct AgreedRow {
+    /// Places of the orders on which all other paths come settled and which fit best; [`NO_PLACE`] where there is none.
+    pub(super) places: Vec<u8>,
+    /// 1 where the path along the row comes settled on that place, if the pixel before is settled on its own; else 0.
+    pub(super) runs_on: Vec<u8>,
+    /// Room for the places that each axis brings.
+    carried: [Vec<u8>; AXES.len()],
+}
+
+impl AgreedRow {
+    pub(super) fn resize(&mut self, width: usize) {
+        for array in [&mut self.places, &mut self.runs_on].into_iter().chain(&mut self.carried) {
+            array.resize(width, NO_PLACE);
+        }
+    }
+
+    /// Finds them in a row whose pixels have so many orders, from the row before.
+    pub(super) fn find(
+        &mut self,
+        links: &[RowLinks<'_>; AXES.len()],
+        before: &[PathRow; AXES.len()],
+        count: &[u8],
+        best: BestOfRow<'_>,
+    ) {
+        simd::run(Level::in_use(), AgreedKernel { row: self, links, before, count, best });
+    }
+}
+
+struct AgreedKernel<'a> {
+    row: &'a mut AgreedRow,
+    links: &'a [RowLinks<'a>; AXES.len()],
+    before: &'a [PathRow; AXES.len()],
+    count: &'a [u8],
+    best: BestOfRow<'a>,
+}
+
+impl Kernel for AgreedKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { row: AgreedRow { places, runs_on, carried }, links, before, count, best } = self;
+        let width = count.len();
+        for axis in 1..AXES.len() {
+            links[axis].carry(&before[axis].places, &mut carried[axis]);
+        }
+        let [along, straight, left, right] = carried;
+        let (straight, left, right) = (&straight[..width], &left[..width], &right[..width]);
+        let (place, least) = (&best.place[..width], &best.least[..width]);
+        let (places, runs_on) = (&mut places[..width], &mut runs_on[..width]);
+        for u in 0..width {
+            let agreed = straight[u];
+            let is_agreed = (agreed == left[u])
+                & (agreed == right[u])
+                & (agreed < count[u])
+                & ((agreed == place[u]) | (least[u] == MISSING));
+            places[u] = if is_agreed { agreed } else { NO_PLACE };
+        }
+        links[0].carry(places, along);
+        let along = &along[..width];
+        for u in 0..width {
+            runs_on[u] = u8::from((places[u] != NO_PLACE) & (along[u] == places[u]));
+        }
+    }
+}
+
+/// Ones from a place on, going to higher places or to lower ones.
+#[inline(always)]
+pub(super) fn run_of_ones(bytes: &[u8], from: usize, forward: bool) -> usize {
+    const STEP: usize = 16;
+    let is_one = |byte: &&u8| **byte == 1;
+    if forward {
+        let rest = &bytes[from..];
+        let whole = STEP * rest.as_chunks::<STEP>().0.iter().take_while(|chunk| **chunk == [1; STEP]).count();
+        whole + rest[whole..].iter().take_while(is_one).count()
+    } else {
+        let rest = &bytes[..=from];
+        let whole = STEP * rest.as_rchunks::<STEP>().1.iter().rev().take_while(|chunk| **chunk == [1; STEP]).count();
+        whole + rest[..rest.len() - whole].iter().rev().take_while(is_one).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_settled_pixel_has_one_order_and_others_at_the_price_of_a_change() {
+        for lanes in [8, 24, 128] {
+            for place in 0..lanes {
+                let mut energies = vec![CHANGE as u8; lanes];
+                energies[place] = 0;
+                assert_eq!(settled(place, MAX_SHIFT, lanes), energies);
+                assert_eq!(usize::from(place_of_settled(&energies)), place);
+                energies[(place + 3) % lanes] -= 1;
+                assert_eq!(place_of_settled(&energies), NO_PLACE);
+            }
+            assert_eq!(place_of_settled(&vec![CHANGE as u8; lanes]), NO_PLACE);
+            assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&energy| energy == CHANGE as u8));
+            assert_eq!(settled(2, MAX_SHIFT + 1, lanes)[1], 0);
+        }
+    }
+
+    #[test]
+    fn ones_are_counted_both_ways() {
+        let mut bytes = vec![1; 100];
+        assert_eq!([run_of_ones(&bytes, 3, true), run_of_ones(&bytes, 3, false)], [97, 4]);
+        bytes[60] = 0;
+        assert_eq!([run_of_ones(&bytes, 3, true), run_of_ones(&bytes, 99, false)], [57, 39]);
+        assert_eq!([run_of_ones(&bytes, 60, true), run_of_ones(&bytes, 60, false)], [0, 0]);
+    }
+}
