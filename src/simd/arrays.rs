@@ -62,6 +62,10 @@ impl Lanes for Arrays {
         map(*words, |word| word as i16)
     }
     #[inline(always)]
+    fn load_signed(self, words: &[i16; LANES]) -> Words {
+        *words
+    }
+    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
         map(*words, i16::from_le_bytes)
     }
@@ -334,10 +338,6 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn both(self, a: Truths, b: Truths) -> Truths {
         zip(a, b, |a, b| a & b)
-    }
-    #[inline(always)]
-    fn either(self, a: Truths, b: Truths) -> Truths {
-        zip(a, b, |a, b| a | b)
     }
     #[inline(always)]
     fn truths(self, mask: Mask) -> Truths {

@@ -71,6 +71,10 @@ impl Lanes for Avx512 {
         unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
     }
     #[inline(always)]
+    fn load_signed(self, words: &[i16; LANES]) -> __m512i {
+        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
+    }
+    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> __m512i {
         unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
     }
@@ -360,10 +364,6 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn both(self, a: Pair<__mmask16>, b: Pair<__mmask16>) -> Pair<__mmask16> {
         [a[0] & b[0], a[1] & b[1]]
-    }
-    #[inline(always)]
-    fn either(self, a: Pair<__mmask16>, b: Pair<__mmask16>) -> Pair<__mmask16> {
-        [a[0] | b[0], a[1] | b[1]]
     }
     #[inline(always)]
     fn truths(self, mask: __mmask32) -> Pair<__mmask16> {

@@ -153,6 +153,8 @@ pub(crate) trait Lanes: Copy {
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
     /// Words of memory.
     fn load(self, words: &[u16; LANES]) -> Self::Words;
+    /// Signed words of memory.
+    fn load_signed(self, words: &[i16; LANES]) -> Self::Words;
     /// Little-endian words at any address.
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
     /// a + b, wrapping.
@@ -282,8 +284,6 @@ pub(crate) trait Lanes: Copy {
     fn select_float(self, truths: Self::Truths, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
     /// Both.
     fn both(self, a: Self::Truths, b: Self::Truths) -> Self::Truths;
-    /// Either.
-    fn either(self, a: Self::Truths, b: Self::Truths) -> Self::Truths;
     /// Truths of words as those of longs.
     fn truths(self, mask: Self::Mask) -> Self::Truths;
     /// Truths of longs as those of words.

@@ -13,7 +13,7 @@ use super::super::bands::{self, BAND_ROWS};
 use super::super::drift::DepthRow;
 use super::super::segment::SegmentRow;
 use super::outlook::Outlook;
-use super::wide::{self, BestOfBlock, EvidenceRoom, OrdersOfBlock};
+use super::wide::{self, BestOfBlock, Ends, EvidenceRoom, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
@@ -299,7 +299,7 @@ impl Kernel for EvidenceRow<'_> {
     fn run<L: Lanes>(mut self, level: L) {
         let row = self.row.wide(self.scene, self.reach);
         let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
-        let mut room = EvidenceRoom::new(level);
+        let (mut room, mut ends): (_, Ends) = (EvidenceRoom::new(level), [[0; _]; 3]);
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
             let begin = block * wide::BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else {
@@ -309,7 +309,7 @@ impl Kernel for EvidenceRow<'_> {
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
             let tile = &mut self.tile[begin * self.lanes..][..wide::BLOCK * self.lanes];
             let orders = OrdersOfBlock { first, count, most };
-            let best = of_block.evidence(&orders, self.energies, &mut room, tile, self.lanes);
+            let best = of_block.evidence(&orders, self.energies, &mut room, &mut ends, tile, self.lanes);
             let BestOfBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {

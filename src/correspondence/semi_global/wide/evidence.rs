@@ -5,7 +5,7 @@ use crate::simd::{COLUMNS, Lanes};
 use super::super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::super::windows::LANE_STEP;
 use super::pixels::column_and_slope;
-use super::rows::{Crossing, Differences, NO_ENDS, Tables, crosses};
+use super::rows::{Crossing, Differences, Ends, Tables, crosses};
 use super::{BLOCK, Block};
 
 /// Crossings that are kept until they are weighed.
@@ -73,6 +73,7 @@ impl<L: Lanes> Block<'_, L> {
         orders: &OrdersOfBlock<'_>,
         energies: &Energies,
         room: &mut EvidenceRoom<L>,
+        ends: &mut Ends,
         tile: &mut [u8],
         lanes_of_pixel: usize,
     ) -> BestOfBlock<L> {
@@ -81,7 +82,7 @@ impl<L: Lanes> Block<'_, L> {
         let mut best = BestOfBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
         for skipped in (0..lanes_of_pixel).step_by(LANE_STEP) {
             let count = orders.most.saturating_sub(skipped).min(LANE_STEP);
-            self.step(orders, [skipped, count], energies, room, &mut best);
+            self.step(orders, [skipped, count], energies, room, ends, &mut best);
             room.by_order[count..].fill([NO_ORDER; BLOCK]);
             transpose(&room.by_order, &mut tile[skipped..], lanes_of_pixel);
         }
@@ -98,10 +99,11 @@ impl<L: Lanes> Block<'_, L> {
         [skipped, count]: [usize; 2],
         energies: &Energies,
         room: &mut EvidenceRoom<L>,
+        ends: &mut Ends,
         all: &mut BestOfBlock<L>,
     ) {
         let lanes = self.lanes;
-        let first = lanes.widen(lanes.load(&orders.first.map(|first| first as u16)));
+        let first = lanes.widen(lanes.load_signed(orders.first));
         let first = lanes.add_long(first, lanes.long(skipped as i32));
         let counts = lanes.words_of_bytes(orders.count);
         let reach = lanes.times_float(lanes.float(MAX_Z), self.pixels.sd_turns);
@@ -120,7 +122,7 @@ impl<L: Lanes> Block<'_, L> {
         }
         room.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
         for lane in 0..count {
-            self.cross(lane, first, energies, room);
+            self.cross(lane, first, energies, room, ends);
         }
         self.weigh(first, energies, room);
         let limit = lanes.word(i16::from(energies.limit));
@@ -139,7 +141,14 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Finds where the phases of the pixels are crossed in the columns of an order.
     #[inline(always)]
-    fn cross(&self, lane: usize, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>) {
+    fn cross(
+        &self,
+        lane: usize,
+        first: L::Longs,
+        energies: &Energies,
+        room: &mut EvidenceRoom<L>,
+        ends: &mut Ends,
+    ) {
         let lanes = self.lanes;
         let columns = room.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);
@@ -153,8 +162,7 @@ impl<L: Lanes> Block<'_, L> {
                 let (place, last) = (lanes.sub(begin, bases), lanes.sub(end, bases));
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
                 todo = lanes.and_not(todo, here);
-                let mut ends = NO_ENDS;
-                let tables = Tables::of(lanes, self.image, &self.rows, *pair, base, self.phases, &mut ends);
+                let tables = Tables::of(lanes, self.image, &self.rows, *pair, base, self.phases, ends);
                 let mut before: Differences<L> = tables.difference(place);
                 let mut at = lanes.add(place, one);
                 let mut within = lanes.and_not(here, lanes.is_greater(at, last));

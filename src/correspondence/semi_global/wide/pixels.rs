@@ -55,32 +55,38 @@ impl<L: Lanes> Pixels<L> {
     /// Those of a row from `first` on; and which of them are regular.
     #[inline(always)]
     pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
-        let (s, drift) = (row.segments, row.drift);
-        let load = |from: &[f32]| lanes.load_floats(block_of(from, first));
-        let (begin, end) = (load(&s.begin_px), load(&s.end_px));
+        let (s, c) = (row.segments, &row.drift.coefficients);
+        let (begin, end) = (load(lanes, &s.begin_px, first), load(lanes, &s.end_px, first));
         let beyond = lanes.float(row.reach.beyond_px);
         let zero = lanes.float(0.0);
         let phases = lanes.floats(lanes.widen_unsigned(lanes.load(block_of(row.phase, first))));
-        let (a, b, d) = (load(&s.a), load(&s.b), load(&s.d));
+        let (a, b, d) = (load(lanes, &s.a, first), load(lanes, &s.b, first), load(lanes, &s.d, first));
         let mut pixels = Self {
             lanes,
             begin,
             end,
             first_px: lanes.max_float(lanes.sub_float(begin, beyond), zero),
             last_px: lanes.min_float(lanes.add_float(end, beyond), lanes.float(row.reach.last_column_px)),
-            reference: load(&s.reference_px),
+            reference: load(lanes, &s.reference_px, first),
             a,
             b,
             d,
-            row: load(&s.row_px),
+            row: load(lanes, &s.row_px, first),
             rise: lanes.sub_float(b, lanes.times_float(a, d)),
             least: zero,
             most: zero,
             phase_turns: lanes.times_float(phases, lanes.float(1.0 / 65536.0)),
-            drift: [0, 1, 2, 3, 4, 5].map(|k| load(&drift.coefficients[k])),
-            middle_px: load(&drift.middle_px),
-            per_px: lanes.float(drift.per_px),
-            sd_turns: load(row.sd_turns),
+            drift: [
+                load(lanes, &c[0], first),
+                load(lanes, &c[1], first),
+                load(lanes, &c[2], first),
+                load(lanes, &c[3], first),
+                load(lanes, &c[4], first),
+                load(lanes, &c[5], first),
+            ],
+            middle_px: load(lanes, &row.drift.middle_px, first),
+            per_px: lanes.float(row.drift.per_px),
+            sd_turns: load(lanes, row.sd_turns, first),
         };
         let (at_first, at_last) = (pixels.phase_turns_at(pixels.first_px), pixels.phase_turns_at(pixels.last_px));
         pixels.least = lanes.min_float(at_first, at_last);
@@ -173,6 +179,12 @@ impl<L: Lanes> Pixels<L> {
             narrow: lanes.mask_of(narrow),
         }
     }
+}
+
+/// The floats of a block. No closure: what is not inlined at once would be calls of single instructions.
+#[inline(always)]
+fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
+    lanes.load_floats(block_of(row, first))
 }
 
 /// Column and slope of crossings.

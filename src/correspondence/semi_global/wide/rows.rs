@@ -51,7 +51,8 @@ impl<L: Lanes> Rows<L> {
             let of_first = lanes.and(todo, lanes.is_equal(upper, lanes.word(first)));
             let second = lanes.and(todo, lanes.is_equal(upper, lanes.word(first + 1)));
             let pixels = lanes.or(of_first, second);
-            let begins = [0, 1, 2].map(|r| (first as usize + r).min(last) * width);
+            let row = first as usize;
+            let begins = [row * width, (row + 1).min(last) * width, (row + 2).min(last) * width];
             rows.pairs[rows.count] = RowPair { pixels, begins, second, straddles: lanes.any(second) };
             rows.count += 1;
             found = lanes.or(found, pixels);
@@ -77,10 +78,7 @@ pub(super) struct Tables<'a, L: Lanes> {
 }
 
 /// Room for columns at the end of the image.
-pub(super) type Ends = [[u16; COLUMNS]; 3];
-
-/// No columns.
-pub(super) const NO_ENDS: Ends = [[EpipolarImage::NO_PHASE; COLUMNS]; 3];
+pub(in super::super) type Ends = [[u16; COLUMNS]; 3];
 
 impl<'a, L: Lanes> Tables<'a, L> {
     /// The columns from `base` on, for pixels with such phases.
@@ -95,9 +93,12 @@ impl<'a, L: Lanes> Tables<'a, L> {
         ends: &'a mut Ends,
     ) -> Self {
         let [a, b, c] = ends;
-        let [first, second, third] = pair.begins.map(|begin| begin + base as usize);
-        let columns = |begin: usize, end: &'a mut [u16; COLUMNS]| lanes.table(columns(image, begin, end));
-        let rows_of = [columns(first, a), columns(second, b), columns(third, c)];
+        let ([first, second, third], base) = (pair.begins, base as usize);
+        let rows_of = [
+            lanes.table(columns(image, first + base, a)),
+            lanes.table(columns(image, second + base, b)),
+            lanes.table(columns(image, third + base, c)),
+        ];
         Self { lanes, rows: rows_of, pair, below: rows.below, phases }
     }
 
@@ -105,11 +106,11 @@ impl<'a, L: Lanes> Tables<'a, L> {
     #[inline(always)]
     pub(super) fn difference(&self, place: L::Words) -> Differences<L> {
         let lanes = self.lanes;
-        let of = |row: usize| lanes.look_up(self.rows[row], place);
-        let (mut upper, mut lower) = (of(0), of(1));
+        let [first, second, third] = self.rows;
+        let (mut upper, mut lower) = (lanes.look_up(first, place), lanes.look_up(second, place));
         if self.pair.straddles {
             upper = lanes.select(self.pair.second, lower, upper);
-            lower = lanes.select(self.pair.second, of(2), lower);
+            lower = lanes.select(self.pair.second, lanes.look_up(third, place), lower);
         }
         let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
         let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
@@ -137,6 +138,7 @@ fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMN
     match rest.first_chunk() {
         Some(columns) => columns,
         None => {
+            end.fill(EpipolarImage::NO_PHASE);
             end[..rest.len()].copy_from_slice(rest);
             end
         }

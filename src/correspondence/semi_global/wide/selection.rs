@@ -5,7 +5,7 @@ use crate::simd::{COLUMNS, Lanes};
 use super::super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
 use super::pixels::{MAX_WIDTH, Pixels, column_and_slope};
-use super::rows::{Crossing, Differences, NO_ENDS, RowPair, Tables, crosses};
+use super::rows::{Crossing, Differences, Ends, RowPair, Tables, crosses};
 use super::{BLOCK, Block};
 
 /// Columns beside an interval that are looked at for rims: those of the rims, and their neighbours.
@@ -13,13 +13,16 @@ const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
 /// Differences that are kept of an interval.
 const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
 
-/// Room for the differences of an interval.
-pub(in super::super) struct SelectionRoom<L: Lanes>([Differences<L>; MAX_DIFFERENCES]);
+/// Room for the differences of an interval, and for columns.
+pub(in super::super) struct SelectionRoom<L: Lanes> {
+    differences: [Differences<L>; MAX_DIFFERENCES],
+    ends: Ends,
+}
 
 impl<L: Lanes> SelectionRoom<L> {
     #[inline(always)]
     pub(in super::super) fn new(lanes: L) -> Self {
-        Self([Differences::none(lanes); MAX_DIFFERENCES])
+        Self { differences: [Differences::none(lanes); MAX_DIFFERENCES], ends: [[0; COLUMNS]; 3] }
     }
 }
 
@@ -43,7 +46,7 @@ impl<L: Lanes> Block<'_, L> {
         out: SelectedBlock<'_>,
     ) {
         let lanes = self.lanes;
-        let order = lanes.load(&order.map(|order| order as u16));
+        let order = lanes.load_signed(order);
         let of_sd = lanes.times_float(lanes.float(REACH_SD), self.pixels.sd_turns);
         let reach = lanes.max_float(lanes.float(REACH_TURNS), of_sd);
         let interval = self.pixels.columns_of(lanes.widen(order), reach);
@@ -72,7 +75,7 @@ impl<L: Lanes> Block<'_, L> {
                 let last = lanes.sub(search.stop, lanes.word(base));
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
                 todo = lanes.and_not(todo, here);
-                self.consider_all(*pair, base, &search, here, &mut room.0, &mut best);
+                self.consider_all(*pair, base, &search, here, room, &mut best);
             }
         }
         self.tell(&best, out);
@@ -102,12 +105,11 @@ impl<L: Lanes> Block<'_, L> {
         base: i16,
         search: &Search<L>,
         here: L::Mask,
-        differences: &mut [Differences<L>; MAX_DIFFERENCES],
+        SelectionRoom { differences, ends }: &mut SelectionRoom<L>,
         best: &mut Best<L>,
     ) {
         let lanes = self.lanes;
-        let mut ends = NO_ENDS;
-        let tables = Tables::of(lanes, self.image, &self.rows, pair, base, self.phases, &mut ends);
+        let tables = Tables::of(lanes, self.image, &self.rows, pair, base, self.phases, ends);
         let (one, bases) = (lanes.word(1), lanes.word(base));
         let mut column = search.start;
         let mut crossing = Crossing::none(lanes);
