@@ -10,6 +10,12 @@ impl Unions {
         Self((0..count as u32).collect())
     }
 
+    /// So many things instead of all before, each by itself.
+    pub(super) fn begin(&mut self, count: usize) {
+        self.0.clear();
+        self.0.extend(0..count as u32);
+    }
+
     /// One more thing, by itself.
     pub(super) fn add(&mut self) {
         self.0.push(self.0.len() as u32);
@@ -23,14 +29,21 @@ impl Unions {
 
     /// For each thing the number of its set; sets are numbered in the order of their first things.
     pub(super) fn numbers(mut self) -> Vec<u32> {
-        let mut numbers = Vec::with_capacity(self.0.len());
+        let mut numbers = Vec::new();
+        self.number(&mut numbers);
+        numbers
+    }
+
+    /// The same, into `numbers`.
+    pub(super) fn number(&mut self, numbers: &mut Vec<u32>) {
+        numbers.clear();
+        numbers.reserve(self.0.len());
         let mut sets = 0;
         for thing in 0..self.0.len() {
             let name = self.name(thing);
             numbers.push(if name == thing { sets } else { numbers[name] });
             sets += u32::from(name == thing);
         }
-        numbers
     }
 
     fn name(&mut self, mut thing: usize) -> usize {

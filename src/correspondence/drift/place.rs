@@ -169,7 +169,8 @@ impl Kernel for DepthKernel<'_> {
             }
             for k in 0..=DEGREE {
                 let mut sums = [0.0; BLOCK];
-                for power in (0..=DEGREE).rev() {
+                // Terms of a higher degree there are not.
+                for power in (0..=DEGREE - k).rev() {
                     for i in 0..BLOCK {
                         sums[i] = sums[i] * x[i] + row.coefficients[power][k];
                     }
@@ -201,6 +202,7 @@ impl DepthPolynomial {
 }
 
 /// The monomials at a place.
+#[inline(always)]
 pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
     let (px, py, pd) = (powers(x), powers(y), powers(d));
     let mut values = [0.0; TERMS];
@@ -210,6 +212,7 @@ pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
     values
 }
 
+#[inline(always)]
 fn powers(value: f64) -> [f64; DEGREE + 1] {
     let mut powers = [1.0; DEGREE + 1];
     (1..=DEGREE).for_each(|i| powers[i] = powers[i - 1] * value);

@@ -66,14 +66,15 @@ pub(super) struct RowLinks<'a> {
 }
 
 impl RowLinks<'_> {
-    /// That of a pixel.
+    /// That of a pixel. Without branches as far as may be: links begin and end where nobody can foresee it.
     #[inline(always)]
-    pub(super) fn towards(&self, u: usize) -> Option<Link> {
+    pub(super) fn towards(&self, u: usize) -> Link {
         let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
-        let shift = usize::from(*self.shifts.get(if self.forward { u } else { column })?);
+        let shift = *self.shifts.get(if self.forward { u } else { column }).unwrap_or(&NONE);
         // Left of the image there is no link, so the column of one is always in the image.
-        (shift != usize::from(NONE))
-            .then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
+        let is_link = shift != NONE;
+        let shift = if self.forward { shift } else { (2 * MAX_SHIFT as u8).wrapping_sub(shift) };
+        Link { is_link, column: if is_link { column } else { 0 }, shift: usize::from(shift) }
     }
 
     /// For each pixel the place that an order of the pixel before has in its window, `places` being those orders' places in
@@ -109,8 +110,11 @@ impl RowLinks<'_> {
 pub(super) const NO_PLACE: u8 = u8::MAX;
 
 /// Where a path comes from.
+#[derive(Clone, Copy)]
 pub(super) struct Link {
-    /// Column of the pixel before.
+    /// Whether it comes from anywhere; else the rest has no meaning.
+    pub(super) is_link: bool,
+    /// Column of the pixel before, always one of the image.
     pub(super) column: usize,
     /// Where its energies begin, for the first order of the pixel.
     pub(super) shift: usize,

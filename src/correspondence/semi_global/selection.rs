@@ -88,9 +88,16 @@ impl Selection {
         self.normalize();
     }
 
-    /// The candidate of a pixel that has one, of its decided order.
-    pub(super) fn candidate(&self, pixel: usize, order: i16) -> Candidate {
-        Candidate { column_px: self.column_px[pixel], order, delta: self.delta[pixel], slope: self.slope[pixel] }
+    /// Those of a row of pixels.
+    pub(super) fn row(&self, pixels: std::ops::Range<usize>) -> CandidateRow<'_> {
+        CandidateRow {
+            absolute: &self.absolute[pixels.clone()],
+            column_px: &self.column_px[pixels.clone()],
+            z: &self.z[pixels.clone()],
+            delta: &self.delta[pixels.clone()],
+            slope: &self.slope[pixels.clone()],
+            in_volume: &self.in_volume[pixels],
+        }
     }
 
     /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.
@@ -123,6 +130,25 @@ impl Selection {
         near.extend(selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median));
         let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
         Some(median)
+    }
+}
+
+/// The selected candidates of a row.
+pub(super) struct CandidateRow<'a> {
+    pub(super) absolute: &'a [i32],
+    column_px: &'a [f32],
+    pub(super) z: &'a [f32],
+    delta: &'a [i16],
+    slope: &'a [i16],
+    pub(super) in_volume: &'a [bool],
+}
+
+impl CandidateRow<'_> {
+    /// That of a pixel, of its decided order.
+    #[inline(always)]
+    pub(super) fn candidate(&self, u: usize, order: i16) -> Option<Candidate> {
+        let candidate = Candidate { column_px: self.column_px[u], order, delta: self.delta[u], slope: self.slope[u] };
+        (self.absolute[u] != ABSENT).then_some(candidate)
     }
 }
 

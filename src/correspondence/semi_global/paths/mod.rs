@@ -32,7 +32,7 @@ use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 use decision::{Decide, Leave};
-use settled::{AgreedRow, place_of_settled, run_of_ones, settled};
+use settled::{AgreedRow, SETTLED, place_of_settled, run_of_ones};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
@@ -141,10 +141,7 @@ impl PassRoom {
     /// No row was passed yet.
     fn clear(&mut self, width: usize, lanes: usize) {
         for row in self.before.iter_mut().chain(&mut self.here) {
-            row.energies.clear();
-            row.energies.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
-            row.places.clear();
-            row.places.resize(width, NO_PLACE);
+            row.clear(width, lanes);
         }
         self.agreed.resize(width);
     }
@@ -160,13 +157,25 @@ struct PathRow {
 }
 
 impl PathRow {
+    /// No pixel has any energies.
+    fn clear(&mut self, width: usize, lanes: usize) {
+        self.places.clear();
+        self.places.resize(width, NO_PLACE);
+        self.energies.clear();
+        self.energies.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
+        // Behind them those of settled pixels, and those of none: whatever is wanted is found by one number.
+        self.energies.extend_from_slice(&SETTLED);
+        self.energies.extend_from_slice(&[0; MAX_LANES]);
+    }
+
     /// Energies that a path brings on along a link.
     #[inline(always)]
-    fn towards(&self, Link { column, shift }: Link, lanes: usize) -> &[u8] {
-        match self.places[column] {
-            NO_PLACE => &self.energies[column * (lanes + 2 * MAX_SHIFT) + shift..][..lanes],
-            place => settled(usize::from(place), shift, lanes),
-        }
+    fn towards(&self, Link { is_link, column, shift }: Link, lanes: usize) -> &[u8] {
+        let (place, of_settled) = (self.places[column], self.energies.len() - MAX_LANES - SETTLED.len());
+        let own = column * (lanes + 2 * MAX_SHIFT) + shift;
+        let begin = if place == NO_PLACE { own } else { of_settled + MAX_LANES + shift - usize::from(place) };
+        let begin = if is_link { begin } else { of_settled + SETTLED.len() };
+        &self.energies[begin..][..lanes]
     }
 
     /// Takes the energies of a pixel.
@@ -239,7 +248,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
             let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
             let links = sweep.begin_row(v);
             visit.begin_row(level, sweep, first, first_place);
-            let (mut along, mut j) = ([0; ROOM], 0);
+            let mut j = 0;
             while j < sweep.width {
                 let u = sweep.column(j);
                 j += 1;
@@ -254,7 +263,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
                         j += run_of_ones(&sweep.room.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
                     }
                 } else {
-                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel], &mut along);
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel]);
                     visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
                 }
             }
@@ -290,51 +299,37 @@ impl<'a> Sweep<'a, '_> {
     /// The place on which the path along the row comes to a pixel settled.
     #[inline(always)]
     fn place_along(&self, links: &RowLinks<'_>, u: usize) -> u8 {
-        let Some(Link { column, shift }) = links.towards(u) else { return NO_PLACE };
+        let Link { is_link, column, shift } = links.towards(u);
         match self.room.here[0].places[column] {
-            NO_PLACE => NO_PLACE,
-            place => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
+            place if is_link && place != NO_PLACE => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
+            _ => NO_PLACE,
         }
     }
 
-    /// All four directions at a pixel in column `u`: the sum of what they bring. `along` are the energies along the row of the
-    /// last pixel that came here, then those of this one.
+    /// All four directions at a pixel in column `u`: the sum of what they bring.
     #[inline(always)]
     fn pixel<L: Lanes, const ROOM: usize>(
         &mut self,
         level: L,
         links: &[RowLinks<'_>; AXES.len()],
         [u, pixel]: [usize; 2],
-        along: &mut [u16; ROOM],
     ) -> [u16; ROOM] {
         let lanes = self.lanes::<ROOM>();
         let evidence = &self.evidence.energies[pixel * lanes..][..lanes];
         let PassRoom { before, here, .. } = &mut *self.room;
         let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
-            let is_along = AXES[axis][1] == 0;
+            let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
+            let brought = row.towards(links[axis].towards(u), lanes);
             let mut from = [0; ROOM];
-            if let Some(link) = links[axis].towards(u) {
-                let row = if is_along { &here[axis] } else { &before[axis] };
-                // Along the row nothing is waited for that memory has to bring.
-                let is_known = is_along && link.shift == MAX_SHIFT && row.places[link.column] == NO_PLACE;
-                if is_known && ROOM < MAX_LANES {
-                    from = *along;
-                } else {
-                    let before = row.towards(link, lanes);
-                    for lane in 0..lanes {
-                        from[lane] = u16::from(before[lane]);
-                    }
-                }
+            for lane in 0..lanes {
+                from[lane] = u16::from(brought[lane]);
             }
             let energies = add::<L, ROOM>(level, evidence, &from, lanes);
             for lane in 0..lanes {
                 sum[lane] = sum[lane].wrapping_add(from[lane]);
             }
             here[axis].set(u, &energies[..lanes]);
-            if is_along {
-                *along = energies;
-            }
         }
         sum
     }

@@ -8,7 +8,7 @@ use super::super::windows::MAX_LANES;
 use super::{CHANGE, PathRow};
 
 /// Energies of a settled pixel, as far as any neighbour may point beside its orders.
-static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
+pub(super) static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
     let mut energies = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
     energies[MAX_LANES + MAX_SHIFT] = 0;
     energies
@@ -16,7 +16,7 @@ static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
 
 /// Energies from so many orders beside the first order of a pixel on that is settled on the order in a place.
 #[inline(always)]
-pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
+fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
     &SETTLED[MAX_LANES + shift - place..][..lanes]
 }
 
