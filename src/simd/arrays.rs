@@ -285,6 +285,10 @@ impl Lanes for Arrays {
         zip(a, b, |a, b| a / b)
     }
     #[inline(always)]
+    fn about_one_over(self, a: Floats) -> Floats {
+        map(a, |a| 1.0 / a)
+    }
+    #[inline(always)]
     fn max_float(self, a: Floats, b: Floats) -> Floats {
         zip(a, b, |a, b| if a > b { a } else { b })
     }
@@ -348,6 +352,8 @@ impl Lanes for Arrays {
         map(truths, |truth| truth as i16)
     }
 
+    #[inline(always)]
+    fn expect<T>(self, _: &[T]) {}
     #[inline(always)]
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
         [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 4]

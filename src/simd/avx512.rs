@@ -307,6 +307,13 @@ impl Lanes for Avx512 {
         both!(_mm512_div_ps, a, b)
     }
     #[inline(always)]
+    fn about_one_over(self, a: Pair<__m512>) -> Pair<__m512> {
+        // A step of Newton's makes 28 bits of 14.
+        let about = both!(_mm512_rcp14_ps, a);
+        let rest = self.sub_float(self.float(2.0), self.times_float(a, about));
+        self.times_float(about, rest)
+    }
+    #[inline(always)]
     fn max_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
         both!(_mm512_max_ps, a, b)
     }
@@ -374,6 +381,10 @@ impl Lanes for Avx512 {
         unsafe { _pdep_u32(u32::from(a), OF_REGISTERS[0]) | _pdep_u32(u32::from(b), OF_REGISTERS[1]) }
     }
 
+    #[inline(always)]
+    fn expect<T>(self, soon: &[T]) {
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(soon.as_ptr().cast()) }
+    }
     #[inline(always)]
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
         let mut least = [0; LANES / 4];

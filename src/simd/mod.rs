@@ -259,6 +259,8 @@ pub(crate) trait Lanes: Copy {
     fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a / b.
     fn over(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// 1 / a, to a millionth of it: of no level the same bits.
+    fn about_one_over(self, a: Self::Floats) -> Self::Floats;
     /// The greater of two, neither NaN.
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The lesser of two, neither NaN.
@@ -289,6 +291,8 @@ pub(crate) trait Lanes: Copy {
     /// Truths of longs as those of words.
     fn mask_of(self, truths: Self::Truths) -> Self::Mask;
 
+    /// Tells the machine that something will be read soon.
+    fn expect<T>(self, soon: &[T]);
     /// The least of unsigned words, everywhere.
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }

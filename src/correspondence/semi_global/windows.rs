@@ -62,7 +62,7 @@ impl Windows {
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         self.reach = Reach { beyond_px, last_column_px };
         self.lanes = 0;
-        self.grow(most_orders(scene.table, self.reach));
+        self.grow(usual_orders(scene.table, self.reach));
     }
 
     /// Makes room for so many orders of a pixel.
@@ -105,20 +105,35 @@ impl Kernel for WindowRow<'_> {
         let (begin, end, reference) = (&s.begin_px[..width], &s.end_px[..width], &s.reference_px[..width]);
         let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
         let (valid, first, count) = (&valid[..width], &mut first[..width], &mut count[..width]);
+        let mut all_fit = true;
         for u in 0..width {
-            let coefficients = [a[u], b[u], d[u]];
-            let phase_turns = f32::from(phase[u]) / 65536.0;
             let limits_px = reach.limits_px([begin[u], end[u]]);
-            let (least, orders) = orders(limits_px, reference[u], coefficients, phase_turns);
-            let (within, _) = self::orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
-            // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
-            let fits = (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2));
-            let least = if fits { least } else { within - (MAX_LANES / 4) as f32 };
+            let phase_turns = f32::from(phase[u]) / 65536.0;
+            let (least, orders) = orders(limits_px, reference[u], [a[u], b[u], d[u]], phase_turns);
             let is_asked = valid[u] & (begin[u] <= end[u]);
+            all_fit &= !is_asked | fits(least, orders);
             first[u] = if is_asked { least as i16 } else { 0 };
             count[u] = if is_asked { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
         }
+        if all_fit {
+            return;
+        }
+        // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
+        for u in 0..width {
+            let (coefficients, phase_turns) = ([a[u], b[u], d[u]], f32::from(phase[u]) / 65536.0);
+            let (least, most) = orders(reach.limits_px([begin[u], end[u]]), reference[u], coefficients, phase_turns);
+            if count[u] > 0 && !fits(least, most) {
+                let (within, _) = orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
+                first[u] = (within - (MAX_LANES / 4) as f32) as i16;
+            }
+        }
     }
+}
+
+/// Whether so many orders from the least one on are fit to be asked about.
+#[inline(always)]
+fn fits(least: f32, orders: f32) -> bool {
+    (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2))
 }
 
 /// The least order within limits, and the number of orders.
@@ -141,13 +156,13 @@ fn mean_orders(table: &SegmentTable) -> f32 {
     (sum / count.max(1.0)).max(1.0)
 }
 
-/// Most orders of some pixels, whatever their phase.
-fn most_orders(table: &SegmentTable, reach: Reach) -> usize {
+/// The greatest number of orders that some pixel of some has whatever its phase; others may have one more.
+fn usual_orders(table: &SegmentTable, reach: Reach) -> usize {
     let of_pixel = |pixel: usize| {
         let segment = table.segment(pixel);
         let [first_px, last_px] = reach.limits_px(segment.limits_px());
         let rise = (segment.phase_turns(last_px) - segment.phase_turns(first_px)).abs();
-        (rise + 2.0 * DELTA_MARGIN_TURNS + 1.0).min(MAX_LANES as f32) as usize
+        (rise + 2.0 * DELTA_MARGIN_TURNS).min(MAX_LANES as f32) as usize
     };
     some_pixels(table).map(of_pixel).max().unwrap_or(0)
 }

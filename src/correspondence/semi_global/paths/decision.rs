@@ -31,6 +31,9 @@ impl Visit for Leave<'_> {
     }
 
     #[inline(always)]
+    fn expect<L: Lanes>(&self, _: L, _: usize) {}
+
+    #[inline(always)]
     fn take_settled<L: Lanes, const ROOM: usize>(&mut self, _: L, _: &Sweep<'_, '_>, _: usize, _: usize, _: u8) {}
 
     #[inline(always)]
@@ -52,6 +55,8 @@ impl Visit for Leave<'_> {
 pub(super) struct Decide<'a> {
     pub(super) places: &'a [u8],
     pub(super) sums: &'a [u16],
+    /// Sums of a pixel.
+    pub(super) lanes: usize,
     pub(super) order: &'a mut [i16],
     pub(super) margin: &'a mut [u16],
 }
@@ -71,6 +76,11 @@ impl Visit for Decide<'_> {
             runs_on: &mut agreed.runs_on,
         }
         .run(level);
+    }
+
+    #[inline(always)]
+    fn expect<L: Lanes>(&self, level: L, place: usize) {
+        level.expect(&self.sums[place * self.lanes..]);
     }
 
     #[inline(always)]

@@ -70,19 +70,19 @@ pub(super) fn least_energies(
     PathRoom { links, places, sums, passes }: &mut PathRoom,
     verdicts: &mut Verdicts,
 ) {
-    let (width, height) = (cam1.width.max(1), cam1.height);
+    let (width, height, lanes) = (cam1.width.max(1), cam1.height, windows.lanes);
     links.find(cam1, windows);
     places.resize(width * height, NO_PLACE);
-    sums.resize(width * height * windows.lanes, 0);
+    sums.resize(width * height * lanes, 0);
     verdicts.order.resize(width * height, 0);
     verdicts.margin.resize(width * height, 0);
     let middle = height / 2;
     let (upper_places, lower_places) = places.split_at_mut(middle * width);
-    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * windows.lanes);
+    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * lanes);
     let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
     let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
     let [down, up] = passes;
-    [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, windows.lanes));
+    [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, lanes));
     let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, room: down };
     let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, room: up };
     let level = Level::in_use();
@@ -99,11 +99,13 @@ pub(super) fn least_energies(
     );
     rayon::join(
         || {
-            let visit = Decide { places: lower_places, sums: lower_sums, order: lower_order, margin: lower_margin };
+            let (places, sums) = (&*lower_places, &*lower_sums);
+            let visit = Decide { places, sums, lanes, order: lower_order, margin: lower_margin };
             simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
         },
         || {
-            let visit = Decide { places: upper_places, sums: upper_sums, order: upper_order, margin: upper_margin };
+            let (places, sums) = (&*upper_places, &*upper_sums);
+            let visit = Decide { places, sums, lanes, order: upper_order, margin: upper_margin };
             simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
         },
     );
@@ -203,6 +205,9 @@ trait Visit {
     /// of their first one.
     fn begin_row<L: Lanes>(&mut self, level: L, sweep: &mut Sweep<'_, '_>, first: usize, place: usize);
 
+    /// Tells the machine what is wanted of a pixel for which it does not.
+    fn expect<L: Lanes>(&self, level: L, place: usize);
+
     /// Takes a pixel for which it does, where the row did not tell all.
     fn take_settled<L: Lanes, const ROOM: usize>(
         &mut self,
@@ -248,6 +253,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
             let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
             let links = sweep.begin_row(v);
             visit.begin_row(level, sweep, first, first_place);
+            sweep.expect_unsettled::<L, ROOM>(level, first, |place| visit.expect(level, first_place + place));
             let mut j = 0;
             while j < sweep.width {
                 let u = sweep.column(j);
@@ -294,6 +300,23 @@ impl<'a> Sweep<'a, '_> {
         agreed.find(&links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
         here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
         links
+    }
+
+    /// Tells the machine what is wanted for those pixels of a row that are looked at one by one: they lie where nobody can
+    /// foresee it.
+    #[inline(always)]
+    fn expect_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
+        let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.room.agreed.runs_on);
+        let count = &self.windows.count[first..first + runs_on.len()];
+        for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
+            if *runs_on == [1; 8] || *count == [0; 8] {
+                continue;
+            }
+            for u in 8 * i..8 * i + 8 {
+                level.expect(&self.evidence.energies[(first + u) * lanes..]);
+                expect(u);
+            }
+        }
     }
 
     /// The place on which the path along the row comes to a pixel settled.
