@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::bands::{self, BAND_ROWS};
 use super::agreement::{MatchError, check_rest, check_scatter, check_share};
+use super::bands::{self, BAND_ROWS};
 use super::candidates::{Candidate, occurs};
 use super::delta_histogram::DeltaHistogram;
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};

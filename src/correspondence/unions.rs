@@ -5,11 +5,6 @@
 pub(super) struct Unions(Vec<u32>);
 
 impl Unions {
-    /// So many things, each by itself.
-    pub(super) fn of(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
     /// So many things instead of all before, each by itself.
     pub(super) fn begin(&mut self, count: usize) {
         self.0.clear();
@@ -61,7 +56,8 @@ mod tests {
 
     #[test]
     fn sets_are_numbered_by_their_first_things() {
-        let mut unions = Unions::of(6);
+        let mut unions = Unions::default();
+        unions.begin(6);
         unions.add();
         unions.unite(5, 2);
         unions.unite(6, 5);

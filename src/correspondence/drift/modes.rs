@@ -102,9 +102,8 @@ impl DriftModes {
     }
 }
 
-/// Modes that are asked together, and groups of them.
-const GROUP: usize = 8;
-const SIDE_BY_SIDE: usize = 4;
+/// Modes that are asked together: so many that sums need not wait for each other.
+const GROUP: usize = 32;
 
 /// All modes, term by term.
 pub(super) struct ModesByTerm {
@@ -138,18 +137,14 @@ impl Kernel for TellKernel<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let monomials = monomials(self.place);
-        // Several groups side by side: the sums of one would wait for each other.
-        let out = self.out.as_chunks_mut::<GROUP>().0.chunks_mut(SIDE_BY_SIDE);
-        for (groups, out) in self.groups.chunks(SIDE_BY_SIDE).zip(out) {
-            let mut sums = [[0.0; GROUP]; SIDE_BY_SIDE];
-            for (term, monomial) in monomials.iter().enumerate() {
-                for (sums, factors) in sums.iter_mut().zip(groups) {
-                    for k in 0..GROUP {
-                        sums[k] += factors[term][k] * monomial;
-                    }
+        for (group, out) in self.groups.iter().zip(self.out.as_chunks_mut::<GROUP>().0) {
+            let mut sums = [0.0; GROUP];
+            for (factors, monomial) in group.iter().zip(monomials) {
+                for k in 0..GROUP {
+                    sums[k] += factors[k] * monomial;
                 }
             }
-            out.iter_mut().zip(sums).for_each(|(out, sums)| *out = sums);
+            *out = sums;
         }
     }
 }

@@ -393,8 +393,78 @@ impl Energies {
 }
 
 #[cfg(test)]
+impl Evidence {
+    /// Energies that were found elsewhere.
+    pub(super) fn of(energies: Vec<u8>, windows: &Windows) -> Self {
+        let mut best = Best::default();
+        for (energies, &count) in energies.chunks(windows.lanes).zip(&windows.count) {
+            let mut own = energies[..usize::from(count)].to_vec();
+            let place = (0..own.len()).min_by_key(|&lane| own[lane]).unwrap_or(0);
+            own.sort_unstable();
+            best.place.push(place as u8);
+            best.least.push(own.first().copied().unwrap_or(0));
+            best.second.push(own.get(1).or(own.first()).copied().unwrap_or(0));
+        }
+        Self { energies, best, rooms: Vec::new() }
+    }
+}
+
+#[cfg(test)]
 mod tests {
+    use super::super::test_scene::TestScene;
     use super::*;
+
+    #[test]
+    fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
+        let test_scene = TestScene::new();
+        let scene = test_scene.scene();
+        let (scale, energies, width) = (DeltaScale::of(&scene), Energies::new(), scene.cam1.width);
+        let (mut windows, mut row, mut known) = (Windows::default(), OutlookRow::default(), 0);
+        windows.ready(&scene);
+        let reach = windows.reach;
+        for lanes in [windows.lanes + 8, windows.lanes + 16] {
+            for v in 0..scene.cam1.height {
+                row.turn_to(&scene, &scale, v);
+                let (mut first, mut count) = (vec![0; width], vec![0; width]);
+                let own = v * width..(v + 1) * width;
+                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
+                let window =
+                    WindowRow { reach, segments: &row.segments, phase, valid, first: &mut first, count: &mut count };
+                window.ask();
+                let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
+                    let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);
+                    out.iter_mut().for_each(|out| out.resize(width, 0));
+                    let [passing, place, least, second] = &mut out;
+                    fill(EvidenceRow {
+                        scene: &scene,
+                        reach,
+                        row: &row,
+                        first: &first,
+                        count: &count,
+                        energies: &energies,
+                        lanes,
+                        tile: &mut tile,
+                        passing,
+                        place,
+                        least,
+                        second,
+                    });
+                    // What pixels without a window have means nothing.
+                    for u in (0..width).filter(|&u| count[u] == 0) {
+                        tile[u * lanes..(u + 1) * lanes].fill(0);
+                        out.iter_mut().for_each(|out| out[u] = 0);
+                    }
+                    (tile, out)
+                };
+                let wanted = of(&|mut row| (0..width).for_each(|u| row.gather_pixel(u)));
+                known += wanted.0.iter().filter(|&&energy| energy < MISSING).count();
+                for level in Level::ALL {
+                    assert!(of(&|row| simd::run(level, row)) == wanted, "{level:?} {v} {lanes}");
+                }
+            }
+        }
+        assert!(known > 20_000, "{known}");
+    }
 
     #[test]
     fn the_median_modulation_is_that_of_sorting() {

@@ -28,6 +28,8 @@ mod paths;
 mod places;
 mod regions;
 mod selection;
+#[cfg(test)]
+mod test_scene;
 mod verification;
 mod wide;
 mod windows;

@@ -81,7 +81,8 @@ impl Selection {
                 let phase = &scene.cam1.phase[pixels];
                 let selection = SelectionRow { scene, reach: windows.reach, row, phase, count, order, out };
                 simd::run(Level::in_use(), selection);
-                let places = PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here.clone()] };
+                let places =
+                    PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here.clone()] };
                 places.find(scene.table, &row.segments, &column_px[here]);
             }
         });
@@ -277,4 +278,63 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
         }
     });
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::evidence::Evidence;
+    use super::super::test_scene::TestScene;
+    use super::*;
+
+    /// What a row has selected: pixel by pixel, as bits.
+    fn selected(width: usize, select: impl Fn(SelectedRow<'_>)) -> Vec<Option<(i32, [u32; 2], [i16; 2], bool)>> {
+        let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
+        let ([mut column_px, mut z], [mut delta, mut slope]) =
+            ([vec![0.0; width], vec![0.0; width]], [vec![0; width], vec![0; width]]);
+        select(SelectedRow {
+            absolute: &mut absolute,
+            column_px: &mut column_px,
+            z: &mut z,
+            delta: &mut delta,
+            slope: &mut slope,
+            in_volume: &mut in_volume,
+        });
+        let of_pixel = |u: usize| {
+            let fit = (absolute[u], [column_px[u].to_bits(), z[u].to_bits()], [delta[u], slope[u]], in_volume[u]);
+            (absolute[u] != ABSENT).then_some(fit)
+        };
+        (0..width).map(of_pixel).collect()
+    }
+
+    #[test]
+    fn candidates_of_many_pixels_are_those_of_each_at_every_level() {
+        let test_scene = TestScene::new();
+        let scene = test_scene.scene();
+        let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
+        let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
+        evidence.gather(&scene, &mut windows, &scale, &mut Vec::new());
+        let (reach, mut found) = (windows.reach, 0);
+        for v in 0..scene.cam1.height {
+            row.turn_to(&scene, &scale, v);
+            let pixels = v * width..(v + 1) * width;
+            let (count, phase) = (&windows.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
+            let best = evidence.best.of(pixels.clone()).place;
+            // The best order of most pixels, that beside it of some.
+            let order: Vec<i16> = (0..width)
+                .map(|u| windows.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
+                .collect();
+            let of = |select: &dyn Fn(SelectionRow<'_>)| {
+                let order = &order;
+                selected(width, |out| {
+                    select(SelectionRow { scene: &scene, reach, row: &row, phase, count, order, out })
+                })
+            };
+            let wanted = of(&|mut row| (0..width).for_each(|u| row.select_pixel(u)));
+            found += wanted.iter().flatten().count();
+            for level in Level::ALL {
+                assert_eq!(of(&|row| simd::run(level, row)), wanted, "{level:?} {v}");
+            }
+        }
+        assert!(found > 15_000, "{found}");
+    }
 }

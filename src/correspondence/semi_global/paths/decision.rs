@@ -152,12 +152,7 @@ impl Kernel for SettledRow<'_> {
 
 /// The place of the order with the least sum, and by how much the next best has more.
 #[inline(always)]
-fn decide<L: Lanes, const ROOM: usize>(
-    level: L,
-    evidence: &[u8],
-    sum: &[u16; ROOM],
-    other: &[u16],
-) -> (i16, u16) {
+fn decide<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], sum: &[u16; ROOM], other: &[u16]) -> (i16, u16) {
     let (mut best, mut place, mut second) = (u16::MAX, 0, u16::MAX);
     let (others, _) = other.as_chunks::<LANE_STEP>();
     let sums = sum.as_chunks::<LANE_STEP>().0;

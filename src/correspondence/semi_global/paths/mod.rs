@@ -32,7 +32,7 @@ use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
 use super::windows::{LANE_STEP, MAX_LANES, Windows};
 
 use decision::{Decide, Leave};
-use settled::{AgreedRow, SETTLED, place_of_settled, run_of_ones};
+use settled::{AgreedRow, SETTLED, place_of_zero, run_of_ones, settled};
 
 /// Price of an order that does not continue where the wrapped phase does, nats.
 const CHANGE_NATS: f32 = 8.0;
@@ -67,6 +67,18 @@ pub(super) fn least_energies(
     cam1: &PhaseMap,
     windows: &Windows,
     evidence: &Evidence,
+    room: &mut PathRoom,
+    verdicts: &mut Verdicts,
+) {
+    least_energies_at(Level::in_use(), cam1, windows, evidence, room, verdicts);
+}
+
+/// The same at a level.
+fn least_energies_at(
+    level: Level,
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &Evidence,
     PathRoom { links, places, sums, passes }: &mut PathRoom,
     verdicts: &mut Verdicts,
 ) {
@@ -85,7 +97,6 @@ pub(super) fn least_energies(
     [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, lanes));
     let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, room: down };
     let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, room: up };
-    let level = Level::in_use();
     let (above, below) = (0..middle, middle..height);
     rayon::join(
         || {
@@ -185,10 +196,19 @@ impl PathRow {
     fn set(&mut self, u: usize, energies: &[u16]) {
         let lanes = energies.len();
         let own = &mut self.energies[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
-        for lane in 0..lanes {
-            own[lane] = energies[lane] as u8;
+        let mut place = NO_PLACE;
+        for (step, (own, energies)) in
+            own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(energies.as_chunks::<LANE_STEP>().0).enumerate().rev()
+        {
+            let mut bytes = [0; LANE_STEP];
+            for lane in 0..LANE_STEP {
+                bytes[lane] = energies[lane] as u8;
+            }
+            *own = bytes;
+            place = place_of_zero(bytes).map_or(place, |place| (LANE_STEP * step) as u8 + place);
         }
-        self.places[u] = place_of_settled(own);
+        let is_settled = place != NO_PLACE && *own == *settled(usize::from(place), MAX_SHIFT, lanes);
+        self.places[u] = if is_settled { place } else { NO_PLACE };
     }
 }
 
@@ -251,7 +271,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
-            let links = sweep.begin_row(v);
+            let links = sweep.begin_row(level, v);
             visit.begin_row(level, sweep, first, first_place);
             sweep.expect_unsettled::<L, ROOM>(level, first, |place| visit.expect(level, first_place + place));
             let mut j = 0;
@@ -292,12 +312,12 @@ impl<'a> Sweep<'a, '_> {
 
     /// Finds the pixels of a row to which all paths come settled, as if those along the row did; yields where paths come from.
     #[inline(always)]
-    fn begin_row(&mut self, v: usize) -> [RowLinks<'a>; AXES.len()] {
+    fn begin_row<L: Lanes>(&mut self, level: L, v: usize) -> [RowLinks<'a>; AXES.len()] {
         let (links, forward) = (self.links, self.pass == Pass::Down);
         let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
         let PassRoom { before, here, agreed } = &mut *self.room;
         let pixels = v * self.width..(v + 1) * self.width;
-        agreed.find(&links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
+        agreed.find(level, &links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
         here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
         links
     }
@@ -364,7 +384,9 @@ impl<'a> Sweep<'a, '_> {
 fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
     let mut energies = *from;
     let mut least = [u16::MAX; LANE_STEP];
-    for (energies, evidence) in energies.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
+    for (energies, evidence) in
+        energies.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0)
+    {
         for lane in 0..LANE_STEP {
             energies[lane] = energies[lane].wrapping_add(u16::from(evidence[lane]));
             least[lane] = least[lane].min(energies[lane]);
@@ -381,3 +403,122 @@ fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM
 
 const _: () = assert!(CHANGE < u8::MAX as u16);
 const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);
+
+#[cfg(test)]
+mod tests {
+    use super::super::evidence::NO_ORDER;
+    use super::*;
+
+    /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
+    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, Windows, Evidence) {
+        let mut state = 7_u64;
+        let mut random = move |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let pieces: Vec<[i32; 3]> = (0..64)
+            .map(|_| [random(9000) as i32 - 4500, random(3000) as i32 - 1500, random(400_000) as i32 - 200_000])
+            .collect();
+        let mut windows = Windows::default();
+        windows.grow(lanes);
+        let (mut phase, mut valid, mut energies) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..width * height {
+            let (u, v) = (i % width, i / width);
+            let [along, across, base] = pieces[u / 19 % 8 + v / 13 % 8 * 8];
+            let absolute = base + along * u as i32 + across * v as i32 + random(300) as i32;
+            let is_valid = random(200) > 0;
+            let count = if is_valid { lanes - random(3) as usize } else { 0 };
+            let first = (absolute >> 16) as i16 - random(lanes as u64) as i16 / 2 + random(30) as i16 / 29;
+            let mut own = vec![NO_ORDER; lanes];
+            own[..count].fill(MISSING);
+            if let Some(own) =
+                usize::try_from((absolute >> 16) as i16 - first).ok().and_then(|k| own[..count].get_mut(k))
+                && random(60) > 0
+            {
+                *own = random(60) as u8;
+            }
+            if count > 0 && random(25) == 0 {
+                own[random(count as u64) as usize] = random(100) as u8;
+            }
+            phase.push(absolute as u16);
+            valid.push(is_valid);
+            windows.first.push(first);
+            windows.count.push(count as u8);
+            energies.extend(own);
+        }
+        let evidence = Evidence::of(energies, &windows);
+        (PhaseMap { width, height, phase, valid, ..PhaseMap::default() }, windows, evidence)
+    }
+
+    /// Every path order by order, as it is written above: the oracle.
+    fn plain(cam1: &PhaseMap, windows: &Windows, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
+        let (width, lanes, pixels) = (cam1.width, windows.lanes, cam1.phase.len());
+        let mut links = Links::default();
+        links.find(cam1, windows);
+        let mut sums: Vec<u32> = evidence.energies.iter().map(|&energy| 8 * u32::from(energy)).collect();
+        for (axis, forward) in (0..AXES.len()).flat_map(|axis| [(axis, true), (axis, false)]) {
+            let mut paths = vec![u32::from(CHANGE); pixels * lanes];
+            for i in 0..pixels {
+                let pixel = if forward { i } else { pixels - 1 - i };
+                let (u, v) = (pixel % width, pixel / width);
+                let count = usize::from(windows.count[pixel]);
+                if count == 0 {
+                    continue;
+                }
+                let link = links.of_row(axis, v, forward).towards(u);
+                let before = if AXES[axis][1] == 0 {
+                    v
+                } else if forward {
+                    v.wrapping_sub(1)
+                } else {
+                    v + 1
+                };
+                let from = |lane: usize| {
+                    let lane = (lane + link.shift).wrapping_sub(MAX_SHIFT);
+                    let q = before.wrapping_mul(width).wrapping_add(link.column);
+                    if !link.is_link {
+                        0
+                    } else if lane < lanes {
+                        paths[q * lanes + lane]
+                    } else {
+                        u32::from(CHANGE)
+                    }
+                };
+                let from: Vec<u32> = (0..lanes).map(from).collect();
+                let energy = |lane: usize| from[lane] + u32::from(evidence.energies[pixel * lanes + lane]);
+                let least = (0..lanes).map(energy).min().unwrap();
+                for lane in 0..lanes {
+                    paths[pixel * lanes + lane] = (energy(lane) - least).min(u32::from(CHANGE));
+                    sums[pixel * lanes + lane] += from[lane];
+                }
+            }
+        }
+        let verdict = |pixel: usize| {
+            let own = &sums[pixel * lanes..][..usize::from(windows.count[pixel])];
+            let best = (0..own.len()).min_by_key(|&lane| own[lane])?;
+            let second = (0..own.len()).filter(|&lane| lane != best).map(|lane| own[lane]).min();
+            let lead = second.map_or(PATHS as u32 * u32::from(CHANGE), |second| second - own[best]);
+            Some((windows.first[pixel] + best as i16, lead as u16))
+        };
+        (0..pixels).map(verdict).collect()
+    }
+
+    #[test]
+    fn the_least_energies_are_those_of_plain_paths_at_every_level() {
+        // The same room for all: what was held before makes no difference.
+        let (mut room, mut verdicts) = (PathRoom::default(), Verdicts::default());
+        for (width, height, lanes) in [(1, 1, 8), (97, 60, 8), (64, 41, 16), (50, 30, 24), (33, 20, 40)] {
+            let (cam1, windows, evidence) = scene(width, height, lanes);
+            let wanted = plain(&cam1, &windows, &evidence);
+            for level in Level::ALL {
+                least_energies_at(level, &cam1, &windows, &evidence, &mut room, &mut verdicts);
+                for (pixel, wanted) in wanted.iter().enumerate().filter_map(|(pixel, w)| Some((pixel, (*w)?))) {
+                    let found = (verdicts.order[pixel], verdicts.margin[pixel]);
+                    assert_eq!(found, wanted, "{level:?} {width} {height} {lanes} {pixel}");
+                }
+            }
+            let settled = room.places.iter().filter(|&&place| place != NO_PLACE).count();
+            assert!(width == 1 || settled > width * height / 20, "{settled} of {width} by {height}");
+        }
+    }
+}

@@ -1,10 +1,10 @@
 //! Paths that are settled on one order: all others have the price of a change.
 
-use crate::simd::{self, Kernel, Lanes, Level};
+use crate::simd::{Kernel, Lanes};
 
 use super::super::evidence::{BestOfRow, MISSING};
 use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
-use super::super::windows::MAX_LANES;
+use super::super::windows::{LANE_STEP, MAX_LANES};
 use super::{CHANGE, PathRow};
 
 /// Energies of a settled pixel, as far as any neighbour may point beside its orders.
@@ -16,24 +16,17 @@ pub(super) static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
 
 /// Energies from so many orders beside the first order of a pixel on that is settled on the order in a place.
 #[inline(always)]
-fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
+pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
     &SETTLED[MAX_LANES + shift - place..][..lanes]
 }
 
-/// The place of the order that a pixel with such energies is settled on; [`NO_PLACE`] if it is not.
+/// The first of some bytes that is zero.
 #[inline(always)]
-pub(super) fn place_of_settled(energies: &[u8]) -> u8 {
-    for (step, energies_of_step) in energies.as_chunks::<8>().0.iter().enumerate() {
-        // The lowest byte that is zero is found by borrowing.
-        let bytes = u64::from_le_bytes(*energies_of_step);
-        let zeros = bytes.wrapping_sub(u64::MAX / 255) & !bytes & (u64::MAX / 255 << 7);
-        if zeros != 0 {
-            let place = 8 * step + zeros.trailing_zeros() as usize / 8;
-            let is_settled = energies == settled(place, MAX_SHIFT, energies.len());
-            return if is_settled { place as u8 } else { NO_PLACE };
-        }
-    }
-    NO_PLACE
+pub(super) fn place_of_zero(bytes: [u8; LANE_STEP]) -> Option<u8> {
+    // The lowest byte that is zero is found by borrowing.
+    let bytes = u64::from_le_bytes(bytes);
+    let zeros = bytes.wrapping_sub(u64::MAX / 255) & !bytes & (u64::MAX / 255 << 7);
+    (zeros != 0).then_some(zeros.trailing_zeros() as u8 / 8)
 }
 
 /// What would hold for the pixels of a row if the paths along it came settled too.
@@ -55,14 +48,16 @@ impl AgreedRow {
     }
 
     /// Finds them in a row whose pixels have so many orders, from the row before.
-    pub(super) fn find(
+    #[inline(always)]
+    pub(super) fn find<L: Lanes>(
         &mut self,
+        level: L,
         links: &[RowLinks<'_>; AXES.len()],
         before: &[PathRow; AXES.len()],
         count: &[u8],
         best: BestOfRow<'_>,
     ) {
-        simd::run(Level::in_use(), AgreedKernel { row: self, links, before, count, best });
+        AgreedKernel { row: self, links, before, count, best }.run(level);
     }
 }
 
@@ -128,17 +123,28 @@ mod tests {
     fn a_settled_pixel_has_one_order_and_others_at_the_price_of_a_change() {
         for lanes in [8, 24, 128] {
             for place in 0..lanes {
-                let mut energies = vec![CHANGE as u8; lanes];
+                let mut row = PathRow::default();
+                row.clear(3, lanes);
+                let mut energies = vec![CHANGE; lanes];
                 energies[place] = 0;
-                assert_eq!(settled(place, MAX_SHIFT, lanes), energies);
-                assert_eq!(usize::from(place_of_settled(&energies)), place);
+                row.set(1, &energies);
+                assert_eq!(usize::from(row.places[1]), place);
+                let seen: Vec<u8> = energies.iter().map(|&energy| energy as u8).collect();
+                assert_eq!(settled(place, MAX_SHIFT, lanes), seen);
                 energies[(place + 3) % lanes] -= 1;
-                assert_eq!(place_of_settled(&energies), NO_PLACE);
+                row.set(1, &energies);
+                assert_eq!(row.places[1], NO_PLACE);
             }
-            assert_eq!(place_of_settled(&vec![CHANGE as u8; lanes]), NO_PLACE);
             assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&energy| energy == CHANGE as u8));
             assert_eq!(settled(2, MAX_SHIFT + 1, lanes)[1], 0);
         }
+    }
+
+    #[test]
+    fn the_first_zero_is_found() {
+        assert_eq!(place_of_zero([1, 0, 255, 0, 3, 1, 0, 7]), Some(1));
+        assert_eq!(place_of_zero([1, 128, 255, 1, 3, 1, 9, 0]), Some(7));
+        assert_eq!(place_of_zero([1, 128, 255, 1, 3, 1, 9, 2]), None);
     }
 
     #[test]

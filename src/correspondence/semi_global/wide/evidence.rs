@@ -141,14 +141,7 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Finds where the phases of the pixels are crossed in the columns of an order.
     #[inline(always)]
-    fn cross(
-        &self,
-        lane: usize,
-        first: L::Longs,
-        energies: &Energies,
-        room: &mut EvidenceRoom<L>,
-        ends: &mut Ends,
-    ) {
+    fn cross(&self, lane: usize, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>, ends: &mut Ends) {
         let lanes = self.lanes;
         let columns = room.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);

@@ -19,8 +19,8 @@ use super::windows::Reach;
 
 pub(super) use evidence::{BestOfBlock, EvidenceRoom, OrdersOfBlock};
 use pixels::Pixels;
-use rows::Rows;
 pub(super) use rows::Ends;
+use rows::Rows;
 pub(super) use selection::SelectionRoom;
 
 /// Pixels of a block.

@@ -184,8 +184,7 @@ impl<L: Lanes> Block<'_, L> {
         let middle = lanes.floats(lanes.widen(middle.value));
         let distance_px = lanes.over(lanes.sub_float(lanes.float(0.0), middle), outwards);
         let sense = lanes.float(sense);
-        let column_px =
-            lanes.add_float(lanes.floats(lanes.widen(column)), lanes.times_float(sense, distance_px));
+        let column_px = lanes.add_float(lanes.floats(lanes.widen(column)), lanes.times_float(sense, distance_px));
         let slope = lanes.longs(lanes.times_float(sense, outwards));
         best.consider(lanes, &self.pixels, column_px, slope, rims);
     }
@@ -209,14 +208,7 @@ impl<L: Lanes> Best<L> {
     }
 
     #[inline(always)]
-    fn consider(
-        &mut self,
-        lanes: L,
-        pixels: &Pixels<L>,
-        column_px: L::Floats,
-        slope: L::Longs,
-        candidates: L::Mask,
-    ) {
+    fn consider(&mut self, lanes: L, pixels: &Pixels<L>, column_px: L::Floats, slope: L::Longs, candidates: L::Mask) {
         let (found, rest) = pixels.order_and_rest(column_px);
         let off = lanes.abs_float(rest);
         let fits = lanes.both(pixels.is_within_limits(column_px), lanes.is_same(found, lanes.widen(self.order)));
@@ -234,12 +226,7 @@ impl<L: Lanes> Best<L> {
 /// Where a surface ends at a column and would have the phase within a pixel beyond it, see
 /// [`super::super::super::row_view`]: `outer` does not continue what `inner` and the column show.
 #[inline(always)]
-fn beyond_rim<L: Lanes>(
-    lanes: L,
-    outer: Differences<L>,
-    here: Differences<L>,
-    inner: Differences<L>,
-) -> L::Mask {
+fn beyond_rim<L: Lanes>(lanes: L, outer: Differences<L>, here: Differences<L>, inner: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);
     let outwards = lanes.sub(here.value, inner.value);
     let bend = lanes.abs(lanes.sub_saturating(lanes.sub(outer.value, here.value), outwards));
@@ -253,8 +240,7 @@ fn beyond_rim<L: Lanes>(
     // −here/outwards lies between 0 and 1.
     let (below, falls) = (lanes.is_greater(zero, here.value), lanes.is_greater(zero, outwards));
     let opposite = lanes.or(lanes.and_not(below, falls), lanes.and_not(falls, below));
-    let near =
-        lanes.and_not(lanes.is_at_least(steepness, lanes.abs(here.value)), lanes.is_equal(here.value, zero));
+    let near = lanes.and_not(lanes.is_at_least(steepness, lanes.abs(here.value)), lanes.is_equal(here.value, zero));
     let surface = lanes.and_not(lanes.and(here.known, inner.known), continued);
     lanes.and(lanes.and(surface, steep), lanes.and(opposite, near))
 }
