@@ -285,10 +285,6 @@ impl Lanes for Arrays {
         zip(a, b, |a, b| a / b)
     }
     #[inline(always)]
-    fn about_one_over(self, a: Floats) -> Floats {
-        map(a, |a| 1.0 / a)
-    }
-    #[inline(always)]
     fn max_float(self, a: Floats, b: Floats) -> Floats {
         zip(a, b, |a, b| if a > b { a } else { b })
     }

@@ -307,13 +307,6 @@ impl Lanes for Avx512 {
         both!(_mm512_div_ps, a, b)
     }
     #[inline(always)]
-    fn about_one_over(self, a: Pair<__m512>) -> Pair<__m512> {
-        // A step of Newton's makes 28 bits of 14.
-        let about = both!(_mm512_rcp14_ps, a);
-        let rest = self.sub_float(self.float(2.0), self.times_float(a, about));
-        self.times_float(about, rest)
-    }
-    #[inline(always)]
     fn max_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
         both!(_mm512_max_ps, a, b)
     }

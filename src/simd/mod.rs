@@ -259,8 +259,6 @@ pub(crate) trait Lanes: Copy {
     fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a / b.
     fn over(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// 1 / a, to a millionth of it: of no level the same bits.
-    fn about_one_over(self, a: Self::Floats) -> Self::Floats;
     /// The greater of two, neither NaN.
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The lesser of two, neither NaN.

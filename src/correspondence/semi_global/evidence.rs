@@ -313,7 +313,7 @@ impl Kernel for EvidenceRow<'_> {
             let BestOfBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
-                level.store_bytes(words, out[begin..].first_chunk_mut().expect("a block lies within its row"));
+                level.store_bytes(words, wide::block_of_mut(out, begin));
             }
             self.gather_pixels(begin, of_block.irregular());
         }

@@ -176,17 +176,13 @@ pub(super) struct SelectedBlock<'a> {
 impl SelectedRow<'_> {
     #[inline(always)]
     fn block(&mut self, begin: usize) -> SelectedBlock<'_> {
-        #[inline(always)]
-        fn of<T>(row: &mut [T], begin: usize) -> &mut [T; wide::BLOCK] {
-            row[begin..].first_chunk_mut().expect("a block lies within its row")
-        }
         SelectedBlock {
-            absolute: of(self.absolute, begin),
-            column_px: of(self.column_px, begin),
-            z: of(self.z, begin),
-            delta: of(self.delta, begin),
-            slope: of(self.slope, begin),
-            in_volume: of(self.in_volume, begin),
+            absolute: wide::block_of_mut(self.absolute, begin),
+            column_px: wide::block_of_mut(self.column_px, begin),
+            z: wide::block_of_mut(self.z, begin),
+            delta: wide::block_of_mut(self.delta, begin),
+            slope: wide::block_of_mut(self.slope, begin),
+            in_volume: wide::block_of_mut(self.in_volume, begin),
         }
     }
 }
@@ -216,7 +212,7 @@ impl Kernel for SelectionRow<'_> {
                 self.out.absolute[begin..][..wide::BLOCK].fill(ABSENT);
                 continue;
             };
-            of_block.select(order, &mut room, self.out.block(begin));
+            of_block.select(order, &mut room, &mut self.out.block(begin));
             self.select_pixels(begin, of_block.irregular());
         }
         (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
@@ -286,8 +282,11 @@ mod tests {
     use super::super::test_scene::TestScene;
     use super::*;
 
-    /// What a row has selected: pixel by pixel, as bits.
-    fn selected(width: usize, select: impl Fn(SelectedRow<'_>)) -> Vec<Option<(i32, [u32; 2], [i16; 2], bool)>> {
+    /// What a pixel has selected, as bits.
+    type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
+
+    /// What the pixels of a row have.
+    fn selected(width: usize, select: impl Fn(SelectedRow<'_>)) -> Vec<Selected> {
         let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
         let ([mut column_px, mut z], [mut delta, mut slope]) =
             ([vec![0.0; width], vec![0.0; width]], [vec![0; width], vec![0; width]]);
@@ -326,7 +325,7 @@ mod tests {
             let of = |select: &dyn Fn(SelectionRow<'_>)| {
                 let order = &order;
                 selected(width, |out| {
-                    select(SelectionRow { scene: &scene, reach, row: &row, phase, count, order, out })
+                    select(SelectionRow { scene: &scene, reach, row: &row, phase, count, order, out });
                 })
             };
             let wanted = of(&|mut row| (0..width).for_each(|u| row.select_pixel(u)));

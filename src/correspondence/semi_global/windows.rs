@@ -54,7 +54,7 @@ impl Windows {
         if self.table.as_ref() == Some(&scene.table.fingerprint) {
             return;
         }
-        self.table = Some(scene.table.fingerprint.clone());
+        self.table = Some(scene.table.fingerprint);
         let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
         let orders = mean_orders(scene.table);
         let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };

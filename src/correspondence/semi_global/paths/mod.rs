@@ -506,7 +506,7 @@ mod tests {
     #[test]
     fn the_least_energies_are_those_of_plain_paths_at_every_level() {
         // The same room for all: what was held before makes no difference.
-        let (mut room, mut verdicts) = (PathRoom::default(), Verdicts::default());
+        let (mut room, mut verdicts, mut settled) = (PathRoom::default(), Verdicts::default(), 0);
         for (width, height, lanes) in [(1, 1, 8), (97, 60, 8), (64, 41, 16), (50, 30, 24), (33, 20, 40)] {
             let (cam1, windows, evidence) = scene(width, height, lanes);
             let wanted = plain(&cam1, &windows, &evidence);
@@ -517,8 +517,8 @@ mod tests {
                     assert_eq!(found, wanted, "{level:?} {width} {height} {lanes} {pixel}");
                 }
             }
-            let settled = room.places.iter().filter(|&&place| place != NO_PLACE).count();
-            assert!(width == 1 || settled > width * height / 20, "{settled} of {width} by {height}");
+            settled += room.places.iter().filter(|&&place| place != NO_PLACE).count();
         }
+        assert!(settled > 1000, "{settled}");
     }
 }

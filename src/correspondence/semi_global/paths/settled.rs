@@ -25,7 +25,8 @@ pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8]
 pub(super) fn place_of_zero(bytes: [u8; LANE_STEP]) -> Option<u8> {
     // The lowest byte that is zero is found by borrowing.
     let bytes = u64::from_le_bytes(bytes);
-    let zeros = bytes.wrapping_sub(u64::MAX / 255) & !bytes & (u64::MAX / 255 << 7);
+    let (lowest, highest) = (u64::MAX / 255, u64::MAX / 255 * 128);
+    let zeros = bytes.wrapping_sub(lowest) & !bytes & highest;
     (zeros != 0).then_some(zeros.trailing_zeros() as u8 / 8)
 }
 

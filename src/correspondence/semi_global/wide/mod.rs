@@ -83,8 +83,14 @@ impl<L: Lanes> Block<'_, L> {
     }
 }
 
-/// The numbers of a block.
+/// The numbers of the block that begins with the first pixel.
 #[inline(always)]
 fn block_of<T>(row: &[T], first: usize) -> &[T; BLOCK] {
-    row[first..].first_chunk().expect("a block lies within its row")
+    &row.as_chunks().0[first / BLOCK]
+}
+
+/// The same, to be changed.
+#[inline(always)]
+pub(super) fn block_of_mut<T>(row: &mut [T], first: usize) -> &mut [T; BLOCK] {
+    &mut row.as_chunks_mut().0[first / BLOCK]
 }

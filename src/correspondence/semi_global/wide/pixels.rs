@@ -141,14 +141,13 @@ impl<L: Lanes> Pixels<L> {
     #[inline(always)]
     fn column_at(&self, turns: L::Floats) -> (L::Floats, L::Floats) {
         let lanes = self.lanes;
-        let inverse = lanes.about_one_over(lanes.sub_float(self.b, lanes.times_float(self.d, turns)));
+        let inverse = lanes.over(lanes.float(1.0), lanes.sub_float(self.b, lanes.times_float(self.d, turns)));
         let offset = lanes.times_float(lanes.sub_float(turns, self.a), inverse);
         let column_px = lanes.add_float(self.reference, offset);
         (lanes.min_float(lanes.max_float(column_px, self.first_px), self.last_px), inverse)
     }
 
-    /// The columns in which a candidate of an order can lie, as [`super::super::outlook::Outlook`] has them but for rounding:
-    /// their margin is far greater, and candidates are what is found in them.
+    /// The columns in which a candidate of an order can lie, as [`super::super::outlook::Outlook`] has them.
     #[inline(always)]
     pub(super) fn columns_of(&self, order: L::Longs, reach: L::Floats) -> Interval<L> {
         let lanes = self.lanes;

@@ -43,7 +43,7 @@ impl<L: Lanes> Block<'_, L> {
         &mut self,
         order: &[i16; BLOCK],
         room: &mut SelectionRoom<L>,
-        out: SelectedBlock<'_>,
+        out: &mut SelectedBlock<'_>,
     ) {
         let lanes = self.lanes;
         let order = lanes.load_signed(order);
@@ -83,7 +83,7 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Tells of the best candidates.
     #[inline(always)]
-    fn tell(&self, best: &Best<L>, out: SelectedBlock<'_>) {
+    fn tell(&self, best: &Best<L>, out: &mut SelectedBlock<'_>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
         let present = lanes.truths(lanes.and(best.present, self.regular));
         let absolute = lanes.join(best.order, self.phases);
