@@ -351,6 +351,14 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn expect<T>(self, _: &[T]) {}
     #[inline(always)]
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
+        let mut bytes = [0; LANES / 4];
+        for i in 0..LANES / 4 {
+            bytes[i] = words[i] as u8;
+        }
+        u64::from_le_bytes(bytes)
+    }
+    #[inline(always)]
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
         [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 4]
     }

@@ -379,6 +379,10 @@ impl Lanes for Avx512 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(soon.as_ptr().cast()) }
     }
     #[inline(always)]
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
+        unsafe { _mm_cvtsi128_si64(_mm_cvtepi16_epi8(_mm_loadu_si128(words.as_ptr().cast()))) as u64 }
+    }
+    #[inline(always)]
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
         let mut least = [0; LANES / 4];
         unsafe {

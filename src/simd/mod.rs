@@ -291,6 +291,8 @@ pub(crate) trait Lanes: Copy {
 
     /// Tells the machine that something will be read soon.
     fn expect<T>(self, soon: &[T]);
+    /// Words below 256 as bytes, the first the lowest.
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
     /// The least of unsigned words, everywhere.
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }

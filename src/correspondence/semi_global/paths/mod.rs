@@ -191,26 +191,26 @@ impl PathRow {
         &self.energies[begin..][..lanes]
     }
 
-    /// Takes the energies of a pixel.
+    /// Takes the energies of a pixel, of which the least is zero. Whether they are settled nobody can foresee: no branches.
     #[inline(always)]
-    fn set(&mut self, u: usize, energies: &[u16]) {
+    fn set<L: Lanes>(&mut self, level: L, u: usize, energies: &[u16]) {
         let lanes = energies.len();
         let own = &mut self.energies[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
-        let mut place = NO_PLACE;
-        for (step, (own, energies)) in
-            own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(energies.as_chunks::<LANE_STEP>().0).enumerate().rev()
-        {
-            let mut bytes = [0; LANE_STEP];
-            for lane in 0..LANE_STEP {
-                bytes[lane] = energies[lane] as u8;
-            }
-            *own = bytes;
-            place = place_of_zero(bytes).map_or(place, |place| (LANE_STEP * step) as u8 + place);
+        let mut place = 0;
+        let steps = own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(energies.as_chunks::<LANE_STEP>().0);
+        for (step, (own, energies)) in steps.enumerate().rev() {
+            let bytes = level.bytes_of(energies);
+            *own = bytes.to_le_bytes();
+            let of_step = place_of_zero(bytes);
+            place = if of_step < LANE_STEP { step * LANE_STEP + of_step } else { place };
         }
-        let is_settled = place != NO_PLACE && *own == *settled(usize::from(place), MAX_SHIFT, lanes);
-        self.places[u] = if is_settled { place } else { NO_PLACE };
+        let differs = *own != *settled(place, MAX_SHIFT, lanes);
+        // All bits make it no place.
+        self.places[u] = place as u8 | u8::from(differs).wrapping_neg();
     }
 }
+
+const _: () = assert!(NO_PLACE == u8::MAX);
 
 /// Goes through some rows.
 struct Through<'a, 'b, 'c, V> {
@@ -372,7 +372,7 @@ impl<'a> Sweep<'a, '_> {
             for lane in 0..lanes {
                 sum[lane] = sum[lane].wrapping_add(from[lane]);
             }
-            here[axis].set(u, &energies[..lanes]);
+            here[axis].set(level, u, &energies[..lanes]);
         }
         sum
     }

@@ -4,7 +4,7 @@ use crate::simd::{Kernel, Lanes};
 
 use super::super::evidence::{BestOfRow, MISSING};
 use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
-use super::super::windows::{LANE_STEP, MAX_LANES};
+use super::super::windows::MAX_LANES;
 use super::{CHANGE, PathRow};
 
 /// Energies of a settled pixel, as far as any neighbour may point beside its orders.
@@ -20,14 +20,13 @@ pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8]
     &SETTLED[MAX_LANES + shift - place..][..lanes]
 }
 
-/// The first of some bytes that is zero.
+/// The first byte that is zero, from the lowest on; beyond all bytes if none is.
 #[inline(always)]
-pub(super) fn place_of_zero(bytes: [u8; LANE_STEP]) -> Option<u8> {
+pub(super) fn place_of_zero(bytes: u64) -> usize {
     // The lowest byte that is zero is found by borrowing.
-    let bytes = u64::from_le_bytes(bytes);
     let (lowest, highest) = (u64::MAX / 255, u64::MAX / 255 * 128);
     let zeros = bytes.wrapping_sub(lowest) & !bytes & highest;
-    (zeros != 0).then_some(zeros.trailing_zeros() as u8 / 8)
+    zeros.trailing_zeros() as usize / 8
 }
 
 /// What would hold for the pixels of a row if the paths along it came settled too.
@@ -119,6 +118,7 @@ pub(super) fn run_of_ones(bytes: &[u8], from: usize, forward: bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Arrays;
 
     #[test]
     fn a_settled_pixel_has_one_order_and_others_at_the_price_of_a_change() {
@@ -128,12 +128,12 @@ mod tests {
                 row.clear(3, lanes);
                 let mut energies = vec![CHANGE; lanes];
                 energies[place] = 0;
-                row.set(1, &energies);
+                row.set(Arrays, 1, &energies);
                 assert_eq!(usize::from(row.places[1]), place);
                 let seen: Vec<u8> = energies.iter().map(|&energy| energy as u8).collect();
                 assert_eq!(settled(place, MAX_SHIFT, lanes), seen);
                 energies[(place + 3) % lanes] -= 1;
-                row.set(1, &energies);
+                row.set(Arrays, 1, &energies);
                 assert_eq!(row.places[1], NO_PLACE);
             }
             assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&energy| energy == CHANGE as u8));
@@ -143,9 +143,10 @@ mod tests {
 
     #[test]
     fn the_first_zero_is_found() {
-        assert_eq!(place_of_zero([1, 0, 255, 0, 3, 1, 0, 7]), Some(1));
-        assert_eq!(place_of_zero([1, 128, 255, 1, 3, 1, 9, 0]), Some(7));
-        assert_eq!(place_of_zero([1, 128, 255, 1, 3, 1, 9, 2]), None);
+        let place = |bytes: [u8; 8]| place_of_zero(u64::from_le_bytes(bytes));
+        assert_eq!(place([1, 0, 255, 0, 3, 1, 0, 7]), 1);
+        assert_eq!(place([1, 128, 255, 1, 3, 1, 9, 0]), 7);
+        assert_eq!(place([1, 128, 255, 1, 3, 1, 9, 2]), 8);
     }
 
     #[test]
