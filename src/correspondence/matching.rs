@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 
 use super::agreement::{MatchError, check_rest, check_scatter, check_share};
+use super::bands::{self, BAND_ROWS};
 use super::candidates::{Candidate, occurs};
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::DeltaHistogram;
@@ -145,6 +146,8 @@ pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
     cam2: EpipolarImage,
     semi_global: semi_global::Room,
+    /// Room for a row of segments a band.
+    segments: Vec<SegmentRow>,
 }
 
 impl Matcher {
@@ -179,7 +182,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, semi_global: room } = self;
+        let Self { cam2, semi_global: room, segments } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -209,7 +212,7 @@ impl Matcher {
             ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, room, out, grounds)?,
             ResolutionMethod::Paper => *out = matching.by_paper(delta, &histogram)?,
         }
-        explain_pixels_without_candidates(cam1, cam2, table, &mut out.outcomes);
+        explain_pixels_without_candidates(cam1, cam2, table, segments, &mut out.outcomes);
         out.slip_steps = slip_steps;
         Ok(())
     }
@@ -322,28 +325,33 @@ fn explain_pixels_without_candidates(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
+    rooms: &mut Vec<SegmentRow>,
     outcomes: &mut [Outcome],
 ) {
     let width = cam1.width.max(1);
-    outcomes.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, outcomes)| {
-        let mut is_here = false;
-        for (u, outcome) in outcomes.iter_mut().enumerate() {
-            let i = v * width + u;
-            if outcome.is_found() {
-                continue;
-            }
-            if !cam1.valid[i] {
-                *outcome = Outcome::Invalid;
-            } else if !table.has_segment(i) {
-                *outcome = Outcome::OutsideVolume;
-            } else if *outcome == Outcome::NoCandidate {
-                if !is_here {
-                    table.row(v, segments);
-                    is_here = true;
+    bands::resize(rooms, cam1.height);
+    let bands = outcomes.par_chunks_mut(BAND_ROWS * width).zip(rooms).enumerate();
+    bands.for_each(|(band, (outcomes, segments))| {
+        for (i, outcomes) in outcomes.chunks_mut(width).enumerate() {
+            let v = band * BAND_ROWS + i;
+            let mut is_here = false;
+            for (u, (outcome, &valid)) in outcomes.iter_mut().zip(&cam1.valid[v * width..]).enumerate() {
+                if outcome.is_found() {
+                    continue;
                 }
-                let segment = segments.segment(u);
-                if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[i]) {
-                    *outcome = Outcome::RejectedByDelta;
+                if !valid {
+                    *outcome = Outcome::Invalid;
+                } else if !table.has_segment(v * width + u) {
+                    *outcome = Outcome::OutsideVolume;
+                } else if *outcome == Outcome::NoCandidate {
+                    if !is_here {
+                        table.row(v, segments);
+                        is_here = true;
+                    }
+                    let segment = segments.segment(u);
+                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[v * width + u]) {
+                        *outcome = Outcome::RejectedByDelta;
+                    }
                 }
             }
         }

@@ -5,9 +5,10 @@
 pub(super) struct Unions(Vec<u32>);
 
 impl Unions {
-    /// So many things, each by itself.
-    pub(super) fn of(count: usize) -> Self {
-        Self((0..count as u32).collect())
+    /// So many things instead of all before, each by itself.
+    pub(super) fn begin(&mut self, count: usize) {
+        self.0.clear();
+        self.0.extend(0..count as u32);
     }
 
     /// One more thing, by itself.
@@ -23,14 +24,21 @@ impl Unions {
 
     /// For each thing the number of its set; sets are numbered in the order of their first things.
     pub(super) fn numbers(mut self) -> Vec<u32> {
-        let mut numbers = Vec::with_capacity(self.0.len());
+        let mut numbers = Vec::new();
+        self.number(&mut numbers);
+        numbers
+    }
+
+    /// The same, into `numbers`.
+    pub(super) fn number(&mut self, numbers: &mut Vec<u32>) {
+        numbers.clear();
+        numbers.reserve(self.0.len());
         let mut sets = 0;
         for thing in 0..self.0.len() {
             let name = self.name(thing);
             numbers.push(if name == thing { sets } else { numbers[name] });
             sets += u32::from(name == thing);
         }
-        numbers
     }
 
     fn name(&mut self, mut thing: usize) -> usize {
@@ -48,7 +56,8 @@ mod tests {
 
     #[test]
     fn sets_are_numbered_by_their_first_things() {
-        let mut unions = Unions::of(6);
+        let mut unions = Unions::default();
+        unions.begin(6);
         unions.add();
         unions.unite(5, 2);
         unions.unite(6, 5);

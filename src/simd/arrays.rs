@@ -1,6 +1,6 @@
 //! Lanes as arrays: the reference, which the compiler turns into whatever vectors the level has.
 
-use super::{LANES, Lanes};
+use super::{COLUMNS, LANES, Lanes};
 
 /// Lanes of every machine.
 #[derive(Clone, Copy)]
@@ -11,6 +11,7 @@ type Longs = [i32; LANES];
 type Floats = [f32; LANES];
 /// All bits of a true lane are set.
 type Mask = [i16; LANES];
+type Truths = [i32; LANES];
 
 #[inline(always)]
 fn map<A: Copy, R: Copy + Default>(a: [A; LANES], f: impl Fn(A) -> R) -> [R; LANES] {
@@ -35,12 +36,19 @@ fn truth(value: bool) -> i16 {
     -i16::from(value)
 }
 
+#[inline(always)]
+fn truth_of_long(value: bool) -> i32 {
+    -i32::from(value)
+}
+
 impl Lanes for Arrays {
     type Words = Words;
     type Longs = Longs;
     type Floats = Floats;
     type Reals = Floats;
     type Mask = Mask;
+    type Truths = Truths;
+    type Table<'a> = &'a [u16; COLUMNS];
 
     #[inline(always)]
     fn word(self, value: i16) -> Words {
@@ -53,6 +61,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn load(self, words: &[u16; LANES]) -> Words {
         map(*words, |word| word as i16)
+    }
+    #[inline(always)]
+    fn load_signed(self, words: &[i16; LANES]) -> Words {
+        *words
     }
     #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
@@ -135,6 +147,26 @@ impl Lanes for Arrays {
         zip(a, b, |a, b| a & !b)
     }
     #[inline(always)]
+    fn or(self, a: Mask, b: Mask) -> Mask {
+        zip(a, b, |a, b| a | b)
+    }
+    #[inline(always)]
+    fn any(self, a: Mask) -> bool {
+        a.into_iter().fold(0, |any, a| any | a) != 0
+    }
+    #[inline(always)]
+    fn least_of(self, some: Mask, a: Words) -> i16 {
+        self.select(some, a, [i16::MAX; LANES]).into_iter().fold(i16::MAX, i16::min)
+    }
+    #[inline(always)]
+    fn table(self, words: &[u16; COLUMNS]) -> &[u16; COLUMNS] {
+        words
+    }
+    #[inline(always)]
+    fn look_up(self, table: &[u16; COLUMNS], places: Words) -> Words {
+        map(places, |place| table[place as usize % COLUMNS] as i16)
+    }
+    #[inline(always)]
     fn mask(self, bits: u32) -> Mask {
         let mut out = [0; LANES];
         for k in 0..LANES {
@@ -149,6 +181,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn store(self, a: Words, to: &mut [u16; LANES]) {
         *to = map(a, |a| a as u16);
+    }
+    #[inline(always)]
+    fn store_signed(self, a: Words, to: &mut [i16; LANES]) {
+        *to = a;
     }
     #[inline(always)]
     fn store_bytes(self, a: Words, to: &mut [u8; LANES]) {
@@ -166,6 +202,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn widen(self, a: Words) -> Longs {
         map(a, i32::from)
+    }
+    #[inline(always)]
+    fn add_long(self, a: Longs, b: Longs) -> Longs {
+        zip(a, b, i32::wrapping_add)
     }
     #[inline(always)]
     fn widen_unsigned(self, a: Words) -> Longs {
@@ -187,6 +227,39 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn narrow(self, a: Longs) -> Words {
         map(a, |a| a.clamp(0, 0xffff) as u16 as i16)
+    }
+    #[inline(always)]
+    fn narrow_signed(self, a: Longs) -> Words {
+        map(a, |a| a.clamp(-0x8000, 0x7fff) as i16)
+    }
+    #[inline(always)]
+    fn join(self, high: Words, low: Words) -> Longs {
+        zip(high, low, |high, low| i32::from(high) << 16 | i32::from(low as u16))
+    }
+    #[inline(always)]
+    fn sub_long(self, a: Longs, b: Longs) -> Longs {
+        zip(a, b, i32::wrapping_sub)
+    }
+    #[inline(always)]
+    fn is_same(self, a: Longs, b: Longs) -> Truths {
+        zip(a, b, |a, b| truth_of_long(a == b))
+    }
+    #[inline(always)]
+    fn select_long(self, truths: Truths, yes: Longs, no: Longs) -> Longs {
+        let mut out = no;
+        for i in 0..LANES {
+            out[i] = (yes[i] & truths[i]) | (no[i] & !truths[i]);
+        }
+        out
+    }
+    #[inline(always)]
+    fn numbers(self, table: &[i32], places: Longs) -> Longs {
+        let last = table.len() - 1;
+        map(places, |place| table[(place as usize).min(last)])
+    }
+    #[inline(always)]
+    fn store_longs(self, a: Longs, to: &mut [i32; LANES]) {
+        *to = a;
     }
     #[inline(always)]
     fn floats(self, a: Longs) -> Floats {
@@ -313,7 +386,7 @@ impl Lanes for Arrays {
         self.floats(self.longs(a))
     }
     #[inline(always)]
-    fn look_up(self, table: &[f32], places: Floats) -> Floats {
+    fn look_up_real(self, table: &[f32], places: Floats) -> Floats {
         map(places, |place| table[place as usize])
     }
     #[inline(always)]
@@ -326,7 +399,58 @@ impl Lanes for Arrays {
     }
 
     #[inline(always)]
-    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
-        [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 2]
+    fn load_floats(self, floats: &[f32; LANES]) -> Floats {
+        *floats
+    }
+    #[inline(always)]
+    fn store_floats(self, a: Floats, to: &mut [f32; LANES]) {
+        *to = a;
+    }
+    #[inline(always)]
+    fn with_sign(self, magnitude: Floats, sign: Floats) -> Floats {
+        zip(magnitude, sign, f32::copysign)
+    }
+    #[inline(always)]
+    fn exceeds(self, a: Floats, b: Floats) -> Truths {
+        zip(a, b, |a, b| truth_of_long(a > b))
+    }
+    #[inline(always)]
+    fn reaches(self, a: Floats, b: Floats) -> Truths {
+        zip(a, b, |a, b| truth_of_long(a >= b))
+    }
+    #[inline(always)]
+    fn select_float(self, truths: Truths, yes: Floats, no: Floats) -> Floats {
+        let mut out = no;
+        for i in 0..LANES {
+            out[i] = f32::from_bits((yes[i].to_bits() & truths[i] as u32) | (no[i].to_bits() & !truths[i] as u32));
+        }
+        out
+    }
+    #[inline(always)]
+    fn both(self, a: Truths, b: Truths) -> Truths {
+        zip(a, b, |a, b| a & b)
+    }
+    #[inline(always)]
+    fn truths(self, mask: Mask) -> Truths {
+        map(mask, i32::from)
+    }
+    #[inline(always)]
+    fn mask_of(self, truths: Truths) -> Mask {
+        map(truths, |truth| truth as i16)
+    }
+
+    #[inline(always)]
+    fn expect<T>(self, _: &[T]) {}
+    #[inline(always)]
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
+        let mut bytes = [0; LANES / 4];
+        for i in 0..LANES / 4 {
+            bytes[i] = words[i] as u8;
+        }
+        u64::from_le_bytes(bytes)
+    }
+    #[inline(always)]
+    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
+        [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 4]
     }
 }

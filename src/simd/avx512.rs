@@ -3,7 +3,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{LANES, Lanes, Level};
+use super::{COLUMNS, LANES, Lanes, Level};
 
 /// Proof that the machine has AVX-512 with bytes and words.
 #[derive(Clone, Copy)]
@@ -37,6 +37,9 @@ macro_rules! both {
     }};
 }
 
+/// Which bits of words the longs of the first register and of the second belong to.
+const OF_REGISTERS: Pair<u32> = [0x0f0f_0f0f, 0xf0f0_f0f0];
+
 /// Truths of reals, which are in the order of memory already.
 #[inline(always)]
 fn mask_of_reals([a, b]: Pair<__mmask16>) -> __mmask32 {
@@ -58,6 +61,8 @@ impl Lanes for Avx512 {
     type Floats = Pair<__m512>;
     type Reals = Pair<__m512>;
     type Mask = __mmask32;
+    type Truths = Pair<__mmask16>;
+    type Table<'a> = Pair<__m512i>;
 
     #[inline(always)]
     fn word(self, value: i16) -> __m512i {
@@ -69,6 +74,10 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn load(self, words: &[u16; LANES]) -> __m512i {
+        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn load_signed(self, words: &[i16; LANES]) -> __m512i {
         unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
     }
     #[inline(always)]
@@ -148,6 +157,32 @@ impl Lanes for Avx512 {
         a & !b
     }
     #[inline(always)]
+    fn or(self, a: __mmask32, b: __mmask32) -> __mmask32 {
+        a | b
+    }
+    #[inline(always)]
+    fn any(self, a: __mmask32) -> bool {
+        a != 0
+    }
+    #[inline(always)]
+    fn least_of(self, some: __mmask32, a: __m512i) -> i16 {
+        unsafe {
+            let words = _mm512_mask_mov_epi16(_mm512_set1_epi16(i16::MAX), some, a);
+            let half = _mm256_min_epu16(_mm512_castsi512_si256(words), _mm512_extracti64x4_epi64::<1>(words));
+            let quarter = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
+            _mm_cvtsi128_si32(_mm_minpos_epu16(quarter)) as i16
+        }
+    }
+    #[inline(always)]
+    fn table(self, words: &[u16; COLUMNS]) -> Pair<__m512i> {
+        let (low, high) = words.split_at(LANES);
+        unsafe { [_mm512_loadu_si512(low.as_ptr().cast()), _mm512_loadu_si512(high.as_ptr().cast())] }
+    }
+    #[inline(always)]
+    fn look_up(self, [low, high]: Pair<__m512i>, places: __m512i) -> __m512i {
+        unsafe { _mm512_permutex2var_epi16(low, places, high) }
+    }
+    #[inline(always)]
     fn mask(self, bits: u32) -> __mmask32 {
         bits
     }
@@ -157,6 +192,10 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn store(self, a: __m512i, to: &mut [u16; LANES]) {
+        unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), a) }
+    }
+    #[inline(always)]
+    fn store_signed(self, a: __m512i, to: &mut [i16; LANES]) {
         unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), a) }
     }
     #[inline(always)]
@@ -179,6 +218,10 @@ impl Lanes for Avx512 {
             let sign = _mm512_srai_epi16::<15>(a);
             [_mm512_unpacklo_epi16(a, sign), _mm512_unpackhi_epi16(a, sign)]
         }
+    }
+    #[inline(always)]
+    fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
+        both!(_mm512_add_epi32, a, b)
     }
     #[inline(always)]
     fn widen_unsigned(self, a: __m512i) -> Pair<__m512i> {
@@ -211,6 +254,47 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i {
         unsafe { _mm512_packus_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn narrow_signed(self, [a, b]: Pair<__m512i>) -> __m512i {
+        unsafe { _mm512_packs_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn join(self, high: __m512i, low: __m512i) -> Pair<__m512i> {
+        unsafe { [_mm512_unpacklo_epi16(low, high), _mm512_unpackhi_epi16(low, high)] }
+    }
+    #[inline(always)]
+    fn sub_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
+        both!(_mm512_sub_epi32, a, b)
+    }
+    #[inline(always)]
+    fn is_same(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__mmask16> {
+        both!(_mm512_cmpeq_epi32_mask, a, b)
+    }
+    #[inline(always)]
+    fn select_long(self, [t0, t1]: Pair<__mmask16>, yes: Pair<__m512i>, no: Pair<__m512i>) -> Pair<__m512i> {
+        unsafe { [_mm512_mask_mov_epi32(no[0], t0, yes[0]), _mm512_mask_mov_epi32(no[1], t1, yes[1])] }
+    }
+    #[inline(always)]
+    fn numbers(self, table: &[i32], places: Pair<__m512i>) -> Pair<__m512i> {
+        let last = self.long(table.len() as i32 - 1);
+        let [a, b] = both!(_mm512_min_epu32, places, last);
+        // Places are no greater than the last one.
+        unsafe {
+            [
+                _mm512_i32gather_epi32::<4>(a, table.as_ptr().cast()),
+                _mm512_i32gather_epi32::<4>(b, table.as_ptr().cast()),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn store_longs(self, [a, b]: Pair<__m512i>, to: &mut [i32; LANES]) {
+        unsafe {
+            let (low, high) = (_mm512_shuffle_i32x4::<0x44>(a, b), _mm512_shuffle_i32x4::<0xee>(a, b));
+            let in_order = [_mm512_shuffle_i32x4::<0xd8>(low, low), _mm512_shuffle_i32x4::<0xd8>(high, high)];
+            _mm512_storeu_si512(to.as_mut_ptr().cast(), in_order[0]);
+            _mm512_storeu_si512(to[LANES / 2..].as_mut_ptr().cast(), in_order[1]);
+        }
     }
     #[inline(always)]
     fn floats(self, a: Pair<__m512i>) -> Pair<__m512> {
@@ -343,7 +427,7 @@ impl Lanes for Avx512 {
         both!(_mm512_cvtepi32_ps, both!(_mm512_cvttps_epi32, a))
     }
     #[inline(always)]
-    fn look_up(self, table: &[f32], places: Pair<__m512>) -> Pair<__m512> {
+    fn look_up_real(self, table: &[f32], places: Pair<__m512>) -> Pair<__m512> {
         assert!(!table.is_empty(), "a table to look up in");
         // What lies beyond the table must not be read.
         let last = unsafe { [_mm512_set1_epi32(table.len() as i32 - 1); 2] };
@@ -372,12 +456,66 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2] {
-        let mut least = [0; LANES / 2];
+    fn load_floats(self, floats: &[f32; LANES]) -> Pair<__m512> {
         unsafe {
-            let all = _mm256_loadu_si256(words.as_ptr().cast());
-            let half = _mm_min_epu16(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
-            _mm256_storeu_si256(least.as_mut_ptr().cast(), _mm256_broadcastw_epi16(_mm_minpos_epu16(half)));
+            let (low, high) = (_mm512_loadu_ps(floats.as_ptr()), _mm512_loadu_ps(floats[LANES / 2..].as_ptr()));
+            [_mm512_shuffle_f32x4::<0x88>(low, high), _mm512_shuffle_f32x4::<0xdd>(low, high)]
+        }
+    }
+    #[inline(always)]
+    fn store_floats(self, [a, b]: Pair<__m512>, to: &mut [f32; LANES]) {
+        unsafe {
+            let (low, high) = (_mm512_shuffle_f32x4::<0x44>(a, b), _mm512_shuffle_f32x4::<0xee>(a, b));
+            _mm512_storeu_ps(to.as_mut_ptr(), _mm512_shuffle_f32x4::<0xd8>(low, low));
+            _mm512_storeu_ps(to[LANES / 2..].as_mut_ptr(), _mm512_shuffle_f32x4::<0xd8>(high, high));
+        }
+    }
+    #[inline(always)]
+    fn with_sign(self, magnitude: Pair<__m512>, sign: Pair<__m512>) -> Pair<__m512> {
+        let bit = self.float(-0.0);
+        let magnitude = both!(_mm512_andnot_ps, bit, magnitude);
+        let sign = both!(_mm512_and_ps, bit, sign);
+        both!(_mm512_or_ps, magnitude, sign)
+    }
+    #[inline(always)]
+    fn exceeds(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__mmask16> {
+        both!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>, a, b)
+    }
+    #[inline(always)]
+    fn reaches(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__mmask16> {
+        both!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>, a, b)
+    }
+    #[inline(always)]
+    fn select_float(self, [t0, t1]: Pair<__mmask16>, yes: Pair<__m512>, no: Pair<__m512>) -> Pair<__m512> {
+        unsafe { [_mm512_mask_mov_ps(no[0], t0, yes[0]), _mm512_mask_mov_ps(no[1], t1, yes[1])] }
+    }
+    #[inline(always)]
+    fn both(self, a: Pair<__mmask16>, b: Pair<__mmask16>) -> Pair<__mmask16> {
+        [a[0] & b[0], a[1] & b[1]]
+    }
+    #[inline(always)]
+    fn truths(self, mask: __mmask32) -> Pair<__mmask16> {
+        unsafe { [_pext_u32(mask, OF_REGISTERS[0]) as __mmask16, _pext_u32(mask, OF_REGISTERS[1]) as __mmask16] }
+    }
+    #[inline(always)]
+    fn mask_of(self, [a, b]: Pair<__mmask16>) -> __mmask32 {
+        unsafe { _pdep_u32(u32::from(a), OF_REGISTERS[0]) | _pdep_u32(u32::from(b), OF_REGISTERS[1]) }
+    }
+
+    #[inline(always)]
+    fn expect<T>(self, soon: &[T]) {
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(soon.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
+        unsafe { _mm_cvtsi128_si64(_mm_cvtepi16_epi8(_mm_loadu_si128(words.as_ptr().cast()))) as u64 }
+    }
+    #[inline(always)]
+    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
+        let mut least = [0; LANES / 4];
+        unsafe {
+            let all = _mm_loadu_si128(words.as_ptr().cast());
+            _mm_storeu_si128(least.as_mut_ptr().cast(), _mm_broadcastw_epi16(_mm_minpos_epu16(all)));
         }
         least
     }

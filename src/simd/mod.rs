@@ -15,6 +15,8 @@ pub(crate) use avx512::Avx512;
 
 /// Pixels that a kernel handles together.
 pub(crate) const LANES: usize = 32;
+/// Words of a table.
+pub(crate) const COLUMNS: usize = 2 * LANES;
 
 /// Instruction sets that kernels are compiled for, the least first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,6 +145,10 @@ pub(crate) trait Lanes: Copy {
     type Reals: Copy;
     /// A truth a lane.
     type Mask: Copy;
+    /// A truth a long or a float, in their order.
+    type Truths: Copy;
+    /// [`COLUMNS`] words to look up.
+    type Table<'a>: Copy;
 
     /// The same word in all lanes.
     fn word(self, value: i16) -> Self::Words;
@@ -150,6 +156,8 @@ pub(crate) trait Lanes: Copy {
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
     /// Words of memory.
     fn load(self, words: &[u16; LANES]) -> Self::Words;
+    /// Signed words of memory.
+    fn load_signed(self, words: &[i16; LANES]) -> Self::Words;
     /// Little-endian words at any address.
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
     /// a + b, wrapping.
@@ -188,12 +196,24 @@ pub(crate) trait Lanes: Copy {
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// The first and not the second.
     fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Either.
+    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Whether any lane is true.
+    fn any(self, a: Self::Mask) -> bool;
+    /// The least of the words of some lanes, of which none is negative.
+    fn least_of(self, some: Self::Mask, a: Self::Words) -> i16;
+    /// Words to look up.
+    fn table(self, words: &[u16; COLUMNS]) -> Self::Table<'_>;
+    /// The words of a table in places, which are below [`COLUMNS`] wherever it matters.
+    fn look_up(self, table: Self::Table<'_>, places: Self::Words) -> Self::Words;
     /// Lane k is bit k.
     fn mask(self, bits: u32) -> Self::Mask;
     /// Bit k is that of lane k.
     fn bits(self, mask: Self::Mask) -> u32;
     /// Stores words.
     fn store(self, a: Self::Words, to: &mut [u16; LANES]);
+    /// Stores signed words.
+    fn store_signed(self, a: Self::Words, to: &mut [i16; LANES]);
     /// Stores the low bytes of words.
     fn store_bytes(self, a: Self::Words, to: &mut [u8; LANES]);
     /// Stores truths.
@@ -203,6 +223,8 @@ pub(crate) trait Lanes: Copy {
     fn long(self, value: i32) -> Self::Longs;
     /// Signed words as longs.
     fn widen(self, a: Self::Words) -> Self::Longs;
+    /// a + b, wrapping.
+    fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
     /// Unsigned words as longs.
     fn widen_unsigned(self, a: Self::Words) -> Self::Longs;
     /// sum + a·weights[0] + b·weights[1] of signed words, wrapping.
@@ -213,6 +235,20 @@ pub(crate) trait Lanes: Copy {
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
     /// Longs as words, those beyond 0 to 65535 at its ends.
     fn narrow(self, a: Self::Longs) -> Self::Words;
+    /// Longs as words, those beyond the signed ones at their ends.
+    fn narrow_signed(self, a: Self::Longs) -> Self::Words;
+    /// Longs of high words and low words.
+    fn join(self, high: Self::Words, low: Self::Words) -> Self::Longs;
+    /// a − b, wrapping.
+    fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
+    /// a = b.
+    fn is_same(self, a: Self::Longs, b: Self::Longs) -> Self::Truths;
+    /// `yes` where it is true, else `no`.
+    fn select_long(self, truths: Self::Truths, yes: Self::Longs, no: Self::Longs) -> Self::Longs;
+    /// The numbers of a table in places, the last one in places beyond it; none is negative.
+    fn numbers(self, table: &[i32], places: Self::Longs) -> Self::Longs;
+    /// Stores longs.
+    fn store_longs(self, a: Self::Longs, to: &mut [i32; LANES]);
     /// Longs as floats, rounded to nearest.
     fn floats(self, a: Self::Longs) -> Self::Floats;
 
@@ -274,12 +310,35 @@ pub(crate) trait Lanes: Copy {
     /// Reals of the range of longs, rounded towards zero.
     fn truncate(self, a: Self::Reals) -> Self::Reals;
     /// The entries of a table at the places that reals, whole numbers below its length, say.
-    fn look_up(self, table: &[f32], places: Self::Reals) -> Self::Reals;
+    fn look_up_real(self, table: &[f32], places: Self::Reals) -> Self::Reals;
     /// Stores the low words of reals of the range of longs, rounded towards zero.
     fn store_real_words(self, a: Self::Reals, to: &mut [u16; LANES]);
     /// Stores reals from 0 to 255, rounded towards zero.
     fn store_real_bytes(self, a: Self::Reals, to: &mut [u8; LANES]);
 
+    /// Floats of memory.
+    fn load_floats(self, floats: &[f32; LANES]) -> Self::Floats;
+    /// Stores floats.
+    fn store_floats(self, a: Self::Floats, to: &mut [f32; LANES]);
+    /// The magnitude of the first with the sign of the second.
+    fn with_sign(self, magnitude: Self::Floats, sign: Self::Floats) -> Self::Floats;
+    /// a > b.
+    fn exceeds(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
+    /// a ≥ b.
+    fn reaches(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
+    /// `yes` where it is true, else `no`.
+    fn select_float(self, truths: Self::Truths, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
+    /// Both.
+    fn both(self, a: Self::Truths, b: Self::Truths) -> Self::Truths;
+    /// Truths of words as those of longs.
+    fn truths(self, mask: Self::Mask) -> Self::Truths;
+    /// Truths of longs as those of words.
+    fn mask_of(self, truths: Self::Truths) -> Self::Mask;
+
+    /// Tells the machine that something will be read soon.
+    fn expect<T>(self, soon: &[T]);
+    /// Words below 256 as bytes, the first the lowest.
+    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
     /// The least of unsigned words, everywhere.
-    fn least(self, words: &[u16; LANES / 2]) -> [u16; LANES / 2];
+    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }

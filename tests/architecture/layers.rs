@@ -87,9 +87,5 @@ pub(crate) const UNSAFE_FILES: &[&str] = &[
     "src/correspondence/registers/rows.rs",
     "src/correspondence/registers/words.rs",
     "src/correspondence/search/wide.rs",
-    "src/correspondence/semi_global/wide/mod.rs",
-    "src/correspondence/semi_global/wide/evidence.rs",
-    "src/correspondence/semi_global/wide/half.rs",
-    "src/correspondence/semi_global/wide/selection.rs",
     "src/transport/wait.rs",
 ];

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::decay::decay;
 use super::super::epipolar_image::EpipolarImage;
@@ -92,7 +93,7 @@ impl Sample {
             let columns = limits_px[0] as usize..=limits_px[1].ceil() as usize;
             let (u, v) = (i % cam1.width, i / cam1.width);
             let row = RowView::new(cam2, segment.row_px);
-            let _ = row.crossings(limits_px, cam1.phase[i], columns, |column_px, _| {
+            let _ = row.crossings_of_many(limits_px, cam1.phase[i], columns, |column_px, _| {
                 let delta_turns = f64::from(segment.phase_turns(column_px)) - f64::from(cam1.phase[i]) / 65536.0;
                 // Beyond the volume Φ may have a pole.
                 if delta_turns.is_finite() {
@@ -131,11 +132,13 @@ impl Sample {
         self.delta_turns.len() as f64 / self.pixels() as f64
     }
 
+    #[inline(always)]
     fn row(&self, candidate: usize) -> &[f64] {
         &self.design[candidate * self.columns..(candidate + 1) * self.columns]
     }
 
     /// What a field leaves of δ, wrapped to half a turn.
+    #[inline(always)]
     fn residual_turns(&self, candidate: usize, coefficients: &[f64]) -> f64 {
         let field: f64 = self.row(candidate).iter().zip(coefficients).map(|(d, c)| d * c).sum();
         to_half_turn(self.delta_turns[candidate] - field)
@@ -174,21 +177,37 @@ impl Sample {
 
     /// Sums of the least squares of all candidates, each weighted by how probably it is the true one of its pixel.
     fn weighted_sums(&self, guess: &Guess) -> Sums {
-        let mut sums = Sums::new(self.columns);
+        simd::run(Level::in_use(), SumKernel { sample: self, guess })
+    }
+}
+
+/// Sums up the least squares.
+struct SumKernel<'a> {
+    sample: &'a Sample,
+    guess: &'a Guess,
+}
+
+impl Kernel for SumKernel<'_> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> Sums {
+        let Self { sample, guess } = self;
+        let mut sums = Sums::new(sample.columns);
         // Density of false candidates where a true one has density 1.
-        let false_density = TAU.sqrt() * guess.sd_turns * self.mean_candidates() / 2.0;
+        let false_density = TAU.sqrt() * guess.sd_turns * sample.mean_candidates() / 2.0;
         let mut likely = Vec::new();
-        for ends in self.first.windows(2) {
+        for ends in sample.first.windows(2) {
             likely.clear();
-            likely.extend((ends[0]..ends[1]).map(|j| {
-                let residual = self.residual_turns(j, &guess.coefficients);
-                (residual, bell(residual / guess.sd_turns))
-            }));
+            for j in ends[0]..ends[1] {
+                let residual = sample.residual_turns(j, &guess.coefficients);
+                likely.push((residual, bell(residual / guess.sd_turns)));
+            }
             let total = false_density + likely.iter().map(|l| l.1).sum::<f64>();
             for (j, &(residual, density)) in (ends[0]..ends[1]).zip(&likely) {
                 let weight = density / total;
                 if weight >= MIN_WEIGHT {
-                    sums.add(self.row(j), residual, weight);
+                    sums.add(sample.row(j), residual, weight);
                 }
             }
         }
@@ -241,6 +260,7 @@ impl Usable {
 }
 
 /// Without its whole turns; as `f64::round` would, which is a call of the C library.
+#[inline(always)]
 fn to_half_turn(turns: f64) -> f64 {
     turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
 }
@@ -261,6 +281,7 @@ fn ln_of_product(factors: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Density of a normal number of sd 1 at z, in that at 0.
+#[inline(always)]
 fn bell(z: f64) -> f64 {
     decay(0.5 * z * z)
 }
@@ -279,6 +300,7 @@ impl Sums {
         Self { normal: vec![0.0; columns * columns], right: vec![0.0; columns], weight: 0.0, squares: 0.0 }
     }
 
+    #[inline(always)]
     fn add(&mut self, row: &[f64], residual: f64, weight: f64) {
         self.weight += weight;
         self.squares += weight * residual * residual;

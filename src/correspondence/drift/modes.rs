@@ -10,6 +10,8 @@ use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
 
+use crate::simd::{self, Kernel, Lanes, Level};
+
 use super::super::segment_table::SegmentTable;
 use super::place::{Places, Polynomial, TERMS, monomials};
 
@@ -100,8 +102,8 @@ impl DriftModes {
     }
 }
 
-/// Modes that are asked together.
-const GROUP: usize = 8;
+/// Modes that are asked together: so many that sums need not wait for each other.
+const GROUP: usize = 32;
 
 /// All modes, term by term.
 pub(super) struct ModesByTerm {
@@ -114,18 +116,36 @@ pub(super) struct ModesByTerm {
 impl ModesByTerm {
     /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
     pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
-        let monomials = monomials(self.places.place(u as f64, v as f64, f64::from(column_px)));
-        let end = out.len() + self.modes;
-        for group in &self.groups {
+        let begin = out.len();
+        out.resize(begin + self.groups.len() * GROUP, 0.0);
+        let place = self.places.place(u as f64, v as f64, f64::from(column_px));
+        simd::run(Level::in_use(), TellKernel { groups: &self.groups, place, out: &mut out[begin..] });
+        out.truncate(begin + self.modes);
+    }
+}
+
+/// Asks all modes at a place.
+struct TellKernel<'a> {
+    groups: &'a [[[f64; GROUP]; TERMS]],
+    place: [f64; 3],
+    out: &'a mut [f64],
+}
+
+impl Kernel for TellKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let monomials = monomials(self.place);
+        for (group, out) in self.groups.iter().zip(self.out.as_chunks_mut::<GROUP>().0) {
             let mut sums = [0.0; GROUP];
             for (factors, monomial) in group.iter().zip(monomials) {
                 for k in 0..GROUP {
                     sums[k] += factors[k] * monomial;
                 }
             }
-            out.extend_from_slice(&sums);
+            *out = sums;
         }
-        out.truncate(end);
     }
 }
 

@@ -116,6 +116,11 @@ impl RowPolynomial {
     /// The field along the segments of all pixels of the row.
     pub(super) fn along_segments(&self, width: usize, out: &mut DepthRow) {
         out.per_px = (1.0 / self.places.scale_px) as f32;
+        if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.places.half_px {
+            out.half_px = self.places.half_px;
+            out.x.clear();
+            out.x.extend((0..width.next_multiple_of(BLOCK)).map(|u| u as f64 / out.half_px - 1.0));
+        }
         for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
@@ -135,6 +140,9 @@ pub(in super::super) struct DepthRow {
     pub(in super::super) middle_px: Vec<f32>,
     /// d a pixel.
     pub(in super::super) per_px: f32,
+    /// x of each pixel, and what it was found with.
+    x: Vec<f64>,
+    half_px: f64,
 }
 
 impl DepthRow {
@@ -161,15 +169,15 @@ impl Kernel for DepthKernel<'_> {
         let Self { row, out } = self;
         let places = &row.places;
         let [_, y] = places.image(0.0, row.v_px);
-        for (block, middle_px) in out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
-            let mut x = [0.0; BLOCK];
+        let blocks = out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().zip(out.x.as_chunks::<BLOCK>().0);
+        for (block, (middle_px, x)) in blocks.enumerate() {
             for i in 0..BLOCK {
-                x[i] = (block * BLOCK + i) as f64 / places.half_px - 1.0;
                 middle_px[i] = (places.middle_px[0] + places.middle_px[1] * x[i] + places.middle_px[2] * y) as f32;
             }
             for k in 0..=DEGREE {
                 let mut sums = [0.0; BLOCK];
-                for power in (0..=DEGREE).rev() {
+                // Terms of a higher degree there are not.
+                for power in (0..=DEGREE - k).rev() {
                     for i in 0..BLOCK {
                         sums[i] = sums[i] * x[i] + row.coefficients[power][k];
                     }
@@ -201,6 +209,7 @@ impl DepthPolynomial {
 }
 
 /// The monomials at a place.
+#[inline(always)]
 pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
     let (px, py, pd) = (powers(x), powers(y), powers(d));
     let mut values = [0.0; TERMS];
@@ -210,6 +219,7 @@ pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
     values
 }
 
+#[inline(always)]
 fn powers(value: f64) -> [f64; DEGREE + 1] {
     let mut powers = [1.0; DEGREE + 1];
     (1..=DEGREE).for_each(|i| powers[i] = powers[i - 1] * value);

@@ -1,4 +1,4 @@
-//! What searches of 32 pixels at once are made of, by AVX-512.
+//! What the projector-side search of 32 pixels at once is made of, by AVX-512.
 //!
 //! Neighbouring pixels look for one fringe order in neighbouring columns of the same rows of C2, so that two registers a row
 //! hold the columns that 32 pixels need: *rows* and their crossings; *words*: loads, stores, and halves of registers.
@@ -8,8 +8,8 @@ mod words;
 
 pub(super) use rows::{COLUMNS, Crossing, Differences, Rows, crosses};
 pub(super) use words::{
-    greatest_byte, join, least_word, load_bytes, load_floats, load_signed, load_words, narrow, signed_half,
-    store_bytes, store_floats, store_longs, store_narrow, unsigned_half, widen,
+    join, least_word, load_floats, load_words, narrow, signed_half, store_floats, store_longs, store_narrow,
+    unsigned_half, widen,
 };
 
 /// Pixels of a block.

@@ -23,9 +23,6 @@ pub(in super::super) struct Rows {
 }
 
 impl Rows {
-    // SAFETY: all bits zero is a value of these.
-    pub(in super::super) const NONE: Self = unsafe { std::mem::zeroed() };
-
     /// The rows of C2 that the lanes look into.
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
     pub(in super::super) fn of(image: &EpipolarImage, row: [__m512; 2], regular: u32, irregular: &mut u32) -> Self {

@@ -101,35 +101,3 @@ pub(in super::super) fn store_narrow(longs: __m512i, to: &mut [i16]) {
     // SAFETY: sixteen words are written.
     unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(longs)) }
 }
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-pub(in super::super) fn load_signed(words: &[i16; BLOCK]) -> [__m512i; 2] {
-    // SAFETY: twice sixteen words are read.
-    [0, 16].map(|from| _mm512_cvtepi16_epi32(unsafe { _mm256_loadu_si256(words[from..].as_ptr().cast()) }))
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-pub(in super::super) fn load_bytes(bytes: &[u8; BLOCK]) -> __m256i {
-    // SAFETY: 32 bytes are read.
-    unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) }
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-pub(in super::super) fn store_bytes(bytes: __m128i, to: &mut [u8]) {
-    let to = &mut to[..16];
-    // SAFETY: sixteen bytes are written.
-    unsafe { _mm_storeu_si128(to.as_mut_ptr().cast(), bytes) };
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-pub(in super::super) fn greatest_byte(bytes: __m256i) -> u8 {
-    let half = _mm_max_epu8(_mm256_castsi256_si128(bytes), _mm256_extracti128_si256::<1>(bytes));
-    let quarter = _mm_max_epu8(half, _mm_srli_si128::<8>(half));
-    // The greatest is the complement of the least of the complements, which are widened.
-    let least = _mm_minpos_epu16(_mm_sub_epi16(_mm_set1_epi16(255), _mm_cvtepu8_epi16(quarter)));
-    255 - _mm_cvtsi128_si32(least) as u8
-}

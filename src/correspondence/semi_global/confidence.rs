@@ -4,6 +4,8 @@
 //! curves add up to the logarithm of the odds (an additive logistic model: Hastie and Tibshirani 1990, "Generalized Additive
 //! Models"). Their values were fitted by `examples/fit_confidence.rs` to scenes of the virtual scanner.
 
+use std::sync::LazyLock;
+
 use super::super::decay::decay;
 use super::UNITS_PER_NAT;
 use super::grounds::Grounds;
@@ -178,6 +180,9 @@ pub(super) struct OfRegion {
 /// What each region of some pixels adds to the logarithm of the odds: by its size, its lead and its hidden share.
 pub(super) type RegionOdds = [f32; 3];
 
+/// The model, made ready once.
+pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
+
 /// The model as tables of whatever answers are whole numbers.
 pub(super) struct Tables {
     /// By how much the next best order has more, summed over all paths.
@@ -189,7 +194,7 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         let none = Grounds::default;
         let margin = |units: usize| Grounds { margin_nats: margin_nats(units as u16), ..none() };
         let hidden = |around: usize| Grounds { is_hidden: around <= MOST_AROUND, around: around as u8, ..none() };

@@ -7,16 +7,14 @@
 use rayon::prelude::*;
 
 use crate::phase::Modulation;
-#[cfg(target_arch = "x86_64")]
-use crate::simd::Avx512;
 use crate::simd::{self, Kernel, Lanes, Level};
 
+use super::super::bands::{self, BAND_ROWS};
 use super::super::drift::DepthRow;
 use super::super::segment::SegmentRow;
 use super::outlook::Outlook;
-#[cfg(target_arch = "x86_64")]
-use super::wide;
-use super::windows::{LANE_STEP, Windows};
+use super::wide::{self, BestOfBlock, Ends, EvidenceRoom, OrdersOfBlock};
+use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
 /// Energy of an order without candidate, nats.
@@ -114,7 +112,7 @@ impl Kernel for ScaleRow<'_> {
 }
 
 /// What the pixels of a row of C1 look for their candidates with.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct OutlookRow {
     pub(super) segments: SegmentRow,
     drift: DepthRow,
@@ -136,106 +134,223 @@ impl OutlookRow {
     }
 
     /// That of a pixel of the row.
-    pub(super) fn outlook<'a>(&self, scene: &Scene<'a>, windows: &Windows, u: usize) -> Outlook<'a> {
-        Outlook::new(scene, windows, &self.segments, &self.drift, [u, self.v])
+    pub(super) fn outlook<'a>(&self, scene: &Scene<'a>, reach: Reach, u: usize) -> Outlook<'a> {
+        Outlook::new(scene, reach, &self.segments, &self.drift, [u, self.v])
     }
 
     /// The same of many pixels.
-    #[cfg(target_arch = "x86_64")]
-    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, windows: &'a Windows) -> wide::Row<'a> {
+    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> wide::Row<'a> {
         let width = scene.cam1.width;
         wide::Row {
             image: scene.cam2,
             segments: &self.segments,
             drift: &self.drift,
-            windows,
+            reach,
             phase: &scene.cam1.phase[self.v * width..(self.v + 1) * width],
             sd_turns: &self.sd_turns,
         }
     }
 }
 
-/// Energies of all orders of all pixels, those of pixel `i` from `i · lanes` on; and how many orders of each pass the
-/// back-projection test |δ − drift| < 3·sd. Energies of a pixel without window are not written.
-pub(super) fn gather(
-    scene: &Scene<'_>,
-    windows: &Windows,
-    scale: &DeltaScale,
-    evidence: &mut Vec<u8>,
-    passing: &mut Vec<u8>,
-) {
-    let (lanes, width) = (windows.lanes, scene.cam1.width.max(1));
-    let energies = Energies::new();
-    evidence.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
-    passing.clear();
-    passing.resize(scene.cam1.phase.len(), 0);
-    let rows = evidence.par_chunks_mut(width * lanes).zip(passing.par_chunks_mut(width)).enumerate();
-    rows.for_each_init(OutlookRow::default, |row, (v, (evidence, passing))| {
-        row.turn_to(scene, scale, v);
-        let pixels = v * width..(v + 1) * width;
-        let (first, count) = (&windows.first[pixels.clone()], &windows.count[pixels]);
-        EvidenceRow { scene, windows, row, first, count, energies: &energies, evidence, passing }.gather();
-    });
+/// How well the orders of all pixels fit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Evidence {
+    /// Energies of all orders, those of pixel `i` from `i · lanes` on. Those of a pixel without window have no meaning.
+    pub(super) energies: Vec<u8>,
+    pub(super) best: Best,
+    rooms: Vec<BandRoom>,
+}
+
+/// What the energies of each pixel come to; without meaning where there is no window.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Best {
+    /// Place of the first order with the least energy.
+    place: Vec<u8>,
+    least: Vec<u8>,
+    /// The least energy of the other orders, or of this one where there is no other.
+    second: Vec<u8>,
+}
+
+/// The same of a row.
+#[derive(Clone, Copy)]
+pub(super) struct BestOfRow<'a> {
+    pub(super) place: &'a [u8],
+    pub(super) least: &'a [u8],
+    pub(super) second: &'a [u8],
+}
+
+impl Best {
+    /// That of the pixels of a row.
+    pub(super) fn of(&self, pixels: std::ops::Range<usize>) -> BestOfRow<'_> {
+        BestOfRow {
+            place: &self.place[pixels.clone()],
+            least: &self.least[pixels.clone()],
+            second: &self.second[pixels],
+        }
+    }
+}
+
+/// What a band of rows is worked on with.
+#[derive(Clone, Debug, Default)]
+struct BandRoom {
+    row: OutlookRow,
+    /// Most orders of a pixel.
+    most: usize,
+}
+
+impl Evidence {
+    /// Asks for the orders of each pixel and for their energies; and how many orders of each pass the back-projection test
+    /// |δ − drift| < 3·sd.
+    pub(super) fn gather(
+        &mut self,
+        scene: &Scene<'_>,
+        windows: &mut Windows,
+        scale: &DeltaScale,
+        passing: &mut Vec<u8>,
+    ) {
+        let (pixels, energies) = (scene.cam1.phase.len(), Energies::new());
+        windows.ready(scene);
+        passing.resize(pixels, 0);
+        for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
+            array.resize(pixels, 0);
+        }
+        loop {
+            let most = self.gather_into(scene, windows, scale, &energies, passing);
+            if most <= windows.lanes {
+                return;
+            }
+            windows.grow(most);
+        }
+    }
+
+    /// The same with such room for the orders of a pixel, where that is enough; yields how many orders there are at most.
+    fn gather_into(
+        &mut self,
+        scene: &Scene<'_>,
+        windows: &mut Windows,
+        scale: &DeltaScale,
+        energies: &Energies,
+        passing: &mut [u8],
+    ) -> usize {
+        let (lanes, reach, width) = (windows.lanes, windows.reach, scene.cam1.width.max(1));
+        self.energies.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
+        bands::resize(&mut self.rooms, scene.cam1.height);
+        let of_band = BAND_ROWS * width;
+        let Best { place, least, second } = &mut self.best;
+        let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
+        let windows = windows.first.par_chunks_mut(of_band).zip(windows.count.par_chunks_mut(of_band));
+        let out = self.energies.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
+        let bands = out.zip(best).zip(windows).zip(&mut self.rooms).enumerate();
+        bands.for_each(|(band, ((((tile, passing), ((place, least), second)), (first, count)), room))| {
+            room.most = 0;
+            for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
+                let v = band * BAND_ROWS + i;
+                room.row.turn_to(scene, scale, v);
+                let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
+                let own = v * width..(v + 1) * width;
+                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
+                WindowRow { reach, segments: &room.row.segments, phase, valid, first, count }.ask();
+                room.most = count.iter().fold(room.most, |most, &count| most.max(usize::from(count)));
+                if room.most > lanes {
+                    continue;
+                }
+                let evidence = EvidenceRow {
+                    scene,
+                    reach,
+                    row: &room.row,
+                    first,
+                    count,
+                    energies,
+                    lanes,
+                    tile: &mut tile[pixels.start * lanes..pixels.end * lanes],
+                    passing: &mut passing[pixels.clone()],
+                    place: &mut place[pixels.clone()],
+                    least: &mut least[pixels.clone()],
+                    second: &mut second[pixels],
+                };
+                simd::run(Level::in_use(), evidence);
+            }
+        });
+        self.rooms.iter().map(|room| room.most).max().unwrap_or(0)
+    }
 }
 
 /// The evidence of a row.
 struct EvidenceRow<'a> {
     scene: &'a Scene<'a>,
-    windows: &'a Windows,
+    reach: Reach,
     row: &'a OutlookRow,
     first: &'a [i16],
     count: &'a [u8],
     energies: &'a Energies,
-    evidence: &'a mut [u8],
+    /// Room for the orders of a pixel.
+    lanes: usize,
+    tile: &'a mut [u8],
     passing: &'a mut [u8],
+    place: &'a mut [u8],
+    least: &'a mut [u8],
+    second: &'a mut [u8],
+}
+
+impl Kernel for EvidenceRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, level: L) {
+        let row = self.row.wide(self.scene, self.reach);
+        let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
+        let (mut room, mut ends): (_, Ends) = (EvidenceRoom::new(level), [[0; _]; 3]);
+        for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
+            let begin = block * wide::BLOCK;
+            let Some(mut of_block) = row.block(level, begin, count) else {
+                self.passing[begin..][..wide::BLOCK].fill(0);
+                continue;
+            };
+            let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
+            let tile = &mut self.tile[begin * self.lanes..][..wide::BLOCK * self.lanes];
+            let orders = OrdersOfBlock { first, count, most };
+            let best = of_block.evidence(&orders, self.energies, &mut room, &mut ends, tile, self.lanes);
+            let BestOfBlock { passing, place, least, second } = best;
+            let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
+            for (words, out) in [passing, place, least, second].into_iter().zip(out) {
+                level.store_bytes(words, wide::block_of_mut(out, begin));
+            }
+            self.gather_pixels(begin, of_block.irregular());
+        }
+        (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.gather_pixel(u));
+    }
 }
 
 impl EvidenceRow<'_> {
-    fn gather(&mut self) {
-        #[cfg(target_arch = "x86_64")]
-        let done = Avx512::in_use().map_or(0, |lanes| self.gather_blocks(lanes));
-        #[cfg(not(target_arch = "x86_64"))]
-        let done = 0;
-        (done..self.count.len()).for_each(|u| self.gather_pixel(u));
-    }
-
-    /// Whole blocks of pixels; yields how many pixels they have.
-    #[cfg(target_arch = "x86_64")]
-    fn gather_blocks(&mut self, level: Avx512) -> usize {
-        let lanes = self.windows.lanes;
-        let row = self.row.wide(self.scene, self.windows);
-        let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
-        let (mut of_block, mut room) = (row.no_block(), wide::Room::new());
-        for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
-            let begin = block * wide::BLOCK;
-            if !row.turn(level, &mut of_block, begin, count) {
-                continue;
-            }
-            let evidence = &mut self.evidence[begin * lanes..][..wide::BLOCK * lanes];
-            let mut passing = [0; wide::BLOCK];
-            for skipped in (0..lanes).step_by(LANE_STEP) {
-                let tile = (&mut evidence[skipped..], lanes);
-                of_block.evidence(level, skipped, first, count, self.energies, &mut room, tile, &mut passing);
-            }
-            self.passing[begin..begin + wide::BLOCK].copy_from_slice(&passing);
-            (0..wide::BLOCK).filter(|k| of_block.irregular >> k & 1 == 1).for_each(|k| self.gather_pixel(begin + k));
+    /// Some of the pixels from one on, a bit each, one by one.
+    fn gather_pixels(&mut self, begin: usize, mut pixels: u32) {
+        while pixels != 0 {
+            self.gather_pixel(begin + pixels.trailing_zeros() as usize);
+            pixels &= pixels - 1;
         }
-        counts.len() * wide::BLOCK
     }
 
     fn gather_pixel(&mut self, u: usize) {
         let count = usize::from(self.count[u]);
+        self.passing[u] = 0;
         if count == 0 {
             return;
         }
-        let outlook = self.row.outlook(self.scene, self.windows, u);
-        let orders = &mut self.evidence[u * self.windows.lanes..][..self.windows.lanes];
+        let outlook = self.row.outlook(self.scene, self.reach, u);
+        let orders = &mut self.tile[u * self.lanes..][..self.lanes];
         orders.fill(NO_ORDER);
+        let (mut place, mut least, mut second) = (0, NO_ORDER, NO_ORDER);
         for (lane, energy) in orders[..count].iter_mut().enumerate() {
-            *energy =
-                best_energy(&outlook, i32::from(self.first[u]) + lane as i32, self.row.sd_turns[u], self.energies);
+            let order = i32::from(self.first[u]) + lane as i32;
+            *energy = best_energy(&outlook, order, self.row.sd_turns[u], self.energies);
+            self.passing[u] += u8::from(*energy < self.energies.limit);
+            second = second.min(least.max(*energy));
+            if *energy < least {
+                (place, least) = (lane as u8, *energy);
+            }
         }
-        self.passing[u] = orders.iter().filter(|&&energy| energy < self.energies.limit).count() as u8;
+        (self.place[u], self.least[u]) = (place, least);
+        self.second[u] = if count == 1 { least } else { second };
     }
 }
 
@@ -278,8 +393,78 @@ impl Energies {
 }
 
 #[cfg(test)]
+impl Evidence {
+    /// Energies that were found elsewhere.
+    pub(super) fn of(energies: Vec<u8>, windows: &Windows) -> Self {
+        let mut best = Best::default();
+        for (energies, &count) in energies.chunks(windows.lanes).zip(&windows.count) {
+            let mut own = energies[..usize::from(count)].to_vec();
+            let place = (0..own.len()).min_by_key(|&lane| own[lane]).unwrap_or(0);
+            own.sort_unstable();
+            best.place.push(place as u8);
+            best.least.push(own.first().copied().unwrap_or(0));
+            best.second.push(own.get(1).or(own.first()).copied().unwrap_or(0));
+        }
+        Self { energies, best, rooms: Vec::new() }
+    }
+}
+
+#[cfg(test)]
 mod tests {
+    use super::super::test_scene::TestScene;
     use super::*;
+
+    #[test]
+    fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
+        let test_scene = TestScene::new();
+        let scene = test_scene.scene();
+        let (scale, energies, width) = (DeltaScale::of(&scene), Energies::new(), scene.cam1.width);
+        let (mut windows, mut row, mut known) = (Windows::default(), OutlookRow::default(), 0);
+        windows.ready(&scene);
+        let reach = windows.reach;
+        for lanes in [windows.lanes + 8, windows.lanes + 16] {
+            for v in 0..scene.cam1.height {
+                row.turn_to(&scene, &scale, v);
+                let (mut first, mut count) = (vec![0; width], vec![0; width]);
+                let own = v * width..(v + 1) * width;
+                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
+                let window =
+                    WindowRow { reach, segments: &row.segments, phase, valid, first: &mut first, count: &mut count };
+                window.ask();
+                let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
+                    let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);
+                    out.iter_mut().for_each(|out| out.resize(width, 0));
+                    let [passing, place, least, second] = &mut out;
+                    fill(EvidenceRow {
+                        scene: &scene,
+                        reach,
+                        row: &row,
+                        first: &first,
+                        count: &count,
+                        energies: &energies,
+                        lanes,
+                        tile: &mut tile,
+                        passing,
+                        place,
+                        least,
+                        second,
+                    });
+                    // What pixels without a window have means nothing.
+                    for u in (0..width).filter(|&u| count[u] == 0) {
+                        tile[u * lanes..(u + 1) * lanes].fill(0);
+                        out.iter_mut().for_each(|out| out[u] = 0);
+                    }
+                    (tile, out)
+                };
+                let wanted = of(&|mut row| (0..width).for_each(|u| row.gather_pixel(u)));
+                known += wanted.0.iter().filter(|&&energy| energy < MISSING).count();
+                for level in Level::ALL {
+                    assert!(of(&|row| simd::run(level, row)) == wanted, "{level:?} {v} {lanes}");
+                }
+            }
+        }
+        assert!(known > 20_000, "{known}");
+    }
 
     #[test]
     fn the_median_modulation_is_that_of_sorting() {

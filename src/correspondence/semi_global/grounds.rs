@@ -63,9 +63,10 @@ impl Surroundings {
         rows.enumerate().for_each(|(v, row)| fill(v, &mut row[REACH_PX..REACH_PX + width]));
     }
 
-    /// How many pixels beside and around those of row `v` stand with an absolute phase that runs on to their `own`.
-    pub(super) fn support(&self, v: usize, own: &[i32], beside: &mut [u8], around: &mut [u8]) {
-        let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][..self.stride]);
+    /// How many pixels beside and around those of row `v` from a column on stand with an absolute phase that runs on to their
+    /// `own`.
+    pub(super) fn support(&self, v: usize, column: usize, own: &[i32], beside: &mut [u8], around: &mut [u8]) {
+        let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][column..self.stride]);
         simd::run(Level::in_use(), SupportRow { rows, own, beside, around });
     }
 }
@@ -128,7 +129,7 @@ mod tests {
         surroundings.fill([5, 5], |v, row| row.copy_from_slice(&absolute[5 * v..5 * v + 5]));
         let support = |[u, v]: [usize; 2], own: i32| {
             let (mut beside, mut around) = ([0; 5], [0; 5]);
-            surroundings.support(v, &[own; 5], &mut beside, &mut around);
+            surroundings.support(v, 0, &[own; 5], &mut beside, &mut around);
             (beside[u], around[u])
         };
         // A phase that is not the pixel's own finds the pixel no more than its own does.
@@ -152,8 +153,9 @@ mod tests {
         let (mut beside, mut around) = (vec![0; width], vec![0; width]);
         for v in 0..height {
             let own = &absolute[width * v..][..width];
-            surroundings.support(v, own, &mut beside, &mut around);
-            for u in (0..width).filter(|&u| own[u] != ABSENT) {
+            let (near, all) = (&mut beside[v..], &mut around[v..]);
+            surroundings.support(v, v, &own[v..], near, all);
+            for u in (v..width).filter(|&u| own[u] != ABSENT) {
                 let (mut near, mut all) = (0, 0);
                 for (i, &other) in absolute.iter().enumerate() {
                     let away = (i % width).abs_diff(u).max((i / width).abs_diff(v));

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
+use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use super::windows::Windows;
 
@@ -27,19 +28,21 @@ pub(super) struct Links {
     shifts: [Vec<u8>; AXES.len()],
     /// Width of the image, pixels.
     width: usize,
+    rooms: Vec<[Rises; 3]>,
 }
 
 impl Links {
     /// Finds the links of all pixels.
     pub(super) fn find(&mut self, cam1: &PhaseMap, windows: &Windows) {
         self.width = cam1.width.max(1);
+        bands::resize(&mut self.rooms, cam1.height);
         for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
-            shifts.clear();
             shifts.resize(cam1.phase.len(), NONE);
-            shifts.par_chunks_mut(self.width).enumerate().for_each_init(
-                || [(); 3].map(|()| Rises::new(cam1.width)),
-                |rises, (v, shifts)| LinkRow { cam1, windows, axis, v, rises, shifts }.find(),
-            );
+            let bands = shifts.par_chunks_mut(self.width * BAND_ROWS).zip(&mut self.rooms).enumerate();
+            bands.for_each(|(band, (shifts, rises))| {
+                rises.iter_mut().for_each(|rises| rises.resize(cam1.width));
+                LinkBand { cam1, windows, axis, rises }.find(band * BAND_ROWS, shifts);
+            });
         }
     }
 
@@ -63,26 +66,62 @@ pub(super) struct RowLinks<'a> {
 }
 
 impl RowLinks<'_> {
-    /// That of a pixel.
+    /// That of a pixel. Without branches as far as may be: links begin and end where nobody can foresee it.
     #[inline(always)]
-    pub(super) fn towards(&self, u: usize) -> Option<Link> {
+    pub(super) fn towards(&self, u: usize) -> Link {
         let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
-        let shift = usize::from(*self.shifts.get(if self.forward { u } else { column })?);
+        let shift = *self.shifts.get(if self.forward { u } else { column }).unwrap_or(&NONE);
         // Left of the image there is no link, so the column of one is always in the image.
-        (shift != usize::from(NONE))
-            .then(|| Link { column, shift: if self.forward { shift } else { 2 * MAX_SHIFT - shift } })
+        let is_link = shift != NONE;
+        let shift = if self.forward { shift } else { (2 * MAX_SHIFT as u8).wrapping_sub(shift) };
+        Link { is_link, column: if is_link { column } else { 0 }, shift: usize::from(shift) }
+    }
+
+    /// For each pixel the place that an order of the pixel before has in its window, `places` being those orders' places in
+    /// theirs; [`NO_PLACE`] where there is none, or no link. A place beyond the window is beyond all places of windows.
+    #[inline(always)]
+    pub(super) fn carry(&self, places: &[u8], out: &mut [u8]) {
+        let width = out.len();
+        let (to, from) = if self.forward { (self.du, -self.du) } else { (-self.du, self.du) };
+        let range = columns(width, to);
+        out[..range.start].fill(NO_PLACE);
+        out[range.end..].fill(NO_PLACE);
+        if self.shifts.is_empty() {
+            out.fill(NO_PLACE);
+            return;
+        }
+        let before = range.start.wrapping_add_signed(from)..range.end.wrapping_add_signed(from);
+        let places = &places[before.clone()];
+        let shifts = if self.forward { &self.shifts[range.clone()] } else { &self.shifts[before] };
+        let (out, shifts) = (&mut out[range], &shifts[..places.len()]);
+        let none = MAX_SHIFT as u8;
+        for i in 0..places.len() {
+            let place = if self.forward {
+                places[i].wrapping_add(none).wrapping_sub(shifts[i])
+            } else {
+                places[i].wrapping_sub(none).wrapping_add(shifts[i])
+            };
+            out[i] = if (places[i] == NO_PLACE) | (shifts[i] == NONE) { NO_PLACE } else { place };
+        }
     }
 }
 
+/// Stands for no order of a window: windows have fewer than half of its places.
+pub(super) const NO_PLACE: u8 = u8::MAX;
+
 /// Where a path comes from.
+#[derive(Clone, Copy)]
 pub(super) struct Link {
-    /// Column of the pixel before.
+    /// Whether it comes from anywhere; else the rest has no meaning.
+    pub(super) is_link: bool,
+    /// Column of the pixel before, always one of the image.
     pub(super) column: usize,
     /// Where its energies begin, for the first order of the pixel.
     pub(super) shift: usize,
 }
 
 /// How the phase rises to the pixels of a row from those before them, with a column of none on either side.
+#[derive(Clone, Debug, Default)]
 struct Rises {
     rise: Vec<i16>,
     /// Whether both have a phase, as all bits or none.
@@ -90,41 +129,56 @@ struct Rises {
 }
 
 impl Rises {
-    fn new(width: usize) -> Self {
-        Self { rise: vec![0; width + 2], known: vec![0; width + 2] }
+    fn resize(&mut self, width: usize) {
+        self.rise.resize(width + 2, 0);
+        self.known.resize(width + 2, 0);
     }
 }
 
-/// The links of a row.
-struct LinkRow<'a> {
+/// Finds the links along an axis, row after row.
+struct LinkBand<'a> {
     cam1: &'a PhaseMap,
     windows: &'a Windows,
     axis: [isize; 2],
-    v: usize,
-    /// Of the pixels before those of the row, of these, and of those behind.
+    /// Room for the rises to the pixels before those of a row, to these, and to those behind.
     rises: &'a mut [Rises; 3],
-    shifts: &'a mut [u8],
 }
 
-impl LinkRow<'_> {
-    fn find(mut self) {
+impl LinkBand<'_> {
+    /// Those of the rows from the first one on.
+    fn find(&mut self, first: usize, shifts: &mut [u8]) {
         let [_, dv] = self.axis;
-        for (place, rises) in [-1, 0, 1].into_iter().zip(self.rises.iter_mut()) {
-            let row = self.v.wrapping_add_signed(place * dv);
-            let begin = Self::begin(self.cam1, row).zip(Self::begin(self.cam1, row.wrapping_add_signed(-dv)));
-            rises.known.fill(0);
-            if let Some((to, from)) = begin {
-                simd::run(Level::in_use(), RiseRow { cam1: self.cam1, du: self.axis[0], from, to, rises });
-            }
+        if dv != 0 {
+            self.rise(first.wrapping_sub(1), 0);
+            self.rise(first, 1);
         }
-        if let Some(from) = Self::begin(self.cam1, self.v.wrapping_add_signed(-dv)) {
-            simd::run(Level::in_use(), Linking { row: &mut self, from });
+        for (i, shifts) in shifts.chunks_mut(self.cam1.width.max(1)).enumerate() {
+            let v = first + i;
+            let places = if dv == 0 { [1; 3] } else { [0, 1, 2] };
+            self.rise(v + dv as usize, places[2]);
+            shifts.fill(NONE);
+            if let Some(from) = self.begin(v.wrapping_add_signed(-dv)) {
+                let rises = places.map(|place| &self.rises[place]);
+                let (cam1, windows, du, to) = (self.cam1, self.windows, self.axis[0], v * self.cam1.width);
+                simd::run(Level::in_use(), Linking { cam1, windows, du, from, to, rises, shifts });
+            }
+            self.rises.rotate_left(dv as usize);
+        }
+    }
+
+    /// Fills in the rises to the pixels of a row.
+    fn rise(&mut self, row: usize, place: usize) {
+        let begins = self.begin(row).zip(self.begin(row.wrapping_add_signed(-self.axis[1])));
+        let rises = &mut self.rises[place];
+        rises.known.fill(0);
+        if let Some((to, from)) = begins {
+            simd::run(Level::in_use(), RiseRow { cam1: self.cam1, du: self.axis[0], from, to, rises });
         }
     }
 
     /// Where a row begins, if the image has it.
-    fn begin(cam1: &PhaseMap, row: usize) -> Option<usize> {
-        (row < cam1.height).then(|| row * cam1.width)
+    fn begin(&self, row: usize) -> Option<usize> {
+        (row < self.cam1.height).then(|| row * self.cam1.width)
     }
 }
 
@@ -168,20 +222,26 @@ impl Kernel for RiseRow<'_> {
 }
 
 /// Finds the links of a row from its rises.
-struct Linking<'a, 'b> {
-    row: &'a mut LinkRow<'b>,
-    /// Where the row of the pixels before begins.
+struct Linking<'a> {
+    cam1: &'a PhaseMap,
+    windows: &'a Windows,
+    du: isize,
+    /// Where the rows of the pixels before and of the pixels begin.
     from: usize,
+    to: usize,
+    /// Those to the pixels before, to these, and to those behind.
+    rises: [&'a Rises; 3],
+    shifts: &'a mut [u8],
 }
 
-impl Kernel for Linking<'_, '_> {
+impl Kernel for Linking<'_> {
     type Output = ();
 
+    /// In 16 bits throughout: differences that leave them are no links either way.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Linking { row, from } = self;
-        let (width, [du, _]) = (row.cam1.width, row.axis);
-        let range = columns(width, du);
+        let Self { cam1, windows, du, from, to, rises: [before, here, behind], shifts } = self;
+        let range = columns(cam1.width, du);
         let shifted = |by: isize| {
             let (begin, end) = (range.start.wrapping_add_signed(1 + by), range.end.wrapping_add_signed(1 + by));
             begin..end
@@ -189,28 +249,30 @@ impl Kernel for Linking<'_, '_> {
         let at = |begin: usize, by: isize| {
             (begin + range.start).wrapping_add_signed(by)..(begin + range.end).wrapping_add_signed(by)
         };
-        let [before, here, behind] = &*row.rises;
-        let (rise, known) = (&here.rise[shifted(0)], &here.known[shifted(0)]);
-        let (rise_before, known_before) = (&before.rise[shifted(-du)], &before.known[shifted(-du)]);
-        let (rise_behind, known_behind) = (&behind.rise[shifted(du)], &behind.known[shifted(du)]);
-        let (own, other) = (at(row.v * width, 0), at(from, -du));
-        let (phase, phase_before) = (&row.cam1.phase[own.clone()], &row.cam1.phase[other.clone()]);
-        let (first, first_before) = (&row.windows.first[own.clone()], &row.windows.first[other.clone()]);
-        let (count, count_before) = (&row.windows.count[own], &row.windows.count[other]);
-        let shifts = &mut row.shifts[range.clone()];
-        for i in 0..shifts.len() {
-            let here = i32::from(rise[i]);
-            let bends = |other: i16, known: i16| (known != 0) & ((i32::from(other) - here).abs() > MAX_STEP_CHANGE);
-            let carry = (i32::from(phase_before[i]) + here - i32::from(phase[i])) >> 16;
-            let shift = i32::from(first[i]) - carry - i32::from(first_before[i]) + MAX_SHIFT as i32;
+        let shifts = &mut shifts[range.clone()];
+        let width = shifts.len();
+        let (rise, known) = (&here.rise[shifted(0)][..width], &here.known[shifted(0)][..width]);
+        let (rise_before, known_before) = (&before.rise[shifted(-du)][..width], &before.known[shifted(-du)][..width]);
+        let (rise_behind, known_behind) = (&behind.rise[shifted(du)][..width], &behind.known[shifted(du)][..width]);
+        let (own, other) = (at(to, 0), at(from, -du));
+        let (phase, phase_before) = (&cam1.phase[own.clone()][..width], &cam1.phase[other.clone()][..width]);
+        let (first, first_before) = (&windows.first[own.clone()][..width], &windows.first[other.clone()][..width]);
+        let (count, count_before) = (&windows.count[own][..width], &windows.count[other][..width]);
+        for i in 0..width {
+            let here = rise[i];
+            let bends = |other: i16, known: i16| {
+                (known != 0) & (other.saturating_sub(here).unsigned_abs() > MAX_STEP_CHANGE as u16)
+            };
+            let up = i16::from((here > 0) & (phase[i] < phase_before[i]));
+            let down = i16::from((here < 0) & (phase[i] > phase_before[i]));
+            let shift = first[i].saturating_sub(first_before[i]).saturating_add(MAX_SHIFT as i16 + down - up);
             let linked = (known[i] != 0)
-                & (here.abs() <= MAX_STEP)
+                & (here.unsigned_abs() <= MAX_STEP as u16)
                 & !bends(rise_before[i], known_before[i])
                 & !bends(rise_behind[i], known_behind[i])
                 & (count[i] > 0)
                 & (count_before[i] > 0)
-                & (shift >= 0)
-                & (shift <= 2 * MAX_SHIFT as i32);
+                & (shift as u16 <= 2 * MAX_SHIFT as u16);
             shifts[i] = if linked { shift as u8 } else { NONE };
         }
     }

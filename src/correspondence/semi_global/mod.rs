@@ -28,8 +28,9 @@ mod paths;
 mod places;
 mod regions;
 mod selection;
+#[cfg(test)]
+mod test_scene;
 mod verification;
-#[cfg(target_arch = "x86_64")]
 mod wide;
 mod windows;
 
@@ -44,7 +45,7 @@ use super::segment_table::SegmentTable;
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
-use evidence::DeltaScale;
+use evidence::{DeltaScale, Evidence};
 use paths::{PathRoom, Verdicts};
 use selection::Selection;
 use verification::VerificationRoom;
@@ -84,7 +85,7 @@ pub(super) struct Limits {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     windows: Windows,
-    evidence: Vec<u8>,
+    evidence: Evidence,
     paths: PathRoom,
     verdicts: Verdicts,
     selection: Selection,
@@ -103,9 +104,8 @@ impl Room {
         grounds: Option<&mut Vec<Grounds>>,
     ) {
         let Self { windows, evidence, paths, verdicts, selection, verification } = self;
-        windows.ask(scene);
         let scale = DeltaScale::of(scene);
-        evidence::gather(scene, windows, &scale, evidence, decisions.passing);
+        evidence.gather(scene, windows, &scale, decisions.passing);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
         verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);

@@ -6,7 +6,7 @@ use super::super::drift::{DepthPolynomial, DepthRow};
 use super::super::row_view::RowView;
 use super::super::segment::{Segment, SegmentRow};
 use super::Scene;
-use super::windows::Windows;
+use super::windows::Reach;
 
 /// Columns by which an interval is widened against rounding.
 pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
@@ -28,13 +28,13 @@ impl<'a> Outlook<'a> {
     /// That of the pixel in column `u` of row `v`, which `segments` and `drift` belong to.
     pub(super) fn new(
         scene: &Scene<'a>,
-        windows: &Windows,
+        reach: Reach,
         segments: &SegmentRow,
         drift: &DepthRow,
         [u, v]: [usize; 2],
     ) -> Self {
         let segment = segments.segment(u);
-        let limits_px = windows.reach.limits_px(segment.limits_px());
+        let limits_px = reach.limits_px(segment.limits_px());
         let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
         Self {
             row: RowView::new(scene.cam2, segment.row_px),

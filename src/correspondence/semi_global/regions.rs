@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::MAX_STEP;
 use super::super::unions::Unions;
 use super::selection::ABSENT;
@@ -28,6 +29,7 @@ impl Run {
 }
 
 /// Division of the selected pixels into regions.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Regions {
     /// Row by row, from left to right.
     pub(super) runs: Vec<Run>,
@@ -35,41 +37,70 @@ pub(super) struct Regions {
     begins: Vec<usize>,
     /// Pixels of each region.
     pub(super) size_px: Vec<u32>,
+    rooms: Vec<BandRoom>,
+    unions: Unions,
+    numbers: Vec<u32>,
+}
+
+/// What is found in a band of rows.
+#[derive(Clone, Debug, Default)]
+struct BandRoom {
+    runs: Vec<Run>,
+    /// Number of runs of each row.
+    counts: Vec<usize>,
+    /// Runs that touch runs of the row above.
+    touching: Vec<[u32; 2]>,
+    /// Room for marks of the pixels of a row.
+    marks: Vec<u8>,
 }
 
 impl Regions {
-    /// Pixels beside and above each other belong together if their absolute phases run on and their z differ by no more than
-    /// `max_z_step`. In: absolute phases and z of all pixels of an image that is so wide.
-    pub(super) fn of(width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) -> Self {
-        let rows: Vec<Row<'_>> =
-            absolute.chunks_exact(width).zip(z.chunks_exact(width)).map(|(absolute, z)| Row { absolute, z }).collect();
-        let of_row = |marks: &mut Vec<u8>, (v, row): (usize, &Row<'_>)| row.runs(v * width, max_z_step, marks);
-        let runs: Vec<Vec<Run>> = rows.par_iter().enumerate().map_init(Vec::new, of_row).collect();
-        let begins: Vec<usize> = std::iter::once(0)
-            .chain(runs.iter().scan(0, |sum, runs| {
-                *sum += runs.len();
-                Some(*sum)
-            }))
-            .collect();
-        let touching = |marks: &mut Vec<u8>, v: usize| {
-            row_below_touches([&rows[v], &rows[v + 1]], [&runs[v], &runs[v + 1]], max_z_step, marks)
-        };
-        let touching: Vec<Vec<[u32; 2]>> =
-            (0..rows.len().saturating_sub(1)).into_par_iter().map_init(Vec::new, touching).collect();
-        let mut unions = Unions::of(begins[rows.len()]);
-        for (v, pairs) in touching.iter().enumerate() {
-            for &[above, below] in pairs {
-                unions.unite(begins[v] + above as usize, begins[v + 1] + below as usize);
+    /// Finds them. Pixels beside and above each other belong together if their absolute phases run on and their z differ by no
+    /// more than `max_z_step`. In: absolute phases and z of all pixels of an image that is so wide.
+    pub(super) fn find(&mut self, width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) {
+        let Self { runs, begins, size_px, rooms, unions, numbers } = self;
+        let height = absolute.len() / width;
+        let row = |v: usize| Row { absolute: &absolute[v * width..][..width], z: &z[v * width..][..width] };
+        let rows_of = |band: usize| band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
+        bands::resize(rooms, height);
+        rooms.par_iter_mut().enumerate().for_each(|(band, room)| {
+            room.runs.clear();
+            room.counts.clear();
+            for v in rows_of(band) {
+                let before = room.runs.len();
+                row(v).runs(v * width, max_z_step, &mut room.marks, &mut room.runs);
+                room.counts.push(room.runs.len() - before);
+            }
+        });
+        runs.clear();
+        begins.clear();
+        begins.push(0);
+        for room in &*rooms {
+            runs.extend_from_slice(&room.runs);
+            for count in &room.counts {
+                begins.push(begins[begins.len() - 1] + count);
             }
         }
-        let mut runs = runs.concat();
-        let mut size_px = Vec::new();
-        for (run, number) in runs.iter_mut().zip(unions.numbers()) {
+        let (all, starts) = (&*runs, &*begins);
+        rooms.par_iter_mut().enumerate().for_each(|(band, room)| {
+            room.touching.clear();
+            for v in rows_of(band).filter(|&v| v > 0) {
+                let runs = [&all[starts[v - 1]..starts[v]], &all[starts[v]..starts[v + 1]]];
+                let first = [starts[v - 1], starts[v]];
+                touching_runs([row(v - 1), row(v)], runs, first, max_z_step, &mut room.marks, &mut room.touching);
+            }
+        });
+        unions.begin(runs.len());
+        for &[above, below] in rooms.iter().flat_map(|room| &room.touching) {
+            unions.unite(above as usize, below as usize);
+        }
+        unions.number(numbers);
+        size_px.clear();
+        for (run, &number) in runs.iter_mut().zip(&*numbers) {
             run.region = number;
             size_px.resize(size_px.len().max(number as usize + 1), 0);
             size_px[number as usize] += run.end - run.begin;
         }
-        Self { runs, begins, size_px }
     }
 
     /// Number of regions.
@@ -82,11 +113,19 @@ impl Regions {
         &self.runs[self.begins[v]..self.begins[v + 1]]
     }
 
-    /// For each region the sum of what its runs have.
-    pub(super) fn sums(&self, of_run: impl Fn(&Run) -> u64) -> Vec<u64> {
-        let mut sums = vec![0; self.count()];
+    /// The columns of a row from the first one of its runs to the last.
+    pub(super) fn columns_of_row(&self, v: usize, width: usize) -> Range<usize> {
+        match self.of_row(v) {
+            [] => 0..0,
+            runs @ [first, ..] => first.begin as usize - v * width..runs[runs.len() - 1].end as usize - v * width,
+        }
+    }
+
+    /// For each region the sum of what its runs have, into `sums`.
+    pub(super) fn sum(&self, sums: &mut Vec<u64>, of_run: impl Fn(&Run) -> u64) {
+        sums.clear();
+        sums.resize(self.count(), 0);
         self.runs.iter().for_each(|run| sums[run.region as usize] += of_run(run));
-        sums
     }
 }
 
@@ -98,11 +137,10 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Its runs, not numbered yet; its first pixel is `first`.
-    fn runs(&self, first: usize, max_z_step: f32, marks: &mut Vec<u8>) -> Vec<Run> {
+    /// Adds its runs, not numbered yet; its first pixel is `first`.
+    fn runs(&self, first: usize, max_z_step: f32, marks: &mut Vec<u8>, runs: &mut Vec<Run>) {
         marks.resize(self.absolute.len(), 0);
         simd::run(Level::in_use(), Borders { row: *self, max_z_step, marks });
-        let mut runs = Vec::new();
         let mut open = None;
         let mut border = |u: usize| {
             if let Some(begin) = open.take() {
@@ -120,7 +158,6 @@ impl Row<'_> {
         }
         rest.iter().enumerate().filter(|(_, mark)| **mark != 0).for_each(|(i, _)| border(8 * words.len() + i));
         border(self.absolute.len());
-        runs
     }
 }
 
@@ -178,19 +215,25 @@ impl Kernel for Touches<'_> {
     }
 }
 
-/// The runs of a row and of the one below that belong together.
-fn row_below_touches(rows: [&Row<'_>; 2], runs: [&[Run]; 2], max_z_step: f32, marks: &mut Vec<u8>) -> Vec<[u32; 2]> {
+/// Adds the runs of a row and of the one below that belong together; the first ones have such numbers.
+fn touching_runs(
+    rows: [Row<'_>; 2],
+    [above, below]: [&[Run]; 2],
+    first: [usize; 2],
+    max_z_step: f32,
+    marks: &mut Vec<u8>,
+    touching: &mut Vec<[u32; 2]>,
+) {
     let width = rows[0].absolute.len();
     marks.resize(width, 0);
-    simd::run(Level::in_use(), Touches { rows: rows.map(|row| *row), max_z_step, marks });
+    simd::run(Level::in_use(), Touches { rows, max_z_step, marks });
     let columns = |run: &Run| run.begin as usize % width..(run.end as usize - 1) % width + 1;
-    let [above, below] = runs;
-    let (mut pairs, mut i, mut j) = (Vec::new(), 0, 0);
+    let (mut i, mut j) = (0, 0);
     while let (Some(a), Some(b)) = (above.get(i), below.get(j)) {
         let (a, b) = (columns(a), columns(b));
         let common = a.start.max(b.start)..a.end.min(b.end);
         if !common.is_empty() && marks[common].contains(&1) {
-            pairs.push([i as u32, j as u32]);
+            touching.push([(first[0] + i) as u32, (first[1] + j) as u32]);
         }
         if a.end <= b.end {
             i += 1;
@@ -198,7 +241,6 @@ fn row_below_touches(rows: [&Row<'_>; 2], runs: [&[Run]; 2], max_z_step: f32, ma
             j += 1;
         }
     }
-    pairs
 }
 
 #[cfg(test)]
@@ -239,7 +281,9 @@ mod tests {
             state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
             (state >> 16) % below
         };
-        for (width, height) in [(1, 1), (37, 21), (64, 9), (8, 40)] {
+        // The same room for all: what was held before makes no difference.
+        let mut regions = Regions::default();
+        for (width, height) in [(1, 1), (37, 71), (64, 9), (8, 40)] {
             let pixels = width * height;
             let absolute: Vec<i32> = (0..pixels)
                 .map(|_| if random(5) == 0 { ABSENT } else { random(3) as i32 * (MAX_STEP - 7000) })
@@ -247,7 +291,7 @@ mod tests {
             let z: Vec<f32> = (0..pixels).map(|_| random(8) as f32).collect();
             for max_z_step in [5.0, f32::INFINITY] {
                 let wanted = flooded(width, &absolute, &z, max_z_step);
-                let regions = Regions::of(width, &absolute, &z, max_z_step);
+                regions.find(width, &absolute, &z, max_z_step);
                 let mut found = vec![None; pixels];
                 for run in &regions.runs {
                     run.pixels().for_each(|pixel| found[pixel] = Some(run.region as usize));

@@ -5,17 +5,16 @@
 
 use rayon::prelude::*;
 
+use super::super::bands::{self, BAND_ROWS};
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
 use super::Scene;
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
 use super::places::{PlaceRow, Places};
-#[cfg(target_arch = "x86_64")]
-use super::wide;
-use super::windows::Windows;
-#[cfg(target_arch = "x86_64")]
-use crate::simd::Avx512;
+use super::wide::{self, SelectionRoom};
+use super::windows::{Reach, Windows};
+use crate::simd::{self, Kernel, Lanes, Level};
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
 pub(super) const REACH_TURNS: f32 = 0.05;
@@ -39,13 +38,16 @@ pub(super) struct Selection {
     pub(super) in_volume: Vec<bool>,
     /// Where it lies in C2.
     pub(super) places: Places,
+    rooms: Vec<OutlookRow>,
+    /// Room for the median of z.
+    counts: Vec<u32>,
+    near: Vec<f32>,
 }
 
 impl Selection {
     /// Selects the candidate of each pixel that has one of the decided order.
     pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
         let (pixels, width) = (scene.cam1.phase.len(), scene.cam1.width.max(1));
-        self.absolute.clear();
         self.absolute.resize(pixels, ABSENT);
         self.column_px.resize(pixels, 0.0);
         self.z.resize(pixels, 0.0);
@@ -53,28 +55,50 @@ impl Selection {
         self.slope.resize(pixels, 0);
         self.in_volume.resize(pixels, false);
         self.places.resize(pixels);
-        let places = self.absolute.par_chunks_mut(width).zip(self.column_px.par_chunks_mut(width));
-        let fits = self.z.par_chunks_mut(width).zip(self.delta.par_chunks_mut(width));
-        let rest = self.slope.par_chunks_mut(width).zip(self.in_volume.par_chunks_mut(width));
+        bands::resize(&mut self.rooms, scene.cam1.height);
+        let of_band = BAND_ROWS * width;
+        let places = self.absolute.par_chunks_mut(of_band).zip(self.column_px.par_chunks_mut(of_band));
+        let fits = self.z.par_chunks_mut(of_band).zip(self.delta.par_chunks_mut(of_band));
+        let rest = self.slope.par_chunks_mut(of_band).zip(self.in_volume.par_chunks_mut(of_band));
         let Places { of_pixels, nearness } = &mut self.places;
-        let in_cam2 = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width));
-        let rows = places.zip(fits).zip(rest).zip(in_cam2).enumerate();
-        rows.for_each_init(OutlookRow::default, |row, (v, (out, (of_pixels, nearness)))| {
+        let in_cam2 = of_pixels.par_chunks_mut(of_band).zip(nearness.par_chunks_mut(of_band));
+        let bands = places.zip(fits).zip(rest).zip(in_cam2).zip(&mut self.rooms).enumerate();
+        bands.for_each(|(band, ((out, (of_pixels, nearness)), row))| {
             let (((absolute, column_px), (z, delta)), (slope, in_volume)) = out;
-            row.turn_to(scene, scale, v);
-            let pixels = v * width..(v + 1) * width;
-            let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
-            let phase = &scene.cam1.phase[pixels];
-            let out = SelectedRow { absolute, column_px: &mut *column_px, z, delta, slope, in_volume };
-            SelectionRow { scene, windows, row, phase, count, order, out }.select();
-            PlaceRow { of_pixels, nearness }.find(scene.table, &row.segments, column_px);
+            for (i, here) in (0..absolute.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
+                let v = band * BAND_ROWS + i;
+                row.turn_to(scene, scale, v);
+                let pixels = v * width..(v + 1) * width;
+                let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+                let out = SelectedRow {
+                    absolute: &mut absolute[here.clone()],
+                    column_px: &mut column_px[here.clone()],
+                    z: &mut z[here.clone()],
+                    delta: &mut delta[here.clone()],
+                    slope: &mut slope[here.clone()],
+                    in_volume: &mut in_volume[here.clone()],
+                };
+                let phase = &scene.cam1.phase[pixels];
+                let selection = SelectionRow { scene, reach: windows.reach, row, phase, count, order, out };
+                simd::run(Level::in_use(), selection);
+                let places =
+                    PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here.clone()] };
+                places.find(scene.table, &row.segments, &column_px[here]);
+            }
         });
         self.normalize();
     }
 
-    /// The candidate of a pixel that has one, of its decided order.
-    pub(super) fn candidate(&self, pixel: usize, order: i16) -> Candidate {
-        Candidate { column_px: self.column_px[pixel], order, delta: self.delta[pixel], slope: self.slope[pixel] }
+    /// Those of a row of pixels.
+    pub(super) fn row(&self, pixels: std::ops::Range<usize>) -> CandidateRow<'_> {
+        CandidateRow {
+            absolute: &self.absolute[pixels.clone()],
+            column_px: &self.column_px[pixels.clone()],
+            z: &self.z[pixels.clone()],
+            delta: &self.delta[pixels.clone()],
+            slope: &self.slope[pixels.clone()],
+            in_volume: &self.in_volume[pixels],
+        }
     }
 
     /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.
@@ -88,11 +112,13 @@ impl Selection {
     }
 
     /// Median of |z| of all selected candidates.
-    fn median_magnitude_of_z(&self) -> Option<f32> {
+    fn median_magnitude_of_z(&mut self) -> Option<f32> {
         // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
         let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
-        let selected = || self.z.iter().zip(&self.absolute).filter(|(_, absolute)| **absolute != ABSENT);
-        let mut counts = vec![0_u32; 1 << 15];
+        let Self { z, absolute, counts, near, .. } = self;
+        let selected = || z.iter().zip(&*absolute).filter(|(_, absolute)| **absolute != ABSENT);
+        counts.clear();
+        counts.resize(1 << 15, 0);
         selected().for_each(|(&z, _)| counts[upper(z) % (1 << 15)] += 1);
         let middle = counts.iter().sum::<u32>() / 2;
         let mut below = 0;
@@ -101,9 +127,29 @@ impl Selection {
             below > middle
         })?;
         let before = below - counts[of_median];
-        let mut near: Vec<f32> = selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median).collect();
+        near.clear();
+        near.extend(selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median));
         let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
         Some(median)
+    }
+}
+
+/// The selected candidates of a row.
+pub(super) struct CandidateRow<'a> {
+    pub(super) absolute: &'a [i32],
+    column_px: &'a [f32],
+    pub(super) z: &'a [f32],
+    delta: &'a [i16],
+    slope: &'a [i16],
+    pub(super) in_volume: &'a [bool],
+}
+
+impl CandidateRow<'_> {
+    /// That of a pixel, of its decided order.
+    #[inline(always)]
+    pub(super) fn candidate(&self, u: usize, order: i16) -> Option<Candidate> {
+        let candidate = Candidate { column_px: self.column_px[u], order, delta: self.delta[u], slope: self.slope[u] };
+        (self.absolute[u] != ABSENT).then_some(candidate)
     }
 }
 
@@ -117,10 +163,34 @@ struct SelectedRow<'a> {
     in_volume: &'a mut [bool],
 }
 
+/// The same of a block.
+pub(super) struct SelectedBlock<'a> {
+    pub(super) absolute: &'a mut [i32; wide::BLOCK],
+    pub(super) column_px: &'a mut [f32; wide::BLOCK],
+    pub(super) z: &'a mut [f32; wide::BLOCK],
+    pub(super) delta: &'a mut [i16; wide::BLOCK],
+    pub(super) slope: &'a mut [i16; wide::BLOCK],
+    pub(super) in_volume: &'a mut [bool; wide::BLOCK],
+}
+
+impl SelectedRow<'_> {
+    #[inline(always)]
+    fn block(&mut self, begin: usize) -> SelectedBlock<'_> {
+        SelectedBlock {
+            absolute: wide::block_of_mut(self.absolute, begin),
+            column_px: wide::block_of_mut(self.column_px, begin),
+            z: wide::block_of_mut(self.z, begin),
+            delta: wide::block_of_mut(self.delta, begin),
+            slope: wide::block_of_mut(self.slope, begin),
+            in_volume: wide::block_of_mut(self.in_volume, begin),
+        }
+    }
+}
+
 /// Selects the candidates of a row.
 struct SelectionRow<'a> {
     scene: &'a Scene<'a>,
-    windows: &'a Windows,
+    reach: Reach,
     row: &'a OutlookRow,
     phase: &'a [u16],
     count: &'a [u8],
@@ -128,44 +198,42 @@ struct SelectionRow<'a> {
     out: SelectedRow<'a>,
 }
 
-impl SelectionRow<'_> {
-    fn select(&mut self) {
-        #[cfg(target_arch = "x86_64")]
-        let done = Avx512::in_use().map_or(0, |lanes| self.select_blocks(lanes));
-        #[cfg(not(target_arch = "x86_64"))]
-        let done = 0;
-        (done..self.count.len()).for_each(|u| self.select_pixel(u));
-    }
+impl Kernel for SelectionRow<'_> {
+    type Output = ();
 
-    /// Whole blocks of pixels; yields how many pixels they have.
-    #[cfg(target_arch = "x86_64")]
-    fn select_blocks(&mut self, level: Avx512) -> usize {
-        let row = self.row.wide(self.scene, self.windows);
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, level: L) {
+        let row = self.row.wide(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let (mut of_block, mut room, mut found) = (row.no_block(), wide::Room::new(), wide::Found::NONE);
+        let mut room = SelectionRoom::new(level);
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * wide::BLOCK;
-            if !row.turn(level, &mut of_block, begin, count) {
+            let Some(mut of_block) = row.block(level, begin, count) else {
+                self.out.absolute[begin..][..wide::BLOCK].fill(ABSENT);
                 continue;
-            }
-            of_block.select(level, order, &mut room, &mut found);
-            let (out, pixels) = (&mut self.out, begin..begin + wide::BLOCK);
-            out.absolute[pixels.clone()].copy_from_slice(&found.absolute);
-            out.column_px[pixels.clone()].copy_from_slice(&found.column_px);
-            out.z[pixels.clone()].copy_from_slice(&found.z);
-            out.delta[pixels.clone()].copy_from_slice(&found.delta);
-            out.slope[pixels.clone()].copy_from_slice(&found.slope);
-            out.in_volume[pixels].copy_from_slice(&found.in_volume);
-            (0..wide::BLOCK).filter(|k| found.irregular >> k & 1 == 1).for_each(|k| self.select_pixel(begin + k));
+            };
+            of_block.select(order, &mut room, &mut self.out.block(begin));
+            self.select_pixels(begin, of_block.irregular());
         }
-        counts.len() * wide::BLOCK
+        (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
+    }
+}
+
+impl SelectionRow<'_> {
+    /// Some of the pixels from one on, a bit each, one by one.
+    fn select_pixels(&mut self, begin: usize, mut pixels: u32) {
+        while pixels != 0 {
+            self.select_pixel(begin + pixels.trailing_zeros() as usize);
+            pixels &= pixels - 1;
+        }
     }
 
     fn select_pixel(&mut self, u: usize) {
+        self.out.absolute[u] = ABSENT;
         if self.count[u] == 0 {
             return;
         }
-        let outlook = self.row.outlook(self.scene, self.windows, u);
+        let outlook = self.row.outlook(self.scene, self.reach, u);
         let sd_turns = self.row.sd_turns[u];
         let Some((rest, column_px, slope)) = best_of_order(&outlook, self.order[u], sd_turns) else { return };
         let delta_turns = rest + outlook.drift.at(column_px);
@@ -206,4 +274,66 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
         }
     });
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::evidence::Evidence;
+    use super::super::test_scene::TestScene;
+    use super::*;
+
+    /// What a pixel has selected, as bits.
+    type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
+
+    /// What the pixels of a row have.
+    fn selected(width: usize, select: impl Fn(SelectedRow<'_>)) -> Vec<Selected> {
+        let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
+        let ([mut column_px, mut z], [mut delta, mut slope]) =
+            ([vec![0.0; width], vec![0.0; width]], [vec![0; width], vec![0; width]]);
+        select(SelectedRow {
+            absolute: &mut absolute,
+            column_px: &mut column_px,
+            z: &mut z,
+            delta: &mut delta,
+            slope: &mut slope,
+            in_volume: &mut in_volume,
+        });
+        let of_pixel = |u: usize| {
+            let fit = (absolute[u], [column_px[u].to_bits(), z[u].to_bits()], [delta[u], slope[u]], in_volume[u]);
+            (absolute[u] != ABSENT).then_some(fit)
+        };
+        (0..width).map(of_pixel).collect()
+    }
+
+    #[test]
+    fn candidates_of_many_pixels_are_those_of_each_at_every_level() {
+        let test_scene = TestScene::new();
+        let scene = test_scene.scene();
+        let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
+        let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
+        evidence.gather(&scene, &mut windows, &scale, &mut Vec::new());
+        let (reach, mut found) = (windows.reach, 0);
+        for v in 0..scene.cam1.height {
+            row.turn_to(&scene, &scale, v);
+            let pixels = v * width..(v + 1) * width;
+            let (count, phase) = (&windows.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
+            let best = evidence.best.of(pixels.clone()).place;
+            // The best order of most pixels, that beside it of some.
+            let order: Vec<i16> = (0..width)
+                .map(|u| windows.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
+                .collect();
+            let of = |select: &dyn Fn(SelectionRow<'_>)| {
+                let order = &order;
+                selected(width, |out| {
+                    select(SelectionRow { scene: &scene, reach, row: &row, phase, count, order, out });
+                })
+            };
+            let wanted = of(&|mut row| (0..width).for_each(|u| row.select_pixel(u)));
+            found += wanted.iter().flatten().count();
+            for level in Level::ALL {
+                assert_eq!(of(&|row| simd::run(level, row)), wanted, "{level:?} {v}");
+            }
+        }
+        assert!(found > 15_000, "{found}");
+    }
 }

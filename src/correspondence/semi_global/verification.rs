@@ -13,10 +13,10 @@
 
 use rayon::prelude::*;
 
-use super::super::candidates::Candidate;
+use super::super::bands::{self, BAND_ROWS};
 use super::super::outcome::Outcome;
 use super::claims::{Claim, Claims};
-use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, Tables, confidences, margin_nats};
+use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, TABLES, confidences, margin_nats};
 use super::evidence::PASSING_Z;
 use super::grounds::{Grounds, Surroundings};
 use super::paths::{PATHS, Verdicts};
@@ -41,12 +41,36 @@ const MAX_LOST_SHARE: f64 = 0.3;
 /// Room for what is known of each pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VerificationRoom {
+    regions: Regions,
+    of_regions: RegionRoom,
     claims: Claims,
     surroundings: Surroundings,
     /// Pixels beside and around each pixel that support it.
     beside: Vec<u8>,
     around: Vec<u8>,
     is_hidden: Vec<bool>,
+    rooms: Vec<ConfidenceRoom>,
+    /// Regions of what is left.
+    left: Regions,
+}
+
+/// What is known of each region.
+#[derive(Clone, Debug, Default)]
+struct RegionRoom {
+    /// Mean lead of the decided orders over the next best ones, nats a path.
+    leads_nats: Vec<f32>,
+    /// Why it does not stand; `None` if it does.
+    verdicts: Vec<Option<Outcome>>,
+    says: Vec<OfRegion>,
+    odds: Vec<RegionOdds>,
+    sums: Vec<u64>,
+}
+
+/// Room for the confidences of a row.
+#[derive(Clone, Debug, Default)]
+struct ConfidenceRoom {
+    of_regions: [Vec<f32>; 3],
+    log_odds: Vec<f32>,
 }
 
 /// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
@@ -61,19 +85,19 @@ pub(super) fn verify(
     grounds: Option<&mut Vec<Grounds>>,
 ) {
     let width = scene.cam1.width.max(1);
-    let regions = Regions::of(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    let mut verification = Verification { scene, width, selection, verdicts, limits, regions: &regions };
-    let leads_nats = verification.leads_nats();
-    let mut verdict_of_region = verification.judge_regions(&leads_nats);
-    verification.contradict_by_foundation(&leads_nats, &mut verdict_of_region, &mut room.claims);
-    verification.look_around(&verdict_of_region, room);
-    let of_regions = verification.of_regions(&leads_nats, room);
-    verification.state_confidence(&of_regions, room, decisions.confidence);
+    room.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
+    let mut verification = Verification { scene, width, selection, verdicts, limits };
+    verification.find_leads(room);
+    verification.judge_regions(room);
+    verification.contradict_by_foundation(room);
+    verification.look_around(room);
+    verification.ask_regions(room);
+    verification.state_confidence(room, decisions.confidence);
     if let Some(grounds) = grounds {
-        *grounds = verification.grounds(&of_regions, room);
+        *grounds = verification.grounds(room);
     }
-    verification.stand_by_confidence(&verdict_of_region, room, decisions);
-    verification.drop_small_regions(decisions.outcomes);
+    verification.stand_by_confidence(room, decisions);
+    verification.drop_small_regions(&mut room.left, decisions.outcomes);
     verification.finish(decisions);
 }
 
@@ -83,39 +107,39 @@ struct Verification<'a> {
     selection: &'a mut Selection,
     verdicts: &'a Verdicts,
     limits: &'a Limits,
-    regions: &'a Regions,
 }
 
 impl Verification<'_> {
-    /// Mean lead of the decided orders of each region over the next best ones, nats a path.
-    fn leads_nats(&self) -> Vec<f32> {
-        let margins =
-            self.regions.sums(|run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
-        let of_region = |(margins, &size_px): (u64, &u32)| {
+    fn find_leads(&self, VerificationRoom { regions, of_regions, .. }: &mut VerificationRoom) {
+        let RegionRoom { leads_nats, sums, .. } = of_regions;
+        regions.sum(sums, |run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
+        let of_region = |(&margins, &size_px): (&u64, &u32)| {
             (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
         };
-        margins.into_iter().zip(&self.regions.size_px).map(of_region).collect()
+        leads_nats.clear();
+        leads_nats.extend(sums.iter().zip(&regions.size_px).map(of_region));
     }
 
-    /// Why each region does not stand; `None` if it does.
-    fn judge_regions(&self, leads_nats: &[f32]) -> Vec<Option<Outcome>> {
+    fn judge_regions(&self, VerificationRoom { regions, of_regions, .. }: &mut VerificationRoom) {
+        let RegionRoom { leads_nats, verdicts, sums, .. } = of_regions;
         // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.region as usize];
             (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
         };
-        let large = self.regions.sums(|run| {
+        regions.sum(sums, |run| {
             let allowed = allowed(run);
             self.selection.z[run.pixels()].iter().map(|z| u64::from(z * z / MEDIAN_SQUARE > allowed)).sum()
         });
-        let judge = |((&size_px, &lead_nats), large): ((&u32, &f32), u64)| {
+        let judge = |((&size_px, &lead_nats), &large): ((&u32, &f32), &u64)| {
             if size_px < self.limits.min_region_px || lead_nats < MIN_LEAD_NATS {
                 return Some(Outcome::Ambiguous);
             }
             let small = u64::from(size_px) - large;
             (small <= u64::from(size_px) / 2).then_some(Outcome::RejectedByDelta)
         };
-        self.regions.size_px.iter().zip(leads_nats).zip(large).map(judge).collect()
+        verdicts.clear();
+        verdicts.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(judge));
     }
 
     /// The claim of a pixel with a precedence.
@@ -125,14 +149,9 @@ impl Verification<'_> {
     }
 
     /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
-    fn contradict_by_foundation(
-        &self,
-        leads_nats: &[f32],
-        verdict_of_region: &mut [Option<Outcome>],
-        claims: &mut Claims,
-    ) {
-        let standing =
-            || leads_nats.iter().zip(&*verdict_of_region).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
+    fn contradict_by_foundation(&self, VerificationRoom { regions, of_regions, claims, .. }: &mut VerificationRoom) {
+        let RegionRoom { leads_nats, verdicts, sums, .. } = of_regions;
+        let standing = || leads_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
         // Regions that take no place of any other need not claim theirs.
@@ -142,21 +161,21 @@ impl Verification<'_> {
             return;
         }
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
-        for run in &self.regions.runs {
+        for run in &regions.runs {
             let lead_nats = leads_nats[run.region as usize];
-            if verdict_of_region[run.region as usize].is_none() && takes(lead_nats) {
+            if verdicts[run.region as usize].is_none() && takes(lead_nats) {
                 run.pixels().for_each(|pixel| claims.make(self.claim(pixel, lead_nats)));
             }
         }
-        let lost = self.regions.sums(|run| {
+        regions.sum(sums, |run| {
             let lead_nats = leads_nats[run.region as usize];
-            if verdict_of_region[run.region as usize].is_some() || !loses(lead_nats) {
+            if verdicts[run.region as usize].is_some() || !loses(lead_nats) {
                 return 0;
             }
             let is_lost = |&pixel: &usize| claims.is_lost(self.claim(pixel, lead_nats), BETTER_FOUNDED_NATS);
             run.pixels().filter(is_lost).count() as u64
         });
-        for ((verdict, lost), &size_px) in verdict_of_region.iter_mut().zip(lost).zip(&self.regions.size_px) {
+        for ((verdict, &lost), &size_px) in verdicts.iter_mut().zip(&*sums).zip(&regions.size_px) {
             if verdict.is_none() && lost as f64 > MAX_LOST_SHARE * f64::from(size_px) {
                 *verdict = Some(Outcome::Contradicted);
             }
@@ -164,18 +183,18 @@ impl Verification<'_> {
     }
 
     /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
-    fn look_around(&self, verdict_of_region: &[Option<Outcome>], room: &mut VerificationRoom) {
-        let VerificationRoom { claims, surroundings, beside, around, is_hidden } = room;
-        let (width, absolute) = (self.width, &self.selection.absolute);
-        let stands = |run: &&Run| verdict_of_region[run.region as usize].is_none();
+    fn look_around(&self, room: &mut VerificationRoom) {
+        let VerificationRoom { regions, of_regions, claims, surroundings, beside, around, is_hidden, .. } = room;
+        let (regions, width, absolute) = (&*regions, self.width, &self.selection.absolute);
+        let stands = |run: &&Run| of_regions.verdicts[run.region as usize].is_none();
         surroundings.fill([width, absolute.len() / width], |v, row| {
-            for run in self.regions.of_row(v).iter().filter(stands) {
+            for run in regions.of_row(v).iter().filter(stands) {
                 let pixels = run.pixels();
                 row[pixels.start - v * width..pixels.end - v * width].copy_from_slice(&absolute[pixels]);
             }
         });
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
-        for run in self.regions.runs.iter().filter(stands) {
+        for run in regions.runs.iter().filter(stands) {
             run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
         }
         beside.resize(absolute.len(), 0);
@@ -183,61 +202,70 @@ impl Verification<'_> {
         is_hidden.resize(absolute.len(), false);
         let rows = beside.par_chunks_mut(width).zip(around.par_chunks_mut(width)).zip(is_hidden.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((beside, around), is_hidden))| {
-            surroundings.support(v, &absolute[v * width..(v + 1) * width], beside, around);
-            for pixel in self.regions.of_row(v).iter().flat_map(Run::pixels) {
+            let columns = regions.columns_of_row(v, width);
+            let own = &absolute[v * width..][columns.clone()];
+            surroundings.support(v, columns.start, own, &mut beside[columns.clone()], &mut around[columns]);
+            for pixel in regions.of_row(v).iter().flat_map(Run::pixels) {
                 let claim = self.claim(pixel, self.selection.places.nearness[pixel]);
                 is_hidden[pixel - v * width] = claims.is_lost(claim, 0.0);
             }
         });
     }
 
-    /// What each region says of its pixels.
-    fn of_regions(&self, leads_nats: &[f32], room: &VerificationRoom) -> Vec<OfRegion> {
-        let hidden =
-            self.regions.sums(|run| room.is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
-        let of_region = |((&region_px, &lead_nats), hidden): ((&u32, &f32), u64)| OfRegion {
+    /// Asks what each region says of its pixels.
+    fn ask_regions(&self, VerificationRoom { regions, of_regions, is_hidden, .. }: &mut VerificationRoom) {
+        let RegionRoom { leads_nats, says, odds, sums, .. } = of_regions;
+        regions.sum(sums, |run| is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
+        let of_region = |((&region_px, &lead_nats), &hidden): ((&u32, &f32), &u64)| OfRegion {
             region_px,
             lead_nats,
             hidden_share: hidden as f32 / region_px as f32,
         };
-        self.regions.size_px.iter().zip(leads_nats).zip(hidden).map(of_region).collect()
+        says.clear();
+        says.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(of_region));
+        odds.clear();
+        odds.extend(says.iter().map(|&of_region| TABLES.of_region(of_region)));
     }
 
-    /// How likely each selected candidate is true.
-    fn state_confidence(&self, of_regions: &[OfRegion], room: &VerificationRoom, confidence: &mut Vec<Confidence>) {
-        let (tables, width) = (Tables::new(), self.width);
-        let odds: Vec<RegionOdds> = of_regions.iter().map(|&of_region| tables.of_region(of_region)).collect();
-        confidence.resize(self.selection.absolute.len(), Confidence::NONE);
-        let rows = confidence.par_chunks_mut(width).enumerate();
-        rows.for_each_init(
-            || ([const { Vec::new() }; 3], Vec::new()),
-            |(of_regions, log_odds), (v, confidence)| {
+    /// How likely each selected candidate is true; without meaning elsewhere.
+    fn state_confidence(&self, room: &mut VerificationRoom, confidence: &mut Vec<Confidence>) {
+        let VerificationRoom { regions, of_regions, beside, around, is_hidden, rooms, .. } = room;
+        let (regions, odds, width) = (&*regions, &of_regions.odds, self.width);
+        let pixels = self.selection.absolute.len();
+        confidence.resize(pixels, Confidence::NONE);
+        bands::resize(rooms, pixels / width);
+        let bands = confidence.par_chunks_mut(BAND_ROWS * width).zip(rooms).enumerate();
+        bands.for_each(|(band, (confidence, ConfidenceRoom { of_regions, log_odds }))| {
+            for (i, confidence) in confidence.chunks_mut(width).enumerate() {
+                let v = band * BAND_ROWS + i;
+                let columns = regions.columns_of_row(v, width);
+                let first = v * width + columns.start;
                 for (i, of_pixels) in of_regions.iter_mut().enumerate() {
                     of_pixels.resize(width, 0.0);
-                    for run in self.regions.of_row(v) {
-                        let columns = run.pixels().start - v * width..run.pixels().end - v * width;
-                        of_pixels[columns].fill(odds[run.region as usize][i]);
+                    for run in regions.of_row(v) {
+                        of_pixels[run.pixels().start - first..run.pixels().end - first]
+                            .fill(odds[run.region as usize][i]);
                     }
                 }
-                let pixels = v * width..(v + 1) * width;
+                let pixels = first..first + columns.len();
                 let row = GroundsRow {
                     margin: &self.verdicts.margin[pixels.clone()],
                     z: &self.selection.z[pixels.clone()],
-                    beside: &room.beside[pixels.clone()],
-                    around: &room.around[pixels.clone()],
-                    is_hidden: &room.is_hidden[pixels],
+                    beside: &beside[pixels.clone()],
+                    around: &around[pixels.clone()],
+                    is_hidden: &is_hidden[pixels],
                     of_regions: of_regions.each_ref().map(Vec::as_slice),
                 };
-                confidences(&tables, &row, log_odds, confidence);
-            },
-        );
+                confidences(&TABLES, &row, log_odds, &mut confidence[columns]);
+            }
+        });
     }
 
     /// The grounds of every pixel with a selected candidate.
-    fn grounds(&self, of_regions: &[OfRegion], room: &VerificationRoom) -> Vec<Grounds> {
+    fn grounds(&self, room: &VerificationRoom) -> Vec<Grounds> {
         let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
-        for run in &self.regions.runs {
-            let OfRegion { region_px, lead_nats, hidden_share } = of_regions[run.region as usize];
+        for run in &room.regions.runs {
+            let OfRegion { region_px, lead_nats, hidden_share } = room.of_regions.says[run.region as usize];
             for pixel in run.pixels() {
                 grounds[pixel] = Grounds {
                     margin_nats: margin_nats(self.verdicts.margin[pixel]),
@@ -255,14 +283,9 @@ impl Verification<'_> {
     }
 
     /// Lets every selected candidate stand that is confident enough, and no other.
-    fn stand_by_confidence(
-        &mut self,
-        verdict_of_region: &[Option<Outcome>],
-        room: &VerificationRoom,
-        decisions: &mut Decisions<'_>,
-    ) {
+    fn stand_by_confidence(&mut self, room: &VerificationRoom, decisions: &mut Decisions<'_>) {
         let least = Confidence::at_least(self.limits.min_confidence);
-        let (width, regions) = (self.width, self.regions);
+        let (width, regions, verdicts) = (self.width, &room.regions, &room.of_regions.verdicts);
         let Selection { absolute, z, .. } = &mut *self.selection;
         decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
         let rows = absolute.par_chunks_mut(width).zip(z.par_chunks(width)).zip(room.is_hidden.par_chunks(width));
@@ -270,7 +293,7 @@ impl Verification<'_> {
         rows.zip(decided).enumerate().for_each(|(v, (((absolute, z), is_hidden), (outcomes, confidence)))| {
             outcomes.fill(Outcome::NoCandidate);
             for run in regions.of_row(v) {
-                let verdict = verdict_of_region[run.region as usize];
+                let verdict = verdicts[run.region as usize];
                 for u in run.pixels().start - v * width..run.pixels().end - v * width {
                     if confidence[u] < least {
                         outcomes[u] = verdict.unwrap_or_else(|| reason(is_hidden[u], z[u]));
@@ -281,9 +304,9 @@ impl Verification<'_> {
         });
     }
 
-    fn drop_small_regions(&mut self, outcomes: &mut [Outcome]) {
+    fn drop_small_regions(&mut self, regions: &mut Regions, outcomes: &mut [Outcome]) {
         let Selection { absolute, z, .. } = &mut *self.selection;
-        let regions = Regions::of(self.width, absolute, z, f32::INFINITY);
+        regions.find(self.width, absolute, z, f32::INFINITY);
         for run in &regions.runs {
             if regions.size_px[run.region as usize] < self.limits.min_region_px {
                 outcomes[run.pixels()].fill(Outcome::Ambiguous);
@@ -298,30 +321,24 @@ impl Verification<'_> {
         chosen.resize(outcomes.len());
         let rows = outcomes.par_chunks_mut(width).zip(chosen.rows_mut(width)).zip(confidence.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((outcomes, mut chosen), confidence))| {
+            let pixels = v * width..(v + 1) * width;
+            let selected = self.selection.row(pixels.clone());
+            let (passing, order) = (&passing[pixels.clone()], &self.verdicts.order[pixels]);
+            let (passing, order) = (&passing[..outcomes.len()], &order[..outcomes.len()]);
+            let confidence = &mut confidence[..outcomes.len()];
             for u in 0..outcomes.len() {
-                let pixel = v * width + u;
-                if self.selection.absolute[pixel] == ABSENT {
-                    confidence[u] = Confidence::NONE;
-                    chosen.set(u, None);
-                    continue;
-                }
-                outcomes[u] = match (self.selection.in_volume[pixel], passing[pixel]) {
+                let candidate = selected.candidate(u, order[u]).filter(|_| selected.in_volume[u]);
+                confidence[u] = if candidate.is_some() { confidence[u] } else { Confidence::NONE };
+                chosen.set(u, candidate);
+                let found = match (selected.in_volume[u], passing[u]) {
                     (false, _) => Outcome::OutsideVolume,
-                    (true, 1) if self.selection.z[pixel].abs() < PASSING_Z => Outcome::Reference,
+                    (true, 1) if selected.z[u].abs() < PASSING_Z => Outcome::Reference,
                     (true, 0 | 1) => Outcome::Unique,
                     (true, _) => Outcome::AcrossEpipolar,
                 };
-                let is_in_volume = self.selection.in_volume[pixel];
-                chosen.set(u, is_in_volume.then(|| self.candidate(pixel)));
-                if !is_in_volume {
-                    confidence[u] = Confidence::NONE;
-                }
+                outcomes[u] = if selected.absolute[u] == ABSENT { outcomes[u] } else { found };
             }
         });
-    }
-
-    fn candidate(&self, pixel: usize) -> Candidate {
-        self.selection.candidate(pixel, self.verdicts.order[pixel])
     }
 }
 

@@ -1,10 +1,10 @@
 //! The orders that are asked about, pixel by pixel.
 
-use rayon::prelude::*;
-
 use crate::simd::{self, Kernel, Lanes, Level};
 
+use super::super::fingerprint::Fingerprint;
 use super::super::segment::SegmentRow;
+use super::super::segment_table::SegmentTable;
 use super::Scene;
 
 /// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
@@ -18,7 +18,7 @@ const STRIDE: usize = 97;
 /// Turns of δ by which a window is wider than its segment, so that a candidate at its end has its order.
 const DELTA_MARGIN_TURNS: f32 = 0.25;
 /// Orders are handled so many at a time.
-pub(super) const LANE_STEP: usize = 16;
+pub(super) const LANE_STEP: usize = 8;
 /// Most orders of a pixel; further ones beyond the volume are left out.
 pub(super) const MAX_LANES: usize = 128;
 
@@ -32,6 +32,8 @@ pub(super) struct Windows {
     /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
+    /// The table that room and reach were found for.
+    table: Option<Fingerprint>,
 }
 
 /// The columns in which candidates are sought.
@@ -44,26 +46,28 @@ pub(super) struct Reach {
 }
 
 impl Windows {
-    /// Asks for the orders of the pixels of a scene.
-    pub(super) fn ask(&mut self, scene: &Scene<'_>) {
-        let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
-        let orders = mean_orders(scene);
-        let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
-        let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
-        let reach = Reach { beyond_px, last_column_px: (scene.table.epipolar_size_px()[0] - 1) as f32 };
-        self.reach = reach;
+    /// Makes ready for a scene: what depends on the table alone is found once. There may be pixels with more orders than there
+    /// is room for; see [`Self::grow`].
+    pub(super) fn ready(&mut self, scene: &Scene<'_>) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);
-        let width = scene.cam1.width.max(1);
-        let rows = self.first.par_chunks_mut(width).zip(self.count.par_chunks_mut(width)).enumerate();
-        rows.for_each_init(SegmentRow::default, |segments, (v, (first, count))| {
-            scene.table.row(v, segments);
-            let pixels = v * width..(v + 1) * width;
-            let (phase, valid) = (&scene.cam1.phase[pixels.clone()], &scene.cam1.valid[pixels]);
-            simd::run(Level::in_use(), WindowRow { reach, segments, phase, valid, first, count });
-        });
-        let most = self.count.par_iter().copied().max().map_or(0, usize::from);
-        self.lanes = most.div_ceil(LANE_STEP).max(1) * LANE_STEP;
+        if self.table.as_ref() == Some(&scene.table.fingerprint) {
+            return;
+        }
+        self.table = Some(scene.table.fingerprint);
+        let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
+        let orders = mean_orders(scene.table);
+        let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
+        let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
+        let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
+        self.reach = Reach { beyond_px, last_column_px };
+        self.lanes = 0;
+        self.grow(usual_orders(scene.table, self.reach));
+    }
+
+    /// Makes room for so many orders of a pixel.
+    pub(super) fn grow(&mut self, orders: usize) {
+        self.lanes = self.lanes.max(orders.div_ceil(LANE_STEP).max(1) * LANE_STEP);
     }
 }
 
@@ -76,13 +80,19 @@ impl Reach {
 }
 
 /// Asks for the orders of a row of pixels.
-struct WindowRow<'a> {
-    reach: Reach,
-    segments: &'a SegmentRow,
-    phase: &'a [u16],
-    valid: &'a [bool],
-    first: &'a mut [i16],
-    count: &'a mut [u8],
+pub(super) struct WindowRow<'a> {
+    pub(super) reach: Reach,
+    pub(super) segments: &'a SegmentRow,
+    pub(super) phase: &'a [u16],
+    pub(super) valid: &'a [bool],
+    pub(super) first: &'a mut [i16],
+    pub(super) count: &'a mut [u8],
+}
+
+impl WindowRow<'_> {
+    pub(super) fn ask(self) {
+        simd::run(Level::in_use(), self);
+    }
 }
 
 impl Kernel for WindowRow<'_> {
@@ -95,20 +105,35 @@ impl Kernel for WindowRow<'_> {
         let (begin, end, reference) = (&s.begin_px[..width], &s.end_px[..width], &s.reference_px[..width]);
         let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
         let (valid, first, count) = (&valid[..width], &mut first[..width], &mut count[..width]);
+        let mut all_fit = true;
         for u in 0..width {
-            let coefficients = [a[u], b[u], d[u]];
-            let phase_turns = f32::from(phase[u]) / 65536.0;
             let limits_px = reach.limits_px([begin[u], end[u]]);
-            let (least, orders) = orders(limits_px, reference[u], coefficients, phase_turns);
-            let (within, _) = self::orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
-            // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
-            let fits = (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2));
-            let least = if fits { least } else { within - (MAX_LANES / 4) as f32 };
+            let phase_turns = f32::from(phase[u]) / 65536.0;
+            let (least, orders) = orders(limits_px, reference[u], [a[u], b[u], d[u]], phase_turns);
             let is_asked = valid[u] & (begin[u] <= end[u]);
+            all_fit &= !is_asked | fits(least, orders);
             first[u] = if is_asked { least as i16 } else { 0 };
             count[u] = if is_asked { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
         }
+        if all_fit {
+            return;
+        }
+        // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
+        for u in 0..width {
+            let (coefficients, phase_turns) = ([a[u], b[u], d[u]], f32::from(phase[u]) / 65536.0);
+            let (least, most) = orders(reach.limits_px([begin[u], end[u]]), reference[u], coefficients, phase_turns);
+            if count[u] > 0 && !fits(least, most) {
+                let (within, _) = orders([begin[u], end[u]], reference[u], coefficients, phase_turns);
+                first[u] = (within - (MAX_LANES / 4) as f32) as i16;
+            }
+        }
     }
+}
+
+/// Whether so many orders from the least one on are fit to be asked about.
+#[inline(always)]
+fn fits(least: f32, orders: f32) -> bool {
+    (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2))
 }
 
 /// The least order within limits, and the number of orders.
@@ -122,12 +147,28 @@ fn orders([first_px, last_px]: [f32; 2], reference_px: f32, [a, b, d]: [f32; 3],
 }
 
 /// Mean rise of Φ over a segment, turns; at least one.
-fn mean_orders(scene: &Scene<'_>) -> f32 {
-    let pixels = (0..scene.cam1.phase.len()).step_by(STRIDE).filter(|&pixel| scene.table.has_segment(pixel));
-    let rises = pixels.map(|pixel| {
-        let segment = scene.table.segment(pixel);
+fn mean_orders(table: &SegmentTable) -> f32 {
+    let rises = some_pixels(table).map(|pixel| {
+        let segment = table.segment(pixel);
         (segment.phase_turns(segment.end_px) - segment.phase_turns(segment.begin_px)).abs()
     });
     let (sum, count) = rises.fold((0.0_f32, 0.0_f32), |(sum, count), rise| (sum + rise, count + 1.0));
     (sum / count.max(1.0)).max(1.0)
+}
+
+/// The greatest number of orders that some pixel of some has whatever its phase; others may have one more.
+fn usual_orders(table: &SegmentTable, reach: Reach) -> usize {
+    let of_pixel = |pixel: usize| {
+        let segment = table.segment(pixel);
+        let [first_px, last_px] = reach.limits_px(segment.limits_px());
+        let rise = (segment.phase_turns(last_px) - segment.phase_turns(first_px)).abs();
+        (rise + 2.0 * DELTA_MARGIN_TURNS).min(MAX_LANES as f32) as usize
+    };
+    some_pixels(table).map(of_pixel).max().unwrap_or(0)
+}
+
+/// Some of the pixels with a segment.
+fn some_pixels(table: &SegmentTable) -> impl Iterator<Item = usize> {
+    let [width, height] = table.size_px();
+    (0..width * height).step_by(STRIDE).filter(|&pixel| table.has_segment(pixel))
 }

@@ -101,8 +101,8 @@ impl ColumnSums {
         let place = l.times_real(l.over_real(l.abs_real(slope), limit), l.real(TABLE as f32));
         let below = l.truncate(l.min_real(place, l.real(TABLE as f32)));
         let entry = l.select_real(is_ahead, below, l.add_real(below, l.real(MOTIONS as f32)));
-        let low = l.look_up(&fit.motions_rad, entry);
-        let high = l.look_up(&fit.motions_rad[1..], entry);
+        let low = l.look_up_real(&fit.motions_rad, entry);
+        let high = l.look_up_real(&fit.motions_rad[1..], entry);
         let motion = l.add_real(low, l.times_real(l.sub_real(high, low), l.sub_real(place, below)));
         let motion = l.select_real(is_ahead, motion, l.sub_real(l.real(0.0), motion));
         let is_told = l.and(is_told, l.is_greater_real(l.real(TABLE as f32), below));

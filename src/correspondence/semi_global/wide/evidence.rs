@@ -1,231 +1,278 @@
 //! Energies of all orders of 32 pixels.
-#![allow(unsafe_code, reason = "instructions of the level")]
 
-use std::arch::x86_64::*;
+use crate::simd::{COLUMNS, Lanes};
 
-use crate::simd::Avx512;
-
-use super::super::super::registers::{
-    BLOCK, COLUMNS, Crossing, crosses, greatest_byte, join, least_word, load_bytes, load_signed, narrow, store_bytes,
-};
 use super::super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::super::windows::LANE_STEP;
-use super::half::crossing_of;
-use super::{Block, Room};
+use super::pixels::column_and_slope;
+use super::rows::{Crossing, Differences, Ends, Tables, crosses};
+use super::{BLOCK, Block};
 
-impl Block<'_> {
-    /// Energies of sixteen orders of each pixel, from so many after order `first` on, of all `count` that it has, into `tile`,
-    /// where those of each pixel begin `lanes` after those of the one before; and how many of them pass, added to `passing`.
-    #[inline]
-    pub(in super::super) fn evidence(
-        &mut self,
-        _: Avx512,
-        skipped: usize,
-        first: &[i16; BLOCK],
-        count: &[u8; BLOCK],
-        energies: &Energies,
-        room: &mut Room,
-        (tile, lanes): (&mut [u8], usize),
-        passing: &mut [u8; BLOCK],
-    ) {
-        // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.evidence_of_level(skipped, first, count, energies, room, (tile, lanes), passing) }
-    }
+/// Crossings that are kept until they are weighed.
+const MAX_CROSSINGS: usize = 2 * LANE_STEP;
 
-    #[target_feature(
-        enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni,bmi1,bmi2,lzcnt,popcnt"
-    )]
-    fn evidence_of_level(
-        &mut self,
-        skipped: usize,
-        first: &[i16; BLOCK],
-        count: &[u8; BLOCK],
-        energies: &Energies,
-        room: &mut Room,
-        (tile, lanes): (&mut [u8], usize),
-        passing: &mut [u8; BLOCK],
-    ) {
-        let skip = _mm512_set1_epi32(skipped as i32);
-        let firsts = load_signed(first).map(|first| _mm512_add_epi32(first, skip));
-        let counts = _mm256_subs_epu8(load_bytes(count), _mm256_set1_epi8(skipped as i8));
-        let orders = usize::from(greatest_byte(counts)).min(LANE_STEP);
-        let reach = [0, 1].map(|h| _mm512_mul_ps(_mm512_set1_ps(MAX_Z), self.halves[h].sd_turns));
-        // Each step for all orders: what one waits for, the others compute.
-        let Room { columns, crossings, .. } = room;
-        crossings.lost = 0;
-        let mut wide = 0;
-        for (lane, columns) in columns.iter_mut().enumerate().take(orders) {
-            let own = _mm256_cmpgt_epu8_mask(counts, _mm256_set1_epi8(lane as i8)) & self.regular;
-            let lane = _mm512_set1_epi32(lane as i32);
-            let low = self.halves[0].columns_of(_mm512_add_epi32(firsts[0], lane), reach[0]);
-            let high = self.halves[1].columns_of(_mm512_add_epi32(firsts[1], lane), reach[1]);
-            let some = own & join([low.some, high.some]);
-            wide |= some & !join([low.narrow, high.narrow]);
-            let begin = narrow([low.begin, high.begin]);
-            let end = narrow([low.end_ceil, high.end_ceil]);
-            *columns = Columns { own, some, begin, end };
-        }
-        self.give_up(wide);
-        let mut best = [[_mm512_set1_epi32(i32::from(MISSING)); 2]; LANE_STEP];
-        for (lane, columns) in columns.iter().enumerate().take(orders) {
-            self.cross(lane, columns, crossings);
-            if crossings.count > LANE_STEP {
-                self.weigh(crossings, firsts, energies, &mut best);
-            }
-        }
-        self.weigh(crossings, firsts, energies, &mut best);
-        self.give_up(crossings.lost);
-        let none = _mm256_set1_epi8(NO_ORDER as i8);
-        let mut by_order = [none; LANE_STEP];
-        let limit = _mm256_set1_epi8(energies.limit as i8);
-        let mut passes = load_bytes(passing);
-        for lane in 0..orders {
-            let own = columns[lane].own & self.regular;
-            let bytes = _mm256_inserti128_si256::<1>(
-                _mm256_castsi128_si256(_mm512_cvtepi32_epi8(best[lane][0])),
-                _mm512_cvtepi32_epi8(best[lane][1]),
-            );
-            by_order[lane] = _mm256_mask_mov_epi8(none, own, bytes);
-            let pass = _mm256_mask_cmplt_epu8_mask(own, bytes, limit);
-            passes = _mm256_mask_add_epi8(passes, pass, passes, _mm256_set1_epi8(1));
-        }
-        // SAFETY: 32 bytes are written.
-        unsafe { _mm256_storeu_si256(passing.as_mut_ptr().cast(), passes) };
-        transpose(&by_order, tile, lanes);
-    }
+/// The orders of 32 pixels.
+pub(in super::super) struct OrdersOfBlock<'a> {
+    /// Least order of each, and their number.
+    pub(in super::super) first: &'a [i16; BLOCK],
+    pub(in super::super) count: &'a [u8; BLOCK],
+    /// Greatest of these numbers.
+    pub(in super::super) most: usize,
+}
 
-    /// Finds where the phases of the pixels are crossed in the columns of an order.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn cross(&self, lane: usize, columns: &Columns, crossings: &mut Crossings) {
-        let last_column = _mm512_set1_epi16((self.image.width - 1) as i16);
-        let (begin, end) = (columns.begin, _mm512_min_epi16(columns.end, last_column));
-        let one = _mm512_set1_epi16(1);
-        let mut todo = columns.some & self.regular;
-        while todo != 0 {
-            let base = least_word(todo, begin);
-            let bases = _mm512_set1_epi16(base as i16);
-            let (place, last) = (_mm512_sub_epi16(begin, bases), _mm512_sub_epi16(end, bases));
-            let here = _mm512_mask_cmplt_epi16_mask(todo, last, _mm512_set1_epi16(COLUMNS as i16));
-            todo &= !here;
-            let tables = self.rows.tables(self.image, base as usize);
-            let mut before = self.rows.difference(&tables, place, self.phases);
-            let mut at = _mm512_add_epi16(place, one);
-            let mut within = here & _mm512_cmple_epi16_mask(at, last);
-            let mut crossing = Crossing::none();
-            while within != 0 {
-                let after = self.rows.difference(&tables, at, self.phases);
-                let hit = crosses(before, after) & within;
-                if hit & crossing.hit != 0 {
-                    crossings.push(lane, crossing, bases);
-                    crossing = Crossing::none();
-                }
-                crossing.take(hit, before.value, after.value, at);
-                before = after;
-                at = _mm512_add_epi16(at, one);
-                within &= _mm512_cmple_epi16_mask(at, last);
-            }
-            crossings.push(lane, crossing, bases);
-        }
-    }
+/// What the energies of 32 pixels come to, each as words.
+pub(in super::super) struct BestOfBlock<L: Lanes> {
+    /// Orders that pass the back-projection test.
+    pub(in super::super) passing: L::Words,
+    /// The first order with the least energy, that energy, and the least of the others.
+    pub(in super::super) place: L::Words,
+    pub(in super::super) least: L::Words,
+    pub(in super::super) second: L::Words,
+}
 
-    /// Takes the energies of crossings into account, and forgets these.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn weigh(
-        &self,
-        crossings: &mut Crossings,
-        first: [__m512i; 2],
-        energies: &Energies,
-        best: &mut [[__m512i; 2]; LANE_STEP],
-    ) {
-        for (crossing, lane) in crossings.all[..crossings.count].iter().zip(crossings.lanes) {
-            let best = &mut best[usize::from(lane)];
-            for h in 0..2 {
-                let half = &self.halves[h];
-                let order = _mm512_add_epi32(first[h], _mm512_set1_epi32(i32::from(lane)));
-                let (column_px, _) = crossing_of(crossing, h);
-                let (found, rest) = half.order_and_rest(column_px);
-                let hit = (crossing.hit >> (16 * h)) as u16;
-                let fits = hit & half.is_within_limits(column_px) & _mm512_cmpeq_epi32_mask(found, order);
-                let z = _mm512_div_ps(_mm512_abs_ps(rest), half.sd_turns);
-                let step = _mm512_mul_ps(z, _mm512_set1_ps(STEPS_PER_Z));
-                let step = _mm512_min_ps(step, _mm512_set1_ps(Energies::STEPS as f32));
-                let step = _mm512_maskz_cvttps_epi32(fits, step);
-                let outside = _mm512_maskz_set1_epi32(!half.is_in_volume(column_px), i32::from(OUTSIDE));
-                // SAFETY: steps run from 0 to the number of steps, where the table has its last number.
-                let energy = unsafe { _mm512_i32gather_epi32::<4>(step, energies.of_step.as_ptr().cast()) };
-                best[h] = _mm512_mask_min_epi32(best[h], fits, best[h], _mm512_add_epi32(energy, outside));
-            }
-        }
-        crossings.count = 0;
-    }
+/// Room for what is found on the way, to be used from block to block.
+pub(in super::super) struct EvidenceRoom<L: Lanes> {
+    columns: [Columns<L>; LANE_STEP],
+    crossings: [(Crossing<L>, usize); MAX_CROSSINGS],
+    count: usize,
+    best: [L::Words; LANE_STEP],
+    by_order: [[u8; BLOCK]; LANE_STEP],
 }
 
 /// Where the candidates of an order can lie.
 #[derive(Clone, Copy)]
-pub(super) struct Columns {
+struct Columns<L: Lanes> {
     /// Pixels that have the order, and those of them that have such columns.
-    own: u32,
-    some: u32,
+    own: L::Mask,
+    some: L::Mask,
     /// The first column and the last.
-    begin: __m512i,
-    end: __m512i,
+    begin: L::Words,
+    end: L::Words,
 }
 
-impl Columns {
-    // SAFETY: all bits zero is a value of these.
-    pub(super) const NONE: Self = unsafe { std::mem::zeroed() };
+impl<L: Lanes> EvidenceRoom<L> {
+    #[inline(always)]
+    pub(in super::super) fn new(lanes: L) -> Self {
+        let (none, zero) = (lanes.mask(0), lanes.word(0));
+        Self {
+            columns: [Columns { own: none, some: none, begin: zero, end: zero }; LANE_STEP],
+            crossings: [(Crossing::none(lanes), 0); MAX_CROSSINGS],
+            count: 0,
+            best: [zero; LANE_STEP],
+            by_order: [[0; BLOCK]; LANE_STEP],
+        }
+    }
 }
 
-/// Crossings of several orders, of which the columns after are told.
-pub(super) struct Crossings {
-    all: [Crossing; 2 * LANE_STEP],
-    /// Places of their orders.
-    lanes: [u8; 2 * LANE_STEP],
-    count: usize,
-    /// Pixels of crossings that found no room.
-    lost: u32,
-}
+impl<L: Lanes> Block<'_, L> {
+    /// Energies of all orders of each pixel into `tile`, where those of each pixel begin `lanes_of_pixel` after those of the
+    /// one before; and what they come to.
+    #[inline(always)]
+    pub(in super::super) fn evidence(
+        &mut self,
+        orders: &OrdersOfBlock<'_>,
+        energies: &Energies,
+        room: &mut EvidenceRoom<L>,
+        ends: &mut Ends,
+        tile: &mut [u8],
+        lanes_of_pixel: usize,
+    ) -> BestOfBlock<L> {
+        let lanes = self.lanes;
+        let none = lanes.word(i16::from(NO_ORDER));
+        let mut best = BestOfBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
+        for skipped in (0..lanes_of_pixel).step_by(LANE_STEP) {
+            let count = orders.most.saturating_sub(skipped).min(LANE_STEP);
+            self.step(orders, [skipped, count], energies, room, ends, &mut best);
+            room.by_order[count..].fill([NO_ORDER; BLOCK]);
+            transpose(&room.by_order, &mut tile[skipped..], lanes_of_pixel);
+        }
+        // A single order has no other.
+        best.second = lanes.select(lanes.is_equal(best.second, none), best.least, best.second);
+        best
+    }
 
-impl Crossings {
-    // SAFETY: all bits zero is a value of these.
-    pub(super) const NONE: Self = unsafe { std::mem::zeroed() };
+    /// A step of orders: so many, from so many after the first ones on.
+    #[inline(always)]
+    fn step(
+        &mut self,
+        orders: &OrdersOfBlock<'_>,
+        [skipped, count]: [usize; 2],
+        energies: &Energies,
+        room: &mut EvidenceRoom<L>,
+        ends: &mut Ends,
+        all: &mut BestOfBlock<L>,
+    ) {
+        let lanes = self.lanes;
+        let first = lanes.widen(lanes.load_signed(orders.first));
+        let first = lanes.add_long(first, lanes.long(skipped as i32));
+        let counts = lanes.words_of_bytes(orders.count);
+        let reach = lanes.times_float(lanes.float(MAX_Z), self.pixels.sd_turns);
+        // Each part for all orders: what one waits for, the others compute.
+        let mut wide = lanes.mask(0);
+        for lane in 0..count {
+            let own = lanes.is_greater(counts, lanes.word((skipped + lane) as i16));
+            let own = lanes.and(own, self.regular);
+            let interval = self.pixels.columns_of(lanes.add_long(first, lanes.long(lane as i32)), reach);
+            let some = lanes.and(own, interval.some);
+            wide = lanes.or(wide, lanes.and_not(some, interval.narrow));
+            room.columns[lane] = Columns { own, some, begin: interval.begin, end: interval.end_ceil };
+        }
+        if lanes.any(wide) {
+            self.give_up(wide);
+        }
+        room.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
+        for lane in 0..count {
+            self.cross(lane, first, energies, room, ends);
+        }
+        self.weigh(first, energies, room);
+        let limit = lanes.word(i16::from(energies.limit));
+        for lane in 0..count {
+            let own = lanes.and(room.columns[lane].own, self.regular);
+            let energy = lanes.select(own, room.best[lane], lanes.word(i16::from(NO_ORDER)));
+            lanes.store_bytes(energy, &mut room.by_order[lane]);
+            let better = lanes.is_greater(all.least, energy);
+            all.place = lanes.select(better, lanes.word((skipped + lane) as i16), all.place);
+            all.second = lanes.min_unsigned(all.second, lanes.max_unsigned(all.least, energy));
+            all.least = lanes.min_unsigned(all.least, energy);
+            let passes = lanes.select(lanes.is_greater(limit, energy), lanes.word(1), lanes.word(0));
+            all.passing = lanes.add(all.passing, passes);
+        }
+    }
 
-    /// Takes crossings of places from columns on, if there are any.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn push(&mut self, lane: usize, mut crossing: Crossing, bases: __m512i) {
-        if crossing.hit == 0 {
+    /// Finds where the phases of the pixels are crossed in the columns of an order.
+    #[inline(always)]
+    fn cross(&self, lane: usize, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>, ends: &mut Ends) {
+        let lanes = self.lanes;
+        let columns = room.columns[lane];
+        let last_column = lanes.word((self.image.width - 1) as i16);
+        let (begin, end) = (columns.begin, lanes.min_unsigned(columns.end, last_column));
+        let (one, some) = (lanes.word(1), lanes.and(columns.some, self.regular));
+        for pair in self.rows.pairs() {
+            let mut todo = lanes.and(some, pair.pixels);
+            while lanes.any(todo) {
+                let base = lanes.least_of(todo, begin);
+                let bases = lanes.word(base);
+                let (place, last) = (lanes.sub(begin, bases), lanes.sub(end, bases));
+                let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
+                todo = lanes.and_not(todo, here);
+                let tables = Tables::of(lanes, self.image, &self.rows, *pair, base, self.phases, ends);
+                let mut before: Differences<L> = tables.difference(place);
+                let mut at = lanes.add(place, one);
+                let mut within = lanes.and_not(here, lanes.is_greater(at, last));
+                let mut crossing = Crossing::none(lanes);
+                while lanes.any(within) {
+                    let after = tables.difference(at);
+                    let hit = lanes.and(crosses(lanes, before, after), within);
+                    if lanes.any(lanes.and(hit, crossing.hit)) {
+                        self.keep(lane, crossing, bases, first, energies, room);
+                        crossing = Crossing::none(lanes);
+                    }
+                    crossing.take(lanes, hit, before.value, after.value, at);
+                    before = after;
+                    at = lanes.add(at, one);
+                    within = lanes.and_not(within, lanes.is_greater(at, last));
+                }
+                self.keep(lane, crossing, bases, first, energies, room);
+            }
+        }
+    }
+
+    /// Keeps crossings of places from columns on, if there are any, to be weighed.
+    #[inline(always)]
+    fn keep(
+        &self,
+        lane: usize,
+        mut crossing: Crossing<L>,
+        bases: L::Words,
+        first: L::Longs,
+        energies: &Energies,
+        room: &mut EvidenceRoom<L>,
+    ) {
+        if !self.lanes.any(crossing.hit) {
             return;
         }
-        if let Some(place) = self.all.get_mut(self.count) {
-            crossing.after_at = _mm512_add_epi16(crossing.after_at, bases);
-            *place = crossing;
-            self.lanes[self.count] = lane as u8;
-            self.count += 1;
-        } else {
-            self.lost |= crossing.hit;
+        if room.count == MAX_CROSSINGS {
+            self.weigh(first, energies, room);
+        }
+        crossing.after_at = self.lanes.add(crossing.after_at, bases);
+        room.crossings[room.count] = (crossing, lane);
+        room.count += 1;
+    }
+
+    /// Takes the energies of crossings into account, and forgets these.
+    #[inline(always)]
+    fn weigh(&self, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>) {
+        let (lanes, pixels) = (self.lanes, &self.pixels);
+        for &(crossing, lane) in &room.crossings[..room.count] {
+            let order = lanes.add_long(first, lanes.long(lane as i32));
+            let (column_px, _) = column_and_slope(lanes, &crossing);
+            let (found, rest) = pixels.order_and_rest(column_px);
+            let fits = lanes.both(pixels.is_within_limits(column_px), lanes.is_same(found, order));
+            let fits = lanes.and(crossing.hit, lanes.mask_of(fits));
+            let z = lanes.over(lanes.abs_float(rest), pixels.sd_turns);
+            let step = lanes.times_float(z, lanes.float(STEPS_PER_Z));
+            let step = lanes.longs(lanes.min_float(step, lanes.float(Energies::STEPS as f32)));
+            let energy = lanes.numbers(&energies.of_step, step);
+            let within = pixels.is_in_volume(column_px);
+            let outside = lanes.select_long(within, lanes.long(0), lanes.long(i32::from(OUTSIDE)));
+            let energy = lanes.narrow(lanes.add_long(energy, outside));
+            let best = room.best[lane];
+            room.best[lane] = lanes.select(fits, lanes.min_unsigned(best, energy), best);
+        }
+        room.count = 0;
+    }
+}
+
+/// Groups of pixels that are transposed side by side.
+const GROUPS: usize = BLOCK / LANE_STEP;
+
+/// Eight rows of 32 bytes as 32 rows of eight, of which each begins `stride` after the one before.
+#[inline(always)]
+fn transpose(rows: &[[u8; BLOCK]; LANE_STEP], tile: &mut [u8], stride: usize) {
+    let mut words = [[0_u64; GROUPS]; LANE_STEP];
+    for (words, row) in words.iter_mut().zip(rows) {
+        for (word, bytes) in words.iter_mut().zip(row.as_chunks().0) {
+            *word = u64::from_le_bytes(*bytes);
+        }
+    }
+    // Squares of one byte, then of two and of four, change places across the diagonal.
+    exchange::<1>(&mut words, 0x00ff_00ff_00ff_00ff);
+    exchange::<2>(&mut words, 0x0000_ffff_0000_ffff);
+    exchange::<4>(&mut words, 0x0000_0000_ffff_ffff);
+    for (i, words) in words.iter().enumerate() {
+        for (group, word) in words.iter().enumerate() {
+            tile[(group * LANE_STEP + i) * stride..][..LANE_STEP].copy_from_slice(&word.to_le_bytes());
         }
     }
 }
 
-/// Sixteen rows of 32 bytes as 32 rows of sixteen.
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-fn transpose(rows: &[__m256i; LANE_STEP], tile: &mut [u8], lanes: usize) {
-    // Each step interleaves rows that lie half of the rows apart: after four, every byte of a pixel stands with the others.
-    let mut rows = *rows;
-    for _ in 0..4 {
-        let mut next = rows;
-        for i in 0..LANE_STEP / 2 {
-            next[2 * i] = _mm256_unpacklo_epi8(rows[i], rows[i + LANE_STEP / 2]);
-            next[2 * i + 1] = _mm256_unpackhi_epi8(rows[i], rows[i + LANE_STEP / 2]);
+/// Exchanges the upper parts of rows with the lower parts of those so many further.
+#[inline(always)]
+fn exchange<const BY: usize>(words: &mut [[u64; GROUPS]; LANE_STEP], lower: u64) {
+    for i in (0..LANE_STEP).filter(|i| i & BY == 0) {
+        for group in 0..GROUPS {
+            let (a, b) = (words[i][group], words[i + BY][group]);
+            let change = (a >> (8 * BY) ^ b) & lower;
+            words[i][group] = a ^ change << (8 * BY);
+            words[i + BY][group] = b ^ change;
         }
-        rows = next;
     }
-    for (i, row) in rows.iter().enumerate() {
-        store_bytes(_mm256_castsi256_si128(*row), &mut tile[i * lanes..]);
-        store_bytes(_mm256_extracti128_si256::<1>(*row), &mut tile[(i + LANE_STEP) * lanes..]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_become_columns() {
+        let rows: [[u8; BLOCK]; LANE_STEP] = std::array::from_fn(|i| std::array::from_fn(|k| (i * BLOCK + k) as u8));
+        for stride in [8, 24] {
+            let mut tile = vec![0; BLOCK * stride];
+            transpose(&rows, &mut tile, stride);
+            for k in 0..BLOCK {
+                let expected: [u8; LANE_STEP] = std::array::from_fn(|i| rows[i][k]);
+                assert_eq!(tile[k * stride..][..LANE_STEP], expected);
+            }
+        }
     }
 }

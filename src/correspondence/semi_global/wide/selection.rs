@@ -1,265 +1,258 @@
 //! The best candidates of one order of each of 32 pixels.
-#![allow(unsafe_code, reason = "instructions of the level")]
 
-use std::arch::x86_64::*;
+use crate::simd::{COLUMNS, Lanes};
 
-use crate::simd::Avx512;
-
-use super::super::super::registers::{
-    BLOCK, COLUMNS, Crossing, Differences, crosses, join, least_word, load_signed, narrow, signed_half, store_floats,
-    store_narrow, unsigned_half,
-};
 use super::super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
-use super::super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS};
-use super::half::{Half, MAX_WIDTH, crossing_of, nearest_whole};
-use super::{Block, Room};
+use super::super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
+use super::pixels::{MAX_WIDTH, Pixels, column_and_slope};
+use super::rows::{Crossing, Differences, Ends, RowPair, Tables, crosses};
+use super::{BLOCK, Block};
 
 /// Columns beside an interval that are looked at for rims: those of the rims, and their neighbours.
 const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
 /// Differences that are kept of an interval.
-pub(super) const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
+const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
 
-/// The selected candidates of 32 pixels.
-pub(in super::super) struct Found {
-    /// Pixels left to the scalar form.
-    pub(in super::super) irregular: u32,
-    /// Absolute phases of those that have one.
-    pub(in super::super) absolute: [i32; BLOCK],
-    /// Whether it lies in the volume.
-    pub(in super::super) in_volume: [bool; BLOCK],
-    pub(in super::super) column_px: [f32; BLOCK],
-    pub(in super::super) z: [f32; BLOCK],
-    pub(in super::super) delta: [i16; BLOCK],
-    pub(in super::super) slope: [i16; BLOCK],
+/// Room for the differences of an interval, and for columns.
+pub(in super::super) struct SelectionRoom<L: Lanes> {
+    differences: [Differences<L>; MAX_DIFFERENCES],
+    ends: Ends,
 }
 
-impl Found {
-    pub(in super::super) const NONE: Self = Self {
-        irregular: 0,
-        absolute: [ABSENT; BLOCK],
-        in_volume: [false; BLOCK],
-        column_px: [0.0; BLOCK],
-        z: [0.0; BLOCK],
-        delta: [0; BLOCK],
-        slope: [0; BLOCK],
-    };
+impl<L: Lanes> SelectionRoom<L> {
+    #[inline(always)]
+    pub(in super::super) fn new(lanes: L) -> Self {
+        Self { differences: [Differences::none(lanes); MAX_DIFFERENCES], ends: [[0; COLUMNS]; 3] }
+    }
 }
 
-impl Block<'_> {
+/// Where candidates of 32 pixels are sought.
+struct Search<L: Lanes> {
+    begin: L::Words,
+    /// Last column of crossings.
+    ceil: L::Words,
+    /// First column that is looked at, and one more than the last column of a rim.
+    start: L::Words,
+    stop: L::Words,
+}
+
+impl<L: Lanes> Block<'_, L> {
     /// The candidate of an order of each pixel with the least |δ − drift|.
-    #[inline]
-    pub(in super::super) fn select(&mut self, _: Avx512, order: &[i16; BLOCK], room: &mut Room, found: &mut Found) {
-        // SAFETY: the lanes prove that the machine has the instructions.
-        unsafe { self.select_of_level(order, room, found) }
-    }
-
-    #[target_feature(
-        enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni,bmi1,bmi2,lzcnt,popcnt"
-    )]
-    fn select_of_level(&mut self, order: &[i16; BLOCK], room: &mut Room, found: &mut Found) {
-        let order = load_signed(order);
-        let reach = [0, 1].map(|h| {
-            let of_sd = _mm512_mul_ps(_mm512_set1_ps(REACH_SD), self.halves[h].sd_turns);
-            _mm512_max_ps(_mm512_set1_ps(REACH_TURNS), of_sd)
-        });
-        let mut best = [0, 1].map(|h| Best::none(order[h], reach[h]));
-        let interval = [self.halves[0].columns_of(order[0], reach[0]), self.halves[1].columns_of(order[1], reach[1])];
-        let has = self.regular & join([interval[0].some, interval[1].some]);
-        let begin = narrow([interval[0].begin, interval[1].begin]);
-        let floor = narrow([interval[0].end_floor, interval[1].end_floor]);
-        let ceil = narrow([interval[0].end_ceil, interval[1].end_ceil]);
+    #[inline(always)]
+    pub(in super::super) fn select(
+        &mut self,
+        order: &[i16; BLOCK],
+        room: &mut SelectionRoom<L>,
+        out: &mut SelectedBlock<'_>,
+    ) {
+        let lanes = self.lanes;
+        let order = lanes.load_signed(order);
+        let of_sd = lanes.times_float(lanes.float(REACH_SD), self.pixels.sd_turns);
+        let reach = lanes.max_float(lanes.float(REACH_TURNS), of_sd);
+        let interval = self.pixels.columns_of(lanes.widen(order), reach);
+        let has = lanes.and(self.regular, interval.some);
         // So that no column of these is beyond the image.
-        let beside = _mm512_set1_epi16(BESIDE as i16);
-        let last_floor = _mm512_set1_epi16((self.image.width as i32 - 2 - BESIDE).max(0) as i16);
-        let inner = _mm512_cmpge_epi16_mask(begin, beside) & _mm512_cmple_epi16_mask(floor, last_floor);
-        let odd = has & !(join([interval[0].narrow, interval[1].narrow]) & inner);
+        let last_floor = (self.image.width as i32 - 2 - BESIDE).max(0) as i16;
+        let outer = lanes.or(
+            lanes.is_greater(lanes.word(BESIDE as i16), interval.begin),
+            lanes.is_greater(interval.end_floor, lanes.word(last_floor)),
+        );
+        let odd = lanes.and_not(has, lanes.and_not(interval.narrow, outer));
         self.give_up(odd);
-        let mut todo = has & !odd;
-        let start = _mm512_sub_epi16(begin, beside);
-        // One more than the last column of a rim.
-        let stop = _mm512_add_epi16(floor, _mm512_set1_epi16(1 + BESIDE as i16));
-        while todo != 0 {
-            let base = least_word(todo, start);
-            let bases = _mm512_set1_epi16(base as i16);
-            let (place, last) = (_mm512_sub_epi16(start, bases), _mm512_sub_epi16(stop, bases));
-            let here = _mm512_mask_cmplt_epi16_mask(todo, last, _mm512_set1_epi16(COLUMNS as i16));
-            todo &= !here;
-            self.consider_all(base, place, [begin, ceil, stop], here, &mut room.differences, &mut best);
-        }
-        for h in 0..2 {
-            let (half, best) = (&self.halves[h], &best[h]);
-            let present = best.present & (self.regular >> (16 * h)) as u16;
-            let absolute = _mm512_add_epi32(_mm512_slli_epi32::<16>(best.order), unsigned_half(self.phases, h));
-            let absolute = _mm512_mask_mov_epi32(_mm512_set1_epi32(ABSENT), present, absolute);
-            let in_volume = _mm_maskz_set1_epi8(present & half.is_in_volume(best.column_px), 1);
-            // SAFETY: sixteen longs are written, and sixteen truths that are 0 or 1.
-            unsafe {
-                _mm512_storeu_si512(found.absolute[16 * h..][..16].as_mut_ptr().cast(), absolute);
-                _mm_storeu_si128(found.in_volume[16 * h..][..16].as_mut_ptr().cast(), in_volume);
+        let beside = lanes.word(BESIDE as i16);
+        let search = Search {
+            begin: interval.begin,
+            ceil: interval.end_ceil,
+            start: lanes.sub(interval.begin, beside),
+            stop: lanes.add(interval.end_floor, lanes.word(1 + BESIDE as i16)),
+        };
+        let mut best = Best::none(lanes, order, reach);
+        let sought = lanes.and_not(has, odd);
+        for pair in self.rows.pairs() {
+            let mut todo = lanes.and(sought, pair.pixels);
+            while lanes.any(todo) {
+                let base = lanes.least_of(todo, search.start);
+                let last = lanes.sub(search.stop, lanes.word(base));
+                let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
+                todo = lanes.and_not(todo, here);
+                self.consider_all(*pair, base, &search, here, room, &mut best);
             }
-            let delta_turns = _mm512_add_ps(best.rest, half.drift_at(best.column_px));
-            let delta = nearest_whole(_mm512_mul_ps(delta_turns, _mm512_set1_ps(65536.0)));
-            let delta = _mm512_max_epi32(_mm512_min_epi32(delta, _mm512_set1_epi32(32767)), _mm512_set1_epi32(-32768));
-            store_floats(best.column_px, &mut found.column_px[16 * h..]);
-            store_floats(_mm512_div_ps(best.rest, half.sd_turns), &mut found.z[16 * h..]);
-            store_narrow(delta, &mut found.delta[16 * h..]);
-            store_narrow(best.slope, &mut found.slope[16 * h..]);
         }
-        found.irregular = self.irregular;
+        self.tell(&best, out);
     }
 
-    /// Considers the crossings and the rims of intervals that lie within 64 columns from `base` on, and whose first columns
-    /// are at `place`: crossings from `begin` to `ceil`, rims up to the column before `stop`.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
+    /// Tells of the best candidates.
+    #[inline(always)]
+    fn tell(&self, best: &Best<L>, out: &mut SelectedBlock<'_>) {
+        let (lanes, pixels) = (self.lanes, &self.pixels);
+        let present = lanes.truths(lanes.and(best.present, self.regular));
+        let absolute = lanes.join(best.order, self.phases);
+        lanes.store_longs(lanes.select_long(present, absolute, lanes.long(ABSENT)), out.absolute);
+        lanes.store_mask(lanes.mask_of(lanes.both(present, pixels.is_in_volume(best.column_px))), out.in_volume);
+        let delta_turns = lanes.add_float(best.rest, pixels.drift_at(best.column_px));
+        let delta = nearest_whole(lanes, lanes.times_float(delta_turns, lanes.float(65536.0)));
+        lanes.store_floats(best.column_px, out.column_px);
+        lanes.store_floats(lanes.over(best.rest, pixels.sd_turns), out.z);
+        lanes.store_signed(lanes.narrow_signed(delta), out.delta);
+        lanes.store_signed(lanes.narrow_signed(best.slope), out.slope);
+    }
+
+    /// Considers the crossings and the rims of intervals that lie within 64 columns from `base` on.
+    #[inline(always)]
     fn consider_all(
         &self,
-        base: i32,
-        place: __m512i,
-        [begin, ceil, stop]: [__m512i; 3],
-        here: u32,
-        differences: &mut [Differences; MAX_DIFFERENCES],
-        best: &mut [Best; 2],
+        pair: RowPair<L>,
+        base: i16,
+        search: &Search<L>,
+        here: L::Mask,
+        SelectionRoom { differences, ends }: &mut SelectionRoom<L>,
+        best: &mut Best<L>,
     ) {
-        let tables = self.rows.tables(self.image, base as usize);
-        let (one, bases) = (_mm512_set1_epi16(1), _mm512_set1_epi16(base as i16));
-        let mut column = _mm512_add_epi16(place, bases);
-        let first_column = column;
-        let mut crossing = Crossing::none();
-        let mut count = 0;
-        let mut within = here;
-        let mut rims = 0;
-        while within != 0 {
-            differences[count] = self.rows.difference(&tables, _mm512_sub_epi16(column, bases), self.phases);
-            let after = differences[count];
+        let lanes = self.lanes;
+        let tables = Tables::of(lanes, self.image, &self.rows, pair, base, self.phases, ends);
+        let (one, bases) = (lanes.word(1), lanes.word(base));
+        let mut column = search.start;
+        let mut crossing = Crossing::none(lanes);
+        let (mut count, mut within, mut rims) = (0, here, lanes.mask(0));
+        while lanes.any(within) && count < MAX_DIFFERENCES {
+            let after = tables.difference(lanes.sub(column, bases));
+            differences[count] = after;
             if count >= 1 {
                 let before = differences[count - 1];
-                let is_pair = _mm512_cmpgt_epi16_mask(column, begin) & _mm512_cmple_epi16_mask(column, ceil);
-                let hit = crosses(before, after) & within & is_pair;
-                if hit & crossing.hit != 0 {
+                let is_pair =
+                    lanes.and_not(lanes.is_greater(column, search.begin), lanes.is_greater(column, search.ceil));
+                let hit = lanes.and(lanes.and(crosses(lanes, before, after), within), is_pair);
+                if lanes.any(lanes.and(hit, crossing.hit)) {
                     self.consider_crossing(&crossing, best);
-                    crossing = Crossing::none();
+                    crossing = Crossing::none(lanes);
                 }
-                crossing.take(hit, before.value, after.value, column);
+                crossing.take(lanes, hit, before.value, after.value, column);
                 if count >= 2 {
                     let inner = differences[count - 2];
-                    rims |= within & (beyond_rim(inner, before, after) | beyond_rim(after, before, inner));
+                    let rim =
+                        lanes.or(beyond_rim(lanes, inner, before, after), beyond_rim(lanes, after, before, inner));
+                    rims = lanes.or(rims, lanes.and(within, rim));
                 }
             }
             count += 1;
-            column = _mm512_add_epi16(column, one);
-            within &= _mm512_cmple_epi16_mask(column, stop);
+            column = lanes.add(column, one);
+            within = lanes.and_not(within, lanes.is_greater(column, search.stop));
         }
-        if crossing.hit != 0 {
+        if lanes.any(crossing.hit) {
             self.consider_crossing(&crossing, best);
         }
-        if rims == 0 {
+        if !lanes.any(rims) {
             return;
         }
-        let mut column = _mm512_add_epi16(first_column, one);
-        let mut within = here & rims;
-        for around in differences[..count].windows(3) {
-            let [left, middle, right] = [around[0], around[1], around[2]];
-            within &= _mm512_cmplt_epi16_mask(column, stop);
-            let at_left = within & beyond_rim(left, middle, right);
-            if at_left != 0 {
+        let mut column = lanes.add(search.start, one);
+        let mut within = lanes.and(here, rims);
+        for k in 2..count {
+            let [left, middle, right] = [differences[k - 2], differences[k - 1], differences[k]];
+            within = lanes.and(within, lanes.is_greater(search.stop, column));
+            let at_left = lanes.and(within, beyond_rim(lanes, left, middle, right));
+            if lanes.any(at_left) {
                 self.consider_rim(middle, right, column, at_left, -1.0, best);
             }
-            let at_right = within & beyond_rim(right, middle, left);
-            if at_right != 0 {
+            let at_right = lanes.and(within, beyond_rim(lanes, right, middle, left));
+            if lanes.any(at_right) {
                 self.consider_rim(middle, left, column, at_right, 1.0, best);
             }
-            column = _mm512_add_epi16(column, one);
+            column = lanes.add(column, one);
         }
     }
 
     /// Considers crossings whose columns are told.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn consider_crossing(&self, crossing: &Crossing, best: &mut [Best; 2]) {
-        for h in 0..2 {
-            let (column_px, slope) = crossing_of(crossing, h);
-            best[h].consider(&self.halves[h], column_px, slope, (crossing.hit >> (16 * h)) as u16);
-        }
+    #[inline(always)]
+    fn consider_crossing(&self, crossing: &Crossing<L>, best: &mut Best<L>) {
+        let (column_px, slope) = column_and_slope(self.lanes, crossing);
+        best.consider(self.lanes, &self.pixels, column_px, slope, crossing.hit);
     }
 
     /// Considers where surfaces that end at a column would have the phase beyond it.
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
+    #[inline(always)]
     fn consider_rim(
         &self,
-        middle: Differences,
-        inner: Differences,
-        column: __m512i,
-        lanes: u32,
+        middle: Differences<L>,
+        inner: Differences<L>,
+        column: L::Words,
+        rims: L::Mask,
         sense: f32,
-        best: &mut [Best; 2],
+        best: &mut Best<L>,
     ) {
-        let outwards = _mm512_sub_epi16(middle.value, inner.value);
-        for h in 0..2 {
-            let outwards = _mm512_cvtepi32_ps(signed_half(outwards, h));
-            let middle = _mm512_cvtepi32_ps(signed_half(middle.value, h));
-            let distance_px = _mm512_div_ps(_mm512_sub_ps(_mm512_setzero_ps(), middle), outwards);
-            let sense = _mm512_set1_ps(sense);
-            let offset_px = _mm512_mul_ps(sense, distance_px);
-            let column_px = _mm512_add_ps(_mm512_cvtepi32_ps(signed_half(column, h)), offset_px);
-            let slope = _mm512_cvttps_epi32(_mm512_mul_ps(sense, outwards));
-            best[h].consider(&self.halves[h], column_px, slope, (lanes >> (16 * h)) as u16);
-        }
+        let lanes = self.lanes;
+        let outwards = lanes.floats(lanes.widen(lanes.sub(middle.value, inner.value)));
+        let middle = lanes.floats(lanes.widen(middle.value));
+        let distance_px = lanes.over(lanes.sub_float(lanes.float(0.0), middle), outwards);
+        let sense = lanes.float(sense);
+        let column_px = lanes.add_float(lanes.floats(lanes.widen(column)), lanes.times_float(sense, distance_px));
+        let slope = lanes.longs(lanes.times_float(sense, outwards));
+        best.consider(lanes, &self.pixels, column_px, slope, rims);
     }
 }
 
-/// The best candidates of sixteen pixels so far.
-struct Best {
-    order: __m512i,
-    reach: __m512,
-    present: u16,
-    rest: __m512,
-    column_px: __m512,
-    slope: __m512i,
+/// The best candidates of 32 pixels so far.
+struct Best<L: Lanes> {
+    order: L::Words,
+    reach: L::Floats,
+    present: L::Mask,
+    rest: L::Floats,
+    column_px: L::Floats,
+    slope: L::Longs,
 }
 
-impl Best {
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn none(order: __m512i, reach: __m512) -> Self {
-        let zero = _mm512_setzero_ps();
-        Self { order, reach, present: 0, rest: zero, column_px: zero, slope: _mm512_setzero_si512() }
+impl<L: Lanes> Best<L> {
+    #[inline(always)]
+    fn none(lanes: L, order: L::Words, reach: L::Floats) -> Self {
+        let zero = lanes.float(0.0);
+        Self { order, reach, present: lanes.mask(0), rest: zero, column_px: zero, slope: lanes.long(0) }
     }
 
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-    #[inline]
-    fn consider(&mut self, half: &Half, column_px: __m512, slope: __m512i, lanes: u16) {
-        let (found, rest) = half.order_and_rest(column_px);
-        let off = _mm512_abs_ps(rest);
-        let fits = lanes
-            & half.is_within_limits(column_px)
-            & _mm512_cmpeq_epi32_mask(found, self.order)
-            & _mm512_cmp_ps_mask::<_CMP_LE_OQ>(off, self.reach);
-        let better = fits & (!self.present | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(off, _mm512_abs_ps(self.rest)));
-        self.present |= better;
-        self.rest = _mm512_mask_mov_ps(self.rest, better, rest);
-        self.column_px = _mm512_mask_mov_ps(self.column_px, better, column_px);
-        self.slope = _mm512_mask_mov_epi32(self.slope, better, slope);
+    #[inline(always)]
+    fn consider(&mut self, lanes: L, pixels: &Pixels<L>, column_px: L::Floats, slope: L::Longs, candidates: L::Mask) {
+        let (found, rest) = pixels.order_and_rest(column_px);
+        let off = lanes.abs_float(rest);
+        let fits = lanes.both(pixels.is_within_limits(column_px), lanes.is_same(found, lanes.widen(self.order)));
+        let fits = lanes.both(lanes.both(fits, lanes.truths(candidates)), lanes.reaches(self.reach, off));
+        // Those that have none yet are farther off than any.
+        let own = lanes.select_float(lanes.truths(self.present), lanes.abs_float(self.rest), lanes.float(f32::MAX));
+        let better = lanes.both(fits, lanes.exceeds(own, off));
+        self.present = lanes.or(self.present, lanes.mask_of(better));
+        self.rest = lanes.select_float(better, rest, self.rest);
+        self.column_px = lanes.select_float(better, column_px, self.column_px);
+        self.slope = lanes.select_long(better, slope, self.slope);
     }
 }
 
 /// Where a surface ends at a column and would have the phase within a pixel beyond it, see
 /// [`super::super::super::row_view`]: `outer` does not continue what `inner` and the column show.
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
-fn beyond_rim(outer: Differences, here: Differences, inner: Differences) -> u32 {
-    let outwards = _mm512_sub_epi16(here.value, inner.value);
-    let bend = _mm512_abs_epi16(_mm512_subs_epi16(_mm512_sub_epi16(outer.value, here.value), outwards));
+#[inline(always)]
+fn beyond_rim<L: Lanes>(lanes: L, outer: Differences<L>, here: Differences<L>, inner: Differences<L>) -> L::Mask {
+    let zero = lanes.word(0);
+    let outwards = lanes.sub(here.value, inner.value);
+    let bend = lanes.abs(lanes.sub_saturating(lanes.sub(outer.value, here.value), outwards));
     // |−32768| is 32768 of unsigned words.
-    let continued = outer.known & _mm512_cmple_epu16_mask(bend, _mm512_set1_epi16(MAX_RIM_BEND as i16));
-    let steepness = _mm512_abs_epi16(outwards);
-    let steep = _mm512_cmpge_epu16_mask(steepness, _mm512_set1_epi16(*RIM_SLOPES.start() as i16))
-        & _mm512_cmple_epu16_mask(steepness, _mm512_set1_epi16(*RIM_SLOPES.end() as i16));
+    let continued = lanes.and(outer.known, lanes.is_at_least(lanes.word(MAX_RIM_BEND as i16), bend));
+    let steepness = lanes.abs(outwards);
+    let steep = lanes.and(
+        lanes.is_at_least(steepness, lanes.word(*RIM_SLOPES.start() as i16)),
+        lanes.is_at_least(lanes.word(*RIM_SLOPES.end() as i16), steepness),
+    );
     // −here/outwards lies between 0 and 1.
-    let zero = _mm512_setzero_si512();
-    let opposite = _mm512_movepi16_mask(_mm512_xor_si512(here.value, outwards));
-    let near =
-        _mm512_cmpneq_epi16_mask(here.value, zero) & _mm512_cmple_epu16_mask(_mm512_abs_epi16(here.value), steepness);
-    here.known & inner.known & !continued & steep & opposite & near
+    let (below, falls) = (lanes.is_greater(zero, here.value), lanes.is_greater(zero, outwards));
+    let opposite = lanes.or(lanes.and_not(below, falls), lanes.and_not(falls, below));
+    let near = lanes.and_not(lanes.is_at_least(steepness, lanes.abs(here.value)), lanes.is_equal(here.value, zero));
+    let surface = lanes.and_not(lanes.and(here.known, inner.known), continued);
+    lanes.and(lanes.and(surface, steep), lanes.and(opposite, near))
+}
+
+/// Rounded to the nearest whole number, halves away from zero, as `f32::round` does; far ones as some number beyond all words.
+#[inline(always)]
+fn nearest_whole<L: Lanes>(lanes: L, value: L::Floats) -> L::Longs {
+    const BEYOND: f32 = 100_000.0;
+    let value = lanes.min_float(lanes.max_float(value, lanes.float(-BEYOND)), lanes.float(BEYOND));
+    let whole = lanes.longs(value);
+    let rest = lanes.sub_float(value, lanes.floats(whole));
+    let (up, down) = (lanes.reaches(rest, lanes.float(0.5)), lanes.reaches(lanes.float(-0.5), rest));
+    let whole_up = lanes.select_long(up, lanes.add_long(whole, lanes.long(1)), whole);
+    lanes.select_long(down, lanes.sub_long(whole, lanes.long(1)), whole_up)
 }

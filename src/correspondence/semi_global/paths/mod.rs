@@ -1,0 +1,524 @@
+//! Least energies along straight paths through the image, and the order that has the least sum of them.
+//!
+//! ```text
+//! for each direction, pixel by pixel p after its predecessor q:
+//!     F(p, k) = min( L(q, k − carry), P )      where the wrapped phase runs on from q to p, least of L(q) taken off
+//!     F(p, k) = 0                              where it jumps, or there is no q
+//!     L(p, k) = E(p, k) + F(p, k)
+//! for each pixel:
+//!     S(p, k) = 8·E(p, k) + sum of F(p, k) over all directions
+//! ```
+//!
+//! Over most of an image one order fits and the others do not, so that paths are *settled*: F is 0 for that order and P for all
+//! others, whatever the energies were. A pixel where all paths come settled on the order that fits best leaves them so, and its
+//! sums follow from its best energies alone; whole runs of such pixels are passed by without looking at their orders.
+//!
+//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
+//! the sum of L by a number that is the same for all orders of a pixel.
+//!
+//! Four directions run with the rows of the image and four against them, in two passes that begin at opposite ends and share
+//! nothing until they meet: each leaves its sums in the half that it goes through first, and decides in the other, where the
+//! sums of the other pass lie. Whole numbers make a sum the same in any order.
+
+mod decision;
+mod settled;
+
+use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
+
+use super::UNITS_PER_NAT;
+use super::evidence::{Evidence, MISSING};
+use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
+use super::windows::{LANE_STEP, MAX_LANES, Windows};
+
+use decision::{Decide, Leave};
+use settled::{AgreedRow, SETTLED, place_of_zero, run_of_ones, settled};
+
+/// Price of an order that does not continue where the wrapped phase does, nats.
+const CHANGE_NATS: f32 = 8.0;
+const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
+/// Numbers of orders for which loops are compiled, beside any number.
+const ONE_STEP: usize = LANE_STEP;
+const TWO_STEPS: usize = 2 * LANE_STEP;
+const THREE_STEPS: usize = 3 * LANE_STEP;
+/// Paths through each pixel.
+pub(super) const PATHS: usize = 8;
+
+/// The orders with the least energy.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdicts {
+    pub(super) order: Vec<i16>,
+    /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
+    pub(super) margin: Vec<u16>,
+}
+
+/// Room for the links of pixels and the sums of paths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PathRoom {
+    links: Links,
+    /// What the pass that comes first leaves to the other: where its paths are settled, and the sums elsewhere.
+    places: Vec<u8>,
+    sums: Vec<u16>,
+    passes: [PassRoom; 2],
+}
+
+/// Decides the order of every pixel with a window.
+pub(super) fn least_energies(
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &Evidence,
+    room: &mut PathRoom,
+    verdicts: &mut Verdicts,
+) {
+    least_energies_at(Level::in_use(), cam1, windows, evidence, room, verdicts);
+}
+
+/// The same at a level.
+fn least_energies_at(
+    level: Level,
+    cam1: &PhaseMap,
+    windows: &Windows,
+    evidence: &Evidence,
+    PathRoom { links, places, sums, passes }: &mut PathRoom,
+    verdicts: &mut Verdicts,
+) {
+    let (width, height, lanes) = (cam1.width.max(1), cam1.height, windows.lanes);
+    links.find(cam1, windows);
+    places.resize(width * height, NO_PLACE);
+    sums.resize(width * height * lanes, 0);
+    verdicts.order.resize(width * height, 0);
+    verdicts.margin.resize(width * height, 0);
+    let middle = height / 2;
+    let (upper_places, lower_places) = places.split_at_mut(middle * width);
+    let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * lanes);
+    let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
+    let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
+    let [down, up] = passes;
+    [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, lanes));
+    let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, room: down };
+    let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, room: up };
+    let (above, below) = (0..middle, middle..height);
+    rayon::join(
+        || {
+            let visit = Leave { places: &mut *upper_places, sums: &mut *upper_sums };
+            simd::run(level, Through { sweep: &mut down, rows: above.clone(), visit });
+        },
+        || {
+            let visit = Leave { places: &mut *lower_places, sums: &mut *lower_sums };
+            simd::run(level, Through { sweep: &mut up, rows: below.clone(), visit });
+        },
+    );
+    rayon::join(
+        || {
+            let (places, sums) = (&*lower_places, &*lower_sums);
+            let visit = Decide { places, sums, lanes, order: lower_order, margin: lower_margin };
+            simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
+        },
+        || {
+            let (places, sums) = (&*upper_places, &*upper_sums);
+            let visit = Decide { places, sums, lanes, order: upper_order, margin: upper_margin };
+            simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
+        },
+    );
+}
+
+/// Sense in which an image is passed through.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    /// Rows from the first, columns from the left.
+    Down,
+    /// Rows from the last, columns from the right.
+    Up,
+}
+
+/// One pass with its four directions.
+struct Sweep<'a, 'b> {
+    width: usize,
+    windows: &'a Windows,
+    links: &'a Links,
+    evidence: &'a Evidence,
+    pass: Pass,
+    room: &'b mut PassRoom,
+}
+
+/// Room for a pass.
+#[derive(Clone, Debug, Default)]
+struct PassRoom {
+    /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
+    before: [PathRow; AXES.len()],
+    here: [PathRow; AXES.len()],
+    agreed: AgreedRow,
+}
+
+impl PassRoom {
+    /// No row was passed yet.
+    fn clear(&mut self, width: usize, lanes: usize) {
+        for row in self.before.iter_mut().chain(&mut self.here) {
+            row.clear(width, lanes);
+        }
+        self.agreed.resize(width);
+    }
+}
+
+/// Energies of a row of pixels in one direction, the least of each taken off, none above the price of a change.
+#[derive(Clone, Debug, Default)]
+struct PathRow {
+    /// Places of the orders on which the pixels are settled; [`NO_PLACE`] of those that have energies.
+    places: Vec<u8>,
+    /// With room on either side where orders of a pixel's neighbours may point.
+    energies: Vec<u8>,
+}
+
+impl PathRow {
+    /// No pixel has any energies.
+    fn clear(&mut self, width: usize, lanes: usize) {
+        self.places.clear();
+        self.places.resize(width, NO_PLACE);
+        self.energies.clear();
+        self.energies.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
+        // Behind them those of settled pixels, and those of none: whatever is wanted is found by one number.
+        self.energies.extend_from_slice(&SETTLED);
+        self.energies.extend_from_slice(&[0; MAX_LANES]);
+    }
+
+    /// Energies that a path brings on along a link.
+    #[inline(always)]
+    fn towards(&self, Link { is_link, column, shift }: Link, lanes: usize) -> &[u8] {
+        let (place, of_settled) = (self.places[column], self.energies.len() - MAX_LANES - SETTLED.len());
+        let own = column * (lanes + 2 * MAX_SHIFT) + shift;
+        let begin = if place == NO_PLACE { own } else { of_settled + MAX_LANES + shift - usize::from(place) };
+        let begin = if is_link { begin } else { of_settled + SETTLED.len() };
+        &self.energies[begin..][..lanes]
+    }
+
+    /// Takes the energies of a pixel, of which the least is zero. Whether they are settled nobody can foresee: no branches.
+    #[inline(always)]
+    fn set<L: Lanes>(&mut self, level: L, u: usize, energies: &[u16]) {
+        let lanes = energies.len();
+        let own = &mut self.energies[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
+        let mut place = 0;
+        let steps = own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(energies.as_chunks::<LANE_STEP>().0);
+        for (step, (own, energies)) in steps.enumerate().rev() {
+            let bytes = level.bytes_of(energies);
+            *own = bytes.to_le_bytes();
+            let of_step = place_of_zero(bytes);
+            place = if of_step < LANE_STEP { step * LANE_STEP + of_step } else { place };
+        }
+        let differs = *own != *settled(place, MAX_SHIFT, lanes);
+        // All bits make it no place.
+        self.places[u] = place as u8 | u8::from(differs).wrapping_neg();
+    }
+}
+
+const _: () = assert!(NO_PLACE == u8::MAX);
+
+/// Goes through some rows.
+struct Through<'a, 'b, 'c, V> {
+    sweep: &'a mut Sweep<'b, 'c>,
+    rows: std::ops::Range<usize>,
+    visit: V,
+}
+
+/// What becomes of the sums of pixels. `place` is that of a row or a pixel among those of the rows.
+trait Visit {
+    /// Takes what holds for the pixels of a row if all paths come to them settled on the `agreed` places; `first` is the number
+    /// of their first one.
+    fn begin_row<L: Lanes>(&mut self, level: L, sweep: &mut Sweep<'_, '_>, first: usize, place: usize);
+
+    /// Tells the machine what is wanted of a pixel for which it does not.
+    fn expect<L: Lanes>(&self, level: L, place: usize);
+
+    /// Takes a pixel for which it does, where the row did not tell all.
+    fn take_settled<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_, '_>,
+        pixel: usize,
+        place: usize,
+        agreed: u8,
+    );
+
+    /// Takes what the paths of a pass bring to the orders of any other pixel.
+    fn take<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        sweep: &Sweep<'_, '_>,
+        pixel: usize,
+        place: usize,
+        sum: &[u16; ROOM],
+    );
+}
+
+impl<V: Visit> Kernel for Through<'_, '_, '_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        // Most rigs have few orders; loops of known length are registers.
+        match self.sweep.windows.lanes {
+            ONE_STEP => self.run_of::<L, ONE_STEP>(lanes),
+            TWO_STEPS => self.run_of::<L, TWO_STEPS>(lanes),
+            THREE_STEPS => self.run_of::<L, THREE_STEPS>(lanes),
+            _ => self.run_of::<L, MAX_LANES>(lanes),
+        }
+    }
+}
+
+impl<V: Visit> Through<'_, '_, '_, V> {
+    #[inline(always)]
+    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
+        let Self { sweep, rows, mut visit } = self;
+        for i in 0..rows.len() {
+            let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
+            let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
+            let links = sweep.begin_row(level, v);
+            visit.begin_row(level, sweep, first, first_place);
+            sweep.expect_unsettled::<L, ROOM>(level, first, |place| visit.expect(level, first_place + place));
+            let mut j = 0;
+            while j < sweep.width {
+                let u = sweep.column(j);
+                j += 1;
+                let (pixel, place) = (first + u, first_place + u);
+                if sweep.windows.count[pixel] == 0 {
+                    continue;
+                }
+                let agreed = sweep.room.agreed.places[u];
+                if agreed != NO_PLACE && sweep.place_along(&links[0], u) == agreed {
+                    visit.take_settled::<L, ROOM>(level, sweep, pixel, place, agreed);
+                    if j < sweep.width {
+                        j += run_of_ones(&sweep.room.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
+                    }
+                } else {
+                    let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel]);
+                    visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
+                }
+            }
+            std::mem::swap(&mut sweep.room.before, &mut sweep.room.here);
+        }
+    }
+}
+
+impl<'a> Sweep<'a, '_> {
+    /// Number of orders, known to loops that have room for few.
+    #[inline(always)]
+    fn lanes<const ROOM: usize>(&self) -> usize {
+        if ROOM < MAX_LANES { ROOM } else { self.windows.lanes }
+    }
+
+    #[inline(always)]
+    fn column(&self, j: usize) -> usize {
+        if self.pass == Pass::Down { j } else { self.width - 1 - j }
+    }
+
+    /// Finds the pixels of a row to which all paths come settled, as if those along the row did; yields where paths come from.
+    #[inline(always)]
+    fn begin_row<L: Lanes>(&mut self, level: L, v: usize) -> [RowLinks<'a>; AXES.len()] {
+        let (links, forward) = (self.links, self.pass == Pass::Down);
+        let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
+        let PassRoom { before, here, agreed } = &mut *self.room;
+        let pixels = v * self.width..(v + 1) * self.width;
+        agreed.find(level, &links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
+        here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
+        links
+    }
+
+    /// Tells the machine what is wanted for those pixels of a row that are looked at one by one: they lie where nobody can
+    /// foresee it.
+    #[inline(always)]
+    fn expect_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
+        let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.room.agreed.runs_on);
+        let count = &self.windows.count[first..first + runs_on.len()];
+        for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
+            if *runs_on == [1; 8] || *count == [0; 8] {
+                continue;
+            }
+            for u in 8 * i..8 * i + 8 {
+                level.expect(&self.evidence.energies[(first + u) * lanes..]);
+                expect(u);
+            }
+        }
+    }
+
+    /// The place on which the path along the row comes to a pixel settled.
+    #[inline(always)]
+    fn place_along(&self, links: &RowLinks<'_>, u: usize) -> u8 {
+        let Link { is_link, column, shift } = links.towards(u);
+        match self.room.here[0].places[column] {
+            place if is_link && place != NO_PLACE => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
+            _ => NO_PLACE,
+        }
+    }
+
+    /// All four directions at a pixel in column `u`: the sum of what they bring.
+    #[inline(always)]
+    fn pixel<L: Lanes, const ROOM: usize>(
+        &mut self,
+        level: L,
+        links: &[RowLinks<'_>; AXES.len()],
+        [u, pixel]: [usize; 2],
+    ) -> [u16; ROOM] {
+        let lanes = self.lanes::<ROOM>();
+        let evidence = &self.evidence.energies[pixel * lanes..][..lanes];
+        let PassRoom { before, here, .. } = &mut *self.room;
+        let mut sum = [0_u16; ROOM];
+        for axis in 0..AXES.len() {
+            let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
+            let brought = row.towards(links[axis].towards(u), lanes);
+            let mut from = [0; ROOM];
+            for lane in 0..lanes {
+                from[lane] = u16::from(brought[lane]);
+            }
+            let energies = add::<L, ROOM>(level, evidence, &from, lanes);
+            for lane in 0..lanes {
+                sum[lane] = sum[lane].wrapping_add(from[lane]);
+            }
+            here[axis].set(level, u, &energies[..lanes]);
+        }
+        sum
+    }
+}
+
+/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
+/// price of a change, which whoever goes on from here pays at most.
+#[inline(always)]
+fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
+    let mut energies = *from;
+    let mut least = [u16::MAX; LANE_STEP];
+    for (energies, evidence) in
+        energies.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0)
+    {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_add(u16::from(evidence[lane]));
+            least[lane] = least[lane].min(energies[lane]);
+        }
+    }
+    let least = level.least(&least);
+    for energies in energies[..lanes].as_chunks_mut::<LANE_STEP>().0 {
+        for lane in 0..LANE_STEP {
+            energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
+        }
+    }
+    energies
+}
+
+const _: () = assert!(CHANGE < u8::MAX as u16);
+const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP < u16::MAX as usize - LANE_STEP);
+
+#[cfg(test)]
+mod tests {
+    use super::super::evidence::NO_ORDER;
+    use super::*;
+
+    /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
+    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, Windows, Evidence) {
+        let mut state = 7_u64;
+        let mut random = move |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let pieces: Vec<[i32; 3]> = (0..64)
+            .map(|_| [random(9000) as i32 - 4500, random(3000) as i32 - 1500, random(400_000) as i32 - 200_000])
+            .collect();
+        let mut windows = Windows::default();
+        windows.grow(lanes);
+        let (mut phase, mut valid, mut energies) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..width * height {
+            let (u, v) = (i % width, i / width);
+            let [along, across, base] = pieces[u / 19 % 8 + v / 13 % 8 * 8];
+            let absolute = base + along * u as i32 + across * v as i32 + random(300) as i32;
+            let is_valid = random(200) > 0;
+            let count = if is_valid { lanes - random(3) as usize } else { 0 };
+            let first = (absolute >> 16) as i16 - random(lanes as u64) as i16 / 2 + random(30) as i16 / 29;
+            let mut own = vec![NO_ORDER; lanes];
+            own[..count].fill(MISSING);
+            if let Some(own) =
+                usize::try_from((absolute >> 16) as i16 - first).ok().and_then(|k| own[..count].get_mut(k))
+                && random(60) > 0
+            {
+                *own = random(60) as u8;
+            }
+            if count > 0 && random(25) == 0 {
+                own[random(count as u64) as usize] = random(100) as u8;
+            }
+            phase.push(absolute as u16);
+            valid.push(is_valid);
+            windows.first.push(first);
+            windows.count.push(count as u8);
+            energies.extend(own);
+        }
+        let evidence = Evidence::of(energies, &windows);
+        (PhaseMap { width, height, phase, valid, ..PhaseMap::default() }, windows, evidence)
+    }
+
+    /// Every path order by order, as it is written above: the oracle.
+    fn plain(cam1: &PhaseMap, windows: &Windows, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
+        let (width, lanes, pixels) = (cam1.width, windows.lanes, cam1.phase.len());
+        let mut links = Links::default();
+        links.find(cam1, windows);
+        let mut sums: Vec<u32> = evidence.energies.iter().map(|&energy| 8 * u32::from(energy)).collect();
+        for (axis, forward) in (0..AXES.len()).flat_map(|axis| [(axis, true), (axis, false)]) {
+            let mut paths = vec![u32::from(CHANGE); pixels * lanes];
+            for i in 0..pixels {
+                let pixel = if forward { i } else { pixels - 1 - i };
+                let (u, v) = (pixel % width, pixel / width);
+                let count = usize::from(windows.count[pixel]);
+                if count == 0 {
+                    continue;
+                }
+                let link = links.of_row(axis, v, forward).towards(u);
+                let before = if AXES[axis][1] == 0 {
+                    v
+                } else if forward {
+                    v.wrapping_sub(1)
+                } else {
+                    v + 1
+                };
+                let from = |lane: usize| {
+                    let lane = (lane + link.shift).wrapping_sub(MAX_SHIFT);
+                    let q = before.wrapping_mul(width).wrapping_add(link.column);
+                    if !link.is_link {
+                        0
+                    } else if lane < lanes {
+                        paths[q * lanes + lane]
+                    } else {
+                        u32::from(CHANGE)
+                    }
+                };
+                let from: Vec<u32> = (0..lanes).map(from).collect();
+                let energy = |lane: usize| from[lane] + u32::from(evidence.energies[pixel * lanes + lane]);
+                let least = (0..lanes).map(energy).min().unwrap();
+                for lane in 0..lanes {
+                    paths[pixel * lanes + lane] = (energy(lane) - least).min(u32::from(CHANGE));
+                    sums[pixel * lanes + lane] += from[lane];
+                }
+            }
+        }
+        let verdict = |pixel: usize| {
+            let own = &sums[pixel * lanes..][..usize::from(windows.count[pixel])];
+            let best = (0..own.len()).min_by_key(|&lane| own[lane])?;
+            let second = (0..own.len()).filter(|&lane| lane != best).map(|lane| own[lane]).min();
+            let lead = second.map_or(PATHS as u32 * u32::from(CHANGE), |second| second - own[best]);
+            Some((windows.first[pixel] + best as i16, lead as u16))
+        };
+        (0..pixels).map(verdict).collect()
+    }
+
+    #[test]
+    fn the_least_energies_are_those_of_plain_paths_at_every_level() {
+        // The same room for all: what was held before makes no difference.
+        let (mut room, mut verdicts, mut settled) = (PathRoom::default(), Verdicts::default(), 0);
+        for (width, height, lanes) in [(1, 1, 8), (97, 60, 8), (64, 41, 16), (50, 30, 24), (33, 20, 40)] {
+            let (cam1, windows, evidence) = scene(width, height, lanes);
+            let wanted = plain(&cam1, &windows, &evidence);
+            for level in Level::ALL {
+                least_energies_at(level, &cam1, &windows, &evidence, &mut room, &mut verdicts);
+                for (pixel, wanted) in wanted.iter().enumerate().filter_map(|(pixel, w)| Some((pixel, (*w)?))) {
+                    let found = (verdicts.order[pixel], verdicts.margin[pixel]);
+                    assert_eq!(found, wanted, "{level:?} {width} {height} {lanes} {pixel}");
+                }
+            }
+            settled += room.places.iter().filter(|&&place| place != NO_PLACE).count();
+        }
+        assert!(settled > 1000, "{settled}");
+    }
+}

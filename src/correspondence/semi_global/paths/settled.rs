@@ -1,0 +1,160 @@
+//! Paths that are settled on one order: all others have the price of a change.
+
+use crate::simd::{Kernel, Lanes};
+
+use super::super::evidence::{BestOfRow, MISSING};
+use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
+use super::super::windows::MAX_LANES;
+use super::{CHANGE, PathRow};
+
+/// Energies of a settled pixel, as far as any neighbour may point beside its orders.
+pub(super) static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
+    let mut energies = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
+    energies[MAX_LANES + MAX_SHIFT] = 0;
+    energies
+};
+
+/// Energies from so many orders beside the first order of a pixel on that is settled on the order in a place.
+#[inline(always)]
+pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
+    &SETTLED[MAX_LANES + shift - place..][..lanes]
+}
+
+/// The first byte that is zero, from the lowest on; beyond all bytes if none is.
+#[inline(always)]
+pub(super) fn place_of_zero(bytes: u64) -> usize {
+    // The lowest byte that is zero is found by borrowing.
+    let (lowest, highest) = (u64::MAX / 255, u64::MAX / 255 * 128);
+    let zeros = bytes.wrapping_sub(lowest) & !bytes & highest;
+    zeros.trailing_zeros() as usize / 8
+}
+
+/// What would hold for the pixels of a row if the paths along it came settled too.
+#[derive(Clone, Debug, Default)]
+pub(super) struct AgreedRow {
+    /// Places of the orders on which all other paths come settled and which fit best; [`NO_PLACE`] where there is none.
+    pub(super) places: Vec<u8>,
+    /// 1 where the path along the row comes settled on that place, if the pixel before is settled on its own; else 0.
+    pub(super) runs_on: Vec<u8>,
+    /// Room for the places that each axis brings.
+    carried: [Vec<u8>; AXES.len()],
+}
+
+impl AgreedRow {
+    pub(super) fn resize(&mut self, width: usize) {
+        for array in [&mut self.places, &mut self.runs_on].into_iter().chain(&mut self.carried) {
+            array.resize(width, NO_PLACE);
+        }
+    }
+
+    /// Finds them in a row whose pixels have so many orders, from the row before.
+    #[inline(always)]
+    pub(super) fn find<L: Lanes>(
+        &mut self,
+        level: L,
+        links: &[RowLinks<'_>; AXES.len()],
+        before: &[PathRow; AXES.len()],
+        count: &[u8],
+        best: BestOfRow<'_>,
+    ) {
+        AgreedKernel { row: self, links, before, count, best }.run(level);
+    }
+}
+
+struct AgreedKernel<'a> {
+    row: &'a mut AgreedRow,
+    links: &'a [RowLinks<'a>; AXES.len()],
+    before: &'a [PathRow; AXES.len()],
+    count: &'a [u8],
+    best: BestOfRow<'a>,
+}
+
+impl Kernel for AgreedKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { row: AgreedRow { places, runs_on, carried }, links, before, count, best } = self;
+        let width = count.len();
+        for axis in 1..AXES.len() {
+            links[axis].carry(&before[axis].places, &mut carried[axis]);
+        }
+        let [along, straight, left, right] = carried;
+        let (straight, left, right) = (&straight[..width], &left[..width], &right[..width]);
+        let (place, least) = (&best.place[..width], &best.least[..width]);
+        let (places, runs_on) = (&mut places[..width], &mut runs_on[..width]);
+        for u in 0..width {
+            let agreed = straight[u];
+            let is_agreed = (agreed == left[u])
+                & (agreed == right[u])
+                & (agreed < count[u])
+                & ((agreed == place[u]) | (least[u] == MISSING));
+            places[u] = if is_agreed { agreed } else { NO_PLACE };
+        }
+        links[0].carry(places, along);
+        let along = &along[..width];
+        for u in 0..width {
+            runs_on[u] = u8::from((places[u] != NO_PLACE) & (along[u] == places[u]));
+        }
+    }
+}
+
+/// Ones from a place on, going to higher places or to lower ones.
+#[inline(always)]
+pub(super) fn run_of_ones(bytes: &[u8], from: usize, forward: bool) -> usize {
+    const STEP: usize = 16;
+    let is_one = |byte: &&u8| **byte == 1;
+    if forward {
+        let rest = &bytes[from..];
+        let whole = STEP * rest.as_chunks::<STEP>().0.iter().take_while(|chunk| **chunk == [1; STEP]).count();
+        whole + rest[whole..].iter().take_while(is_one).count()
+    } else {
+        let rest = &bytes[..=from];
+        let whole = STEP * rest.as_rchunks::<STEP>().1.iter().rev().take_while(|chunk| **chunk == [1; STEP]).count();
+        whole + rest[..rest.len() - whole].iter().rev().take_while(is_one).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::Arrays;
+
+    #[test]
+    fn a_settled_pixel_has_one_order_and_others_at_the_price_of_a_change() {
+        for lanes in [8, 24, 128] {
+            for place in 0..lanes {
+                let mut row = PathRow::default();
+                row.clear(3, lanes);
+                let mut energies = vec![CHANGE; lanes];
+                energies[place] = 0;
+                row.set(Arrays, 1, &energies);
+                assert_eq!(usize::from(row.places[1]), place);
+                let seen: Vec<u8> = energies.iter().map(|&energy| energy as u8).collect();
+                assert_eq!(settled(place, MAX_SHIFT, lanes), seen);
+                energies[(place + 3) % lanes] -= 1;
+                row.set(Arrays, 1, &energies);
+                assert_eq!(row.places[1], NO_PLACE);
+            }
+            assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&energy| energy == CHANGE as u8));
+            assert_eq!(settled(2, MAX_SHIFT + 1, lanes)[1], 0);
+        }
+    }
+
+    #[test]
+    fn the_first_zero_is_found() {
+        let place = |bytes: [u8; 8]| place_of_zero(u64::from_le_bytes(bytes));
+        assert_eq!(place([1, 0, 255, 0, 3, 1, 0, 7]), 1);
+        assert_eq!(place([1, 128, 255, 1, 3, 1, 9, 0]), 7);
+        assert_eq!(place([1, 128, 255, 1, 3, 1, 9, 2]), 8);
+    }
+
+    #[test]
+    fn ones_are_counted_both_ways() {
+        let mut bytes = vec![1; 100];
+        assert_eq!([run_of_ones(&bytes, 3, true), run_of_ones(&bytes, 3, false)], [97, 4]);
+        bytes[60] = 0;
+        assert_eq!([run_of_ones(&bytes, 3, true), run_of_ones(&bytes, 99, false)], [57, 39]);
+        assert_eq!([run_of_ones(&bytes, 60, true), run_of_ones(&bytes, 60, false)], [0, 0]);
+    }
+}

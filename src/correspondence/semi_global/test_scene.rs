@@ -1,0 +1,56 @@
+//! A plane with noise and holes, on which kernels are held to what is said pixel by pixel.
+
+use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
+use crate::correspondence::{DeltaHistogram, ResolutionSettings, measure_delta};
+use crate::geometry::{MeasurementVolume, Point3, Pose};
+use crate::phase::{AbsolutePhase, Modulation, PhaseMap};
+
+use super::super::drift::{Drift, estimate_drift};
+use super::super::epipolar_image::EpipolarImage;
+use super::super::segment_table::SegmentTable;
+use super::Scene;
+
+/// What a scene reads.
+pub(super) struct TestScene {
+    cam1: PhaseMap,
+    cam2: EpipolarImage,
+    table: SegmentTable,
+    drift: Drift,
+}
+
+impl TestScene {
+    pub(super) fn new() -> Self {
+        let plane = Plane::new();
+        let (min, max) = (Point3::new(-0.1, -0.1, 0.26), Point3::new(0.1, 0.1, 0.34));
+        let volume = MeasurementVolume::new(Pose::identity(), min, max).unwrap();
+        let table = SegmentTable::build(&plane.rig, &volume, &PATTERN).unwrap();
+        let (cam1, cam2) = (seen(&plane.cam1_columns(), 3), seen(&plane.cam2_columns(), 5));
+        let cam2 = EpipolarImage::resample(&cam2, &table).unwrap();
+        let histogram = DeltaHistogram::of_all_candidates(&cam1, &cam2, &table, 0);
+        let delta = measure_delta(&cam1, &cam2, &table, &histogram, &ResolutionSettings::default()).unwrap();
+        let drift = estimate_drift(&cam1, &cam2, &table, &delta);
+        Self { cam1, cam2, table, drift }
+    }
+
+    pub(super) fn scene(&self) -> Scene<'_> {
+        Scene { cam1: &self.cam1, cam2: &self.cam2, table: &self.table, drift: &self.drift }
+    }
+}
+
+/// The phase as a camera sees it: with noise, some pixels by half a turn off, some without.
+fn seen(absolute: &AbsolutePhase, seed: u64) -> PhaseMap {
+    let mut state = seed;
+    let mut random = move |below: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % below
+    };
+    let pixels = absolute.turns.len();
+    let mut phase = Vec::with_capacity(pixels);
+    for turns in &absolute.turns {
+        let noise = random(900) as i32 - 450 + if random(50) == 0 { random(65536) as i32 } else { 0 };
+        phase.push(((turns.rem_euclid(1.0) * 65536.0) as i32 + noise) as u16);
+    }
+    let modulation = (0..pixels).map(|_| Modulation::of_steps(4000 + random(9000) as u16)).collect();
+    let valid = absolute.valid.iter().map(|&valid| valid && random(30) > 0).collect();
+    PhaseMap { width: absolute.width, height: absolute.height, phase, modulation, valid, ..PhaseMap::default() }
+}

@@ -1,0 +1,199 @@
+//! 32 pixels: their segments, the drift along them, and what follows at a column.
+
+use crate::simd::Lanes;
+
+use super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
+use super::rows::Crossing;
+use super::{Row, block_of};
+
+/// Most columns of an interval.
+pub(super) const MAX_WIDTH: i32 = 24;
+/// Greatest Φ that is believed, turns: what lies beyond has met its pole.
+const MAX_TURNS: f32 = 1e4;
+/// Beyond all orders of windows.
+const NO_ORDER: f32 = 32_000.0;
+/// Columns lie below this.
+const MAX_COLUMN: f32 = i16::MAX as f32;
+
+/// 32 pixels.
+pub(super) struct Pixels<L: Lanes> {
+    lanes: L,
+    begin: L::Floats,
+    end: L::Floats,
+    first_px: L::Floats,
+    last_px: L::Floats,
+    reference: L::Floats,
+    a: L::Floats,
+    b: L::Floats,
+    d: L::Floats,
+    /// Row of C2, pixels.
+    pub(super) row: L::Floats,
+    /// b − a·d.
+    rise: L::Floats,
+    /// Least and greatest Φ within the limits.
+    least: L::Floats,
+    most: L::Floats,
+    phase_turns: L::Floats,
+    drift: [L::Floats; 6],
+    middle_px: L::Floats,
+    per_px: L::Floats,
+    pub(super) sd_turns: L::Floats,
+}
+
+/// Columns in which candidates can lie.
+pub(super) struct Interval<L: Lanes> {
+    pub(super) begin: L::Words,
+    /// The last column, rounded down and up.
+    pub(super) end_floor: L::Words,
+    pub(super) end_ceil: L::Words,
+    /// Pixels that have such columns, and those for which they are few.
+    pub(super) some: L::Mask,
+    pub(super) narrow: L::Mask,
+}
+
+impl<L: Lanes> Pixels<L> {
+    /// Those of a row from `first` on; and which of them are regular.
+    #[inline(always)]
+    pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
+        let (s, c) = (row.segments, &row.drift.coefficients);
+        let (begin, end) = (load(lanes, &s.begin_px, first), load(lanes, &s.end_px, first));
+        let beyond = lanes.float(row.reach.beyond_px);
+        let zero = lanes.float(0.0);
+        let phases = lanes.floats(lanes.widen_unsigned(lanes.load(block_of(row.phase, first))));
+        let (a, b, d) = (load(lanes, &s.a, first), load(lanes, &s.b, first), load(lanes, &s.d, first));
+        let mut pixels = Self {
+            lanes,
+            begin,
+            end,
+            first_px: lanes.max_float(lanes.sub_float(begin, beyond), zero),
+            last_px: lanes.min_float(lanes.add_float(end, beyond), lanes.float(row.reach.last_column_px)),
+            reference: load(lanes, &s.reference_px, first),
+            a,
+            b,
+            d,
+            row: load(lanes, &s.row_px, first),
+            rise: lanes.sub_float(b, lanes.times_float(a, d)),
+            least: zero,
+            most: zero,
+            phase_turns: lanes.times_float(phases, lanes.float(1.0 / 65536.0)),
+            drift: [
+                load(lanes, &c[0], first),
+                load(lanes, &c[1], first),
+                load(lanes, &c[2], first),
+                load(lanes, &c[3], first),
+                load(lanes, &c[4], first),
+                load(lanes, &c[5], first),
+            ],
+            middle_px: load(lanes, &row.drift.middle_px, first),
+            per_px: lanes.float(row.drift.per_px),
+            sd_turns: load(lanes, row.sd_turns, first),
+        };
+        let (at_first, at_last) = (pixels.phase_turns_at(pixels.first_px), pixels.phase_turns_at(pixels.last_px));
+        pixels.least = lanes.min_float(at_first, at_last);
+        pixels.most = lanes.max_float(at_first, at_last);
+        let is_small = |turns: L::Floats| lanes.exceeds(lanes.float(MAX_TURNS), lanes.abs_float(turns));
+        let changes = lanes.exceeds(lanes.sub_float(pixels.most, pixels.least), lanes.float(FLAT_TURNS));
+        let is_known = lanes.both(lanes.exceeds(pixels.sd_turns, zero), lanes.reaches(pixels.row, zero));
+        let regular = lanes.both(lanes.both(is_small(at_first), is_small(at_last)), lanes.both(changes, is_known));
+        (pixels, lanes.mask_of(regular))
+    }
+
+    #[inline(always)]
+    fn phase_turns_at(&self, column_px: L::Floats) -> L::Floats {
+        let lanes = self.lanes;
+        let s = lanes.sub_float(column_px, self.reference);
+        let above = lanes.add_float(self.a, lanes.times_float(self.b, s));
+        let below = lanes.add_float(lanes.float(1.0), lanes.times_float(self.d, s));
+        lanes.over(above, below)
+    }
+
+    #[inline(always)]
+    pub(super) fn drift_at(&self, column_px: L::Floats) -> L::Floats {
+        let lanes = self.lanes;
+        let d = lanes.times_float(lanes.sub_float(column_px, self.middle_px), self.per_px);
+        let [c0, c1, c2, c3, c4, c5] = self.drift;
+        let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
+        then(then(then(then(then(c5, c4), c3), c2), c1), c0)
+    }
+
+    #[inline(always)]
+    pub(super) fn order_and_rest(&self, column_px: L::Floats) -> (L::Longs, L::Floats) {
+        let lanes = self.lanes;
+        let turns = lanes.sub_float(self.phase_turns_at(column_px), self.drift_at(column_px));
+        let turns = lanes.sub_float(turns, self.phase_turns);
+        let nearest = lanes.add_float(turns, lanes.with_sign(lanes.float(0.5), turns));
+        let nearest = lanes.min_float(lanes.max_float(nearest, lanes.float(-NO_ORDER)), lanes.float(NO_ORDER));
+        let order = lanes.longs(nearest);
+        (order, lanes.sub_float(turns, lanes.floats(order)))
+    }
+
+    #[inline(always)]
+    pub(super) fn is_in_volume(&self, column_px: L::Floats) -> L::Truths {
+        self.lanes.both(self.lanes.reaches(column_px, self.begin), self.lanes.reaches(self.end, column_px))
+    }
+
+    #[inline(always)]
+    pub(super) fn is_within_limits(&self, column_px: L::Floats) -> L::Truths {
+        self.lanes.both(self.lanes.reaches(column_px, self.first_px), self.lanes.reaches(self.last_px, column_px))
+    }
+
+    /// Column at which Φ has a value, clamped to the limits, and the inverse of how it changes there.
+    #[inline(always)]
+    fn column_at(&self, turns: L::Floats) -> (L::Floats, L::Floats) {
+        let lanes = self.lanes;
+        let inverse = lanes.over(lanes.float(1.0), lanes.sub_float(self.b, lanes.times_float(self.d, turns)));
+        let offset = lanes.times_float(lanes.sub_float(turns, self.a), inverse);
+        let column_px = lanes.add_float(self.reference, offset);
+        (lanes.min_float(lanes.max_float(column_px, self.first_px), self.last_px), inverse)
+    }
+
+    /// The columns in which a candidate of an order can lie, as [`super::super::outlook::Outlook`] has them.
+    #[inline(always)]
+    pub(super) fn columns_of(&self, order: L::Longs, reach: L::Floats) -> Interval<L> {
+        let lanes = self.lanes;
+        let clamp = |turns: L::Floats| lanes.min_float(lanes.max_float(turns, self.least), self.most);
+        let target = lanes.add_float(lanes.floats(order), self.phase_turns);
+        let (at_target, _) = self.column_at(clamp(target));
+        let middle = lanes.add_float(target, self.drift_at(at_target));
+        let some = lanes.both(
+            lanes.reaches(lanes.add_float(middle, reach), self.least),
+            lanes.reaches(self.most, lanes.sub_float(middle, reach)),
+        );
+        let clamped = clamp(middle);
+        let (column_px, inverse) = self.column_at(clamped);
+        let per_turn = lanes.abs_float(lanes.times_float(lanes.times_float(self.rise, inverse), inverse));
+        let off = lanes.abs_float(lanes.sub_float(middle, clamped));
+        let half = lanes.times_float(lanes.add_float(reach, off), per_turn);
+        let half = lanes.add_float(half, lanes.float(COLUMN_MARGIN_PX));
+        let narrow = lanes.reaches(lanes.float((MAX_WIDTH / 2 - 1) as f32), half);
+        let within = |px: L::Floats| lanes.min_float(lanes.max_float(px, lanes.float(0.0)), lanes.float(MAX_COLUMN));
+        let end = within(lanes.add_float(column_px, half));
+        let end_floor = lanes.longs(end);
+        let is_between = lanes.exceeds(end, lanes.floats(end_floor));
+        let next = lanes.add_long(end_floor, lanes.long(1));
+        Interval {
+            begin: lanes.narrow(lanes.longs(within(lanes.sub_float(column_px, half)))),
+            end_floor: lanes.narrow(end_floor),
+            end_ceil: lanes.narrow(lanes.select_long(is_between, next, end_floor)),
+            some: lanes.mask_of(some),
+            narrow: lanes.mask_of(narrow),
+        }
+    }
+}
+
+/// The floats of a block. No closure: what is not inlined at once would be calls of single instructions.
+#[inline(always)]
+fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
+    lanes.load_floats(block_of(row, first))
+}
+
+/// Column and slope of crossings.
+#[inline(always)]
+pub(super) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
+    let (before, after) = (lanes.widen(crossing.before), lanes.widen(crossing.after));
+    let slope = lanes.sub_long(after, before);
+    let down = lanes.floats(lanes.sub_long(before, after));
+    let offset = lanes.over(lanes.floats(before), down);
+    let column = lanes.widen_unsigned(lanes.sub(crossing.after_at, lanes.word(1)));
+    (lanes.add_float(lanes.floats(column), offset), slope)
+}

@@ -1,0 +1,198 @@
+//! Rows of C2 that 32 pixels look into, and where their phases are crossed in them.
+
+use crate::simd::{COLUMNS, Lanes};
+
+use super::super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::super::super::row_view::MAX_COLUMN_STEP;
+
+/// Pairs of rows that a block may look into.
+const MAX_PAIRS: usize = 4;
+
+/// The rows of C2 that the pixels of a block look into, two pairs at a time.
+pub(super) struct Rows<L: Lanes> {
+    pairs: [RowPair<L>; MAX_PAIRS],
+    count: usize,
+    /// Share of the lower row, 1/65536.
+    below: L::Words,
+}
+
+/// Two pairs of neighbouring rows: the first and the second row, and the second and the third.
+#[derive(Clone, Copy)]
+pub(super) struct RowPair<L: Lanes> {
+    /// Pixels that look into either.
+    pub(super) pixels: L::Mask,
+    /// Where the rows begin.
+    begins: [usize; 3],
+    /// Pixels of the second pair.
+    second: L::Mask,
+    /// Whether there are any.
+    straddles: bool,
+}
+
+impl<L: Lanes> Rows<L> {
+    /// Those of pixels with segments in such rows; and which of them the rows are found of.
+    #[inline(always)]
+    pub(super) fn of(lanes: L, image: &EpipolarImage, row: L::Floats, pixels: L::Mask) -> (Self, L::Mask) {
+        let width = image.width;
+        let last = image.phase.len() / width - 1;
+        let (zero, none) = (lanes.float(0.0), lanes.mask(0));
+        let upper = lanes.longs(lanes.min_float(lanes.max_float(row, zero), lanes.float(last as f32)));
+        let share = lanes.times_float(lanes.sub_float(row, lanes.floats(upper)), lanes.float(65536.0));
+        let below = lanes.narrow(lanes.longs(lanes.min_float(lanes.max_float(share, zero), lanes.float(65535.0))));
+        let upper = lanes.narrow(upper);
+        let pair = RowPair { pixels: none, begins: [0; 3], second: none, straddles: false };
+        let mut rows = Self { pairs: [pair; MAX_PAIRS], count: 0, below };
+        // Rows are counted, and columns, by signed words.
+        let is_small = last < i16::MAX as usize && width <= i16::MAX as usize;
+        let mut todo = if is_small { pixels } else { none };
+        let mut found = none;
+        while lanes.any(todo) && rows.count < MAX_PAIRS {
+            let first = lanes.least_of(todo, upper);
+            let of_first = lanes.and(todo, lanes.is_equal(upper, lanes.word(first)));
+            let second = lanes.and(todo, lanes.is_equal(upper, lanes.word(first + 1)));
+            let pixels = lanes.or(of_first, second);
+            let row = first as usize;
+            let begins = [row * width, (row + 1).min(last) * width, (row + 2).min(last) * width];
+            rows.pairs[rows.count] = RowPair { pixels, begins, second, straddles: lanes.any(second) };
+            rows.count += 1;
+            found = lanes.or(found, pixels);
+            todo = lanes.and_not(todo, pixels);
+        }
+        (rows, found)
+    }
+
+    /// The pairs, one after the other.
+    #[inline(always)]
+    pub(super) fn pairs(&self) -> &[RowPair<L>] {
+        &self.pairs[..self.count]
+    }
+}
+
+/// 64 columns of three rows.
+pub(super) struct Tables<'a, L: Lanes> {
+    lanes: L,
+    rows: [L::Table<'a>; 3],
+    pair: RowPair<L>,
+    below: L::Words,
+    phases: L::Words,
+}
+
+/// Room for columns at the end of the image.
+pub(in super::super) type Ends = [[u16; COLUMNS]; 3];
+
+impl<'a, L: Lanes> Tables<'a, L> {
+    /// The columns from `base` on, for pixels with such phases.
+    #[inline(always)]
+    pub(super) fn of(
+        lanes: L,
+        image: &'a EpipolarImage,
+        rows: &Rows<L>,
+        pair: RowPair<L>,
+        base: i16,
+        phases: L::Words,
+        ends: &'a mut Ends,
+    ) -> Self {
+        let [a, b, c] = ends;
+        let ([first, second, third], base) = (pair.begins, base as usize);
+        let rows_of = [
+            lanes.table(columns(image, first + base, a)),
+            lanes.table(columns(image, second + base, b)),
+            lanes.table(columns(image, third + base, c)),
+        ];
+        Self { lanes, rows: rows_of, pair, below: rows.below, phases }
+    }
+
+    /// The phase at places of the tables less that of the pixels, as [`super::super::super::row_view::RowView`] has it.
+    #[inline(always)]
+    pub(super) fn difference(&self, place: L::Words) -> Differences<L> {
+        let lanes = self.lanes;
+        let [first, second, third] = self.rows;
+        let (mut upper, mut lower) = (lanes.look_up(first, place), lanes.look_up(second, place));
+        if self.pair.straddles {
+            upper = lanes.select(self.pair.second, lower, upper);
+            lower = lanes.select(self.pair.second, lanes.look_up(third, place), lower);
+        }
+        let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
+        let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
+        let step = lanes.sub(lower, upper);
+        // |−32768| is 32768 of unsigned words.
+        let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
+        let mixed = lanes.and_not(small, lanes.or(no_upper, no_lower));
+        // The high word of a signed by an unsigned number, and what rounds it.
+        let sign = lanes.select(lanes.is_greater(zero, step), self.below, zero);
+        let part = lanes.sub(lanes.times_high(step, self.below), sign);
+        let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, self.below)));
+        let lower_nearer = lanes.is_greater(zero, self.below);
+        let nearest = lanes.select(lower_nearer, lower, upper);
+        let phase = lanes.select(mixed, lanes.add(upper, part), nearest);
+        let has_nearest = lanes.is_equal(nearest, none);
+        let known = lanes.or(mixed, lanes.and_not(lanes.mask(u32::MAX), has_nearest));
+        Differences { value: lanes.sub(phase, self.phases), known }
+    }
+}
+
+/// 64 columns from a place of the image on; none beyond its end has a phase.
+#[inline(always)]
+fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMNS]) -> &'a [u16; COLUMNS] {
+    let rest = image.phase.get(begin..).unwrap_or_default();
+    match rest.first_chunk() {
+        Some(columns) => columns,
+        None => {
+            end.fill(EpipolarImage::NO_PHASE);
+            end[..rest.len()].copy_from_slice(rest);
+            end
+        }
+    }
+}
+
+/// Phases less those of the pixels, and where there are any.
+#[derive(Clone, Copy)]
+pub(super) struct Differences<L: Lanes> {
+    pub(super) value: L::Words,
+    pub(super) known: L::Mask,
+}
+
+impl<L: Lanes> Differences<L> {
+    #[inline(always)]
+    pub(super) fn none(lanes: L) -> Self {
+        Self { value: lanes.word(0), known: lanes.mask(0) }
+    }
+}
+
+/// Between which neighbours the phase of the pixel lies.
+#[inline(always)]
+pub(super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
+    let zero = lanes.word(0);
+    let (was_above, rises) = (lanes.is_greater(before.value, zero), lanes.is_greater(after.value, zero));
+    let step = lanes.sub(after.value, before.value);
+    let step = lanes.select(rises, step, lanes.sub(zero, step));
+    let changes_sign = lanes.or(lanes.and_not(was_above, rises), lanes.and_not(rises, was_above));
+    let moderate = lanes.is_at_least(lanes.word(MAX_COLUMN_STEP as i16), step);
+    lanes.and(lanes.and(before.known, after.known), lanes.and(changes_sign, moderate))
+}
+
+/// One crossing a pixel.
+#[derive(Clone, Copy)]
+pub(super) struct Crossing<L: Lanes> {
+    pub(super) hit: L::Mask,
+    pub(super) before: L::Words,
+    pub(super) after: L::Words,
+    /// The column after it.
+    pub(super) after_at: L::Words,
+}
+
+impl<L: Lanes> Crossing<L> {
+    #[inline(always)]
+    pub(super) fn none(lanes: L) -> Self {
+        let zero = lanes.word(0);
+        Self { hit: lanes.mask(0), before: zero, after: zero, after_at: zero }
+    }
+
+    #[inline(always)]
+    pub(super) fn take(&mut self, lanes: L, pixels: L::Mask, before: L::Words, after: L::Words, at: L::Words) {
+        self.hit = lanes.or(self.hit, pixels);
+        self.before = lanes.select(pixels, before, self.before);
+        self.after = lanes.select(pixels, after, self.after);
+        self.after_at = lanes.select(pixels, at, self.after_at);
+    }
+}
