@@ -39,7 +39,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
                 let [cam1, cam2] = plain();
                 let cam2 = EpipolarImage::resample(&cam2, &easy.table).unwrap();
                 let found = find_candidates(&cam1, &cam2, &easy.table, &gates.readmission, SearchForm::PlainScan);
-                _ = black_box(resolve(gates.evidence(&cam1, &found, &easy.table), &settings));
+                _ = black_box(resolve(gates.evidence(&cam1, &easy.table), found, &settings));
             }),
         ],
     );

@@ -8,6 +8,8 @@
 
 use std::ops::ControlFlow;
 
+use crate::simd::LANES;
+
 use super::row_view::RowView;
 use super::segment::Segment;
 
@@ -146,10 +148,15 @@ pub(super) fn scan_segment(row: &RowView<'_>, segment: &Segment, phase: u16, fou
     });
 }
 
-/// Whether the phase occurs on the segment at all.
-pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16) -> bool {
+/// Whether the phase occurs on the segment at all. `guess_px` is a column near which it may, as it did for a neighbour: there it
+/// is looked for first, and it becomes the column where it was found.
+pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16, guess_px: &mut f32) -> bool {
     let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
-    row.crossings_of_many(segment.limits_px(), phase, begin..=end, |_, _| ControlFlow::Break(())).is_break()
+    let near = (*guess_px as usize).saturating_sub(LANES / 2).clamp(begin, end);
+    let limits_px = segment.limits_px();
+    let found = row.any_crossing(limits_px, phase, &[near..=end.min(near + LANES - 1), begin..=end]);
+    *guess_px = found.map_or(*guess_px, |column| column as f32);
+    found.is_some()
 }
 
 /// Candidates between the columns `begin..=end` that pass the gate; `first` is where this pixel's candidates begin.

@@ -12,8 +12,8 @@ use crate::phase::PhaseMap;
 use super::candidates::DeltaGate;
 use super::delta_histogram::DeltaHistogram;
 use super::epipolar_image::EpipolarImage;
-use super::resolution::{Evidence, ResolutionSettings, reference_deltas};
-use super::search::{CandidateLists, SearchForm, find_candidates_of_rows};
+use super::resolution::{self, Evidence, References, ResolutionSettings};
+use super::search::Search;
 use super::segment_table::SegmentTable;
 
 /// Rows of the bands in which references are selected, and the distance from one band to the next.
@@ -72,13 +72,12 @@ impl DeltaStatistics {
     pub(super) fn evidence<'a>(
         &self,
         cam1: &'a PhaseMap,
-        candidates: &'a CandidateLists,
         gate: &'a DeltaGate,
         readmission: &'a DeltaGate,
         table: &'a SegmentTable,
     ) -> Evidence<'a> {
         let (delta_tolerance_turns, steep_delta_turns) = (self.tolerance_turns(), self.steep_turns(cam1.width));
-        Evidence { cam1, candidates, gate, readmission, delta_tolerance_turns, steep_delta_turns, table }
+        Evidence { cam1, gate, readmission, delta_tolerance_turns, steep_delta_turns, table }
     }
 
     /// Difference of δ between neighbours of one surface that is tolerated, turns.
@@ -119,52 +118,84 @@ pub fn measure_delta(
     histogram: &DeltaHistogram,
     settings: &ResolutionSettings,
 ) -> Option<DeltaStatistics> {
-    let mut statistics = histogram.fit()?;
-    let rows = bands(cam1.height);
-    let sample = stacked(cam1, &rows);
-    for _ in 0..REFINEMENTS {
-        let gate = statistics.gate();
-        let candidates = find_candidates_of_rows(cam1, &rows, cam2, table, &gate, SearchForm::ProjectorSide);
-        let evidence = statistics.evidence(&sample, &candidates, &gate, &gate, table);
-        let (deltas, differences) = reference_deltas(evidence, settings);
-        statistics.references = deltas.len();
-        if deltas.len() < MIN_REFERENCES {
-            break;
+    DeltaRoom::default().measure(cam1, cam2, table, histogram, settings)
+}
+
+/// Memory in which δ is measured, to be used from window to window.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DeltaRoom {
+    /// Rows that say what δ is like.
+    rows: Vec<Option<usize>>,
+    sample: PhaseMap,
+    resolution: resolution::Room,
+    references: References,
+}
+
+impl DeltaRoom {
+    /// As [`measure_delta`].
+    pub(super) fn measure(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &EpipolarImage,
+        table: &SegmentTable,
+        histogram: &DeltaHistogram,
+        settings: &ResolutionSettings,
+    ) -> Option<DeltaStatistics> {
+        let mut statistics = histogram.fit()?;
+        let Self { rows, sample, resolution, references } = self;
+        find_bands(cam1.height, rows);
+        stack(cam1, rows, sample);
+        for _ in 0..REFINEMENTS {
+            let gate = statistics.gate();
+            let search = Search { cam1, cam2, table, gate: &gate, asks_elsewhere: false };
+            let evidence = statistics.evidence(sample, &gate, &gate, table);
+            resolution.find_references(&search, rows, evidence, settings, references);
+            let References { deltas, differences, .. } = references;
+            statistics.references = deltas.len();
+            if deltas.len() < MIN_REFERENCES {
+                break;
+            }
+            let sd_before_rad = statistics.sd_rad;
+            (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(deltas.iter().copied());
+            statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
+            if (statistics.sd_rad / sd_before_rad - 1.0).abs() < REFINED_CHANGE {
+                break;
+            }
         }
-        let sd_before_rad = statistics.sd_rad;
-        (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(deltas.iter().copied());
-        statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
-        if (statistics.sd_rad / sd_before_rad - 1.0).abs() < REFINED_CHANGE {
-            break;
-        }
+        Some(statistics)
     }
-    Some(statistics)
 }
 
 /// The rows that say what δ is like, one below the other, with an empty one after each band of them: an eighth of the image.
 /// All rows of images so small that all are needed.
-fn bands(height: usize) -> Vec<Option<usize>> {
+fn find_bands(height: usize, bands: &mut Vec<Option<usize>>) {
+    bands.clear();
     if height < 2 * BAND_PITCH_ROWS {
-        return (0..height).map(Some).collect();
+        return bands.extend((0..height).map(Some));
     }
     let rows = (0..height).filter(|v| v % BAND_PITCH_ROWS <= BAND_ROWS);
-    rows.map(|v| (v % BAND_PITCH_ROWS < BAND_ROWS).then_some(v)).collect()
+    bands.extend(rows.map(|v| (v % BAND_PITCH_ROWS < BAND_ROWS).then_some(v)));
 }
 
-/// Some rows of a phase map one below the other; a row that is `None` has no phase.
-fn stacked(map: &PhaseMap, rows: &[Option<usize>]) -> PhaseMap {
+/// Puts some rows of a phase map one below the other; a row that is `None` has no phase.
+fn stack(map: &PhaseMap, rows: &[Option<usize>], stack: &mut PhaseMap) {
     let width = map.width;
-    let mut stack = PhaseMap { width, height: rows.len(), ..PhaseMap::default() };
+    (stack.width, stack.height) = (width, rows.len());
     stack.phase.resize(rows.len() * width, 0);
     stack.valid.resize(rows.len() * width, false);
     let places = stack.phase.chunks_mut(width).zip(stack.valid.chunks_mut(width)).zip(rows);
     for ((phase, valid), v) in places {
-        if let Some(v) = *v {
-            phase.copy_from_slice(&map.phase[v * width..(v + 1) * width]);
-            valid.copy_from_slice(&map.valid[v * width..(v + 1) * width]);
+        match *v {
+            Some(v) => {
+                phase.copy_from_slice(&map.phase[v * width..(v + 1) * width]);
+                valid.copy_from_slice(&map.valid[v * width..(v + 1) * width]);
+            }
+            None => {
+                phase.fill(0);
+                valid.fill(false);
+            }
         }
     }
-    stack
 }
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
@@ -173,22 +204,27 @@ pub(super) fn mean_and_sd_rad(deltas: impl Iterator<Item = i16>) -> (f64, f64) {
     for delta in deltas.map(i64::from) {
         (count, sum, squares) = (count + 1, sum + delta, squares + delta * delta);
     }
+    mean_and_sd_of_sums_rad(count, sum, squares)
+}
+
+/// The same of so many, from their sum and that of their squares.
+pub(super) fn mean_and_sd_of_sums_rad(count: u32, sum: i64, squares: i64) -> (f64, f64) {
     let count = f64::from(count.max(1));
     let mean = sum as f64 / count;
     let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
     (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)
 }
 
-/// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it.
-fn sd_of_differences_rad(differences: Vec<i16>) -> f64 {
+/// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it. They are put
+/// in another order.
+fn sd_of_differences_rad(differences: &mut [i16]) -> f64 {
     const MEDIAN_OF_UNIT_NORMAL: f64 = 0.6745;
-    let mut magnitudes: Vec<u16> = differences.into_iter().map(i16::unsigned_abs).collect();
-    let middle = magnitudes.len() / 2;
-    if magnitudes.is_empty() {
+    let middle = differences.len() / 2;
+    if differences.is_empty() {
         return 0.0;
     }
-    let (_, median, _) = magnitudes.select_nth_unstable(middle);
-    f64::from(*median) / 65536.0 * TAU / MEDIAN_OF_UNIT_NORMAL
+    let (_, median, _) = differences.select_nth_unstable_by_key(middle, |difference| difference.unsigned_abs());
+    f64::from(median.unsigned_abs()) / 65536.0 * TAU / MEDIAN_OF_UNIT_NORMAL
 }
 
 #[cfg(test)]

@@ -9,11 +9,11 @@ use super::bands::{self, BAND_ROWS};
 use super::candidates::{Candidate, occurs};
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::DeltaHistogram;
-use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad, measure_delta};
+use super::delta_statistics::{DeltaRoom, DeltaStatistics, mean_and_sd_rad, measure_delta};
 use super::drift::{Drift, estimate_drift};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
-use super::resolution::{Pass, ResolutionSettings};
+use super::resolution::{self, ResolutionSettings, Verdict};
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
@@ -145,7 +145,9 @@ pub fn match_phases_with_grounds(
 pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
     cam2: EpipolarImage,
+    delta: DeltaRoom,
     semi_global: semi_global::Room,
+    paper: resolution::Room,
     /// Room for a row of segments a band.
     segments: Vec<SegmentRow>,
 }
@@ -182,7 +184,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, semi_global: room, segments } = self;
+        let Self { cam2, delta: of_delta, semi_global: room, paper, segments } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -202,17 +204,19 @@ impl Matcher {
         }
         let cam1 = corrected.as_ref().unwrap_or(cam1);
         let raw = [cam1, raw_cam2];
-        let measured = measure_delta(cam1, cam2, table, &histogram, &settings.resolution);
+        let measured = of_delta.measure(cam1, cam2, table, &histogram, &settings.resolution);
         let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
         if let Some(sd_rad) = settings.delta_sd_rad {
             delta.sd_rad = sd_rad;
         }
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
-            ResolutionMethod::SemiGlobal => matching.semi_global(delta, &histogram, room, out, grounds)?,
-            ResolutionMethod::Paper => *out = matching.by_paper(delta, &histogram)?,
+            ResolutionMethod::SemiGlobal => {
+                matching.semi_global(delta, &histogram, room, out, grounds)?;
+                explain_pixels_without_candidates(cam1, cam2, table, segments, &mut out.outcomes);
+            }
+            ResolutionMethod::Paper => matching.by_paper(delta, &histogram, paper, out)?,
         }
-        explain_pixels_without_candidates(cam1, cam2, table, segments, &mut out.outcomes);
         out.slip_steps = slip_steps;
         Ok(())
     }
@@ -263,34 +267,36 @@ impl Matching<'_> {
         Ok(())
     }
 
-    fn by_paper(&self, mut delta: DeltaStatistics, histogram: &DeltaHistogram) -> Result<Matches, MatchError> {
+    fn by_paper(
+        &self,
+        mut delta: DeltaStatistics,
+        histogram: &DeltaHistogram,
+        room: &mut resolution::Room,
+        out: &mut Matches,
+    ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
         self.check_scatter(&delta)?;
-        let run = |delta: &DeltaStatistics| Pass::run(cam1, self.cam2, self.table, delta, &self.settings.resolution);
+        let mut run = |delta: &DeltaStatistics| {
+            let Matches { outcomes, chosen, passing, .. } = &mut *out;
+            let mut verdict = Verdict { outcomes, chosen, passing };
+            room.pass((cam1, self.cam2), self.table, delta, &self.settings.resolution, &mut verdict)
+        };
         let mut pass = run(&delta);
-        let mut chosen = ChosenCandidates::default();
-        pass.choose(cam1.width, &mut chosen);
-        let mut chosen_delta_rad = delta_rad(&pass.resolution.outcomes, &chosen);
-        let changed = (chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
-        if changed && self.is_measured() && pass.found() > 0 {
-            (delta.mean_rad, delta.sd_rad) = chosen_delta_rad;
+        let changed = (pass.delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
+        if changed && self.is_measured() && pass.found > 0 {
+            (delta.mean_rad, delta.sd_rad) = pass.delta_rad;
             self.check_scatter(&delta)?;
             pass = run(&delta);
-            pass.choose(cam1.width, &mut chosen);
-            chosen_delta_rad = delta_rad(&pass.resolution.outcomes, &chosen);
         }
-        check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found(), pass.with_candidates())?;
-        Ok(Matches {
-            confidence: vec![Confidence::NONE; pass.resolution.outcomes.len()],
-            chosen,
-            chosen_delta_rad,
-            passing: pass.resolution.passing,
-            outcomes: pass.resolution.outcomes,
-            delta,
-            delta_counts: histogram.from_minus_to_plus_pi().to_vec(),
-            drift: None,
-            slip_steps: [0; 2],
-        })
+        check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found, pass.with_candidates)?;
+        out.confidence.clear();
+        out.confidence.resize(out.outcomes.len(), Confidence::NONE);
+        out.chosen_delta_rad = pass.delta_rad;
+        out.delta = delta;
+        out.delta_counts.clear();
+        out.delta_counts.extend(histogram.from_minus_to_plus_pi());
+        out.drift = None;
+        Ok(())
     }
 
     fn is_measured(&self) -> bool {
@@ -334,7 +340,7 @@ fn explain_pixels_without_candidates(
     bands.for_each(|(band, (outcomes, segments))| {
         for (i, outcomes) in outcomes.chunks_mut(width).enumerate() {
             let v = band * BAND_ROWS + i;
-            let mut is_here = false;
+            let (mut is_here, mut guess_px) = (false, 0.0);
             for (u, (outcome, &valid)) in outcomes.iter_mut().zip(&cam1.valid[v * width..]).enumerate() {
                 if outcome.is_found() {
                     continue;
@@ -349,7 +355,7 @@ fn explain_pixels_without_candidates(
                         is_here = true;
                     }
                     let segment = segments.segment(u);
-                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[v * width + u]) {
+                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[v * width + u], &mut guess_px) {
                         *outcome = Outcome::RejectedByDelta;
                     }
                 }

@@ -11,7 +11,8 @@
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
 //! 5. *semi-global*: the orders of the whole image decided together, or
 //!    *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions; *neighbourhood*, *unions*:
-//!    what both know of neighbours and regions; *chosen*: what they decide;
+//!    what both know of neighbours and regions; *grid*: planes of an image with a margin; *pool*: rooms of those at work;
+//!    *chosen*: what they decide;
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;
@@ -24,10 +25,12 @@ mod delta_statistics;
 mod drift;
 mod epipolar_image;
 mod fingerprint;
+mod grid;
 mod matching;
 mod neighbourhood;
 mod outcome;
 mod patches;
+mod pool;
 pub mod reference_methods;
 #[cfg(target_arch = "x86_64")]
 mod registers;
@@ -54,7 +57,7 @@ pub use fingerprint::Fingerprint;
 pub use matching::{MatchSettings, Matcher, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};
 pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
-pub use search::{CandidateLists, SearchForm, find_candidates};
+pub use search::{Candidates, SearchForm, find_candidates};
 pub use segment::{Segment, SegmentRow};
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
 pub use segment_table::{EpipolarAxis, RayRow, SegmentTable, SegmentTableError};

@@ -115,6 +115,16 @@ impl<'a> RowView<'a> {
         ControlFlow::Continue(())
     }
 
+    /// The column before a place, in the first of some ranges of columns that has one and within `limits_px`, that has the phase.
+    pub(super) fn any_crossing(
+        &self,
+        limits_px: [f32; 2],
+        phase: u16,
+        ranges: &[RangeInclusive<usize>],
+    ) -> Option<usize> {
+        simd::run(Level::in_use(), AnyCrossing { row: self, limits_px, phase, ranges })
+    }
+
     /// Tells of each place, at most a pixel beyond the rim of a surface, where the surface would have the phase if it went
     /// on: a pixel of C1 on the rim has its point between two columns of which only one sees the surface.
     pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut tell: impl FnMut(f32, i32)) {
@@ -131,6 +141,43 @@ impl<'a> RowView<'a> {
             tell_beyond(left, right, -1.0);
             tell_beyond(right, left, 1.0);
         }
+    }
+}
+
+/// Looks for a column between which and the next the phase of the row crosses another.
+struct AnyCrossing<'a, 'b> {
+    row: &'a RowView<'b>,
+    limits_px: [f32; 2],
+    phase: u16,
+    ranges: &'a [RangeInclusive<usize>],
+}
+
+impl Kernel for AnyCrossing<'_, '_> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Option<usize> {
+        let Self { row, limits_px, phase, ranges } = self;
+        let mut range = 0;
+        while range < ranges.len() {
+            let (mut first, end) = (*ranges[range].start(), (*ranges[range].end()).min(row.upper.len() - 1));
+            range += 1;
+            while first < end {
+                let mut crossed = [0];
+                MayCross { row, phase, first, may_cross: &mut crossed }.run(lanes);
+                let [mut crossed] = crossed;
+                while crossed != 0 {
+                    let before = first + crossed.trailing_zeros() as usize;
+                    crossed &= crossed - 1;
+                    let mut is_one = |_, _| ControlFlow::Break(());
+                    if before < end && row.crossings(limits_px, phase, before..=before + 1, &mut is_one).is_break() {
+                        return Some(before);
+                    }
+                }
+                first += LANES;
+            }
+        }
+        None
     }
 }
 
@@ -311,6 +358,15 @@ mod tests {
                 });
                 assert!(all.is_continue());
                 assert_eq!(found, expected);
+                let columns: Vec<usize> = expected.iter().map(|(column_px, _)| *column_px as usize).collect();
+                let later = columns.iter().copied().find(|&column| (150..330).contains(&column));
+                for level in Level::ALL {
+                    let of = |ranges: &[RangeInclusive<usize>]| {
+                        simd::run(level, AnyCrossing { row: &row, limits_px, phase, ranges })
+                    };
+                    assert_eq!(of(&[7..=330]), columns.first().copied());
+                    assert_eq!(of(&[150..=330, 7..=330]), later.or(columns.first().copied()));
+                }
                 for first in [0, 7, 300, 332] {
                     let bits = Level::ALL.map(|level| {
                         let mut may_cross = [0; 3];

@@ -11,25 +11,13 @@ impl Unions {
         self.0.extend(0..count as u32);
     }
 
-    /// One more thing, by itself.
-    pub(super) fn add(&mut self) {
-        self.0.push(self.0.len() as u32);
-    }
-
     /// Makes the sets of two things one.
     pub(super) fn unite(&mut self, a: usize, b: usize) {
         let (a, b) = (self.name(a), self.name(b));
         self.0[a.max(b)] = a.min(b) as u32;
     }
 
-    /// For each thing the number of its set; sets are numbered in the order of their first things.
-    pub(super) fn numbers(mut self) -> Vec<u32> {
-        let mut numbers = Vec::new();
-        self.number(&mut numbers);
-        numbers
-    }
-
-    /// The same, into `numbers`.
+    /// For each thing the number of its set, into `numbers`; sets are numbered in the order of their first things.
     pub(super) fn number(&mut self, numbers: &mut Vec<u32>) {
         numbers.clear();
         numbers.reserve(self.0.len());
@@ -57,11 +45,14 @@ mod tests {
     #[test]
     fn sets_are_numbered_by_their_first_things() {
         let mut unions = Unions::default();
-        unions.begin(6);
-        unions.add();
+        unions.begin(2);
+        unions.unite(0, 1);
+        unions.begin(7);
         unions.unite(5, 2);
         unions.unite(6, 5);
         unions.unite(1, 3);
-        assert_eq!(unions.numbers(), [0, 1, 2, 1, 3, 2, 2]);
+        let mut numbers = Vec::new();
+        unions.number(&mut numbers);
+        assert_eq!(numbers, [0, 1, 2, 1, 3, 2, 2]);
     }
 }

@@ -20,7 +20,7 @@ fn the_projector_side_search_finds_what_the_plain_scan_finds() {
             let plain = find_candidates(&cam1, &image, &table, &gate, SearchForm::PlainScan);
             let fast = find_candidates(&cam1, &image, &table, &gate, SearchForm::ProjectorSide);
             assert!(plain == fast, "case {case}, threshold {threshold_turns}");
-            candidates += plain.all().len();
+            candidates += plain.all().count();
         }
     }
     assert!(candidates > 100_000, "the rigs hardly had candidates: {candidates}");

@@ -8,8 +8,7 @@ mod words;
 
 pub(super) use rows::{COLUMNS, Crossing, Differences, Rows, crosses};
 pub(super) use words::{
-    join, least_word, load_floats, load_words, narrow, signed_half, store_floats, store_longs, store_narrow,
-    unsigned_half, widen,
+    join, least_word, load_floats, load_words, narrow, signed_half, store_floats, store_narrow, unsigned_half, widen,
 };
 
 /// Pixels of a block.

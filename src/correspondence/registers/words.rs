@@ -88,14 +88,6 @@ pub(in super::super) fn store_floats(floats: __m512, to: &mut [f32]) {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 #[inline]
-pub(in super::super) fn store_longs(longs: __m512i, to: &mut [i32]) {
-    let to = &mut to[..16];
-    // SAFETY: sixteen longs are written.
-    unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), longs) }
-}
-
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-#[inline]
 pub(in super::super) fn store_narrow(longs: __m512i, to: &mut [i16]) {
     let to = &mut to[..16];
     // SAFETY: sixteen words are written.

@@ -5,13 +5,15 @@
 //! bit for each step, a bit for each pixel that a walk may pass straight through, and the whole turns that the wrapped
 //! phase has skipped since the beginning of the row or column.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
+use super::super::grid::{Grid, Plane, bit, bits_from, ones, words};
 use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
-use super::grid::{Grid, bit, bits_from, ones, words};
 
 /// An axis of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,26 +34,75 @@ pub(super) struct Along {
     /// A bit a place: the step to the pixel and the step from it are alike, so that a walk may pass.
     pub(super) passes: Vec<u32>,
     /// Whole turns that the wrapped phase has skipped since the first pixel, wrapping around.
-    pub(super) turns: Vec<i16>,
+    pub(super) turns: Plane<i16>,
+}
+
+/// Continuity along one axis, of all places or of those of a row.
+#[derive(Clone, Copy)]
+pub(super) struct Way<'a> {
+    /// As in [`Along`].
+    pub(super) stride: usize,
+    pub(super) runs_on: &'a [u32],
+    pub(super) passes: &'a [u32],
+    pub(super) turns: &'a [i16],
+}
+
+impl Along {
+    pub(super) fn everywhere(&self) -> Way<'_> {
+        let Self { stride, runs_on, passes, turns } = self;
+        Way { stride: *stride, runs_on, passes, turns }
+    }
+
+    /// Continuity along a row.
+    pub(super) fn in_row(&self, blocks: Range<usize>) -> Way<'_> {
+        let places = blocks.start * LANES..blocks.end * LANES;
+        let (runs_on, passes) = (&self.runs_on[blocks.clone()], &self.passes[blocks]);
+        Way { stride: self.stride, runs_on, passes, turns: &self.turns[places] }
+    }
+
+    fn none(grid: Grid, stride: usize) -> Self {
+        let bits = vec![0; grid.all_blocks()];
+        Self { stride, runs_on: bits.clone(), passes: bits, turns: Plane::new(grid) }
+    }
 }
 
 /// Continuity of a phase map.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Continuity {
     pub(super) grid: Grid,
     /// Phase of C1, turns · 65536; 0 in the margin.
-    pub(super) phase: Vec<u16>,
+    pub(super) phase: Plane<u16>,
+    /// A bit a place: pixels that have a phase.
+    pub(super) valid: Vec<u32>,
     pub(super) row: Along,
     pub(super) column: Along,
+    /// Room for the steps of all blocks.
+    steps: Vec<[Steps; 2]>,
 }
 
 impl Continuity {
+    #[cfg(test)]
     pub(super) fn of(map: &PhaseMap) -> Self {
+        let mut continuity = Self::default();
+        continuity.measure(map);
+        continuity
+    }
+
+    /// Makes it that of a map.
+    pub(super) fn measure(&mut self, map: &PhaseMap) {
         let grid = Grid::new([map.width, map.height]);
-        let mut phase = vec![0; grid.places()];
-        let mut valid = vec![0; grid.all_blocks()];
-        let rows =
-            grid.rows(&mut phase).par_chunks_mut(grid.stride()).zip(grid.rows(&mut valid).par_chunks_mut(grid.blocks));
+        if self.grid != grid {
+            *self = Self {
+                grid,
+                phase: Plane::new(grid),
+                valid: vec![0; grid.all_blocks()],
+                row: Along::none(grid, 1),
+                column: Along::none(grid, grid.stride()),
+                steps: vec![Default::default(); grid.all_blocks()],
+            };
+        }
+        let Self { phase, valid, row, column, steps, .. } = self;
+        let rows = grid.rows(phase).par_chunks_mut(grid.stride()).zip(grid.rows(valid).par_chunks_mut(grid.blocks));
         let rows = rows.zip(map.phase.par_chunks(map.width).zip(map.valid.par_chunks(map.width)));
         rows.for_each(|((phase, valid), (of_map, is_valid))| {
             phase[LANES..LANES + of_map.len()].copy_from_slice(of_map);
@@ -59,26 +110,30 @@ impl Continuity {
                 *bits = is_valid.iter().enumerate().fold(0, |bits, (k, &valid)| bits | u32::from(valid) << k);
             }
         });
-        let mut steps = vec![[Steps::default(); 2]; grid.all_blocks()];
         let level = Level::in_use();
-        grid.rows(&mut steps).par_chunks_mut(grid.blocks).enumerate().for_each(|(v, steps)| {
-            simd::run(level, StepsOfRow { grid, phase: &phase, valid: &valid, v, steps });
-        });
-        let along = |axis: usize, stride: usize| Along {
-            stride,
-            runs_on: steps.iter().map(|both| both[axis].runs_on).collect(),
-            passes: steps.iter().map(|both| both[axis].passes).collect(),
-            turns: vec![0; grid.places()],
-        };
-        let (mut row, mut column) = (along(0, 1), along(1, grid.stride()));
-        let turns = grid.rows(&mut row.turns).par_chunks_mut(grid.stride());
-        turns.zip(grid.rows(&mut steps).par_chunks(grid.blocks)).for_each(|(turns, steps)| {
+        let (phase, valid) = (&*phase, &*valid);
+        let rows = (
+            grid.rows(steps).par_chunks_mut(grid.blocks),
+            grid.rows(&mut row.runs_on).par_chunks_mut(grid.blocks),
+            grid.rows(&mut row.passes).par_chunks_mut(grid.blocks),
+            grid.rows(&mut row.turns).par_chunks_mut(grid.stride()),
+            grid.rows(&mut column.runs_on).par_chunks_mut(grid.blocks),
+            grid.rows(&mut column.passes).par_chunks_mut(grid.blocks),
+        );
+        let rows = rows.into_par_iter().enumerate();
+        rows.for_each(|(v, (steps, row_runs_on, row_passes, turns, column_runs_on, column_passes))| {
+            simd::run(level, StepsOfRow { grid, phase, valid, v, steps });
             let mut so_far = 0_i16;
-            for (turns, [steps, _]) in turns.as_chunks_mut::<LANES>().0.iter_mut().zip(steps) {
+            for (b, turns) in turns.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                let [along_row, along_column] = &steps[b];
+                (row_runs_on[b], row_passes[b]) = (along_row.runs_on, along_row.passes);
+                (column_runs_on[b], column_passes[b]) = (along_column.runs_on, along_column.passes);
                 let mut from = 0;
-                for k in ones(steps.up | steps.down) {
+                for k in ones(along_row.up | along_row.down) {
                     turns[from..=k].fill(so_far);
-                    so_far = so_far.wrapping_add((steps.up >> k & 1) as i16).wrapping_sub((steps.down >> k & 1) as i16);
+                    so_far = so_far
+                        .wrapping_add((along_row.up >> k & 1) as i16)
+                        .wrapping_sub((along_row.down >> k & 1) as i16);
                     from = k + 1;
                 }
                 turns[from..].fill(so_far);
@@ -90,7 +145,6 @@ impl Continuity {
             let steps = &steps[grid.blocks_of_row(v - 1).start - 1..];
             simd::run(level, TurnsOfRow { above, here: &mut here[..grid.stride()], steps });
         }
-        Self { grid, phase, row, column }
     }
 
     #[inline]
@@ -118,31 +172,10 @@ impl Continuity {
             here = next;
         }
     }
-
-    /// How many pixels two walks along the row from a place have, to the left and to the right, at most 15 each.
-    #[inline(always)]
-    pub(super) fn row_reach<L: Lanes>(&self, lanes: L, place: usize) -> [u32; 2] {
-        let (runs_on, passes) = (&self.row.runs_on, &self.row.passes);
-        let right = bits_from(runs_on, place) & (bits_from(passes, place) | 1);
-        let left = bits_from(runs_on, place - LANES) & (bits_from(passes, place - LANES + 1) | 1 << 31);
-        let reach = [left.leading_ones().min(FAR), right.trailing_ones().min(FAR)];
-        if reach == [0; 2] {
-            return reach;
-        }
-        let (turns, phase) = (&self.row.turns, &self.phase);
-        let (here_turns, here) = (lanes.word(turns[place]), lanes.word(phase[place] as i16));
-        let turns = lanes.sub(lanes.load(words(turns, place - CENTRE)), here_turns);
-        let phase = lanes.load(words(phase, place - CENTRE));
-        let period = are_periods(lanes, here, phase, turns);
-        let (before, after) = (period << (LANES - CENTRE), period >> (CENTRE + 1));
-        [reach[0].min(before.leading_zeros()), reach[1].min(after.trailing_zeros())]
-    }
 }
 
 /// Pixels of the farthest walk; a period is seldom longer, and one period is all that Eq. (2) uses.
 pub(super) const FAR: u32 = 15;
-/// Lane of a pixel among those that walks along its row may meet.
-pub(super) const CENTRE: usize = LANES / 2;
 
 /// Whether the phase has risen or fallen by a period or more.
 #[inline(always)]
@@ -160,7 +193,7 @@ pub(super) fn are_periods<L: Lanes>(lanes: L, from: L::Words, to: L::Words, turn
 }
 
 /// Steps from the pixels of a block to the next ones, a bit each.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Steps {
     runs_on: u32,
     passes: u32,
@@ -289,26 +322,9 @@ mod tests {
     }
 
     #[test]
-    fn rows_and_columns_are_the_same_and_reaches_are_those_of_walks() {
+    fn rows_and_columns_are_the_same() {
         for map in [row(7000, 0), row(-9000, 0), row(15000, 0), row(7000, 20000), row(7000, 9000), row(-15000, 3000)] {
             assert_eq!(met(&map, Axis::Row), met(&transposed(&map), Axis::Column));
-            for level in Level::ALL {
-                let continuity = Continuity::of(&map);
-                let reach = simd::run(level, Reach(&continuity, continuity.grid.place(5)));
-                let side = |sign: i32| met(&map, Axis::Row).iter().filter(|(d, _)| d * sign > 0).count() as u32;
-                assert_eq!(reach, [side(-1), side(1)]);
-            }
-        }
-    }
-
-    struct Reach<'a>(&'a Continuity, usize);
-
-    impl Kernel for Reach<'_> {
-        type Output = [u32; 2];
-
-        #[inline(always)]
-        fn run<L: Lanes>(self, lanes: L) -> [u32; 2] {
-            self.0.row_reach(lanes, self.1)
         }
     }
 }

@@ -14,6 +14,12 @@ pub(super) struct Tally {
 }
 
 impl Tally {
+    /// Of so many, from sums of the high and of the low bytes of their δ + 32768.
+    #[inline(always)]
+    pub(super) fn of(votes: u16, high: u16, low: u16) -> Self {
+        Self { votes, delta_sum: (i32::from(high) << 8) + i32::from(low) - 32768 * i32::from(votes) }
+    }
+
     /// How many, if their δ differs from `delta` by no more than `tolerance`: over one surface δ changes slowly.
     #[inline(always)]
     fn votes_with(self, delta: i16, tolerance: i32) -> u16 {
@@ -28,7 +34,6 @@ impl Tally {
 pub(super) struct Proposal {
     /// Number of the candidate.
     pub(super) k: u8,
-    pub(super) order: i16,
     pub(super) delta: i16,
     pub(super) tally: Tally,
 }
@@ -37,7 +42,7 @@ pub(super) struct Proposal {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoteRule {
     /// Decided pixels that must say the same.
-    min_votes: u16,
+    pub(super) min_votes: u16,
     /// Opposing votes that one supporting vote outweighs, where the opposed order is no candidate of the pixel: then the
     /// opponent lies on another surface, or the right candidate is hidden.
     outweighed: u16,
@@ -63,13 +68,18 @@ impl VoteRule {
 
     /// The candidate that `total` opinions decide for.
     #[inline(always)]
-    pub(super) fn choose(self, proposals: &[Proposal], total: u16, tolerance: i32) -> Option<Proposal> {
+    pub(super) fn choose(
+        self,
+        proposals: impl Iterator<Item = Proposal>,
+        total: u16,
+        tolerance: i32,
+    ) -> Option<Proposal> {
         let (mut best, mut best_votes, mut all_votes) = (None, 0, 0);
         for proposal in proposals {
             let votes = proposal.tally.votes_with(proposal.delta, tolerance);
             all_votes += votes;
             if votes > best_votes {
-                (best, best_votes) = (Some(*proposal), votes);
+                (best, best_votes) = (Some(proposal), votes);
             }
         }
         let best = best?;
@@ -93,9 +103,9 @@ mod tests {
 
     #[test]
     fn a_candidate_needs_a_lead() {
-        let of =
-            |k: u8, votes: u16| Proposal { k, order: i16::from(k), delta: 0, tally: Tally { votes, delta_sum: 0 } };
-        let choose = |a, b, total| VoteRule::strict(3).choose(&[of(0, a), of(1, b)], total, 5).map(|best| best.k);
+        let of = |k: u8, votes: u16| Proposal { k, delta: 0, tally: Tally { votes, delta_sum: 0 } };
+        let choose =
+            |a, b, total| VoteRule::strict(3).choose([of(0, a), of(1, b)].into_iter(), total, 5).map(|best| best.k);
         assert_eq!(choose(2, 4, 6), Some(1));
         assert_eq!(choose(6, 3, 9), Some(0));
         assert_eq!(choose(3, 2, 5), None);

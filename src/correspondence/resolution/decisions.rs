@@ -1,46 +1,33 @@
 //! What has been decided of each place so far.
 
-use crate::simd::LANES;
-
-use super::super::candidates::Candidate;
+use super::super::grid::bit;
 use super::super::neighbourhood::TURN;
+use super::super::search::Candidates;
 use super::continuity::Continuity;
-use super::grid::{Grid, bit};
 
 /// Candidates that the places were decided for; what stands at others means nothing.
-#[derive(Clone, Debug)]
-pub(super) struct Decisions {
+#[derive(Clone, Copy)]
+pub(super) struct Decisions<'a> {
     /// Fringe order.
-    pub(super) order: Vec<i16>,
+    pub(super) order: &'a [i16],
     /// δ, turns · 65536.
-    pub(super) delta: Vec<i16>,
+    pub(super) delta: &'a [i16],
     /// Column of the epipolar frame that is nearest to the correspondence.
-    pub(super) column: Vec<u16>,
+    pub(super) column: &'a [u16],
     /// A bit a place.
-    pub(super) decided: Vec<u32>,
+    pub(super) decided: &'a [u32],
 }
 
-impl Decisions {
-    pub(super) fn none(grid: Grid) -> Self {
-        Self {
-            order: vec![0; grid.places()],
-            delta: vec![0; grid.places()],
-            column: vec![0; grid.places()],
-            decided: vec![0; grid.all_blocks()],
-        }
+impl<'a> Decisions<'a> {
+    /// Decisions for the candidates that stand in the planes.
+    pub(super) fn of(candidates: &'a Candidates, decided: &'a [u32]) -> Self {
+        let Candidates { order, delta, column, .. } = candidates;
+        Self { order, delta, column, decided }
     }
 
     #[inline]
     pub(super) fn is_decided(&self, place: usize) -> bool {
-        bit(&self.decided, place)
-    }
-
-    #[inline]
-    pub(super) fn decide(&mut self, place: usize, candidate: &Candidate) {
-        self.order[place] = candidate.order;
-        self.delta[place] = candidate.delta;
-        self.column[place] = nearest_column(candidate);
-        self.decided[place / LANES] |= 1 << (place % LANES);
+        bit(self.decided, place)
     }
 
     /// Absolute phase of a decided place, turns · 65536.
@@ -48,10 +35,4 @@ impl Decisions {
     pub(super) fn absolute(&self, continuity: &Continuity, place: usize) -> i32 {
         i32::from(self.order[place]) * TURN + i32::from(continuity.phase[place])
     }
-}
-
-/// The column of the epipolar frame that is nearest to a candidate: the frame has fewer than 65536.
-#[inline]
-pub(super) fn nearest_column(candidate: &Candidate) -> u16 {
-    (candidate.column_px + 0.5) as u16
 }

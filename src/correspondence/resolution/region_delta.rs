@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use crate::simd::{self, Kernel, LANES, Lanes};
 
 use super::super::delta_statistics::MAX_CHANGE_OVER_IMAGE_SD;
+use super::super::grid::{Grid, words};
 use super::super::neighbourhood::TURN;
-use super::Resolver;
-use super::grid::{Grid, words};
 use super::regions::{Regions, Run};
+use super::scene::Scene;
 use super::steepness::Steepness;
 
 /// Least share of a region that passes the back-projection test proper.
@@ -29,48 +29,60 @@ const MAX_RAMP_VARIANCE: f64 = 0.5;
 const STEEP_STRIDES: [usize; 2] = [2, 8];
 const MANY_PX: u32 = 10_000;
 
-/// For each region whether its δ is level, as over a right one; regions below the least size tell too little and pass.
-pub(super) fn level_regions(resolver: &Resolver<'_>, regions: &Regions) -> Vec<bool> {
-    let (grid, gate) = (resolver.continuity.grid, resolver.evidence.gate);
-    let steepness = Steepness::new(resolver, regions);
-    let is_asked = |region: usize| regions.sizes[region] >= resolver.settings.min_region_px;
-    let of_runs: Vec<(usize, RegionDelta)> = regions
-        .runs
-        .par_iter()
-        .filter(|run| is_asked(run.region as usize))
-        .map(|run| {
+/// Judges regions by their δ.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RegionJudge {
+    of_runs: Vec<RegionDelta>,
+    of_regions: Vec<RegionDelta>,
+}
+
+impl RegionJudge {
+    /// For each region whether its δ is level, as over a right one; regions below the least size tell too little and pass.
+    pub(super) fn level(&mut self, scene: &Scene<'_>, regions: &Regions, is_level: &mut Vec<bool>) {
+        let (grid, gate, delta) = (scene.continuity.grid, scene.evidence.gate, scene.decisions.delta);
+        let steepness = Steepness::new(scene, regions);
+        let [least, greatest] = scene.gate_bounds;
+        let is_asked = |region: usize| regions.sizes[region] >= scene.min_region_px;
+        let of_run = |run: &Run| {
             let region = run.region as usize;
+            if !is_asked(region) {
+                return RegionDelta::default();
+            }
             let stride = STEEP_STRIDES[usize::from(regions.sizes[region] > MANY_PX)];
-            let sums = DeltaOfRun { grid, delta: &resolver.decisions.delta, bounds: resolver.gate_bounds, run: *run };
-            let mut sums = simd::run(resolver.level, sums);
+            let mut sums = simd::run(scene.level, DeltaOfRun { grid, delta, bounds: scene.gate_bounds, run: *run });
             let [u, v] = grid.column_and_row(run.place as usize);
             if v.is_multiple_of(stride) {
                 let first = u.next_multiple_of(stride) - u;
                 for place in run.places().skip(first).step_by(stride) {
-                    if gate.passes(resolver.decisions.delta[place]) {
+                    if (least..=greatest).contains(&delta[place]) {
                         sums.add_slope(steepness.is_steep(place));
                     }
                 }
             }
-            (region, sums)
-        })
-        .collect();
-    let mut all = vec![RegionDelta::default(); regions.sizes.len()];
-    of_runs.iter().for_each(|(region, sums)| all[*region].join(sums));
-    // thr is 3·sd.
-    let sd = f64::from(gate.threshold_turns) * f64::from(TURN) / 3.0;
-    let mean = f64::from(gate.mean_turns) * f64::from(TURN);
-    let fastest = MAX_CHANGE_OVER_IMAGE_SD * sd / grid.width() as f64;
-    let judge = |(region, delta): (usize, &RegionDelta)| {
-        !is_asked(region) || {
-            let (slope, explained) = delta.ramp();
-            delta.count as f64 >= MIN_PASSING_SHARE * f64::from(regions.sizes[region])
-                && delta.steep as f64 <= MAX_STEEP_SHARE * delta.sampled as f64
-                && (delta.mean() - mean).abs() <= MAX_MEAN_SD * sd
-                && (slope <= fastest || explained <= MAX_RAMP_VARIANCE * sd * sd)
+            sums
+        };
+        regions.runs.par_iter().map(of_run).collect_into_vec(&mut self.of_runs);
+        self.of_regions.clear();
+        self.of_regions.resize(regions.sizes.len(), RegionDelta::default());
+        for (run, sums) in regions.runs.iter().zip(&self.of_runs) {
+            self.of_regions[run.region as usize].join(sums);
         }
-    };
-    all.iter().enumerate().map(judge).collect()
+        // thr is 3·sd.
+        let sd = f64::from(gate.threshold_turns) * f64::from(TURN) / 3.0;
+        let mean = f64::from(gate.mean_turns) * f64::from(TURN);
+        let fastest = MAX_CHANGE_OVER_IMAGE_SD * sd / grid.width() as f64;
+        let judge = |(region, delta): (usize, &RegionDelta)| {
+            !is_asked(region) || {
+                let (slope, explained) = delta.ramp();
+                delta.count as f64 >= MIN_PASSING_SHARE * f64::from(regions.sizes[region])
+                    && delta.steep as f64 <= MAX_STEEP_SHARE * delta.sampled as f64
+                    && (delta.mean() - mean).abs() <= MAX_MEAN_SD * sd
+                    && (slope <= fastest || explained <= MAX_RAMP_VARIANCE * sd * sd)
+            }
+        };
+        is_level.clear();
+        is_level.extend(self.of_regions.iter().enumerate().map(judge));
+    }
 }
 
 /// Sums the δ of a run that pass the back-projection test.

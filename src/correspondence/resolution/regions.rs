@@ -4,13 +4,10 @@ use rayon::prelude::*;
 
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
+use super::super::grid::{Grid, bit, bits_from, places_of, words};
 use super::super::unions::Unions;
 use super::continuity::{Along, Continuity};
 use super::decisions::Decisions;
-use super::grid::{Grid, bits_from, ones, words};
-
-/// A place without region.
-const NONE: u32 = u32::MAX;
 
 /// Decided pixels of a row that belong together, one beside the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,65 +36,133 @@ impl Run {
 }
 
 /// Division of the decided pixels into regions.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Regions {
     /// Row by row, from left to right.
     pub(super) runs: Vec<Run>,
     /// Pixels of each region.
     pub(super) sizes: Vec<u32>,
-    label: Vec<u32>,
+    /// A bit a place: pixels that are in a region.
+    members: Vec<u32>,
+    /// A bit a place: pixels that begin and end a run, and those that belong together with the one below.
+    begins: Vec<u32>,
+    ends: Vec<u32>,
+    below: Vec<u32>,
+    /// Runs that begin before each block.
+    before: Vec<u32>,
+    unions: Unions,
+    /// For each run the number of its region.
+    numbers: Vec<u32>,
 }
 
 impl Regions {
-    /// Regions of an image: neighbours belong together if their absolute phases run on and their δ differ by no more than
-    /// `tolerance`, turns · 65536.
-    pub(super) fn of(continuity: &Continuity, decisions: &Decisions, tolerance: i32) -> Self {
+    /// Finds the regions of an image: neighbours belong together if their absolute phases run on and their δ differ by no
+    /// more than `tolerance`, turns · 65536.
+    pub(super) fn find(&mut self, continuity: &Continuity, decisions: Decisions<'_>, tolerance: i32) {
         let grid = continuity.grid;
-        let mut links = vec![Links::default(); grid.all_blocks()];
+        for bits in [&mut self.begins, &mut self.ends, &mut self.below, &mut self.before] {
+            bits.resize(grid.all_blocks(), 0);
+        }
+        self.members.clear();
+        self.members.extend(decisions.decided);
         let level = Level::in_use();
         let tolerance = tolerance.clamp(0, 0xffff) as u16;
-        grid.rows(&mut links).par_chunks_mut(grid.blocks).enumerate().for_each(|(v, links)| {
-            simd::run(level, LinksOfRow { continuity, decisions, tolerance, v, links });
+        let rows = (
+            grid.rows(&mut self.begins).par_chunks_mut(grid.blocks),
+            grid.rows(&mut self.ends).par_chunks_mut(grid.blocks),
+            grid.rows(&mut self.below).par_chunks_mut(grid.blocks),
+        );
+        rows.into_par_iter().enumerate().for_each(|(v, (begins, ends, below))| {
+            simd::run(level, LinksOfRow { continuity, decisions, tolerance, v, begins, ends, below });
         });
-        let mut joined = Joined::default();
-        (0..grid.height()).for_each(|v| joined.add_row(grid, v, &decisions.decided, &links));
-        joined.into_regions(grid)
+        self.find_runs(grid);
+        self.unite_runs(grid);
+        self.unions.number(&mut self.numbers);
+        self.sizes.clear();
+        for (run, &region) in self.runs.iter_mut().zip(&self.numbers) {
+            run.region = region;
+            self.sizes.resize(self.sizes.len().max(region as usize + 1), 0);
+            self.sizes[region as usize] += run.length;
+        }
     }
 
-    /// A bit a place: those of the regions that are wanted.
-    pub(super) fn places_where(&self, grid: Grid, is_wanted: impl Fn(usize) -> bool) -> Vec<u32> {
-        let mut bits = vec![0; grid.all_blocks()];
+    fn find_runs(&mut self, grid: Grid) {
+        self.runs.clear();
+        let mut ended = 0;
+        for block in grid.blocks_of_image() {
+            self.before[block] = self.runs.len() as u32;
+            let begins = places_of(block, self.begins[block]);
+            self.runs.extend(begins.map(|place| Run { place: place as u32, length: 0, region: 0 }));
+            for place in places_of(block, self.ends[block]) {
+                let run = &mut self.runs[ended];
+                run.length = place as u32 + 1 - run.place;
+                ended += 1;
+            }
+        }
+    }
+
+    fn unite_runs(&mut self, grid: Grid) {
+        self.unions.begin(self.runs.len());
+        let mut last = None;
+        for block in grid.blocks_of_image() {
+            let under = block + grid.blocks;
+            let begins = self.begins[block] | self.begins[under];
+            let mut rest = self.below[block];
+            while rest != 0 {
+                let first = rest.trailing_zeros();
+                let both = [self.run_of(block, first), self.run_of(under, first)];
+                if last.replace(both) != Some(both) {
+                    self.unions.unite(both[0], both[1]);
+                }
+                // Up to where another run begins.
+                let later = begins & !up_to(first);
+                rest = if later == 0 { 0 } else { rest & (u32::MAX << later.trailing_zeros()) };
+            }
+        }
+    }
+
+    /// Number of the run that a place of a region belongs to: that of bit `k` of a block.
+    #[inline]
+    fn run_of(&self, block: usize, k: u32) -> usize {
+        let begun = self.before[block] + (self.begins[block] & up_to(k)).count_ones();
+        (begun as usize).wrapping_sub(1)
+    }
+
+    /// A bit a place: those of the regions that are wanted, besides those that are set.
+    pub(super) fn add_places_where(&self, bits: &mut [u32], is_wanted: impl Fn(usize) -> bool) {
         let wanted = self.runs.iter().filter(|run| is_wanted(run.region as usize));
         wanted.flat_map(|run| run.blocks()).for_each(|(block, places)| bits[block] |= places);
-        bits
+    }
+
+    /// The run of a place, if it is decided.
+    #[inline]
+    pub(super) fn run_at(&self, place: usize) -> Option<&Run> {
+        let run = bit(&self.members, place).then(|| self.run_of(place / LANES, (place % LANES) as u32))?;
+        self.runs.get(run)
     }
 
     /// Region of a place, if it is decided.
     #[inline]
     pub(super) fn region_of(&self, place: usize) -> Option<usize> {
-        let label = self.label[place];
-        (label != NONE).then_some(label as usize)
-    }
-
-    /// Whether two places, the first decided, are of one region.
-    #[inline]
-    pub(super) fn are_one(&self, place: usize, other: usize) -> bool {
-        self.label[place] == self.label[other]
+        self.run_at(place).map(|run| run.region as usize)
     }
 }
 
-/// Pixels of a block that belong together with the next of their row and with the one below, a bit each.
-#[derive(Clone, Copy, Debug, Default)]
-struct Links {
-    next: u32,
-    below: u32,
+/// A bit and those before it.
+#[inline]
+fn up_to(bit: u32) -> u32 {
+    u32::MAX >> (31 - bit)
 }
 
+/// Divides a row into runs, and finds what belongs together with the row below.
 struct LinksOfRow<'a> {
     continuity: &'a Continuity,
-    decisions: &'a Decisions,
+    decisions: Decisions<'a>,
     tolerance: u16,
     v: usize,
-    links: &'a mut [Links],
+    begins: &'a mut [u32],
+    ends: &'a mut [u32],
+    below: &'a mut [u32],
 }
 
 impl Kernel for LinksOfRow<'_> {
@@ -105,18 +170,19 @@ impl Kernel for LinksOfRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let decided = &self.decisions.decided;
-        let blocks = self.continuity.grid.blocks;
         let first = self.continuity.grid.blocks_of_row(self.v).start - 1;
-        let mut b = 1;
-        while b + 1 < blocks {
-            let block = first + b;
-            if decided[block] != 0 {
-                self.links[b] = Links {
-                    next: self.links_along(lanes, &self.continuity.row, block),
-                    below: self.links_along(lanes, &self.continuity.column, block),
-                };
+        let (mut b, mut carry) = (1, 0);
+        while b + 1 < self.begins.len() {
+            let decided = self.decisions.decided[first + b];
+            let (mut next, mut below) = (0, 0);
+            if decided != 0 {
+                next = self.links_along(lanes, &self.continuity.row, first + b);
+                below = self.links_along(lanes, &self.continuity.column, first + b);
             }
+            self.begins[b] = decided & !(next << 1 | carry);
+            self.ends[b] = decided & !next;
+            self.below[b] = below;
+            carry = next >> (LANES - 1);
             b += 1;
         }
     }
@@ -127,12 +193,12 @@ impl LinksOfRow<'_> {
     #[inline(always)]
     fn links_along<L: Lanes>(&self, lanes: L, along: &Along, block: usize) -> u32 {
         let (here, there) = (block * LANES, block * LANES + along.stride);
-        let decided = &self.decisions.decided;
+        let decided = self.decisions.decided;
         let both = along.runs_on[block] & decided[block] & bits_from(decided, there);
         if both == 0 {
             return 0;
         }
-        let (order, delta) = (&self.decisions.order, &self.decisions.delta);
+        let (order, delta) = (self.decisions.order, self.decisions.delta);
         let turns = lanes.sub(lanes.load(words(&along.turns, there)), lanes.load(words(&along.turns, here)));
         let expected = lanes.add(lanes.load(words(order, here)), turns);
         let runs_on = lanes.bits(lanes.is_equal(expected, lanes.load(words(order, there))));
@@ -142,90 +208,12 @@ impl LinksOfRow<'_> {
     }
 }
 
-/// Runs joined to regions.
-#[derive(Default)]
-struct Joined {
-    /// Place and length of each run.
-    runs: Vec<(u32, u32)>,
-    unions: Unions,
-    /// Where the runs of the row above begin.
-    above: usize,
-}
-
-impl Joined {
-    fn add_row(&mut self, grid: Grid, v: usize, decided: &[u32], links: &[Links]) {
-        let first = self.runs.len();
-        let mut carry = 0;
-        let mut begin = 0;
-        for block in grid.blocks_of_row(v) {
-            let (decided, next) = (decided[block], links[block].next);
-            let begins = decided & !(next << 1 | carry);
-            let ends = decided & !next;
-            let mut events = begins | ends;
-            while events != 0 {
-                let k = events.trailing_zeros();
-                events &= events - 1;
-                let place = (block * LANES) as u32 + k;
-                if begins >> k & 1 == 1 {
-                    begin = place;
-                }
-                if ends >> k & 1 == 1 {
-                    self.unions.add();
-                    self.runs.push((begin, place - begin + 1));
-                }
-            }
-            carry = next >> (LANES - 1);
-        }
-        if v > 0 {
-            self.join_rows(grid, v - 1, first, links);
-        }
-        self.above = first;
-    }
-
-    /// Joins the runs of row `v`, which begin at `self.above`, with those of the row below, which begin at `below`.
-    fn join_rows(&mut self, grid: Grid, v: usize, below: usize, links: &[Links]) {
-        let (mut upper, mut lower) = (self.above, below);
-        let (mut upper_end, mut lower_end) = (0, 0);
-        for block in grid.blocks_of_row(v) {
-            for k in ones(links[block].below) {
-                let place = (block * LANES + k) as u32;
-                let under = place + grid.stride() as u32;
-                if place < upper_end && under < lower_end {
-                    continue;
-                }
-                while self.runs[upper].0 + self.runs[upper].1 <= place {
-                    upper += 1;
-                }
-                while self.runs[lower].0 + self.runs[lower].1 <= under {
-                    lower += 1;
-                }
-                (upper_end, lower_end) =
-                    (self.runs[upper].0 + self.runs[upper].1, self.runs[lower].0 + self.runs[lower].1);
-                self.unions.unite(upper, lower);
-            }
-        }
-    }
-
-    /// Regions, numbered by their first pixels.
-    fn into_regions(self, grid: Grid) -> Regions {
-        let mut regions =
-            Regions { runs: Vec::with_capacity(self.runs.len()), sizes: Vec::new(), label: vec![NONE; grid.places()] };
-        for ((place, length), region) in self.runs.into_iter().zip(self.unions.numbers()) {
-            let run = Run { place, length, region };
-            regions.sizes.resize(regions.sizes.len().max(region as usize + 1), 0);
-            regions.sizes[region as usize] += length;
-            regions.label[run.places()].fill(region);
-            regions.runs.push(run);
-        }
-        regions
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use crate::phase::PhaseMap;
 
     use super::super::super::candidates::Candidate;
+    use super::super::super::search::Candidates;
     use super::*;
 
     const TURN: i32 = 65536;
@@ -236,14 +224,17 @@ mod tests {
         let height = pixels.len() / width;
         let valid = pixels.iter().map(Option::is_some).collect();
         let continuity = Continuity::of(&PhaseMap { width, height, phase, valid, ..PhaseMap::default() });
-        let mut decisions = Decisions::none(continuity.grid);
-        for (pixel, decided) in pixels.iter().enumerate() {
-            if let Some((absolute, delta)) = *decided {
-                let candidate = Candidate { column_px: 0.0, order: (absolute >> 16) as i16, delta, slope: 0 };
-                decisions.decide(continuity.grid.place(pixel), &candidate);
-            }
-        }
-        let regions = Regions::of(&continuity, &decisions, tolerance);
+        let candidate = |(absolute, delta): (i32, i16)| Candidate {
+            column_px: 0.0,
+            order: (absolute >> 16) as i16,
+            delta,
+            slope: 0,
+        };
+        let lists: Vec<Vec<Candidate>> =
+            pixels.iter().map(|pixel| pixel.map(candidate).into_iter().collect()).collect();
+        let candidates = Candidates::of_pixels([width, height], &lists);
+        let mut regions = Regions::default();
+        regions.find(&continuity, Decisions::of(&candidates, &candidates.any), tolerance);
         (continuity, regions)
     }
 

@@ -1,47 +1,56 @@
 //! Where δ changes steadily from pixel to pixel: the mark of a wrong order.
 
 use super::super::neighbourhood::TURN;
-use super::Resolver;
-use super::regions::Regions;
+use super::regions::{Regions, Run};
+use super::scene::Scene;
 
 /// Pixels on either side over which the slope of δ is measured; the margin of the planes has as many rows.
 const REACH_PX: usize = 3;
 
 /// Tells where δ changes steadily.
 pub(super) struct Steepness<'a> {
-    resolver: &'a Resolver<'a>,
+    delta: &'a [i16],
+    stride: usize,
     regions: &'a Regions,
     /// Change of δ a pixel beyond which it is steep, turns · 65536.
     limit: f64,
 }
 
 impl<'a> Steepness<'a> {
-    pub(super) fn new(resolver: &'a Resolver<'_>, regions: &'a Regions) -> Self {
-        let limit = f64::from(resolver.evidence.steep_delta_turns) * f64::from(TURN);
-        Self { resolver, regions, limit }
+    pub(super) fn new(scene: &Scene<'a>, regions: &'a Regions) -> Self {
+        let limit = f64::from(scene.evidence.steep_delta_turns) * f64::from(TURN);
+        Self { delta: scene.decisions.delta, stride: scene.continuity.grid.stride(), regions, limit }
     }
 
     /// Whether δ is steep along the rows or the columns at a decided place.
     pub(super) fn is_steep(&self, place: usize) -> bool {
-        let stride = self.resolver.continuity.grid.stride();
-        [1, stride].into_iter().any(|stride| self.slope(place, stride).is_some_and(|slope| slope.abs() > self.limit))
+        let Some(run) = self.regions.run_at(place) else { return false };
+        self.is_steep_along(place, 1, run) || self.is_steep_along(place, self.stride, run)
     }
 
-    /// Least-squares slope of δ over the pixels of the same region around a place; `None` with too few on a side.
-    fn slope(&self, place: usize, stride: usize) -> Option<f64> {
-        let steps = 1..=REACH_PX;
-        let before = steps.clone().take_while(|k| self.regions.are_one(place, place - k * stride)).count();
-        let after = steps.take_while(|k| self.regions.are_one(place, place + k * stride)).count();
-        if before + after < REACH_PX {
-            return None;
+    /// Whether the least-squares slope of δ over the pixels of the same region around a place is beyond the limit; with too few
+    /// on a side there is none. `run` is that of the place.
+    #[inline(always)]
+    fn is_steep_along(&self, place: usize, stride: usize, run: &Run) -> bool {
+        let is_of_region =
+            |other: usize| run.places().contains(&other) || self.regions.region_of(other) == Some(run.region as usize);
+        let (mut before, mut after) = (0, 0);
+        while before < REACH_PX && is_of_region(place - (before + 1) * stride) {
+            before += 1;
         }
-        let centre = 0.5 * (after as f64 - before as f64);
-        let (mut moment, mut spread) = (0.0, 0.0);
+        while after < REACH_PX && is_of_region(place + (after + 1) * stride) {
+            after += 1;
+        }
+        if before + after < REACH_PX {
+            return false;
+        }
+        // Offsets are counted in halves of a pixel from the middle: whole numbers.
+        let (mut moment, mut spread) = (0, 0);
         for k in 0..=before + after {
-            let offset = k as f64 - before as f64 - centre;
-            moment += offset * f64::from(self.resolver.decisions.delta[place - before * stride + k * stride]);
+            let offset = 2 * k as i32 - (before + after) as i32;
+            moment += offset * i32::from(self.delta[place + k * stride - before * stride]);
             spread += offset * offset;
         }
-        Some(moment / spread)
+        (0.5 * f64::from(moment) / (0.25 * f64::from(spread))).abs() > self.limit
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::simd::{Kernel, LANES, Lanes};
 
-use super::continuity::{Along, Continuity, are_periods};
+use super::super::grid::{bits_from, words};
+use super::changed::Changed;
+use super::continuity::{Along, Axis, Continuity, are_periods};
 use super::decision::{Tally, VoteRule};
 use super::decisions::Decisions;
-use super::grid::{bits_from, words};
 
 /// Steps of a walk.
 pub(super) const NEAR: usize = 3;
@@ -14,7 +15,7 @@ pub(super) const NEAR: usize = 3;
 #[derive(Clone, Copy)]
 pub(super) struct Support<'a> {
     pub(super) continuity: &'a Continuity,
-    pub(super) decisions: &'a Decisions,
+    pub(super) decisions: Decisions<'a>,
     pub(super) rule: VoteRule,
     /// Difference of δ that is tolerated, turns · 65536.
     pub(super) tolerance: i32,
@@ -70,7 +71,7 @@ impl<L: Lanes> Votes<L> {
     #[inline(always)]
     fn new(lanes: L, support: &Support<'_>, block: usize) -> Self {
         let zero = lanes.word(0);
-        let order = lanes.load(words(&support.decisions.order, block * LANES));
+        let order = lanes.load(words(support.decisions.order, block * LANES));
         let phase = lanes.load(words(&support.continuity.phase, block * LANES));
         Self { block, phase, order, votes: zero, total: zero, high: zero, low: zero }
     }
@@ -86,7 +87,7 @@ impl<L: Lanes> Votes<L> {
         while step < NEAR {
             let distance = (step + 1) * along.stride;
             let place = if forwards { here + distance } else { here - distance };
-            let mut asked = walks[step] & bits_from(&decisions.decided, place);
+            let mut asked = walks[step] & bits_from(decisions.decided, place);
             if asked == 0 {
                 step += 1;
                 continue;
@@ -97,12 +98,12 @@ impl<L: Lanes> Votes<L> {
                 let phase = lanes.load(words(&support.continuity.phase, place));
                 asked &= !are_periods(lanes, self.phase, phase, turns);
             }
-            let proposed = lanes.sub(lanes.load(words(&decisions.order, place)), turns);
+            let proposed = lanes.sub(lanes.load(words(decisions.order, place)), turns);
             let agree = lanes.bits(lanes.is_equal(proposed, self.order)) & asked;
             self.total = lanes.add(self.total, lanes.select(lanes.mask(asked), one, zero));
             let agree = lanes.mask(agree);
             self.votes = lanes.add(self.votes, lanes.select(agree, one, zero));
-            let delta = lanes.add(lanes.load(words(&decisions.delta, place)), lanes.word(i16::MIN));
+            let delta = lanes.add(lanes.load(words(decisions.delta, place)), lanes.word(i16::MIN));
             let high = lanes.shift_right::<8>(delta);
             let low = lanes.sub(delta, lanes.shift_left::<8>(high));
             self.high = lanes.add(self.high, lanes.select(agree, high, zero));
@@ -119,12 +120,11 @@ impl<L: Lanes> Votes<L> {
         lanes.store(self.total, &mut total);
         lanes.store(self.high, &mut high);
         lanes.store(self.low, &mut low);
-        lanes.store(lanes.load(words(&support.decisions.delta, self.block * LANES)), &mut delta);
+        lanes.store(lanes.load(words(support.decisions.delta, self.block * LANES)), &mut delta);
         let mut supported = 0;
         let mut k = 0;
         while k < LANES {
-            let sum = (i32::from(high[k]) << 8) + i32::from(low[k]) - 32768 * i32::from(votes[k]);
-            let tally = Tally { votes: votes[k], delta_sum: sum };
+            let tally = Tally::of(votes[k], high[k], low[k]);
             let is = support.rule.supports(tally, total[k], delta[k] as i16, support.tolerance);
             supported |= u32::from(is) << k;
             k += 1;
@@ -133,25 +133,31 @@ impl<L: Lanes> Votes<L> {
     }
 }
 
-/// Which decided pixels of a row their neighbours support.
-pub(super) struct SupportedInRow<'a, F> {
+/// Which decided pixels of a row their neighbours do not support.
+pub(super) struct UnsupportedInRow<'a> {
     pub(super) support: Support<'a>,
     /// The block before the first of the row.
     pub(super) first: usize,
-    pub(super) asked: &'a F,
-    pub(super) supported: &'a mut [u32],
+    /// Those near a change are asked; all if there is none.
+    pub(super) changed: Option<Changed<'a>>,
+    pub(super) unsupported: &'a mut [u32],
 }
 
-impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
+impl Kernel for UnsupportedInRow<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let mut b = 1;
-        while b + 1 < self.supported.len() {
-            if (self.asked)(self.first + b) {
-                self.supported[b] = self.support.of_block(lanes, self.first + b);
+        while b + 1 < self.unsupported.len() {
+            let block = self.first + b;
+            let mut asked = self.support.decisions.decided[block];
+            if let Some(changed) = self.changed
+                && asked != 0
+            {
+                asked &= changed.around(block, &[Axis::Row, Axis::Column], NEAR as u32);
             }
+            self.unsupported[b] = if asked == 0 { 0 } else { asked & !self.support.of_block(lanes, block) };
             b += 1;
         }
     }
@@ -161,8 +167,7 @@ impl<F: Fn(usize) -> bool> Kernel for SupportedInRow<'_, F> {
 mod tests {
     use crate::simd::{self, Level};
 
-    use super::super::continuity::Axis;
-    use super::super::grid::bit;
+    use super::super::super::grid::bit;
     use super::super::test_scene::TestScene;
     use super::*;
 
@@ -198,7 +203,7 @@ mod tests {
         let scene = TestScene::new(150, 60);
         for (min_votes, tolerance) in [(1, 40), (3, 100), (3, 65536), (6, 200)] {
             let rule = VoteRule::strict(min_votes);
-            let support = Support { continuity: &scene.continuity, decisions: &scene.decisions, rule, tolerance };
+            let support = Support { continuity: &scene.continuity, decisions: scene.decisions(), rule, tolerance };
             let mut counts = [0; 2];
             for level in Level::ALL {
                 let blocks = scene.continuity.grid.all_blocks();
@@ -206,7 +211,7 @@ mod tests {
                 for block in scene.continuity.grid.blocks_of_image() {
                     supported[block] = simd::run(level, OfBlock(support, block));
                 }
-                for place in scene.places(&scene.decisions.decided, true) {
+                for place in scene.places(&scene.decided, true) {
                     let expected = is_supported(&support, place);
                     assert_eq!(bit(&supported, place), expected, "{level:?} {place}");
                     counts[usize::from(expected)] += 1;

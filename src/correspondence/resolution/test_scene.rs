@@ -1,18 +1,22 @@
 //! A scene of nothing but chance, on which kernels are held to what walks say.
 
+use rayon::prelude::*;
+
 use crate::phase::PhaseMap;
+use crate::simd::LANES;
 
 use super::super::candidates::Candidate;
-use super::super::search::CandidateLists;
+use super::super::grid::{bit, places_of};
+use super::super::search::Candidates;
 use super::continuity::Continuity;
 use super::decisions::Decisions;
-use super::grid::{bit, places_of};
 
 /// Patches of slopes of all kinds with holes, two of three pixels decided, a tenth of those for a wrong order.
 pub(super) struct TestScene {
     pub(super) continuity: Continuity,
-    pub(super) decisions: Decisions,
-    pub(super) lists: CandidateLists,
+    /// A bit a place.
+    pub(super) decided: Vec<u32>,
+    pub(super) candidates: Candidates,
 }
 
 impl TestScene {
@@ -36,19 +40,33 @@ impl TestScene {
         let valid = (0..width * height).map(|_| random(40) > 0).collect();
         let map = PhaseMap { width, height, phase, valid, ..PhaseMap::default() };
         let continuity = Continuity::of(&map);
-        let mut decisions = Decisions::none(continuity.grid);
-        let mut lists = Vec::new();
+        let mut decided = vec![0; continuity.grid.all_blocks()];
+        let (mut lists, mut decisions) = (Vec::new(), Vec::new());
         for (pixel, &absolute) in absolute.iter().enumerate() {
             let right = (absolute >> 16) as i16;
             let candidate =
                 |order: i16, delta: u64| Candidate { column_px: 0.0, order, delta: delta as i16 - 300, slope: 900 };
-            let list = vec![candidate(right - 1, random(600)), candidate(right, random(600)), candidate(right + 1, 0)];
+            let mut list =
+                vec![candidate(right - 1, random(600)), candidate(right, random(600)), candidate(right + 1, 0)];
             if map.valid[pixel] && random(3) > 0 {
-                decisions.decide(continuity.grid.place(pixel), &list[if random(10) > 0 { 1 } else { 2 }]);
+                let place = continuity.grid.place(pixel);
+                decided[place / LANES] |= 1 << (place % LANES);
+                decisions.push((pixel, list[if random(10) > 0 { 1 } else { 2 }]));
+            } else if random(2) > 0 {
+                list = vec![list[1]];
             }
             lists.push(if map.valid[pixel] { list } else { Vec::new() });
         }
-        Self { continuity, decisions, lists: CandidateLists::of_pixels(&lists) }
+        let mut candidates = Candidates::of_pixels([width, height], &lists);
+        candidates.rows().enumerate().for_each(|(v, mut row)| {
+            let here = decisions.iter().filter(|(pixel, _)| pixel / width == v);
+            here.for_each(|&(pixel, candidate)| row.enter(pixel % width, candidate));
+        });
+        Self { continuity, decided, candidates }
+    }
+
+    pub(super) fn decisions(&self) -> Decisions<'_> {
+        Decisions::of(&self.candidates, &self.decided)
     }
 
     /// Places of the image whose bits are set, or those whose are not.

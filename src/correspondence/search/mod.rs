@@ -1,5 +1,6 @@
 //! The candidates of all pixels of an image.
 
+mod found;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
@@ -8,12 +9,19 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::Avx512;
+use crate::simd::LANES;
 
-use super::candidates::{Candidate, DeltaGate, keep_best_of_place, plain_scan, projector_side_search};
+#[cfg(target_arch = "x86_64")]
+use super::candidates::keep_best_of_place;
+use super::candidates::{Candidate, DeltaGate, occurs, plain_scan, projector_side_search};
 use super::epipolar_image::EpipolarImage;
+use super::grid::ones;
 use super::row_view::RowView;
 use super::segment::{Segment, SegmentRow};
 use super::segment_table::SegmentTable;
+
+pub use found::Candidates;
+pub(super) use found::{Lists, Row};
 
 /// How candidates are searched; all forms yield the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,41 +30,6 @@ pub enum SearchForm {
     PlainScan,
     /// One interval of columns a fringe order.
     ProjectorSide,
-}
-
-/// Candidates of all pixels of C1: those of pixel `i` are `all[start[i]..start[i + 1]]`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CandidateLists {
-    start: Vec<u32>,
-    all: Vec<Candidate>,
-}
-
-impl CandidateLists {
-    /// Lists of so many pixels.
-    #[cfg(test)]
-    pub(super) fn of_pixels(lists: &[Vec<Candidate>]) -> Self {
-        let rows: Vec<_> = lists.iter().map(|list| (vec![list.len() as u8], list.clone())).collect();
-        concatenate(&rows)
-    }
-
-    /// Candidates of a pixel, by ascending column.
-    #[must_use]
-    #[inline]
-    pub fn of(&self, pixel: usize) -> &[Candidate] {
-        &self.all[self.range(pixel)]
-    }
-
-    /// Where the candidates of a pixel stand among all.
-    #[inline]
-    pub(super) fn range(&self, pixel: usize) -> std::ops::Range<usize> {
-        self.start[pixel] as usize..self.start[pixel + 1] as usize
-    }
-
-    /// All candidates, pixel by pixel.
-    #[must_use]
-    pub fn all(&self) -> &[Candidate] {
-        &self.all
-    }
 }
 
 /// Finds the candidates that pass `gate` for every valid pixel of C1 that has a segment.
@@ -69,37 +42,73 @@ pub fn find_candidates(
     table: &SegmentTable,
     gate: &DeltaGate,
     form: SearchForm,
-) -> CandidateLists {
-    let rows: Vec<Option<usize>> = (0..cam1.height).map(Some).collect();
-    find_candidates_of_rows(cam1, &rows, cam2, table, gate, form)
+) -> Candidates {
+    let mut candidates = Candidates::default();
+    Search { cam1, cam2, table, gate, asks_elsewhere: false }.all(form, &mut candidates);
+    candidates
 }
 
-/// As [`find_candidates`], of some rows of C1 one below the other; a row that is `None` has no candidates.
-pub(super) fn find_candidates_of_rows(
-    cam1: &PhaseMap,
-    rows: &[Option<usize>],
-    cam2: &EpipolarImage,
-    table: &SegmentTable,
-    gate: &DeltaGate,
-    form: SearchForm,
-) -> CandidateLists {
-    let rows: Vec<(Vec<u8>, Vec<Candidate>)> = rows
-        .par_iter()
-        .map_init(SegmentRow::default, |segments, v| {
-            let Some(v) = *v else { return (vec![0; cam1.width], Vec::new()) };
-            table.row(v, segments);
-            let pixels = v * cam1.width..(v + 1) * cam1.width;
-            let row = Row { phase: &cam1.phase[pixels.clone()], valid: &cam1.valid[pixels], segments, cam2, gate };
-            let mut found = FoundInRow { counts: vec![0; cam1.width], all: Vec::with_capacity(2 * cam1.width) };
-            row.search(form, &mut found);
-            (found.counts, found.all)
-        })
-        .collect();
-    concatenate(&rows)
+/// What candidates are searched in, and the test that they pass.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    /// Phase of C1.
+    pub(super) cam1: &'a PhaseMap,
+    /// Phase of C2 in the epipolar frame.
+    pub(super) cam2: &'a EpipolarImage,
+    pub(super) table: &'a SegmentTable,
+    pub(super) gate: &'a DeltaGate,
+    /// Whether is to be found out if the phases of pixels without candidates occur elsewhere on their segments.
+    pub(super) asks_elsewhere: bool,
+}
+
+impl Search<'_> {
+    /// The candidates of all pixels.
+    pub(super) fn all(&self, form: SearchForm, candidates: &mut Candidates) {
+        candidates.resize([self.cam1.width, self.cam1.height]);
+        let segments = std::mem::take(&mut candidates.segments);
+        candidates.rows().enumerate().for_each_init(
+            || segments.take(),
+            |segments, (v, row)| {
+                self.row(v, form, segments, row);
+            },
+        );
+        candidates.segments = segments;
+    }
+
+    /// Those of some rows of C1, one below the other; a row that is `None` has none.
+    pub(super) fn rows(&self, rows: &[Option<usize>], form: SearchForm, candidates: &mut Candidates) {
+        candidates.resize([self.cam1.width, rows.len()]);
+        let segments = std::mem::take(&mut candidates.segments);
+        candidates.rows().zip(rows).for_each_init(
+            || segments.take(),
+            |segments, (mut row, v)| match *v {
+                Some(v) => self.row(v, form, segments, row),
+                None => row.clear(),
+            },
+        );
+        candidates.segments = segments;
+    }
+
+    fn row(&self, v: usize, form: SearchForm, segments: &mut SegmentRow, mut candidates: Row<'_>) {
+        let Self { cam1, cam2, table, gate, asks_elsewhere } = *self;
+        table.row(v, segments);
+        let last = table.epipolar_size_px()[1] - 1;
+        for (row, row_px) in candidates.cam2_row[LANES..].iter_mut().zip(&segments.row_px) {
+            *row = ((row_px + 0.5) as usize).min(last) as u16;
+        }
+        let pixels = v * cam1.width..(v + 1) * cam1.width;
+        let row = SearchedRow { phase: &cam1.phase[pixels.clone()], valid: &cam1.valid[pixels], segments, cam2, gate };
+        candidates.clear();
+        row.search(form, &mut candidates);
+        candidates.end();
+        if asks_elsewhere {
+            row.look_elsewhere(&mut candidates);
+        }
+    }
 }
 
 /// A row of C1 and what it is searched in.
-struct Row<'a> {
+struct SearchedRow<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
     segments: &'a SegmentRow,
@@ -107,91 +116,83 @@ struct Row<'a> {
     gate: &'a DeltaGate,
 }
 
-/// The candidates of a row, pixel by pixel, and how many each has.
-struct FoundInRow {
-    counts: Vec<u8>,
-    all: Vec<Candidate>,
-}
-
-impl Row<'_> {
-    fn search(&self, form: SearchForm, found: &mut FoundInRow) {
+impl SearchedRow<'_> {
+    fn search(&self, form: SearchForm, candidates: &mut Row<'_>) {
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = Avx512::in_use().filter(|_| form == SearchForm::ProjectorSide) {
-            let whole = self.search_blocks(lanes, found);
-            return (whole..self.phase.len()).for_each(|u| self.search_pixel(projector_side_search, u, found));
+            let whole = self.search_blocks(lanes, candidates);
+            return (whole..self.phase.len()).for_each(|u| self.search_pixel(projector_side_search, u, candidates));
         }
         let search = match form {
             SearchForm::PlainScan => plain_scan,
             SearchForm::ProjectorSide => projector_side_search,
         };
-        (0..self.phase.len()).for_each(|u| self.search_pixel(search, u, found));
+        (0..self.phase.len()).for_each(|u| self.search_pixel(search, u, candidates));
     }
 
     /// Searches whole blocks at once; yields how many pixels they have.
     #[cfg(target_arch = "x86_64")]
-    fn search_blocks(&self, lanes: Avx512, found: &mut FoundInRow) -> usize {
+    fn search_blocks(&self, lanes: Avx512, candidates: &mut Row<'_>) -> usize {
         let search = wide::Search { image: self.cam2, segments: self.segments, gate: self.gate };
-        let mut of_block = wide::Found::new();
+        let mut found = wide::Found::new();
         let (blocks, _) = self.phase.as_chunks::<{ wide::BLOCK }>();
         for (block, phase) in blocks.iter().enumerate() {
             let first = block * wide::BLOCK;
-            let wanted = (0..wide::BLOCK).fold(0, |bits, k| {
-                let is_wanted =
-                    self.valid[first + k] & (self.segments.begin_px[first + k] <= self.segments.end_px[first + k]);
-                bits | u32::from(is_wanted) << k
-            });
+            candidates.begin_block(first);
+            let block_of = first..first + wide::BLOCK;
+            let (begin_px, end_px) =
+                (&self.segments.begin_px[block_of.clone()], &self.segments.end_px[block_of.clone()]);
+            let limits = begin_px.iter().zip(end_px).zip(&self.valid[block_of]);
+            let wanted = limits
+                .enumerate()
+                .fold(0, |bits, (k, ((begin_px, end_px), valid))| bits | u32::from(valid & (begin_px <= end_px)) << k);
             if wanted == 0 {
                 continue;
             }
-            search.block(lanes, first, phase, wanted, &mut of_block);
-            let several = of_block.passing[1..].iter().fold(of_block.irregular, |all, slot| all | slot);
-            let mut any = (several | of_block.passing[0]) & wanted;
-            while any != 0 {
-                let k = any.trailing_zeros() as usize;
-                any &= any - 1;
-                if several >> k & 1 == 0 {
-                    found.all.push(of_block.candidate(0, k));
-                    found.counts[first + k] = 1;
-                } else if of_block.irregular >> k & 1 == 1 {
-                    self.search_pixel(projector_side_search, first + k, found);
+            candidates.searched[block + 1] = wanted;
+            search.block(lanes, first, phase, wanted, &mut found);
+            let several = found.passing[1..].iter().fold(found.irregular, |all, slot| all | slot) & wanted;
+            found.enter(first, found.passing[0] & !several, candidates);
+            for k in ones(several) {
+                if found.irregular >> k & 1 == 1 {
+                    self.search_pixel(projector_side_search, first + k, candidates);
                 } else {
-                    let before = found.all.len();
-                    for slot in (0..of_block.passing.len()).filter(|&slot| of_block.passing[slot] >> k & 1 == 1) {
-                        keep_best_of_place(of_block.candidate(slot, k), before, &mut found.all);
+                    let (list, before) = candidates.open_list();
+                    for slot in (0..found.passing.len()).filter(|&slot| found.passing[slot] >> k & 1 == 1) {
+                        keep_best_of_place(found.candidate(slot, k), before, list);
                     }
-                    found.counts[first + k] = (found.all.len() - before) as u8;
+                    candidates.close_list(first + k);
                 }
             }
         }
         blocks.len() * wide::BLOCK
     }
 
-    fn search_pixel(&self, search: ScalarSearch, u: usize, found: &mut FoundInRow) {
+    /// Finds out of which pixels without candidates the phase occurs on the segment all the same.
+    fn look_elsewhere(&self, candidates: &mut Row<'_>) {
+        let mut guess_px = 0.0;
+        for b in 1..candidates.any.len() {
+            for k in ones(candidates.searched[b] & !candidates.any[b]) {
+                let u = (b - 1) * LANES + k;
+                let segment = self.segments.segment(u);
+                let row = RowView::new(self.cam2, segment.row_px);
+                let is_there = occurs(&row, &segment, self.phase[u], &mut guess_px);
+                candidates.elsewhere[b] |= u32::from(is_there) << k;
+            }
+        }
+    }
+
+    fn search_pixel(&self, search: ScalarSearch, u: usize, candidates: &mut Row<'_>) {
+        candidates.begin_block(u);
         let segment = self.segments.segment(u);
         if self.valid[u] && !segment.is_none() {
-            let before = found.all.len();
-            search(&RowView::new(self.cam2, segment.row_px), &segment, self.phase[u], self.gate, &mut found.all);
-            // A segment has far fewer than 255 fringe periods; should one have more, the rest is left out.
-            found.all.truncate(before + usize::from(u8::MAX));
-            found.counts[u] = (found.all.len() - before) as u8;
+            candidates.searched[u / LANES + 1] |= 1 << (u % LANES);
+            let (list, _) = candidates.open_list();
+            search(&RowView::new(self.cam2, segment.row_px), &segment, self.phase[u], self.gate, list);
+            candidates.close_list(u);
         }
     }
 }
 
 /// Finds the candidates of a pixel.
 type ScalarSearch = fn(&RowView<'_>, &Segment, u16, &DeltaGate, &mut Vec<Candidate>);
-
-fn concatenate(rows: &[(Vec<u8>, Vec<Candidate>)]) -> CandidateLists {
-    let (pixels, candidates) = rows.iter().fold((0, 0), |(p, c), (counts, found)| (p + counts.len(), c + found.len()));
-    let mut lists = CandidateLists { start: Vec::with_capacity(pixels + 1), all: Vec::with_capacity(candidates) };
-    let mut next = 0;
-    lists.start.push(0);
-    for (counts, found) in rows {
-        lists.start.extend(counts.iter().map(|&count| {
-            next += u32::from(count);
-            next
-        }));
-        lists.all.extend_from_slice(found);
-    }
-    lists
-}

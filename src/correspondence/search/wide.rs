@@ -16,9 +16,10 @@ use super::super::epipolar_image::EpipolarImage;
 pub(super) use super::super::registers::BLOCK;
 use super::super::registers::{
     COLUMNS, Crossing, Differences, Rows, crosses, join, least_word, load_floats, load_words, narrow, signed_half,
-    store_floats, store_longs, store_narrow, unsigned_half, widen,
+    store_floats, store_narrow, unsigned_half, widen,
 };
 use super::super::segment::SegmentRow;
+use super::Row;
 
 /// Crossings of a pixel that are kept.
 const SLOTS: usize = 4;
@@ -36,9 +37,11 @@ pub(super) struct Found {
     /// Of each slot the lanes whose crossing passes the gate.
     pub(super) passing: [u32; SLOTS],
     column_px: [[f32; BLOCK]; SLOTS],
-    order: [[i32; BLOCK]; SLOTS],
-    delta: [[i32; BLOCK]; SLOTS],
+    order: [[i16; BLOCK]; SLOTS],
+    delta: [[i16; BLOCK]; SLOTS],
     slope: [[i16; BLOCK]; SLOTS],
+    /// Columns of the first slot, rounded to the nearest.
+    column: [i16; BLOCK],
 }
 
 impl Found {
@@ -50,6 +53,7 @@ impl Found {
             order: [[0; BLOCK]; SLOTS],
             delta: [[0; BLOCK]; SLOTS],
             slope: [[0; BLOCK]; SLOTS],
+            column: [0; BLOCK],
         }
     }
 
@@ -58,10 +62,21 @@ impl Found {
     pub(super) fn candidate(&self, slot: usize, lane: usize) -> Candidate {
         Candidate {
             column_px: self.column_px[slot][lane],
-            order: self.order[slot][lane] as i16,
-            delta: self.delta[slot][lane] as i16,
+            order: self.order[slot][lane],
+            delta: self.delta[slot][lane],
             slope: self.slope[slot][lane],
         }
+    }
+
+    /// Makes the candidates of the first slot those of some pixels of a row that have none yet.
+    #[inline]
+    pub(super) fn enter(&self, first: usize, lanes: u32, row: &mut Row<'_>) {
+        let (block, places) = (first / BLOCK + 1, first + BLOCK..first + 2 * BLOCK);
+        row.any[block] = lanes;
+        row.order[places.clone()].copy_from_slice(&self.order[0]);
+        row.delta[places.clone()].copy_from_slice(&self.delta[0]);
+        row.column[places].copy_from_slice(bytemuck::cast_slice(&self.column));
+        row.chosen.put(first, &self.column_px[0], [&self.order[0], &self.delta[0], &self.slope[0]]);
     }
 }
 
@@ -271,9 +286,13 @@ impl Search<'_> {
             let passes = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(off, _mm512_set1_ps(self.gate.threshold_turns));
             passing[h] = passes & inside & (used >> (16 * h)) as u16;
             store_floats(column_px, &mut found.column_px[slot][16 * h..]);
-            store_longs(order, &mut found.order[slot][16 * h..]);
-            store_longs(delta, &mut found.delta[slot][16 * h..]);
+            store_narrow(order, &mut found.order[slot][16 * h..]);
+            store_narrow(delta, &mut found.delta[slot][16 * h..]);
             store_narrow(slope, &mut found.slope[slot][16 * h..]);
+            if slot == 0 {
+                let nearest = _mm512_cvttps_epi32(_mm512_add_ps(column_px, _mm512_set1_ps(0.5)));
+                store_narrow(nearest, &mut found.column[16 * h..]);
+            }
         }
         found.passing[slot] = join(passing);
     }

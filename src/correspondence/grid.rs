@@ -1,6 +1,11 @@
 //! Planes of an image with a margin all around, in blocks of [`LANES`] pixels: who looks beside a block asks nothing about the
 //! ends of rows.
 
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut};
+
+use rayon::prelude::*;
+
 use crate::simd::LANES;
 
 /// Rows above and below the image that can be read.
@@ -9,7 +14,7 @@ const MARGIN_ROWS: usize = 3;
 const RECIPROCAL_BITS: u32 = 39;
 
 /// Where the pixels of an image have their *place* in such planes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Grid {
     width: usize,
     height: usize,
@@ -32,6 +37,7 @@ impl Grid {
     }
 
     /// Places of all rows.
+    #[cfg(test)]
     pub(super) fn places(self) -> usize {
         self.all_blocks() * LANES
     }
@@ -90,12 +96,67 @@ impl Grid {
         &mut plane[MARGIN_ROWS * row..(MARGIN_ROWS + self.height) * row]
     }
 
+    /// The same, to be read.
+    pub(super) fn rows_of<T>(self, plane: &[T]) -> &[T] {
+        let row = plane.len() / (self.height + 2 * MARGIN_ROWS);
+        &plane[MARGIN_ROWS * row..(MARGIN_ROWS + self.height) * row]
+    }
+
+    /// For each row of the image what is said of it and of so many above and below; in: what is said of all rows, those of the
+    /// margin counted.
+    pub(super) fn rows_around<T: Sync>(self, rows: &[T], reach: usize) -> impl IndexedParallelIterator<Item = &[T]> {
+        (MARGIN_ROWS..MARGIN_ROWS + self.height)
+            .into_par_iter()
+            .map(move |row| &rows[row.saturating_sub(reach)..rows.len().min(row + reach + 1)])
+    }
+
     pub(super) fn width(self) -> usize {
         self.width
     }
 
     pub(super) fn height(self) -> usize {
         self.height
+    }
+}
+
+/// A word a place, each block in one line of the cache.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Plane<T> {
+    blocks: Vec<Block>,
+    words: PhantomData<T>,
+}
+
+/// Words of a block.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+struct Block([u16; LANES]);
+
+impl<T> Plane<T> {
+    /// A plane of zeros.
+    pub(super) fn new(grid: Grid) -> Self {
+        Self { blocks: vec![Block([0; LANES]); grid.all_blocks()], words: PhantomData }
+    }
+}
+
+impl<T> Default for Plane<T> {
+    fn default() -> Self {
+        Self::new(Grid::default())
+    }
+}
+
+impl<T: bytemuck::Pod> Deref for Plane<T> {
+    type Target = [T];
+
+    #[inline]
+    fn deref(&self) -> &[T] {
+        bytemuck::cast_slice(&self.blocks)
+    }
+}
+
+impl<T: bytemuck::Pod> DerefMut for Plane<T> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [T] {
+        bytemuck::cast_slice_mut(&mut self.blocks)
     }
 }
 
