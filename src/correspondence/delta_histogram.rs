@@ -2,11 +2,14 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::phase::PhaseMap;
 
-use super::candidates::scan_segment;
+use super::candidates::{Candidate, scan_segment};
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
+use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
@@ -44,25 +47,7 @@ impl DeltaHistogram {
     /// The histogram of phases of C1 that are too great by `ahead` turns · 65536.
     #[must_use]
     pub fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
-        let mut histogram = Self::default();
-        let (mut segments, mut found) = (SegmentRow::default(), Vec::new());
-        for v in (STRIDE / 2..cam1.height).step_by(STRIDE) {
-            table.row(v, &mut segments);
-            for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
-                let (i, segment) = (v * cam1.width + u, segments.segment(u));
-                if !cam1.valid[i] || segment.is_none() {
-                    continue;
-                }
-                found.clear();
-                let phase = cam1.phase[i].wrapping_sub(ahead);
-                scan_segment(&RowView::new(cam2, segment.row_px), &segment, phase, &mut found);
-                histogram.pixels += u32::from(!found.is_empty());
-                for candidate in &found {
-                    histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;
-                }
-            }
-        }
-        histogram
+        HistogramRoom::default().count(cam1, cam2, table, ahead)
     }
 
     /// Counts over −π to π rad in equal parts, from the least δ up.
@@ -85,6 +70,11 @@ impl DeltaHistogram {
     /// Count of a bin by its distance from δ = 0.
     fn at(&self, offset: i64) -> f64 {
         f64::from(self.bins[offset.rem_euclid(BINS as i64) as usize])
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.bins.iter_mut().zip(&other.bins).for_each(|(mine, theirs)| *mine += theirs);
+        self.pixels += other.pixels;
     }
 
     /// Normal distribution on a constant floor around the peak near zero, by expectation maximization.
@@ -131,6 +121,60 @@ impl DeltaHistogram {
         let smooth = SMOOTHING_BINS as i64;
         let height = |centre: i64| (centre - smooth..=centre + smooth).map(|o| self.at(o)).sum::<f64>();
         (-reach..=reach).max_by(|&a, &b| height(a).total_cmp(&height(b))).unwrap_or(0)
+    }
+}
+
+/// Memory in which histograms are counted, to be used from window to window.
+#[derive(Clone, Debug, Default)]
+pub(super) struct HistogramRoom(Pool<Part>);
+
+/// What somebody counts by himself.
+#[derive(Debug, Default)]
+struct Part {
+    segments: SegmentRow,
+    found: Vec<Candidate>,
+    histogram: DeltaHistogram,
+}
+
+impl HistogramRoom {
+    /// As [`DeltaHistogram::of_all_candidates`].
+    pub(super) fn count(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &EpipolarImage,
+        table: &SegmentTable,
+        ahead: u16,
+    ) -> DeltaHistogram {
+        let Self(parts) = self;
+        parts.rooms().iter_mut().for_each(|part| part.histogram = DeltaHistogram::default());
+        let rows = cam1.height.saturating_sub(STRIDE / 2).div_ceil(STRIDE);
+        (0..rows).into_par_iter().for_each_init(
+            || parts.take(),
+            |part, row| part.add_row((cam1, cam2), table, STRIDE / 2 + row * STRIDE, ahead),
+        );
+        let mut histogram = DeltaHistogram::default();
+        parts.rooms().iter().for_each(|part| histogram.add(&part.histogram));
+        histogram
+    }
+}
+
+impl Part {
+    fn add_row(&mut self, (cam1, cam2): (&PhaseMap, &EpipolarImage), table: &SegmentTable, v: usize, ahead: u16) {
+        let Self { segments, found, histogram } = self;
+        table.row(v, segments);
+        for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {
+            let (i, segment) = (v * cam1.width + u, segments.segment(u));
+            if !cam1.valid[i] || segment.is_none() {
+                continue;
+            }
+            found.clear();
+            let phase = cam1.phase[i].wrapping_sub(ahead);
+            scan_segment(&RowView::new(cam2, segment.row_px), &segment, phase, found);
+            histogram.pixels += u32::from(!found.is_empty());
+            for candidate in &*found {
+                histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;
+            }
+        }
     }
 }
 

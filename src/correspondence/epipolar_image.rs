@@ -6,6 +6,7 @@ use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::patches::{Columns, PATCH_PX, POWERS};
+use super::pool::Pool;
 use super::segment_table::SegmentTable;
 use super::source_map::{PLACE_BITS, SourceRow};
 
@@ -27,6 +28,8 @@ pub struct EpipolarImage {
     pub phase: Vec<u16>,
     /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
     pub(super) marked: Vec<u16>,
+    /// Room for coefficients along rows.
+    pub(super) coefficients: Pool<Vec<[[f32; POWERS]; 2]>>,
 }
 
 impl EpipolarImage {
@@ -56,9 +59,13 @@ impl EpipolarImage {
         self.width = width;
         self.phase.resize(width * height, Self::NO_PHASE);
         let image = Marked { phase: &self.marked, width: map.width };
-        self.phase.par_chunks_mut(width).enumerate().for_each_init(Vec::new, |along_row, (row, out)| {
-            simd::run(Level::in_use(), RowKernel { image, sources: table.sources.row(row), along_row, out });
-        });
+        let coefficients = &self.coefficients;
+        self.phase.par_chunks_mut(width).enumerate().for_each_init(
+            || coefficients.take(),
+            |along_row, (row, out)| {
+                simd::run(Level::in_use(), RowKernel { image, sources: table.sources.row(row), along_row, out });
+            },
+        );
         true
     }
 

@@ -8,9 +8,9 @@ use super::agreement::{MatchError, check_rest, check_scatter, check_share};
 use super::bands::{self, BAND_ROWS};
 use super::candidates::{Candidate, occurs};
 use super::chosen::ChosenCandidates;
-use super::delta_histogram::DeltaHistogram;
+use super::delta_histogram::{DeltaHistogram, HistogramRoom};
 use super::delta_statistics::{DeltaRoom, DeltaStatistics, mean_and_sd_rad, measure_delta};
-use super::drift::{Drift, estimate_drift};
+use super::drift::{Drift, DriftRoom};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::resolution::{self, ResolutionSettings, Verdict};
@@ -145,7 +145,9 @@ pub fn match_phases_with_grounds(
 pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
     cam2: EpipolarImage,
+    histogram: HistogramRoom,
     delta: DeltaRoom,
+    drift: DriftRoom,
     semi_global: semi_global::Room,
     paper: resolution::Room,
     /// Room for a row of segments a band.
@@ -184,11 +186,11 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, delta: of_delta, semi_global: room, paper, segments } = self;
+        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global, paper, segments } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
-        let mut histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table, 0);
+        let mut histogram = of_histogram.count(cam1, cam2, table, 0);
         let mut slip_steps = [0; 2];
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
@@ -198,7 +200,7 @@ impl Matcher {
                 let mut map = cam1.clone();
                 map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
                 cam2.turn_back(of_cam2);
-                histogram = DeltaHistogram::of_all_candidates(&map, cam2, table, 0);
+                histogram = of_histogram.count(&map, cam2, table, 0);
                 corrected = Some(map);
             }
         }
@@ -212,7 +214,7 @@ impl Matcher {
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
             ResolutionMethod::SemiGlobal => {
-                matching.semi_global(delta, &histogram, room, out, grounds)?;
+                matching.semi_global(delta, &histogram, (drift, semi_global), out, grounds)?;
                 explain_pixels_without_candidates(cam1, cam2, table, segments, &mut out.outcomes);
             }
             ResolutionMethod::Paper => matching.by_paper(delta, &histogram, paper, out)?,
@@ -237,12 +239,12 @@ impl Matching<'_> {
         &self,
         delta: DeltaStatistics,
         histogram: &DeltaHistogram,
-        room: &mut semi_global::Room,
+        (drift, room): (&mut DriftRoom, &mut semi_global::Room),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
-        let drift = estimate_drift(cam1, self.cam2, self.table, &delta);
+        let drift = drift.estimate(cam1, self.cam2, self.table, &delta);
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
         if self.is_measured() {
@@ -262,7 +264,8 @@ impl Matching<'_> {
         check_share(&rest, doubtful, found, with_candidates)?;
         out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
         out.delta = delta;
-        out.delta_counts = histogram.from_minus_to_plus_pi().to_vec();
+        out.delta_counts.clear();
+        out.delta_counts.extend(histogram.from_minus_to_plus_pi());
         out.drift = Some(drift);
         Ok(())
     }

@@ -19,6 +19,11 @@ impl<T: Default> Pool<T> {
         let room = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         Taken { pool: self, room }
     }
+
+    /// All rooms that were given back.
+    pub(super) fn rooms(&mut self) -> &mut [T] {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl<T> Clone for Pool<T> {

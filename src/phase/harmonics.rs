@@ -244,8 +244,8 @@ impl Sums {
             return Harmonics::default();
         }
         let unknowns = 2 * visible.iter().filter(|is_visible| **is_visible).count();
-        let asked: Vec<usize> = (0..UNKNOWNS).filter(|k| visible[k / 2]).collect();
-        let scale = asked.iter().map(|&k| self.normal[(k, k)]).sum::<f64>() / unknowns as f64;
+        let asked = (0..UNKNOWNS).filter(|k| visible[k / 2]);
+        let scale = asked.map(|k| self.normal[(k, k)]).sum::<f64>() / unknowns as f64;
         if scale <= 0.0 {
             return Harmonics::default();
         }

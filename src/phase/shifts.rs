@@ -83,7 +83,7 @@ impl PhaseShifts {
             least_squares_weights(shifts_rad)
                 .ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?
         };
-        let weights = weights.map(|w| w.into_iter().map(|w| w as f32).collect());
+        let weights = weights.map(|w| w[..steps].iter().map(|&w| w as f32).collect());
         Ok(Self { shifts_rad: shifts_rad.to_vec(), weights })
     }
 
@@ -118,7 +118,7 @@ impl PhaseShifts {
     }
 
     /// Weights in A, C and S of images with these angles, rad, as many and as evenly spaced as the shifts.
-    pub(super) fn weights_at(&self, angles_rad: &[f64]) -> [Vec<f64>; 3] {
+    pub(super) fn weights_at(&self, angles_rad: &[f64]) -> [[f64; MAX_STEPS]; 3] {
         let solved = if self.even_order().is_some() { None } else { least_squares_weights(angles_rad) };
         solved.unwrap_or_else(|| equal_weights(angles_rad))
     }
@@ -150,24 +150,29 @@ fn slots(shifts_rad: &[f64]) -> Option<[usize; MAX_STEPS]> {
     even.then_some(order)
 }
 
-fn equal_weights(shifts_rad: &[f64]) -> [Vec<f64>; 3] {
+fn equal_weights(shifts_rad: &[f64]) -> [[f64; MAX_STEPS]; 3] {
     let n = shifts_rad.len() as f64;
-    [
-        vec![1.0 / n; shifts_rad.len()],
-        shifts_rad.iter().map(|s| 2.0 / n * s.cos()).collect(),
-        shifts_rad.iter().map(|s| -2.0 / n * s.sin()).collect(),
-    ]
+    weights_of(shifts_rad, |s| [1.0 / n, 2.0 / n * s.cos(), -2.0 / n * s.sin()])
 }
 
-fn least_squares_weights(shifts_rad: &[f64]) -> Option<[Vec<f64>; 3]> {
-    let rows: Vec<Vector3<f64>> = shifts_rad.iter().map(|s| Vector3::new(1.0, s.cos(), -s.sin())).collect();
-    let normal: Matrix3<f64> = rows.iter().map(|r| r * r.transpose()).sum();
+/// Weights of each shift in the three sums; zero beyond the shifts.
+fn weights_of(shifts_rad: &[f64], weights: impl Fn(f64) -> [f64; 3]) -> [[f64; MAX_STEPS]; 3] {
+    let mut all = [[0.0; MAX_STEPS]; 3];
+    for (k, &shift_rad) in shifts_rad.iter().enumerate() {
+        all.iter_mut().zip(weights(shift_rad)).for_each(|(of_sum, weight)| of_sum[k] = weight);
+    }
+    all
+}
+
+fn least_squares_weights(shifts_rad: &[f64]) -> Option<[[f64; MAX_STEPS]; 3]> {
+    let row = |s: f64| Vector3::new(1.0, s.cos(), -s.sin());
+    let normal: Matrix3<f64> = shifts_rad.iter().map(|&s| row(s) * row(s).transpose()).sum();
     let smallest = normal.symmetric_eigenvalues().min();
     if smallest < MIN_EIGENVALUE * shifts_rad.len() as f64 {
         return None;
     }
     let inverse = normal.try_inverse()?;
-    Some([0, 1, 2].map(|i| rows.iter().map(|r| (inverse * r)[i]).collect()))
+    Some(weights_of(shifts_rad, |s| (inverse * row(s)).into()))
 }
 
 #[cfg(test)]

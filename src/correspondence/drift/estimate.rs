@@ -9,7 +9,7 @@ use crate::phase::PhaseMap;
 use super::super::delta_statistics::DeltaStatistics;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
-use super::mixture::{Guess, Sample};
+use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
 use super::place::{DepthRow, Places, Polynomial, TERMS};
 
@@ -136,36 +136,66 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    let take = |beyond_px: f32| Sample::take(cam1, cam2, table, PIXELS, beyond_px);
-    let Some((modes, mut sample)) = table.drift_modes().zip(take(0.0)) else {
-        return Drift::constant(delta);
-    };
-    let mut best = best_start(&sample.thinned(PIXELS_OF_STARTS), modes, delta);
-    if best.share < MOST_PIXELS {
-        let wider = SEGMENTS_BEYOND.map(|share| take(share * 2.0 * modes.half_segment_px() as f32));
-        if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
-            (best, sample) = (beyond, wide);
-        }
-    }
-    best.sd_turns *= LAST_WIDENING;
-    sample.refine(&mut best, LAST_STEPS);
-    Drift::new(modes, &best)
+    DriftRoom::default().estimate(cam1, cam2, table, delta)
 }
 
-fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
-    let mut coefficients = vec![0.0; 1 + modes.fields.len()];
+/// Memory in which the drift is estimated, to be used from window to window.
+#[derive(Clone, Debug, Default)]
+pub(in super::super) struct DriftRoom {
+    usable: Usable,
+    sample: Sample,
+    thinned: Sample,
+    solver: Solver,
+}
+
+impl DriftRoom {
+    /// As [`estimate_drift`].
+    pub(in super::super) fn estimate(
+        &mut self,
+        cam1: &PhaseMap,
+        cam2: &EpipolarImage,
+        table: &SegmentTable,
+        delta: &DeltaStatistics,
+    ) -> Drift {
+        let Self { usable, sample, thinned, solver } = self;
+        let Some(modes) = table.drift_modes() else { return Drift::constant(delta) };
+        let mut take =
+            |sample: &mut Sample, beyond_px: f32| sample.take((cam1, cam2), table, modes, (PIXELS, beyond_px), usable);
+        if !take(sample, 0.0) {
+            return Drift::constant(delta);
+        }
+        sample.thin(PIXELS_OF_STARTS, thinned);
+        let mut best = best_start(thinned, modes, delta, solver);
+        if best.share < MOST_PIXELS {
+            let wider = SEGMENTS_BEYOND.map(|share| {
+                let mut wide = Sample::default();
+                take(&mut wide, share * 2.0 * modes.half_segment_px() as f32).then_some(wide)
+            });
+            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
+                (best, *sample) = (beyond, wide);
+            }
+        }
+        best.sd_turns *= LAST_WIDENING;
+        sample.refine(&mut best, LAST_STEPS, solver);
+        Drift::new(modes, &best)
+    }
+}
+
+fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solver: &mut Solver) -> Guess {
+    let mut coefficients = Coefficients::default();
+    coefficients.resize(1 + modes.fields.len());
     coefficients[0] = delta.mean_rad / TAU;
     let still = Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 };
     let mut best = still.clone();
-    sample.refine(&mut best, STEPS);
+    sample.refine(&mut best, STEPS, solver);
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
     let mut followed = followed_starts(sample, modes, &still);
-    followed.par_iter_mut().for_each(|guess| sample.refine(guess, FIRST_STEPS));
+    followed.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, FIRST_STEPS, solver));
     let mut promising = by_score(sample, followed);
     promising.truncate(BEST_STARTS);
-    promising.par_iter_mut().for_each(|guess| sample.refine(guess, STEPS));
+    promising.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, STEPS, solver));
     promising.push(best);
     by_score(sample, promising).swap_remove(0)
 }
@@ -180,7 +210,8 @@ fn better_beyond<const N: usize>(
 ) -> Option<(Guess, Sample)> {
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
-    let guesses = thinned.iter().flatten().map(|sample| best_start(sample, modes, &delta)).collect();
+    let mut solver = Solver::default();
+    let guesses = thinned.iter().flatten().map(|sample| best_start(sample, modes, &delta, &mut solver)).collect();
     let judge = thinned.iter().flatten().last()?;
     let best = by_score(judge, guesses).into_iter().next()?;
     let is_better = judge.score(&best) > judge.score(within);
@@ -213,7 +244,7 @@ fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Gu
     for mut guess in drawn {
         let differs = |other: &Guess| distance(&guess, other) > START_DISTANCE * still.sd_turns;
         if followed.len() < FOLLOWED_STARTS && followed.iter().all(differs) {
-            guess.coefficients.resize(still.coefficients.len(), 0.0);
+            guess.coefficients.resize(still.coefficients.len());
             followed.push(guess);
         }
     }

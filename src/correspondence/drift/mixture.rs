@@ -2,7 +2,7 @@
 //! the drift; the others are false, their δ anywhere; or all are false.
 
 use std::f64::consts::TAU;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Deref, DerefMut};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -14,6 +14,7 @@ use super::super::decay::decay;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::row_view::RowView;
 use super::super::segment_table::SegmentTable;
+use super::modes::{DriftModes, MAX_MODES};
 
 /// Share of pixels that may have no true candidate.
 const NONE_TRUE: f64 = 0.2;
@@ -35,13 +36,52 @@ const FASTEST_SHRINK: f64 = 0.6;
 /// Relative change of sd at which the steps end.
 const SETTLED: f64 = 0.995;
 
-/// A field of δ and how far true candidates scatter about it: the mean in turns, then a coefficient a mode in pixels.
+/// A field of δ and how far true candidates scatter about it.
 #[derive(Clone, Debug)]
 pub(super) struct Guess {
-    pub(super) coefficients: Vec<f64>,
+    pub(super) coefficients: Coefficients,
     pub(super) sd_turns: f64,
     /// Share of pixels whose true candidate is among theirs.
     pub(super) share: f64,
+}
+
+/// The mean of a field in turns, then a coefficient a mode in pixels.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Coefficients {
+    values: [f64; 1 + MAX_MODES],
+    count: usize,
+}
+
+impl Coefficients {
+    /// With so many in all, zero beyond those that there are.
+    pub(super) fn resize(&mut self, count: usize) {
+        self.count = count.min(self.values.len());
+    }
+}
+
+impl FromIterator<f64> for Coefficients {
+    fn from_iter<I: IntoIterator<Item = f64>>(all: I) -> Self {
+        let mut coefficients = Self::default();
+        for (place, value) in coefficients.values.iter_mut().zip(all) {
+            *place = value;
+            coefficients.count += 1;
+        }
+        coefficients
+    }
+}
+
+impl Deref for Coefficients {
+    type Target = [f64];
+
+    fn deref(&self) -> &[f64] {
+        &self.values[..self.count]
+    }
+}
+
+impl DerefMut for Coefficients {
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.count]
+    }
 }
 
 impl Guess {
@@ -57,6 +97,7 @@ impl Guess {
 }
 
 /// A sample of pixels with all their candidates.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Sample {
     /// Candidates of pixel i are those from `first[i]` to `first[i + 1]`.
     first: Vec<usize>,
@@ -69,26 +110,26 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Pixels of C1, evenly spread, not many more than `pixels`, with the candidates on their segments and up to so many
-    /// columns beyond these; `None` without a mode or a candidate.
+    /// Takes pixels of C1, evenly spread, not many more than `pixels`, with the candidates on their segments and up to so many
+    /// columns beyond these; whether there is a candidate.
     pub(super) fn take(
-        cam1: &PhaseMap,
-        cam2: &EpipolarImage,
+        &mut self,
+        (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,
-        pixels: usize,
-        beyond_px: f32,
-    ) -> Option<Self> {
-        let modes = table.drift_modes()?;
-        let (usable, modes_by_term) = (Usable::of(cam1, table), modes.by_term());
+        modes: &DriftModes,
+        (pixels, beyond_px): (usize, f32),
+        usable: &mut Usable,
+    ) -> bool {
+        usable.find(cam1, table);
         let all = usable.count();
         // A stride that shares no factor with the width spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
-        let columns = 1 + modes.fields.len();
         let share = all as f64 / cam1.phase.len().max(1) as f64;
-        let independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
-        let mut sample = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), columns, independent };
-        for i in usable.every(stride) {
-            let (segment, before) = (table.segment(i), sample.delta_turns.len());
+        self.clear();
+        self.columns = 1 + modes.fields.len();
+        self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        for &i in usable.every(stride) {
+            let (segment, before) = (table.segment(i), self.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
             let columns = limits_px[0] as usize..=limits_px[1].ceil() as usize;
             let (u, v) = (i % cam1.width, i / cam1.width);
@@ -97,17 +138,24 @@ impl Sample {
                 let delta_turns = f64::from(segment.phase_turns(column_px)) - f64::from(cam1.phase[i]) / 65536.0;
                 // Beyond the volume Φ may have a pole.
                 if delta_turns.is_finite() {
-                    sample.delta_turns.push(to_half_turn(delta_turns));
-                    sample.design.push(1.0);
-                    modes_by_term.tell([u, v], column_px, &mut sample.design);
+                    self.delta_turns.push(to_half_turn(delta_turns));
+                    self.design.push(1.0);
+                    modes.by_term.tell([u, v], column_px, &mut self.design);
                 }
                 ControlFlow::Continue(())
             });
-            if sample.delta_turns.len() > before {
-                sample.first.push(sample.delta_turns.len());
+            if self.delta_turns.len() > before {
+                self.first.push(self.delta_turns.len());
             }
         }
-        (sample.pixels() > 0).then_some(sample)
+        self.pixels() > 0
+    }
+
+    fn clear(&mut self) {
+        self.first.clear();
+        self.first.push(0);
+        self.delta_turns.clear();
+        self.design.clear();
     }
 
     /// Number of pixels.
@@ -117,15 +165,22 @@ impl Sample {
 
     /// About so many of its pixels, evenly spread.
     pub(super) fn thinned(&self, pixels: usize) -> Self {
+        let mut thinned = Self::default();
+        self.thin(pixels, &mut thinned);
+        thinned
+    }
+
+    /// The same, into the memory of another sample.
+    pub(super) fn thin(&self, pixels: usize, thinned: &mut Self) {
         let step = (self.pixels() / pixels.max(1)).max(1);
-        let mut thinned = Self { first: vec![0], delta_turns: Vec::new(), design: Vec::new(), ..*self };
+        thinned.clear();
+        (thinned.columns, thinned.independent) = (self.columns, self.independent);
         for pixel in (0..self.pixels()).step_by(step) {
             let range = self.first[pixel]..self.first[pixel + 1];
             thinned.design.extend(&self.design[range.start * self.columns..range.end * self.columns]);
             thinned.delta_turns.extend(&self.delta_turns[range]);
             thinned.first.push(thinned.delta_turns.len());
         }
-        thinned
     }
 
     fn mean_candidates(&self) -> f64 {
@@ -160,11 +215,14 @@ impl Sample {
     }
 
     /// Improves a guess by expectation maximization until it settles, at most so many steps.
-    pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize) {
+    pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize, solver: &mut Solver) {
         for _ in 0..max_steps {
-            let sums = self.weighted_sums(guess);
-            let Some(change) = sums.solve(guess, (self.pixels() as f64 / self.independent).max(1.0)) else { return };
-            guess.coefficients.iter_mut().zip(change.iter()).for_each(|(c, d)| *c += d);
+            simd::run(Level::in_use(), SumKernel { sample: self, guess, solver });
+            if !solver.solve(guess, (self.pixels() as f64 / self.independent).max(1.0)) {
+                return;
+            }
+            let sums = &solver.sums;
+            guess.coefficients.iter_mut().zip(solver.change.iter()).for_each(|(c, d)| *c += d);
             let before = guess.sd_turns;
             let sd_turns = (sums.squares / sums.weight).sqrt().max(MIN_SD_TURNS);
             guess.share = sums.weight / self.pixels() as f64;
@@ -174,29 +232,24 @@ impl Sample {
             }
         }
     }
-
-    /// Sums of the least squares of all candidates, each weighted by how probably it is the true one of its pixel.
-    fn weighted_sums(&self, guess: &Guess) -> Sums {
-        simd::run(Level::in_use(), SumKernel { sample: self, guess })
-    }
 }
 
-/// Sums up the least squares.
+/// Sums up the least squares of all candidates, each weighted by how probably it is the true one of its pixel.
 struct SumKernel<'a> {
     sample: &'a Sample,
     guess: &'a Guess,
+    solver: &'a mut Solver,
 }
 
 impl Kernel for SumKernel<'_> {
-    type Output = Sums;
+    type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> Sums {
-        let Self { sample, guess } = self;
-        let mut sums = Sums::new(sample.columns);
+    fn run<L: Lanes>(self, _: L) {
+        let Self { sample, guess, solver: Solver { sums, likely, .. } } = self;
+        sums.begin(sample.columns);
         // Density of false candidates where a true one has density 1.
         let false_density = TAU.sqrt() * guess.sd_turns * sample.mean_candidates() / 2.0;
-        let mut likely = Vec::new();
         for ends in sample.first.windows(2) {
             likely.clear();
             for j in ends[0]..ends[1] {
@@ -204,38 +257,41 @@ impl Kernel for SumKernel<'_> {
                 likely.push((residual, bell(residual / guess.sd_turns)));
             }
             let total = false_density + likely.iter().map(|l| l.1).sum::<f64>();
-            for (j, &(residual, density)) in (ends[0]..ends[1]).zip(&likely) {
+            for (j, &(residual, density)) in (ends[0]..ends[1]).zip(&*likely) {
                 let weight = density / total;
                 if weight >= MIN_WEIGHT {
                     sums.add(sample.row(j), residual, weight);
                 }
             }
         }
-        sums
     }
 }
 
 /// Pixels with a phase and a segment.
-struct Usable {
+#[derive(Clone, Debug, Default)]
+pub(super) struct Usable {
     /// 1 or 0 for each pixel.
     is_usable: Vec<u8>,
     width: usize,
     /// Number in each row.
     counts: Vec<usize>,
+    /// Those that were asked for last.
+    pixels: Vec<usize>,
 }
 
 impl Usable {
-    fn of(cam1: &PhaseMap, table: &SegmentTable) -> Self {
+    fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable) {
         let width = cam1.width.max(1);
-        let mut usable = Self { is_usable: vec![0; cam1.phase.len()], width, counts: vec![0; cam1.height] };
-        let rows = usable.is_usable.par_chunks_mut(width).zip(&mut usable.counts).enumerate();
+        self.width = width;
+        self.is_usable.resize(cam1.phase.len(), 0);
+        self.counts.resize(cam1.height, 0);
+        let rows = self.is_usable.par_chunks_mut(width).zip(&mut self.counts).enumerate();
         rows.for_each(|(v, (is_usable, count))| {
             table.mark_segments(v, is_usable);
             let valid = &cam1.valid[v * width..(v + 1) * width];
             is_usable.iter_mut().zip(valid).for_each(|(usable, &valid)| *usable &= u8::from(valid));
             *count = is_usable.iter().map(|&usable| usize::from(usable)).sum();
         });
-        usable
     }
 
     fn count(&self) -> usize {
@@ -243,13 +299,15 @@ impl Usable {
     }
 
     /// The first of so many pixels at a time.
-    fn every(&self, stride: usize) -> Vec<usize> {
-        let (mut pixels, mut skip) = (Vec::new(), 0);
-        for (v, (row, &count)) in self.is_usable.chunks(self.width).zip(&self.counts).enumerate() {
+    fn every(&mut self, stride: usize) -> &[usize] {
+        let Self { is_usable, width, counts, pixels } = self;
+        pixels.clear();
+        let mut skip = 0;
+        for (v, (row, &count)) in is_usable.chunks(*width).zip(&*counts).enumerate() {
             let (mut seen, mut columns) = (0, 0..row.len());
             while skip < count - seen {
                 let wanted = columns.by_ref().filter(|&u| row[u] == 1).nth(skip);
-                pixels.extend(wanted.map(|u| v * self.width + u));
+                pixels.extend(wanted.map(|u| v * *width + u));
                 seen += skip + 1;
                 skip = stride - 1;
             }
@@ -286,7 +344,45 @@ fn bell(z: f64) -> f64 {
     decay(0.5 * z * z)
 }
 
+/// Least squares, to be solved again and again in the same memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Solver {
+    sums: Sums,
+    /// What a guess leaves of δ of the candidates of a pixel, and their densities.
+    likely: Vec<(f64, f64)>,
+    normal: DMatrix<f64>,
+    /// The right side, and then the change of the coefficients.
+    change: DVector<f64>,
+}
+
+impl Solver {
+    /// Finds the change of the coefficients, drawn towards no error at all as strongly as errors are improbable; so many pixels
+    /// say what one says by itself. Whether there is one.
+    fn solve(&mut self, guess: &Guess, dependence: f64) -> bool {
+        let Self { sums, normal, change, .. } = self;
+        let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
+        let columns = sums.right.len();
+        let mut matrix = std::mem::take(normal);
+        if matrix.nrows() != columns {
+            (matrix, *change) = (DMatrix::zeros(columns, columns), DVector::zeros(columns));
+        }
+        // The lower triangle is all that the decomposition reads.
+        matrix.iter_mut().enumerate().for_each(|(k, entry)| *entry = sums.normal[k % columns * columns + k / columns]);
+        change.copy_from_slice(&sums.right);
+        matrix[(0, 0)] += f64::EPSILON;
+        for i in 1..columns {
+            matrix[(i, i)] += prior;
+            change[i] -= prior * guess.coefficients[i];
+        }
+        let Some(decomposed) = matrix.cholesky() else { return false };
+        decomposed.solve_mut(change);
+        *normal = decomposed.unpack_dirty();
+        sums.weight > 0.0
+    }
+}
+
 /// Sums of a weighted least squares.
+#[derive(Clone, Debug, Default)]
 struct Sums {
     /// Lower triangle of the normal matrix, row by row with room for all columns.
     normal: Vec<f64>,
@@ -296,8 +392,12 @@ struct Sums {
 }
 
 impl Sums {
-    fn new(columns: usize) -> Self {
-        Self { normal: vec![0.0; columns * columns], right: vec![0.0; columns], weight: 0.0, squares: 0.0 }
+    fn begin(&mut self, columns: usize) {
+        self.normal.clear();
+        self.normal.resize(columns * columns, 0.0);
+        self.right.clear();
+        self.right.resize(columns, 0.0);
+        (self.weight, self.squares) = (0.0, 0.0);
     }
 
     #[inline(always)]
@@ -313,22 +413,6 @@ impl Sums {
             }
         }
     }
-
-    /// The change of the coefficients, drawn towards no error at all as strongly as errors are improbable; so many pixels say
-    /// what one says by itself.
-    fn solve(&self, guess: &Guess, dependence: f64) -> Option<DVector<f64>> {
-        let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
-        // The lower triangle is all that the decomposition reads.
-        let columns = self.right.len();
-        let mut normal = DMatrix::from_row_slice(columns, columns, &self.normal);
-        let mut right = DVector::from_column_slice(&self.right);
-        normal[(0, 0)] += f64::EPSILON;
-        for i in 1..columns {
-            normal[(i, i)] += prior;
-            right[i] -= prior * guess.coefficients[i];
-        }
-        (self.weight > 0.0).then(|| normal.cholesky().map(|c| c.solve(&right)))?
-    }
 }
 
 #[cfg(test)]
@@ -340,7 +424,7 @@ mod tests {
         let width = 13;
         let is_usable: Vec<u8> = (0..13 * 17).map(|i| u8::from(i * i % 7 < 4 && i / 13 != 5)).collect();
         let counts = is_usable.chunks(width).map(|row| row.iter().filter(|&&u| u == 1).count()).collect();
-        let usable = Usable { is_usable, width, counts };
+        let mut usable = Usable { is_usable, width, counts, pixels: Vec::new() };
         let all: Vec<usize> = (0..usable.is_usable.len()).filter(|&i| usable.is_usable[i] == 1).collect();
         assert_eq!(usable.count(), all.len());
         for stride in [1, 3, 8, 21, 500] {

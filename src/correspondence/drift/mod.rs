@@ -19,6 +19,7 @@ mod mixture;
 mod modes;
 mod place;
 
+pub(super) use estimate::DriftRoom;
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;

@@ -16,7 +16,7 @@ use super::super::segment_table::SegmentTable;
 use super::place::{Places, Polynomial, TERMS, monomials};
 
 /// Most modes that are kept.
-const MAX_MODES: usize = 20;
+pub(super) const MAX_MODES: usize = 20;
 /// Root mean square of a mode, turns a pixel (0.0006 rad), below which no realistic error shows.
 const MIN_RMS_TURNS: f64 = 1e-4;
 /// Points along x, y and z of the volume in which the fields are sampled.
@@ -39,6 +39,7 @@ pub struct DriftModes {
     pub(super) fields: Vec<Polynomial>,
     /// Root mean square of each over the volume, turns a pixel.
     pub(super) rms_turns: Vec<f64>,
+    pub(super) by_term: ModesByTerm,
 }
 
 impl DriftModes {
@@ -56,7 +57,7 @@ impl DriftModes {
         let places = Places::fit(table.size_px(), |pixel| table.limits_px(pixel))?;
         let samples = Samples::new(rig, volume, pattern, frame, &places);
         let (fields, rms_turns) = samples.principal_fields()?;
-        Some(Self { places, fields, rms_turns })
+        Some(Self { places, by_term: ModesByTerm::of(places, &fields), fields, rms_turns })
     }
 
     /// As numbers for a file.
@@ -74,26 +75,16 @@ impl DriftModes {
     pub(in super::super) fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (places, modes) = numbers.split_first_chunk::<{ Places::NUMBERS }>()?;
         let used = modes.chunks_exact(1 + TERMS).take_while(|mode| mode[0] > 0.0);
-        let (rms_turns, fields) = used.map(|mode| (mode[0], std::array::from_fn(|i| mode[1 + i]))).unzip();
+        let (rms_turns, fields): (Vec<f64>, Vec<Polynomial>) =
+            used.map(|mode| (mode[0], std::array::from_fn(|i| mode[1 + i]))).unzip();
         let sound = numbers.len() == Self::NUMBERS && numbers.iter().all(|n| n.is_finite());
         let places = Places::from_numbers(*places);
-        (sound && places.scale_px() >= 1.0).then_some(Self { places, fields, rms_turns })
-    }
-
-    /// The modes, to be asked at many places.
-    pub(super) fn by_term(&self) -> ModesByTerm {
-        let group = |modes: &[Polynomial]| {
-            let mut factors = [[0.0; GROUP]; TERMS];
-            for (k, mode) in modes.iter().enumerate() {
-                factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
-            }
-            factors
-        };
-        ModesByTerm {
-            places: self.places,
-            groups: self.fields.chunks(GROUP).map(group).collect(),
-            modes: self.fields.len(),
-        }
+        (sound && places.scale_px() >= 1.0).then(|| Self {
+            places,
+            by_term: ModesByTerm::of(places, &fields),
+            fields,
+            rms_turns,
+        })
     }
 
     /// Mean half length of a segment, pixels of the epipolar frame.
@@ -105,7 +96,8 @@ impl DriftModes {
 /// Modes that are asked together: so many that sums need not wait for each other.
 const GROUP: usize = 32;
 
-/// All modes, term by term.
+/// All modes, term by term, to be asked at many places.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct ModesByTerm {
     places: Places,
     /// Factors of the terms of so many modes; those that are not there are zero.
@@ -114,6 +106,17 @@ pub(super) struct ModesByTerm {
 }
 
 impl ModesByTerm {
+    fn of(places: Places, fields: &[Polynomial]) -> Self {
+        let group = |modes: &[Polynomial]| {
+            let mut factors = [[0.0; GROUP]; TERMS];
+            for (k, mode) in modes.iter().enumerate() {
+                factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
+            }
+            factors
+        };
+        Self { places, groups: fields.chunks(GROUP).map(group).collect(), modes: fields.len() }
+    }
+
     /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
     pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
         let begin = out.len();

@@ -59,7 +59,8 @@ impl Surroundings {
         self.stride = width + 2 * REACH_PX;
         self.absolute.clear();
         self.absolute.resize(self.stride * (height + 2 * REACH_PX), ABSENT);
-        let rows = self.absolute.par_chunks_exact_mut(self.stride).skip(REACH_PX).take(height);
+        let inside = &mut self.absolute[self.stride * REACH_PX..][..self.stride * height];
+        let rows = inside.par_chunks_exact_mut(self.stride);
         rows.enumerate().for_each(|(v, row)| fill(v, &mut row[REACH_PX..REACH_PX + width]));
     }
 
