@@ -35,21 +35,22 @@ const UNKNOWNS: usize = 4;
 pub(super) type Samples = Vec<[f64; 3]>;
 
 /// Measures the harmonics in images with these shifts; `take` fills in the samples of a pixel, or says that it tells nothing:
-/// invalid, dim or saturated.
+/// invalid, dim or saturated. `samples` is room.
 pub(super) fn measure(
     shifts_rad: &[f64],
     pixels: usize,
+    samples: &mut Samples,
     mut take: impl FnMut(usize, &mut Samples) -> bool,
 ) -> Harmonics {
     let visible = visible(shifts_rad);
     if !visible.contains(&true) {
         return Harmonics::default();
     }
-    let (mut sums, mut samples) = (Sums::default(), Samples::with_capacity(shifts_rad.len()));
+    let mut sums = Sums::default();
     for pixel in spread(pixels, PIXELS) {
         samples.clear();
-        if take(pixel, &mut samples) {
-            sums.add(&samples, shifts_rad);
+        if take(pixel, samples) {
+            sums.add(samples, shifts_rad);
         }
     }
     sums.solve(visible)

@@ -7,7 +7,7 @@
 //! A γ that goes round with the shifts is left alone. It adds a sinusoid of one phase to all pixels, which the fit of each
 //! takes for its own; all that betrays it is what a projector that is not linear makes as well.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::phase::Validity;
@@ -81,9 +81,9 @@ fn departures<S: Sample>(
     fit: &MotionFit,
     validity: &Validity,
     room: &mut Vec<Sums>,
-) -> Option<Vec<f64>> {
+) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
-    let projector = residual_projector(fit.shifts_rad())?;
+    let Levelling { projector, told } = fit.levelling.as_ref()?;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     room.clear();
     room.resize_with(starts(images.height).len(), Sums::default);
@@ -92,29 +92,50 @@ fn departures<S: Sample>(
         let mut samples = BlockSamples::default();
         for u in starts(images.width) {
             let first = row * PITCH * images.width + u;
-            let block = Block { images, fit, validity, projector: &projector, first, samples: &mut samples, sums };
+            let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
             simd::run(level, block);
         }
     });
     let mut sums = Sums::default();
     room.iter().for_each(|of_row| sums.add(of_row));
-    let basis: Vec<[f64; 3]> = fit.shifts_rad().iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
-    let told = unexplained(&basis);
     let product = |a: &[f64], b: &[f64]| -> f64 {
         (0..count).map(|i| (0..count).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
     };
-    let mut reduced = DMatrix::from_fn(told.len(), told.len(), |k, l| product(&told[k], &told[l]));
     let trace: f64 = (0..count).map(|i| sums.normal[i][i]).sum();
     let ridge = RIDGE * trace / count as f64;
     if ridge <= 0.0 {
         return None;
     }
-    (0..told.len()).for_each(|k| reduced[(k, k)] += ridge);
-    let along = |direction: &Vec<f64>| direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum::<f64>();
-    let solution = reduced.cholesky()?.solve(&DVector::from_iterator(told.len(), told.iter().map(along)));
-    let departure = |i: usize| told.iter().zip(solution.iter()).map(|(direction, part)| part * direction[i]).sum();
-    let departures: Vec<f64> = (0..count).map(departure).collect();
+    // Beyond the directions that are told stands what changes nothing.
+    let mut reduced = SMatrix::<f64, MAX_IMAGES, MAX_IMAGES>::identity();
+    let mut solution = SVector::<f64, MAX_IMAGES>::zeros();
+    for (k, direction) in told.iter().enumerate() {
+        told.iter().enumerate().for_each(|(l, other)| reduced[(k, l)] = product(direction, other));
+        reduced[(k, k)] += ridge;
+        solution[k] = direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum();
+    }
+    reduced.cholesky()?.solve_mut(&mut solution);
+    let mut departures = [0.0; MAX_IMAGES];
+    for (i, departure) in departures.iter_mut().enumerate().take(count) {
+        *departure = told.iter().zip(&solution).map(|(direction, part)| part * direction[i]).sum();
+    }
     departures.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(departures)
+}
+
+/// What the levelling of images with some shifts needs to know of these.
+#[derive(Clone, Debug)]
+pub(super) struct Levelling {
+    projector: Vec<Vec<f64>>,
+    /// Directions of γ that go not round with the shifts.
+    told: Vec<Vec<f64>>,
+}
+
+impl Levelling {
+    /// `None` where the shifts determine no sinusoid.
+    pub(super) fn new(shifts_rad: &[f64]) -> Option<Self> {
+        let basis: Vec<[f64; 3]> = shifts_rad.iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
+        Some(Self { projector: residual_projector(shifts_rad)?, told: unexplained(&basis) })
+    }
 }
 
 /// What projects the samples of a pixel onto what no sinusoid with these shifts explains; row by row.

@@ -12,6 +12,8 @@ use nalgebra::{SMatrix, SVector};
 use crate::phase::shifts::{MIN_STEPS, ShiftError};
 
 use super::MAX_IMAGES;
+use super::brightness::Levelling;
+use super::one_surface::runs;
 
 /// Unknowns of the linear fit: A, real and imaginary part of z and z', and A'.
 const UNKNOWNS: usize = 6;
@@ -64,6 +66,12 @@ pub struct MotionFit {
     pub(super) limits: [f32; 2],
     pub(super) motions_rad: Vec<f32>,
     noise_gain: f32,
+    /// What other steps of the decoding need to know of the shifts alone.
+    pub(super) levelling: Option<Levelling>,
+    /// Time and phase shift of each image.
+    pub(super) moments: Vec<[f32; 2]>,
+    /// First and last image of the runs that may show one surface, the longest first.
+    pub(super) runs: Vec<[usize; 2]>,
 }
 
 /// Response of a fitted z to the motion ε.
@@ -166,6 +174,9 @@ impl MotionFit {
             residuals: unexplained.map(|row| weight(&row)).collect(),
             weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
             noise_gain: noise_gain as f32,
+            levelling: Levelling::new(shifts_rad),
+            moments: (0..images).map(|i| [time(i, images) as f32, shifts_rad[i] as f32]).collect(),
+            runs: runs(images),
             shifts_rad: shifts_rad.to_vec(),
         })
     }

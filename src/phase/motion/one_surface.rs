@@ -12,7 +12,7 @@ use crate::phase::sample::Sample;
 use crate::simd::{Kernel, LANES, Lanes};
 
 use super::band::{Beside, Planes};
-use super::fit::{LEAST_FITTED, MotionFit, time};
+use super::fit::{LEAST_FITTED, MotionFit};
 use super::images::Images;
 use super::solve::{BATCH, Batch, Solutions};
 use super::speeds::Speeds;
@@ -26,10 +26,7 @@ const UNKNOWN_SHARE: f32 = 0.02;
 pub(super) struct OneSurface<'a, S> {
     images: &'a Images<'a, S>,
     validity: &'a Validity,
-    /// Time and phase shift of each image.
-    moments: Vec<[f32; 2]>,
-    /// First and last image of the runs that are tried, the longest first.
-    runs: Vec<[usize; 2]>,
+    fit: &'a MotionFit,
     /// Largest residual that is usual: grey levels, and a share of the modulation.
     usual: [f32; 2],
 }
@@ -71,19 +68,12 @@ pub(super) struct RepairRoom {
 impl<'a, S: Sample> OneSurface<'a, S> {
     pub(super) fn new(
         images: &'a Images<'a, S>,
-        fit: &MotionFit,
+        fit: &'a MotionFit,
         validity: &'a Validity,
         statistics: &FitStatistics,
     ) -> Self {
-        let moment = |(i, &shift): (usize, &f64)| [time(i, images.count) as f32, shift as f32];
         let share = statistics.residual_share.unwrap_or(UNKNOWN_SHARE);
-        Self {
-            images,
-            validity,
-            moments: fit.shifts_rad().iter().enumerate().map(moment).collect(),
-            runs: runs(images.count),
-            usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share],
-        }
+        Self { images, validity, fit, usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share] }
     }
 
     /// Largest residual of images that belong together.
@@ -175,11 +165,11 @@ impl<S: Sample> Repair<'_, S> {
                 batch.set(image, p, images.grey(image, pixel), !saturated);
             }
         }
-        for (image, &moment) in of.moments.iter().enumerate() {
+        for (image, &moment) in of.fit.moments.iter().enumerate() {
             batch.turn(image, moment, &motion_rad);
         }
         let mut best = Best::default();
-        for &run in &of.runs {
+        for &run in &of.fit.runs {
             best.try_others(&batch.solve(run), of);
         }
         for (p, &u) in asked.iter().enumerate() {
@@ -240,7 +230,7 @@ impl Best {
 }
 
 /// Runs of images that include the centre of the window and leave a residual, the longest first.
-fn runs(images: usize) -> Vec<[usize; 2]> {
+pub(super) fn runs(images: usize) -> Vec<[usize; 2]> {
     let centre = |first: usize, last: usize| 2 * first < images && 2 * last + 2 > images;
     let mut lengths: Vec<usize> = [images, images.saturating_sub(2), images.div_ceil(2) + 1].into();
     lengths.retain(|&length| length >= LEAST_FITTED);

@@ -27,6 +27,7 @@ pub struct MotionRoom {
     brightness: Vec<brightness::Sums>,
     beside: Vec<Beside>,
     bands: Vec<(BandRoom, RepairRoom)>,
+    samples: Samples,
 }
 
 /// Decodes a window at a level.
@@ -63,7 +64,7 @@ pub(super) fn decode<S: Sample>(
     let [median_rad, fast_rad] = speeds.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
-    map.harmonics = harmonics(&images, fit, map, &room.beside);
+    map.harmonics = harmonics(&images, fit, map, &room.beside, &mut room.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
     map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
 }
@@ -98,9 +99,15 @@ fn bands<'a>(
 }
 
 /// The harmonics of the fringes, the motion taken off.
-fn harmonics<S: Sample>(images: &Images<'_, S>, fit: &MotionFit, map: &PhaseMap, beside: &[Beside]) -> Harmonics {
+fn harmonics<S: Sample>(
+    images: &Images<'_, S>,
+    fit: &MotionFit,
+    map: &PhaseMap,
+    beside: &[Beside],
+    room: &mut Samples,
+) -> Harmonics {
     let (shifts, blocks) = (fit.shifts_rad(), images.width.div_ceil(LANES));
-    harmonics::measure(shifts, images.width * images.height, |pixel, out: &mut Samples| {
+    harmonics::measure(shifts, images.width * images.height, room, |pixel, out: &mut Samples| {
         let (row, u) = (pixel / images.width, pixel % images.width);
         let beside = &beside[row * blocks + u / LANES];
         let motion_rad = f64::from(beside.motion_rad[u % LANES]);
