@@ -158,8 +158,8 @@ impl Tile {
     /// `count` pixels from `first` on; nothing is found beyond them.
     #[inline(always)]
     fn of(work: &Work<'_>, first: usize, count: usize) -> Self {
-        let (matches, input) = (work.matches, &work.input);
-        let outcome = some(&matches.outcomes, first, count, Outcome::Invalid);
+        let (matches, input, pixels) = (work.matches, &work.input, first..first + count);
+        let outcome = simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
         let mut found = [false; TILE_PX];
         for i in 0..TILE_PX {
             found[i] = outcome[i].is_found();
@@ -167,14 +167,14 @@ impl Tile {
         Self {
             found,
             outcome,
-            column_px: some(&matches.chosen.column_px, first, count, 0.0),
-            order: some(&matches.chosen.order, first, count, 0),
-            delta: some(&matches.chosen.delta, first, count, 0),
-            slope: some(&matches.chosen.slope, first, count, 0),
-            modulation: some(input.modulation, first, count, Modulation::default()),
-            intensity: some(input.mean, first, count, 0),
-            candidates: some(&matches.passing, first, count, 0),
-            confidence: some(&matches.confidence, first, count, Confidence::NONE),
+            column_px: simd::filled(&matches.chosen.column_px[pixels.clone()], 0.0),
+            order: simd::filled(&matches.chosen.order[pixels.clone()], 0),
+            delta: simd::filled(&matches.chosen.delta[pixels.clone()], 0),
+            slope: simd::filled(&matches.chosen.slope[pixels.clone()], 0),
+            modulation: simd::filled(&input.modulation[pixels.clone()], Modulation::default()),
+            intensity: simd::filled(&input.mean[pixels.clone()], 0),
+            candidates: simd::filled(&matches.passing[pixels.clone()], 0),
+            confidence: simd::filled(&matches.confidence[pixels], Confidence::NONE),
         }
     }
 
@@ -224,19 +224,6 @@ impl Tile {
             }
         }
         made
-    }
-}
-
-/// The values of `count` pixels from `first` on, and others behind them.
-#[inline(always)]
-fn some<T: Copy>(plane: &[T], first: usize, count: usize, other: T) -> [T; TILE_PX] {
-    match plane[first..].first_chunk() {
-        Some(all) if count == TILE_PX => *all,
-        _ => {
-            let mut values = [other; TILE_PX];
-            values[..count].copy_from_slice(&plane[first..first + count]);
-            values
-        }
     }
 }
 

@@ -1,12 +1,9 @@
 //! The whole chain of the proposed method (PA), from two phase maps to a decision about every pixel of C1.
 
-use rayon::prelude::*;
-
 use crate::phase::PhaseMap;
 
 use super::agreement::{MatchError, check_rest, check_scatter, check_share};
-use super::bands::{self, BAND_ROWS};
-use super::candidates::{Candidate, occurs};
+use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::{DeltaHistogram, HistogramRoom};
 use super::delta_statistics::{DeltaRoom, DeltaStatistics, mean_and_sd_rad, measure_delta};
@@ -14,8 +11,6 @@ use super::drift::{Drift, DriftRoom};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::resolution::{self, ResolutionSettings, Verdict};
-use super::row_view::RowView;
-use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
@@ -150,8 +145,6 @@ pub struct Matcher {
     drift: DriftRoom,
     semi_global: semi_global::Room,
     paper: resolution::Room,
-    /// Room for a row of segments a band.
-    segments: Vec<SegmentRow>,
 }
 
 impl Matcher {
@@ -186,7 +179,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global, paper, segments } = self;
+        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global, paper } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -213,12 +206,11 @@ impl Matcher {
         }
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
-            ResolutionMethod::SemiGlobal => {
-                matching.semi_global(delta, &histogram, (drift, semi_global), out, grounds)?;
-                explain_pixels_without_candidates(cam1, cam2, table, segments, &mut out.outcomes);
-            }
-            ResolutionMethod::Paper => matching.by_paper(delta, &histogram, paper, out)?,
+            ResolutionMethod::SemiGlobal => matching.semi_global(delta, (drift, semi_global), out, grounds)?,
+            ResolutionMethod::Paper => matching.by_paper(delta, paper, out)?,
         }
+        out.delta_counts.clear();
+        out.delta_counts.extend(histogram.from_minus_to_plus_pi());
         out.slip_steps = slip_steps;
         Ok(())
     }
@@ -238,7 +230,6 @@ impl Matching<'_> {
     fn semi_global(
         &self,
         delta: DeltaStatistics,
-        histogram: &DeltaHistogram,
         (drift, room): (&mut DriftRoom, &mut semi_global::Room),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
@@ -264,8 +255,6 @@ impl Matching<'_> {
         check_share(&rest, doubtful, found, with_candidates)?;
         out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
         out.delta = delta;
-        out.delta_counts.clear();
-        out.delta_counts.extend(histogram.from_minus_to_plus_pi());
         out.drift = Some(drift);
         Ok(())
     }
@@ -273,7 +262,6 @@ impl Matching<'_> {
     fn by_paper(
         &self,
         mut delta: DeltaStatistics,
-        histogram: &DeltaHistogram,
         room: &mut resolution::Room,
         out: &mut Matches,
     ) -> Result<(), MatchError> {
@@ -296,8 +284,6 @@ impl Matching<'_> {
         out.confidence.resize(out.outcomes.len(), Confidence::NONE);
         out.chosen_delta_rad = pass.delta_rad;
         out.delta = delta;
-        out.delta_counts.clear();
-        out.delta_counts.extend(histogram.from_minus_to_plus_pi());
         out.drift = None;
         Ok(())
     }
@@ -327,42 +313,4 @@ impl Matching<'_> {
 fn delta_rad(outcomes: &[Outcome], chosen: &ChosenCandidates) -> (f64, f64) {
     let found = outcomes.iter().zip(&chosen.delta).filter(|(outcome, _)| outcome.is_found());
     mean_and_sd_rad(found.map(|(_, &delta)| delta))
-}
-
-/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes.
-fn explain_pixels_without_candidates(
-    cam1: &PhaseMap,
-    cam2: &EpipolarImage,
-    table: &SegmentTable,
-    rooms: &mut Vec<SegmentRow>,
-    outcomes: &mut [Outcome],
-) {
-    let width = cam1.width.max(1);
-    bands::resize(rooms, cam1.height);
-    let bands = outcomes.par_chunks_mut(BAND_ROWS * width).zip(rooms).enumerate();
-    bands.for_each(|(band, (outcomes, segments))| {
-        for (i, outcomes) in outcomes.chunks_mut(width).enumerate() {
-            let v = band * BAND_ROWS + i;
-            let (mut is_here, mut guess_px) = (false, 0.0);
-            for (u, (outcome, &valid)) in outcomes.iter_mut().zip(&cam1.valid[v * width..]).enumerate() {
-                if outcome.is_found() {
-                    continue;
-                }
-                if !valid {
-                    *outcome = Outcome::Invalid;
-                } else if !table.has_segment(v * width + u) {
-                    *outcome = Outcome::OutsideVolume;
-                } else if *outcome == Outcome::NoCandidate {
-                    if !is_here {
-                        table.row(v, segments);
-                        is_here = true;
-                    }
-                    let segment = segments.segment(u);
-                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[v * width + u], &mut guess_px) {
-                        *outcome = Outcome::RejectedByDelta;
-                    }
-                }
-            }
-        }
-    });
 }

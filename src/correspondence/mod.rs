@@ -16,7 +16,6 @@
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;
-mod bands;
 mod candidates;
 mod chosen;
 mod decay;

@@ -256,15 +256,7 @@ impl MayCross<'_, '_> {
 /// Some columns of a row; none has a phase beyond its end.
 #[inline(always)]
 fn columns(row: &[u16], first: usize) -> [u16; LANES] {
-    match row.get(first..).and_then(<[u16]>::first_chunk) {
-        Some(columns) => *columns,
-        None => {
-            let rest = row.get(first..).unwrap_or_default();
-            let mut columns = [EpipolarImage::NO_PHASE; LANES];
-            columns[..rest.len()].copy_from_slice(rest);
-            columns
-        }
-    }
+    simd::filled(row.get(first..).unwrap_or_default(), EpipolarImage::NO_PHASE)
 }
 
 /// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.

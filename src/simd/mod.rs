@@ -18,6 +18,19 @@ pub(crate) const LANES: usize = 32;
 /// Words of a table.
 pub(crate) const COLUMNS: usize = 2 * LANES;
 
+/// So many values, those behind the last one `other`.
+#[inline(always)]
+pub(crate) fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
+    match values.first_chunk() {
+        Some(all) => *all,
+        None => {
+            let mut all = [other; COUNT];
+            all[..values.len()].copy_from_slice(values);
+            all
+        }
+    }
+}
+
 /// Instruction sets that kernels are compiled for, the least first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use crate::phase::Modulation;
 use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::super::bands::{self, BAND_ROWS};
 use super::super::drift::DepthRow;
 use super::super::segment::SegmentRow;
+use super::bands::{self, BAND_ROWS};
 use super::outlook::Outlook;
 use super::wide::{self, BestOfBlock, Ends, EvidenceRoom, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
+use super::bands::{self, BAND_ROWS};
 use super::windows::Windows;
 
 /// Steps of the axes, columns and rows, from a pixel to the next.

@@ -14,13 +14,18 @@
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
 //! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; one place of C2
 //!    serves one order (*claims*). On the *grounds* of what stands around it every pixel gets a *confidence*; those below a
-//!    limit are left out.
+//!    limit are left out;
+//! 6. *explanation*: why the pixels without candidate have none.
+//!
+//! *bands*: what workers take at a time.
 //!
 //! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
 
+mod bands;
 mod claims;
 mod confidence;
 mod evidence;
+mod explanation;
 mod grounds;
 mod links;
 mod outlook;
@@ -40,6 +45,8 @@ use super::chosen::ChosenCandidates;
 use super::drift::Drift;
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
+use super::pool::Pool;
+use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
@@ -90,12 +97,11 @@ pub(super) struct Room {
     verdicts: Verdicts,
     selection: Selection,
     verification: VerificationRoom,
+    segments: Pool<SegmentRow>,
 }
 
 impl Room {
-    /// Decides every pixel that has a segment. The grounds of the decisions go where they are asked for.
-    ///
-    /// Outcomes of pixels without a candidate are left at [`Outcome::NoCandidate`]; the caller knows why there are none.
+    /// Decides every pixel. The grounds of the decisions go where they are asked for.
     pub(super) fn resolve(
         &mut self,
         scene: &Scene<'_>,
@@ -103,11 +109,12 @@ impl Room {
         decisions: &mut Decisions<'_>,
         grounds: Option<&mut Vec<Grounds>>,
     ) {
-        let Self { windows, evidence, paths, verdicts, selection, verification } = self;
+        let Self { windows, evidence, paths, verdicts, selection, verification, segments } = self;
         let scale = DeltaScale::of(scene);
         evidence.gather(scene, windows, &scale, decisions.passing);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
         verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);
+        explanation::explain(scene, decisions.outcomes, segments);
     }
 }

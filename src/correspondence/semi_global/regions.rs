@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::MAX_STEP;
 use super::super::unions::Unions;
+use super::bands::{self, BAND_ROWS};
 use super::selection::ABSENT;
 use crate::simd::{self, Kernel, Lanes, Level};
 

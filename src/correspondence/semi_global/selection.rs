@@ -5,10 +5,10 @@
 
 use rayon::prelude::*;
 
-use super::super::bands::{self, BAND_ROWS};
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
 use super::Scene;
+use super::bands::{self, BAND_ROWS};
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
 use super::places::{PlaceRow, Places};

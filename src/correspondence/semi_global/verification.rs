@@ -13,8 +13,8 @@
 
 use rayon::prelude::*;
 
-use super::super::bands::{self, BAND_ROWS};
 use super::super::outcome::Outcome;
+use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, TABLES, confidences, margin_nats};
 use super::evidence::PASSING_Z;

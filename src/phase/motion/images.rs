@@ -2,7 +2,7 @@
 
 use crate::grey::{GreyLevels, PixelFormat};
 use crate::phase::sample::Sample;
-use crate::simd::{LANES, Lanes};
+use crate::simd::{self, LANES, Lanes};
 
 use super::MAX_IMAGES;
 
@@ -86,15 +86,7 @@ impl<'a, S: Sample> Images<'a, S> {
     /// The samples of an image from a pixel on, `count` of which are of its row, the others 0.
     #[inline(always)]
     pub(super) fn block(&self, image: usize, pixel: usize, count: usize) -> [S; LANES] {
-        let samples = &self.samples[image][pixel..];
-        match samples.first_chunk() {
-            Some(block) if count == LANES => *block,
-            _ => {
-                let mut block = [S::default(); LANES];
-                block[..count].copy_from_slice(&samples[..count]);
-                block
-            }
-        }
+        simd::filled(&self.samples[image][pixel..pixel + count], S::default())
     }
 
     /// Where any of the greatest samples of pixels is saturated.

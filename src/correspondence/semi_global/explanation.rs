@@ -1,0 +1,43 @@
+//! Why pixels have no candidate.
+
+use rayon::prelude::*;
+
+use super::super::candidates::occurs;
+use super::super::outcome::Outcome;
+use super::super::pool::Pool;
+use super::super::row_view::RowView;
+use super::super::segment::SegmentRow;
+use super::Scene;
+
+/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes. `rooms` is for rows of
+/// segments.
+pub(super) fn explain(scene: &Scene<'_>, outcomes: &mut [Outcome], rooms: &Pool<SegmentRow>) {
+    let Scene { cam1, cam2, table, .. } = *scene;
+    let width = cam1.width.max(1);
+    outcomes.par_chunks_mut(width).enumerate().for_each_init(
+        || rooms.take(),
+        |segments, (v, outcomes)| {
+            let (mut is_here, mut guess_px) = (false, 0.0);
+            for (u, outcome) in outcomes.iter_mut().enumerate() {
+                let pixel = v * width + u;
+                if outcome.is_found() {
+                    continue;
+                }
+                if !cam1.valid[pixel] {
+                    *outcome = Outcome::Invalid;
+                } else if !table.has_segment(pixel) {
+                    *outcome = Outcome::OutsideVolume;
+                } else if *outcome == Outcome::NoCandidate {
+                    if !is_here {
+                        table.row(v, segments);
+                        is_here = true;
+                    }
+                    let segment = segments.segment(u);
+                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel], &mut guess_px) {
+                        *outcome = Outcome::RejectedByDelta;
+                    }
+                }
+            }
+        },
+    );
+}
