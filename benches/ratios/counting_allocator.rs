@@ -13,10 +13,17 @@ pub(crate) struct CountingAllocator;
 
 static CALLS: AtomicU64 = AtomicU64::new(0);
 static BYTES: AtomicU64 = AtomicU64::new(0);
+static FREED: AtomicU64 = AtomicU64::new(0);
 
 /// Allocations and their bytes since the program began, of all threads.
 pub(crate) fn allocated() -> [u64; 2] {
     [CALLS.load(Ordering::Relaxed), BYTES.load(Ordering::Relaxed)]
+}
+
+/// Bytes that are asked for and not given back.
+pub(crate) fn held() -> u64 {
+    // What another thread asks for in between may be given back before it is seen.
+    BYTES.load(Ordering::Relaxed).saturating_sub(FREED.load(Ordering::Relaxed))
 }
 
 fn count(bytes: usize) {
@@ -40,11 +47,13 @@ unsafe impl GlobalAlloc for CountingAllocator {
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count(size);
+        FREED.fetch_add(layout.size() as u64, Ordering::Relaxed);
         // SAFETY: the caller's promise is passed on.
         unsafe { MiMalloc.realloc(pointer, layout, size) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        FREED.fetch_add(layout.size() as u64, Ordering::Relaxed);
         // SAFETY: the caller's promise is passed on.
         unsafe { MiMalloc.dealloc(pointer, layout) }
     }

@@ -6,7 +6,7 @@
 //! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
 //!    a rig, what is smooth in *patches*;
 //! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
-//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *registers*: what the
+//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *wide*: what the
 //!    searches of many pixels at once are made of;
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
 //! 5. *semi-global*: the orders of the whole image decided together, or
@@ -31,8 +31,6 @@ mod outcome;
 mod patches;
 mod pool;
 pub mod reference_methods;
-#[cfg(target_arch = "x86_64")]
-mod registers;
 mod resolution;
 mod row_view;
 mod search;
@@ -44,6 +42,7 @@ mod semi_global;
 mod slip;
 mod source_map;
 mod unions;
+mod wide;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

@@ -10,12 +10,6 @@ use super::{COLUMNS, LANES, Lanes, Level};
 pub(crate) struct Avx512(());
 
 impl Avx512 {
-    /// The lanes, if the machine has them and the level is in use.
-    #[inline]
-    pub(crate) fn in_use() -> Option<Self> {
-        (Level::in_use() == Level::Avx512).then_some(Self(()))
-    }
-
     /// The lanes, if the machine has them.
     #[inline]
     pub(super) fn new() -> Option<Self> {

@@ -84,8 +84,5 @@ pub(crate) const UNSAFE_FILES: &[&str] = &[
     "src/simd/mod.rs",
     "src/simd/arrays.rs",
     "src/simd/avx512.rs",
-    "src/correspondence/registers/rows.rs",
-    "src/correspondence/registers/words.rs",
-    "src/correspondence/search/wide.rs",
     "src/transport/wait.rs",
 ];

@@ -3,6 +3,7 @@
 use fringeflow::correspondence::{DeltaGate, EpipolarImage, SearchForm, SegmentTable, find_candidates};
 use fringeflow::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig};
 use fringeflow::phase::{Modulation, PhaseMap};
+use fringeflow::simd::Level;
 
 use crate::random::Random;
 
@@ -18,8 +19,11 @@ fn the_projector_side_search_finds_what_the_plain_scan_finds() {
         for threshold_turns in [0.002, 0.02, 0.1, 0.3, 0.6] {
             let gate = DeltaGate { mean_turns: random.between(-0.05, 0.05) as f32, threshold_turns };
             let plain = find_candidates(&cam1, &image, &table, &gate, SearchForm::PlainScan);
-            let fast = find_candidates(&cam1, &image, &table, &gate, SearchForm::ProjectorSide);
-            assert!(plain == fast, "case {case}, threshold {threshold_turns}");
+            for level in Level::ALL {
+                level.limit_to();
+                let fast = find_candidates(&cam1, &image, &table, &gate, SearchForm::ProjectorSide);
+                assert!(plain == fast, "case {case}, threshold {threshold_turns}, {}", level.name());
+            }
             candidates += plain.all().count();
         }
     }

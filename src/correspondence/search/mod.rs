@@ -1,24 +1,20 @@
 //! The candidates of all pixels of an image.
 
 mod found;
-#[cfg(target_arch = "x86_64")]
 mod wide;
 
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
-#[cfg(target_arch = "x86_64")]
-use crate::simd::Avx512;
-use crate::simd::LANES;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
-#[cfg(target_arch = "x86_64")]
-use super::candidates::keep_best_of_place;
-use super::candidates::{Candidate, DeltaGate, occurs, plain_scan, projector_side_search};
+use super::candidates::{Candidate, DeltaGate, keep_best_of_place, occurs, plain_scan, projector_side_search};
 use super::epipolar_image::EpipolarImage;
 use super::grid::ones;
 use super::row_view::RowView;
 use super::segment::{Segment, SegmentRow};
 use super::segment_table::SegmentTable;
+use super::wide::BLOCK;
 
 pub use found::Candidates;
 pub(super) use found::{Lists, Row};
@@ -118,54 +114,13 @@ struct SearchedRow<'a> {
 
 impl SearchedRow<'_> {
     fn search(&self, form: SearchForm, candidates: &mut Row<'_>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(lanes) = Avx512::in_use().filter(|_| form == SearchForm::ProjectorSide) {
-            let whole = self.search_blocks(lanes, candidates);
-            return (whole..self.phase.len()).for_each(|u| self.search_pixel(projector_side_search, u, candidates));
-        }
-        let search = match form {
-            SearchForm::PlainScan => plain_scan,
-            SearchForm::ProjectorSide => projector_side_search,
+        let (search, first): (ScalarSearch, _) = match form {
+            SearchForm::PlainScan => (plain_scan, 0),
+            SearchForm::ProjectorSide => {
+                (projector_side_search, simd::run(Level::in_use(), Blocks { searched: self, candidates }))
+            }
         };
-        (0..self.phase.len()).for_each(|u| self.search_pixel(search, u, candidates));
-    }
-
-    /// Searches whole blocks at once; yields how many pixels they have.
-    #[cfg(target_arch = "x86_64")]
-    fn search_blocks(&self, lanes: Avx512, candidates: &mut Row<'_>) -> usize {
-        let search = wide::Search { image: self.cam2, segments: self.segments, gate: self.gate };
-        let mut found = wide::Found::new();
-        let (blocks, _) = self.phase.as_chunks::<{ wide::BLOCK }>();
-        for (block, phase) in blocks.iter().enumerate() {
-            let first = block * wide::BLOCK;
-            candidates.begin_block(first);
-            let block_of = first..first + wide::BLOCK;
-            let (begin_px, end_px) =
-                (&self.segments.begin_px[block_of.clone()], &self.segments.end_px[block_of.clone()]);
-            let limits = begin_px.iter().zip(end_px).zip(&self.valid[block_of]);
-            let wanted = limits
-                .enumerate()
-                .fold(0, |bits, (k, ((begin_px, end_px), valid))| bits | u32::from(valid & (begin_px <= end_px)) << k);
-            if wanted == 0 {
-                continue;
-            }
-            candidates.searched[block + 1] = wanted;
-            search.block(lanes, first, phase, wanted, &mut found);
-            let several = found.passing[1..].iter().fold(found.irregular, |all, slot| all | slot) & wanted;
-            found.enter(first, found.passing[0] & !several, candidates);
-            for k in ones(several) {
-                if found.irregular >> k & 1 == 1 {
-                    self.search_pixel(projector_side_search, first + k, candidates);
-                } else {
-                    let (list, before) = candidates.open_list();
-                    for slot in (0..found.passing.len()).filter(|&slot| found.passing[slot] >> k & 1 == 1) {
-                        keep_best_of_place(found.candidate(slot, k), before, list);
-                    }
-                    candidates.close_list(first + k);
-                }
-            }
-        }
-        blocks.len() * wide::BLOCK
+        (first..self.phase.len()).for_each(|u| self.search_pixel(search, u, candidates));
     }
 
     /// Finds out of which pixels without candidates the phase occurs on the segment all the same.
@@ -182,6 +137,28 @@ impl SearchedRow<'_> {
         }
     }
 
+    /// Enters what was found of a block, and searches the pixels that were left out there.
+    #[inline]
+    fn enter(&self, first: usize, found: &wide::Found, candidates: &mut Row<'_>) {
+        if found.searched == 0 {
+            return;
+        }
+        candidates.searched[first / BLOCK + 1] = found.searched;
+        let several = found.passing[1..].iter().fold(found.irregular, |all, slot| all | slot);
+        found.enter(first, found.passing[0] & !several, candidates);
+        for k in ones(several) {
+            if found.irregular >> k & 1 == 1 {
+                self.search_pixel(projector_side_search, first + k, candidates);
+            } else {
+                let (list, before) = candidates.open_list();
+                for slot in (0..found.passing.len()).filter(|&slot| found.passing[slot] >> k & 1 == 1) {
+                    keep_best_of_place(found.candidate(slot, k), before, list);
+                }
+                candidates.close_list(first + k);
+            }
+        }
+    }
+
     fn search_pixel(&self, search: ScalarSearch, u: usize, candidates: &mut Row<'_>) {
         candidates.begin_block(u);
         let segment = self.segments.segment(u);
@@ -191,6 +168,32 @@ impl SearchedRow<'_> {
             search(&RowView::new(self.cam2, segment.row_px), &segment, self.phase[u], self.gate, list);
             candidates.close_list(u);
         }
+    }
+}
+
+/// Searches the whole blocks of a row; yields how many pixels they have.
+struct Blocks<'a, 'b> {
+    searched: &'a SearchedRow<'a>,
+    candidates: &'a mut Row<'b>,
+}
+
+impl Kernel for Blocks<'_, '_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> usize {
+        let Self { searched, candidates } = self;
+        let search = wide::Search { image: searched.cam2, segments: searched.segments, gate: searched.gate };
+        let mut found = wide::Found::new();
+        let valid: &[u8] = bytemuck::cast_slice(searched.valid);
+        let (phase, valid) = (searched.phase.as_chunks().0, valid.as_chunks().0);
+        for block in 0..phase.len() {
+            let first = block * BLOCK;
+            candidates.begin_block(first);
+            search.block(lanes, first, &phase[block], &valid[block], &mut found);
+            searched.enter(first, &found, candidates);
+        }
+        phase.len() * BLOCK
     }
 }
 

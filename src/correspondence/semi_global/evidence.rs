@@ -11,9 +11,10 @@ use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::drift::DepthRow;
 use super::super::segment::SegmentRow;
+use super::super::wide::{BLOCK, Ends, block_of_mut};
 use super::bands::{self, BAND_ROWS};
 use super::outlook::Outlook;
-use super::wide::{self, BestOfBlock, Ends, EvidenceRoom, OrdersOfBlock};
+use super::wide::{self, BestOfBlock, EvidenceRoom, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
@@ -301,23 +302,23 @@ impl Kernel for EvidenceRow<'_> {
         let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
         let (mut room, mut ends): (_, Ends) = (EvidenceRoom::new(level), [[0; _]; 3]);
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
-            let begin = block * wide::BLOCK;
+            let begin = block * BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else {
-                self.passing[begin..][..wide::BLOCK].fill(0);
+                self.passing[begin..][..BLOCK].fill(0);
                 continue;
             };
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
-            let tile = &mut self.tile[begin * self.lanes..][..wide::BLOCK * self.lanes];
+            let tile = &mut self.tile[begin * self.lanes..][..BLOCK * self.lanes];
             let orders = OrdersOfBlock { first, count, most };
             let best = of_block.evidence(&orders, self.energies, &mut room, &mut ends, tile, self.lanes);
             let BestOfBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
-                level.store_bytes(words, wide::block_of_mut(out, begin));
+                level.store_bytes(words, block_of_mut(out, begin));
             }
             self.gather_pixels(begin, of_block.irregular());
         }
-        (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.gather_pixel(u));
+        (counts.len() * BLOCK..self.count.len()).for_each(|u| self.gather_pixel(u));
     }
 }
 

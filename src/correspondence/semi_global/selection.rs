@@ -7,12 +7,13 @@ use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
 use super::super::neighbourhood::TURN;
+use super::super::wide::{BLOCK, block_of_mut};
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::evidence::{DeltaScale, OutlookRow};
 use super::outlook::Outlook;
 use super::places::{PlaceRow, Places};
-use super::wide::{self, SelectionRoom};
+use super::wide::SelectionRoom;
 use super::windows::{Reach, Windows};
 use crate::simd::{self, Kernel, Lanes, Level};
 
@@ -165,24 +166,24 @@ struct SelectedRow<'a> {
 
 /// The same of a block.
 pub(super) struct SelectedBlock<'a> {
-    pub(super) absolute: &'a mut [i32; wide::BLOCK],
-    pub(super) column_px: &'a mut [f32; wide::BLOCK],
-    pub(super) z: &'a mut [f32; wide::BLOCK],
-    pub(super) delta: &'a mut [i16; wide::BLOCK],
-    pub(super) slope: &'a mut [i16; wide::BLOCK],
-    pub(super) in_volume: &'a mut [bool; wide::BLOCK],
+    pub(super) absolute: &'a mut [i32; BLOCK],
+    pub(super) column_px: &'a mut [f32; BLOCK],
+    pub(super) z: &'a mut [f32; BLOCK],
+    pub(super) delta: &'a mut [i16; BLOCK],
+    pub(super) slope: &'a mut [i16; BLOCK],
+    pub(super) in_volume: &'a mut [bool; BLOCK],
 }
 
 impl SelectedRow<'_> {
     #[inline(always)]
     fn block(&mut self, begin: usize) -> SelectedBlock<'_> {
         SelectedBlock {
-            absolute: wide::block_of_mut(self.absolute, begin),
-            column_px: wide::block_of_mut(self.column_px, begin),
-            z: wide::block_of_mut(self.z, begin),
-            delta: wide::block_of_mut(self.delta, begin),
-            slope: wide::block_of_mut(self.slope, begin),
-            in_volume: wide::block_of_mut(self.in_volume, begin),
+            absolute: block_of_mut(self.absolute, begin),
+            column_px: block_of_mut(self.column_px, begin),
+            z: block_of_mut(self.z, begin),
+            delta: block_of_mut(self.delta, begin),
+            slope: block_of_mut(self.slope, begin),
+            in_volume: block_of_mut(self.in_volume, begin),
         }
     }
 }
@@ -207,15 +208,15 @@ impl Kernel for SelectionRow<'_> {
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
         let mut room = SelectionRoom::new(level);
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
-            let begin = block * wide::BLOCK;
+            let begin = block * BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else {
-                self.out.absolute[begin..][..wide::BLOCK].fill(ABSENT);
+                self.out.absolute[begin..][..BLOCK].fill(ABSENT);
                 continue;
             };
             of_block.select(order, &mut room, &mut self.out.block(begin));
             self.select_pixels(begin, of_block.irregular());
         }
-        (counts.len() * wide::BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
+        (counts.len() * BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
     }
 }
 

@@ -2,11 +2,10 @@
 
 use crate::simd::{COLUMNS, Lanes};
 
+use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
 use super::super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use super::super::windows::LANE_STEP;
-use super::pixels::column_and_slope;
-use super::rows::{Crossing, Differences, Ends, Tables, crosses};
-use super::{BLOCK, Block};
+use super::Block;
 
 /// Crossings that are kept until they are weighed.
 const MAX_CROSSINGS: usize = 2 * LANE_STEP;
@@ -213,7 +212,7 @@ impl<L: Lanes> Block<'_, L> {
             let step = lanes.times_float(z, lanes.float(STEPS_PER_Z));
             let step = lanes.longs(lanes.min_float(step, lanes.float(Energies::STEPS as f32)));
             let energy = lanes.numbers(&energies.of_step, step);
-            let within = pixels.is_in_volume(column_px);
+            let within = pixels.segments.have(column_px);
             let outside = lanes.select_long(within, lanes.long(0), lanes.long(i32::from(OUTSIDE)));
             let energy = lanes.narrow(lanes.add_long(energy, outside));
             let best = room.best[lane];

@@ -1,30 +1,23 @@
 //! Evidence and selection of 32 pixels of a row at once: what [`super::outlook`] says of each, bit for bit, at every level.
 //!
-//! Neighbouring pixels look for one fringe order in neighbouring columns of the same rows of C2, so that tables of 64 columns
-//! hold what 32 pixels need. Every operation is that of the scalar form, single and in its order. Pixels of which more cannot
-//! be said are *irregular*, and left to it: Φ that hardly changes or runs into its pole, intervals of many columns or at the
-//! border of the image.
+//! Every operation is that of the scalar form, single and in its order. Pixels of which more cannot be said are *irregular*, and
+//! left to it: Φ that hardly changes or runs into its pole, intervals of many columns or at the border of the image.
 
 mod evidence;
 mod pixels;
-mod rows;
 mod selection;
 
-use crate::simd::{LANES, Lanes};
+use crate::simd::Lanes;
 
 use super::super::drift::DepthRow;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
+use super::super::wide::{BLOCK, Rows, block_of};
 use super::windows::Reach;
 
 pub(super) use evidence::{BestOfBlock, EvidenceRoom, OrdersOfBlock};
 use pixels::Pixels;
-pub(super) use rows::Ends;
-use rows::Rows;
 pub(super) use selection::SelectionRoom;
-
-/// Pixels of a block.
-pub(super) const BLOCK: usize = LANES;
 
 /// A row of pixels and what it is searched in.
 #[derive(Clone, Copy)]
@@ -60,7 +53,7 @@ impl<'a> Row<'a> {
         }
         let wanted = lanes.is_greater(lanes.words_of_bytes(count), lanes.word(0));
         let (pixels, regular) = Pixels::of(lanes, self, first);
-        let (rows, in_rows) = Rows::of(lanes, self.image, pixels.row, lanes.and(wanted, regular));
+        let (rows, in_rows) = Rows::of(lanes, self.image, pixels.segments.row, lanes.and(wanted, regular));
         let regular = lanes.and(lanes.and(wanted, regular), in_rows);
         let phases = lanes.load(block_of(self.phase, first));
         let irregular = lanes.and_not(wanted, regular);
@@ -81,16 +74,4 @@ impl<L: Lanes> Block<'_, L> {
     pub(super) fn irregular(&self) -> u32 {
         if self.lanes.any(self.irregular) { self.lanes.bits(self.irregular) } else { 0 }
     }
-}
-
-/// The numbers of the block that begins with the first pixel.
-#[inline(always)]
-fn block_of<T>(row: &[T], first: usize) -> &[T; BLOCK] {
-    &row.as_chunks().0[first / BLOCK]
-}
-
-/// The same, to be changed.
-#[inline(always)]
-pub(super) fn block_of_mut<T>(row: &mut [T], first: usize) -> &mut [T; BLOCK] {
-    &mut row.as_chunks_mut().0[first / BLOCK]
 }

@@ -2,9 +2,9 @@
 
 use crate::simd::Lanes;
 
+use super::super::super::wide::{Segments, block_of, load};
 use super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
-use super::rows::Crossing;
-use super::{Row, block_of};
+use super::Row;
 
 /// Most columns of an interval.
 pub(super) const MAX_WIDTH: i32 = 24;
@@ -18,16 +18,9 @@ const MAX_COLUMN: f32 = i16::MAX as f32;
 /// 32 pixels.
 pub(super) struct Pixels<L: Lanes> {
     lanes: L,
-    begin: L::Floats,
-    end: L::Floats,
+    pub(super) segments: Segments<L>,
     first_px: L::Floats,
     last_px: L::Floats,
-    reference: L::Floats,
-    a: L::Floats,
-    b: L::Floats,
-    d: L::Floats,
-    /// Row of C2, pixels.
-    pub(super) row: L::Floats,
     /// b − a·d.
     rise: L::Floats,
     /// Least and greatest Φ within the limits.
@@ -55,24 +48,16 @@ impl<L: Lanes> Pixels<L> {
     /// Those of a row from `first` on; and which of them are regular.
     #[inline(always)]
     pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
-        let (s, c) = (row.segments, &row.drift.coefficients);
-        let (begin, end) = (load(lanes, &s.begin_px, first), load(lanes, &s.end_px, first));
+        let (segments, c) = (Segments::of(lanes, row.segments, first), &row.drift.coefficients);
         let beyond = lanes.float(row.reach.beyond_px);
         let zero = lanes.float(0.0);
         let phases = lanes.floats(lanes.widen_unsigned(lanes.load(block_of(row.phase, first))));
-        let (a, b, d) = (load(lanes, &s.a, first), load(lanes, &s.b, first), load(lanes, &s.d, first));
         let mut pixels = Self {
             lanes,
-            begin,
-            end,
-            first_px: lanes.max_float(lanes.sub_float(begin, beyond), zero),
-            last_px: lanes.min_float(lanes.add_float(end, beyond), lanes.float(row.reach.last_column_px)),
-            reference: load(lanes, &s.reference_px, first),
-            a,
-            b,
-            d,
-            row: load(lanes, &s.row_px, first),
-            rise: lanes.sub_float(b, lanes.times_float(a, d)),
+            first_px: lanes.max_float(lanes.sub_float(segments.begin, beyond), zero),
+            last_px: lanes.min_float(lanes.add_float(segments.end, beyond), lanes.float(row.reach.last_column_px)),
+            rise: lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d)),
+            segments,
             least: zero,
             most: zero,
             phase_turns: lanes.times_float(phases, lanes.float(1.0 / 65536.0)),
@@ -88,23 +73,15 @@ impl<L: Lanes> Pixels<L> {
             per_px: lanes.float(row.drift.per_px),
             sd_turns: load(lanes, row.sd_turns, first),
         };
-        let (at_first, at_last) = (pixels.phase_turns_at(pixels.first_px), pixels.phase_turns_at(pixels.last_px));
+        let (at_first, at_last) =
+            (pixels.segments.phase_turns(pixels.first_px), pixels.segments.phase_turns(pixels.last_px));
         pixels.least = lanes.min_float(at_first, at_last);
         pixels.most = lanes.max_float(at_first, at_last);
         let is_small = |turns: L::Floats| lanes.exceeds(lanes.float(MAX_TURNS), lanes.abs_float(turns));
         let changes = lanes.exceeds(lanes.sub_float(pixels.most, pixels.least), lanes.float(FLAT_TURNS));
-        let is_known = lanes.both(lanes.exceeds(pixels.sd_turns, zero), lanes.reaches(pixels.row, zero));
+        let is_known = lanes.both(lanes.exceeds(pixels.sd_turns, zero), lanes.reaches(pixels.segments.row, zero));
         let regular = lanes.both(lanes.both(is_small(at_first), is_small(at_last)), lanes.both(changes, is_known));
         (pixels, lanes.mask_of(regular))
-    }
-
-    #[inline(always)]
-    fn phase_turns_at(&self, column_px: L::Floats) -> L::Floats {
-        let lanes = self.lanes;
-        let s = lanes.sub_float(column_px, self.reference);
-        let above = lanes.add_float(self.a, lanes.times_float(self.b, s));
-        let below = lanes.add_float(lanes.float(1.0), lanes.times_float(self.d, s));
-        lanes.over(above, below)
     }
 
     #[inline(always)]
@@ -119,17 +96,12 @@ impl<L: Lanes> Pixels<L> {
     #[inline(always)]
     pub(super) fn order_and_rest(&self, column_px: L::Floats) -> (L::Longs, L::Floats) {
         let lanes = self.lanes;
-        let turns = lanes.sub_float(self.phase_turns_at(column_px), self.drift_at(column_px));
+        let turns = lanes.sub_float(self.segments.phase_turns(column_px), self.drift_at(column_px));
         let turns = lanes.sub_float(turns, self.phase_turns);
         let nearest = lanes.add_float(turns, lanes.with_sign(lanes.float(0.5), turns));
         let nearest = lanes.min_float(lanes.max_float(nearest, lanes.float(-NO_ORDER)), lanes.float(NO_ORDER));
         let order = lanes.longs(nearest);
         (order, lanes.sub_float(turns, lanes.floats(order)))
-    }
-
-    #[inline(always)]
-    pub(super) fn is_in_volume(&self, column_px: L::Floats) -> L::Truths {
-        self.lanes.both(self.lanes.reaches(column_px, self.begin), self.lanes.reaches(self.end, column_px))
     }
 
     #[inline(always)]
@@ -141,9 +113,10 @@ impl<L: Lanes> Pixels<L> {
     #[inline(always)]
     fn column_at(&self, turns: L::Floats) -> (L::Floats, L::Floats) {
         let lanes = self.lanes;
-        let inverse = lanes.over(lanes.float(1.0), lanes.sub_float(self.b, lanes.times_float(self.d, turns)));
-        let offset = lanes.times_float(lanes.sub_float(turns, self.a), inverse);
-        let column_px = lanes.add_float(self.reference, offset);
+        let segments = &self.segments;
+        let inverse = lanes.over(lanes.float(1.0), lanes.sub_float(segments.b, lanes.times_float(segments.d, turns)));
+        let offset = lanes.times_float(lanes.sub_float(turns, segments.a), inverse);
+        let column_px = lanes.add_float(segments.reference, offset);
         (lanes.min_float(lanes.max_float(column_px, self.first_px), self.last_px), inverse)
     }
 
@@ -179,21 +152,4 @@ impl<L: Lanes> Pixels<L> {
             narrow: lanes.mask_of(narrow),
         }
     }
-}
-
-/// The floats of a block. No closure: what is not inlined at once would be calls of single instructions.
-#[inline(always)]
-fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
-    lanes.load_floats(block_of(row, first))
-}
-
-/// Column and slope of crossings.
-#[inline(always)]
-pub(super) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
-    let (before, after) = (lanes.widen(crossing.before), lanes.widen(crossing.after));
-    let slope = lanes.sub_long(after, before);
-    let down = lanes.floats(lanes.sub_long(before, after));
-    let offset = lanes.over(lanes.floats(before), down);
-    let column = lanes.widen_unsigned(lanes.sub(crossing.after_at, lanes.word(1)));
-    (lanes.add_float(lanes.floats(column), offset), slope)
 }

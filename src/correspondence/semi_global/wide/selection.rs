@@ -3,10 +3,10 @@
 use crate::simd::{COLUMNS, Lanes};
 
 use super::super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
+use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
 use super::super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
-use super::pixels::{MAX_WIDTH, Pixels, column_and_slope};
-use super::rows::{Crossing, Differences, Ends, RowPair, Tables, crosses};
-use super::{BLOCK, Block};
+use super::Block;
+use super::pixels::{MAX_WIDTH, Pixels};
 
 /// Columns beside an interval that are looked at for rims: those of the rims, and their neighbours.
 const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
@@ -88,7 +88,7 @@ impl<L: Lanes> Block<'_, L> {
         let present = lanes.truths(lanes.and(best.present, self.regular));
         let absolute = lanes.join(best.order, self.phases);
         lanes.store_longs(lanes.select_long(present, absolute, lanes.long(ABSENT)), out.absolute);
-        lanes.store_mask(lanes.mask_of(lanes.both(present, pixels.is_in_volume(best.column_px))), out.in_volume);
+        lanes.store_mask(lanes.mask_of(lanes.both(present, pixels.segments.have(best.column_px))), out.in_volume);
         let delta_turns = lanes.add_float(best.rest, pixels.drift_at(best.column_px));
         let delta = nearest_whole(lanes, lanes.times_float(delta_turns, lanes.float(65536.0)));
         lanes.store_floats(best.column_px, out.column_px);

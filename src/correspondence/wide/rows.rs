@@ -2,14 +2,14 @@
 
 use crate::simd::{COLUMNS, Lanes};
 
-use super::super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
-use super::super::super::row_view::MAX_COLUMN_STEP;
+use super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::super::row_view::MAX_COLUMN_STEP;
 
 /// Pairs of rows that a block may look into.
 const MAX_PAIRS: usize = 4;
 
 /// The rows of C2 that the pixels of a block look into, two pairs at a time.
-pub(super) struct Rows<L: Lanes> {
+pub(in super::super) struct Rows<L: Lanes> {
     pairs: [RowPair<L>; MAX_PAIRS],
     count: usize,
     /// Share of the lower row, 1/65536.
@@ -18,9 +18,9 @@ pub(super) struct Rows<L: Lanes> {
 
 /// Two pairs of neighbouring rows: the first and the second row, and the second and the third.
 #[derive(Clone, Copy)]
-pub(super) struct RowPair<L: Lanes> {
+pub(in super::super) struct RowPair<L: Lanes> {
     /// Pixels that look into either.
-    pub(super) pixels: L::Mask,
+    pub(in super::super) pixels: L::Mask,
     /// Where the rows begin.
     begins: [usize; 3],
     /// Pixels of the second pair.
@@ -32,7 +32,7 @@ pub(super) struct RowPair<L: Lanes> {
 impl<L: Lanes> Rows<L> {
     /// Those of pixels with segments in such rows; and which of them the rows are found of.
     #[inline(always)]
-    pub(super) fn of(lanes: L, image: &EpipolarImage, row: L::Floats, pixels: L::Mask) -> (Self, L::Mask) {
+    pub(in super::super) fn of(lanes: L, image: &EpipolarImage, row: L::Floats, pixels: L::Mask) -> (Self, L::Mask) {
         let width = image.width;
         let last = image.phase.len() / width - 1;
         let (zero, none) = (lanes.float(0.0), lanes.mask(0));
@@ -63,13 +63,13 @@ impl<L: Lanes> Rows<L> {
 
     /// The pairs, one after the other.
     #[inline(always)]
-    pub(super) fn pairs(&self) -> &[RowPair<L>] {
+    pub(in super::super) fn pairs(&self) -> &[RowPair<L>] {
         &self.pairs[..self.count]
     }
 }
 
 /// 64 columns of three rows.
-pub(super) struct Tables<'a, L: Lanes> {
+pub(in super::super) struct Tables<'a, L: Lanes> {
     lanes: L,
     rows: [L::Table<'a>; 3],
     pair: RowPair<L>,
@@ -83,7 +83,7 @@ pub(in super::super) type Ends = [[u16; COLUMNS]; 3];
 impl<'a, L: Lanes> Tables<'a, L> {
     /// The columns from `base` on, for pixels with such phases.
     #[inline(always)]
-    pub(super) fn of(
+    pub(in super::super) fn of(
         lanes: L,
         image: &'a EpipolarImage,
         rows: &Rows<L>,
@@ -102,9 +102,9 @@ impl<'a, L: Lanes> Tables<'a, L> {
         Self { lanes, rows: rows_of, pair, below: rows.below, phases }
     }
 
-    /// The phase at places of the tables less that of the pixels, as [`super::super::super::row_view::RowView`] has it.
+    /// The phase at places of the tables less that of the pixels, as [`super::super::row_view::RowView`] has it.
     #[inline(always)]
-    pub(super) fn difference(&self, place: L::Words) -> Differences<L> {
+    pub(in super::super) fn difference(&self, place: L::Words) -> Differences<L> {
         let lanes = self.lanes;
         let [first, second, third] = self.rows;
         let (mut upper, mut lower) = (lanes.look_up(first, place), lanes.look_up(second, place));
@@ -147,21 +147,21 @@ fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMN
 
 /// Phases less those of the pixels, and where there are any.
 #[derive(Clone, Copy)]
-pub(super) struct Differences<L: Lanes> {
-    pub(super) value: L::Words,
-    pub(super) known: L::Mask,
+pub(in super::super) struct Differences<L: Lanes> {
+    pub(in super::super) value: L::Words,
+    pub(in super::super) known: L::Mask,
 }
 
 impl<L: Lanes> Differences<L> {
     #[inline(always)]
-    pub(super) fn none(lanes: L) -> Self {
+    pub(in super::super) fn none(lanes: L) -> Self {
         Self { value: lanes.word(0), known: lanes.mask(0) }
     }
 }
 
 /// Between which neighbours the phase of the pixel lies.
 #[inline(always)]
-pub(super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
+pub(in super::super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);
     let (was_above, rises) = (lanes.is_greater(before.value, zero), lanes.is_greater(after.value, zero));
     let step = lanes.sub(after.value, before.value);
@@ -173,26 +173,44 @@ pub(super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differe
 
 /// One crossing a pixel.
 #[derive(Clone, Copy)]
-pub(super) struct Crossing<L: Lanes> {
-    pub(super) hit: L::Mask,
-    pub(super) before: L::Words,
-    pub(super) after: L::Words,
+pub(in super::super) struct Crossing<L: Lanes> {
+    pub(in super::super) hit: L::Mask,
+    pub(in super::super) before: L::Words,
+    pub(in super::super) after: L::Words,
     /// The column after it.
-    pub(super) after_at: L::Words,
+    pub(in super::super) after_at: L::Words,
 }
 
 impl<L: Lanes> Crossing<L> {
     #[inline(always)]
-    pub(super) fn none(lanes: L) -> Self {
+    pub(in super::super) fn none(lanes: L) -> Self {
         let zero = lanes.word(0);
         Self { hit: lanes.mask(0), before: zero, after: zero, after_at: zero }
     }
 
     #[inline(always)]
-    pub(super) fn take(&mut self, lanes: L, pixels: L::Mask, before: L::Words, after: L::Words, at: L::Words) {
+    pub(in super::super) fn take(
+        &mut self,
+        lanes: L,
+        pixels: L::Mask,
+        before: L::Words,
+        after: L::Words,
+        at: L::Words,
+    ) {
         self.hit = lanes.or(self.hit, pixels);
         self.before = lanes.select(pixels, before, self.before);
         self.after = lanes.select(pixels, after, self.after);
         self.after_at = lanes.select(pixels, at, self.after_at);
     }
+}
+
+/// Column and slope of crossings.
+#[inline(always)]
+pub(in super::super) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
+    let (before, after) = (lanes.widen(crossing.before), lanes.widen(crossing.after));
+    let slope = lanes.sub_long(after, before);
+    let down = lanes.floats(lanes.sub_long(before, after));
+    let offset = lanes.over(lanes.floats(before), down);
+    let column = lanes.widen_unsigned(lanes.sub(crossing.after_at, lanes.word(1)));
+    (lanes.add_float(lanes.floats(column), offset), slope)
 }

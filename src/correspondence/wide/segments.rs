@@ -1,0 +1,59 @@
+//! The segments of 32 pixels.
+
+use crate::simd::Lanes;
+
+use super::super::segment::SegmentRow;
+use super::block_of;
+
+/// The segments of 32 pixels: see [`super::super::segment::Segment`].
+pub(in super::super) struct Segments<L: Lanes> {
+    lanes: L,
+    /// First and last column, pixels.
+    pub(in super::super) begin: L::Floats,
+    pub(in super::super) end: L::Floats,
+    /// Row, pixels.
+    pub(in super::super) row: L::Floats,
+    pub(in super::super) reference: L::Floats,
+    pub(in super::super) a: L::Floats,
+    pub(in super::super) b: L::Floats,
+    pub(in super::super) d: L::Floats,
+}
+
+impl<L: Lanes> Segments<L> {
+    /// Those of a row from a pixel on.
+    #[inline(always)]
+    pub(in super::super) fn of(lanes: L, row: &SegmentRow, first: usize) -> Self {
+        Self {
+            lanes,
+            begin: load(lanes, &row.begin_px, first),
+            end: load(lanes, &row.end_px, first),
+            row: load(lanes, &row.row_px, first),
+            reference: load(lanes, &row.reference_px, first),
+            a: load(lanes, &row.a, first),
+            b: load(lanes, &row.b, first),
+            d: load(lanes, &row.d, first),
+        }
+    }
+
+    /// Back-projection phases Φ at columns, turns.
+    #[inline(always)]
+    pub(in super::super) fn phase_turns(&self, column_px: L::Floats) -> L::Floats {
+        let lanes = self.lanes;
+        let s = lanes.sub_float(column_px, self.reference);
+        let above = lanes.add_float(self.a, lanes.times_float(self.b, s));
+        let below = lanes.add_float(lanes.float(1.0), lanes.times_float(self.d, s));
+        lanes.over(above, below)
+    }
+
+    /// Which columns lie on the segments.
+    #[inline(always)]
+    pub(in super::super) fn have(&self, column_px: L::Floats) -> L::Truths {
+        self.lanes.both(self.lanes.reaches(column_px, self.begin), self.lanes.reaches(self.end, column_px))
+    }
+}
+
+/// The floats of a block. No closure: what is not inlined at once would be calls of single instructions.
+#[inline(always)]
+pub(in super::super) fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
+    lanes.load_floats(block_of(row, first))
+}
