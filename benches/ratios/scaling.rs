@@ -18,13 +18,13 @@ const TWICE_THE_LENGTH: f64 = 1.15;
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
     let quarter = Measured::new(Geometry::Easy, bench.size_px.map(|side| side / 2));
-    let short = Measured::new(Geometry::ShortBase, bench.size_px);
+    let deep = Measured::new(Geometry::DeepVolume, bench.size_px);
     report.note(format!(
-        "segments: {:.0} px with {:.1} periods in the mean, of the shorter base {:.0} px with {:.1}",
+        "segments: {:.0} px with {:.1} periods in the mean, of the deeper volume {:.0} px with {:.1}",
         mean_length_px(&easy),
         easy.scene.rig.mean_periods(),
-        mean_length_px(&short),
-        short.scene.rig.mean_periods()
+        mean_length_px(&deep),
+        deep.scene.rig.mean_periods()
     ));
     for method in ResolutionMethod::ALL {
         let new = |m: &Measured| Workers::with_table(&m.scene, Arc::clone(&m.table), STEPS, method);
@@ -35,9 +35,9 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         let name = format!("four times the pixels, {}", method.name());
         report.ratio(&name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(FOUR_TIMES_THE_PIXELS));
 
-        let mut other = new(&short);
-        let pixels = [searched_pixels(&mut whole, &easy), searched_pixels(&mut other, &short)];
-        let contenders = &mut [contender(|| whole.search()), contender(|| black_box(&mut other).search())];
+        let mut long = new(&deep);
+        let pixels = [searched_pixels(&mut long, &deep), searched_pixels(&mut whole, &easy)];
+        let contenders = &mut [contender(|| long.search()), contender(|| black_box(&mut whole).search())];
         let spent: Vec<Vec<Spent>> = interleave(bench.repetitions, contenders);
         let name = format!("match time a pixel, segments twice as long, {}", method.name());
         let sides = [(spent[0].as_slice(), pixels[0]), (spent[1].as_slice(), pixels[1])];

@@ -32,8 +32,9 @@ pub(crate) enum Geometry {
     Easy,
     /// Projector outside the base, at a place where every third order passes it.
     Hard,
-    /// As `Easy` with half the base and half the fringe period: segments of half the length with as many periods on them.
-    ShortBase,
+    /// As `Easy` in a volume of twice the depth, with twice the fringe period: segments of twice the length with as many periods
+    /// on them; the same of the object is hidden, and as many pixels have several candidates.
+    DeepVolume,
 }
 
 /// A scene as one size of cameras sees it.
@@ -55,13 +56,28 @@ impl Geometry {
         // The lenses of the cameras are longer than the table-top's and that of the projector is shorter, so that the object
         // fills the images: what is counted by points is then counted by pixels too.
         let table_top = Arrangement { camera_focal_px: 2150.0, projector_focal_px: 2900.0, ..Arrangement::TABLE_TOP };
-        let easy = Arrangement { projector_place: EASY_PLACE, ..table_top };
-        let (arrangement, period_px, sd_rad) = match self {
-            Self::Easy => (easy, PERIOD_PX, SD_RAD),
-            Self::Hard => (Arrangement { projector_place: HARD_PLACE, ..table_top }, PERIOD_PX, HARD_SD_RAD),
-            Self::ShortBase => (Arrangement { base_m: 0.5 * easy.base_m, ..easy }, 0.5 * PERIOD_PX, SD_RAD),
+        let depth_m = OBJECT.usual_depth_m();
+        let easy = RigOptions {
+            arrangement: Arrangement { projector_place: EASY_PLACE, ..table_top },
+            size_px,
+            period_px: PERIOD_PX,
+            sd_rad: SD_RAD,
+            ..RigOptions::usual(depth_m)
         };
-        RigOptions { arrangement, size_px, period_px, sd_rad, ..RigOptions::usual(OBJECT.usual_depth_m()) }
+        match self {
+            Self::Easy => easy,
+            Self::Hard => RigOptions {
+                arrangement: Arrangement { projector_place: HARD_PLACE, ..table_top },
+                sd_rad: HARD_SD_RAD,
+                ..easy
+            },
+            Self::DeepVolume => RigOptions {
+                arrangement: Arrangement { projector_place: DEEP_PLACE, ..table_top },
+                depth_m: 2.0 * depth_m,
+                period_px: 2.0 * PERIOD_PX,
+                ..easy
+            },
+        }
     }
 }
 
@@ -72,9 +88,11 @@ const PERIOD_PX: f64 = 16.0;
 const SD_RAD: f64 = 0.015;
 const HARD_SD_RAD: f64 = 0.017;
 /// Places of the projector, found by measurement: that of the table-top moved by half a millimetre, where 2 to 3 % of the pixels
-/// with candidates have several that pass the test, and one where, with that error, 15 % have.
+/// with candidates have several that pass the test, and one where, with that error, 15 % have. In the deeper volume fringes of
+/// twice the period need another place for as many pixels to have several candidates that might be readmitted, one in six.
 const EASY_PLACE: f64 = 0.375;
 const HARD_PLACE: f64 = 1.332;
+const DEEP_PLACE: f64 = 0.342;
 
 impl Scene {
     /// A scene; nothing is rendered yet.
