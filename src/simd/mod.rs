@@ -7,6 +7,7 @@ mod arrays;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 pub(crate) use arrays::Arrays;
@@ -62,21 +63,28 @@ impl Level {
     /// Whether this machine has it.
     #[must_use]
     pub fn is_available(self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        match self {
-            Self::Portable => true,
-            Self::Avx2 => has_avx2(),
-            Self::Avx512 => has_avx512(),
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        matches!(self, Self::Portable)
+        self <= Self::highest()
     }
 
     /// The highest level that this machine has and that is not beyond the limit.
     #[must_use]
     pub fn in_use() -> Self {
         let limit = usize::from(LIMIT.load(Ordering::Relaxed)).min(Self::ALL.len() - 1);
-        Self::ALL[..=limit].iter().rev().copied().find(|level| level.is_available()).unwrap_or(Self::Portable)
+        Self::ALL[limit].min(Self::highest())
+    }
+
+    /// The highest level that this machine has. It is asked once: kernels of few blocks run a million times a second.
+    fn highest() -> Self {
+        static HIGHEST: OnceLock<Level> = OnceLock::new();
+        *HIGHEST.get_or_init(|| {
+            #[cfg(target_arch = "x86_64")]
+            match (has_avx2(), has_avx512()) {
+                (_, true) => return Self::Avx512,
+                (true, _) => return Self::Avx2,
+                _ => {}
+            }
+            Self::Portable
+        })
     }
 
     /// Lets kernels use no higher level from now on, in the whole process: results are the same, slower.

@@ -141,6 +141,12 @@ impl Regions {
         self.runs.get(run)
     }
 
+    /// Whether a place belongs together with the one below it by themselves, not only by way of others.
+    #[inline]
+    pub(super) fn goes_on_below(&self, place: usize) -> bool {
+        bit(&self.below, place)
+    }
+
     /// Region of a place, if it is decided.
     #[inline]
     pub(super) fn region_of(&self, place: usize) -> Option<usize> {
