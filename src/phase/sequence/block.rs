@@ -16,6 +16,8 @@ const PIXELS: usize = SIDE * SIDE;
 const ALONG: usize = 10;
 /// Least share of a block's pixels that are not saturated.
 const MIN_SHARE: f64 = 0.5;
+/// Blocks that a thread handles in turn.
+const AT_ONCE: usize = 8;
 /// Sums that wait for none of the others.
 const SUMS: usize = 32;
 
@@ -46,10 +48,13 @@ impl Block {
         let [columns, rows] = [width, height].map(|length| (length + 1).saturating_sub(SIDE).div_ceil(pitch));
         blocks.resize_with(columns * rows, Self::default);
         let level = Level::in_use();
-        blocks.par_iter_mut().enumerate().for_each(|(number, block)| {
-            let corner = [number % columns * pitch, number / columns * pitch];
-            let is_usable = simd::run(level, TakeKernel { block, images, width, corner, validity });
-            block.signal = if is_usable { Signal::of(block, validity) } else { None };
+        blocks.par_chunks_mut(AT_ONCE).enumerate().for_each(|(chunk, blocks)| {
+            let greys = &mut [[0.0; PIXELS]; MOST_IMAGES];
+            for (number, block) in (chunk * AT_ONCE..).zip(blocks) {
+                let corner = [number % columns * pitch, number / columns * pitch];
+                let is_usable = simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
+                block.signal = if is_usable { Signal::of(block, validity) } else { None };
+            }
         });
     }
 
@@ -85,6 +90,8 @@ impl Block {
 /// Takes the moments of a block; whether enough of its pixels are not saturated.
 struct TakeKernel<'a> {
     block: &'a mut Block,
+    /// Room for the grey levels of its pixels.
+    greys: &'a mut [[f32; PIXELS]; MOST_IMAGES],
     images: &'a [GreyLevels<'a>],
     width: usize,
     /// Column and row of its first pixel.
@@ -97,9 +104,9 @@ impl Kernel for TakeKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> bool {
-        let Self { block, images, width, corner: [u, v], validity } = self;
+        let Self { block, greys, images, width, corner: [u, v], validity } = self;
         let saturation = f32::from(validity.saturation_grey);
-        let (mut greys, mut kept) = ([[0.0; PIXELS]; MOST_IMAGES], [1.0; PIXELS]);
+        let mut kept = [1.0; PIXELS];
         for (greys, image) in greys.iter_mut().zip(images) {
             for (row, greys) in greys.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
                 take_row(greys, image, (v + row) * width + u);

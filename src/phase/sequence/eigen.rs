@@ -33,7 +33,7 @@ struct Rotation {
 
 impl Eigen {
     /// Of the first `size` rows and columns of a matrix, whose lower triangle is read: `[column][row]`.
-    pub(super) fn of(mut matrix: Matrix, size: usize) -> Self {
+    pub(super) fn of(matrix: &mut Matrix, size: usize) -> Self {
         let greatest = matrix[..size].iter().flat_map(|column| &column[..size]).fold(0.0, |max, x| x.abs().max(max));
         if greatest != 0.0 {
             matrix[..size].iter_mut().flat_map(|column| &mut column[..size]).for_each(|x| *x /= greatest);
@@ -58,7 +58,7 @@ impl Eigen {
 }
 
 impl Tridiagonal {
-    fn of(mut matrix: Matrix, size: usize) -> Self {
+    fn of(matrix: &mut Matrix, size: usize) -> Self {
         let (mut beside, mut p) = ([0.0; MOST_IMAGES], [0.0; MOST_IMAGES]);
         for i in 0..size.saturating_sub(1) {
             let (left, right) = matrix.split_at_mut(i + 1);
@@ -87,7 +87,7 @@ impl Tridiagonal {
         }
         let mut diagonal = [0.0; MOST_IMAGES];
         (0..size).for_each(|i| diagonal[i] = matrix[i][i]);
-        Self { size, basis: basis(&matrix, &beside, size), diagonal, beside: beside.map(f64::abs) }
+        Self { size, basis: basis(matrix, &beside, size), diagonal, beside: beside.map(f64::abs) }
     }
 
     /// First and last row of the last part that is not diagonal yet, of the rows up to one; both 0 where there is none.
@@ -263,7 +263,7 @@ mod tests {
                 let expected = SymmetricEigen::new(matrix.clone());
                 let mut room = [[0.0; MOST_IMAGES]; MOST_IMAGES];
                 (0..size * size).for_each(|k| room[k / size][k % size] = matrix[(k % size, k / size)]);
-                let found = Eigen::of(room, size);
+                let found = Eigen::of(&mut room, size);
                 for k in 0..size {
                     assert_eq!(found.values[k].to_bits(), expected.eigenvalues[k].to_bits(), "{size} {round}: value {k}");
                     let vector = expected.eigenvectors.column(k);

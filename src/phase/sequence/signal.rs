@@ -31,9 +31,9 @@ impl Signal {
     pub(super) fn of(block: &Block, validity: &Validity) -> Option<Self> {
         let images = block.images;
         let free = images.checked_sub(TAKEN).filter(|&free| free > 0)?;
-        let changes = simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
+        let mut changes = simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
         let scatter: f64 = (0..images).map(|i| changes[i][i]).sum();
-        let eigen = Eigen::of(changes, images);
+        let eigen = Eigen::of(&mut changes, images);
         let values = &eigen.values[..images];
         let first = greatest(values, None)?;
         let second = greatest(values, Some(first))?;
