@@ -44,7 +44,7 @@ struct WindowSteps {
 #[derive(Clone, Debug)]
 enum WindowFit {
     /// One cycle: the phase of a scene at rest.
-    Resting(PhaseShifts),
+    Resting(Box<PhaseShifts>),
     /// More: the phase of a moving scene at the centre of the window.
     Moving(Box<MotionFit>),
 }
@@ -151,7 +151,7 @@ impl PhaseWorker {
         let cycle = self.cycle_rad.iter().cycle().skip(first_step);
         let shifts_rad: Vec<f64> = cycle.take(images).copied().collect();
         let fit = if images == self.cycle_rad.len() {
-            WindowFit::Resting(PhaseShifts::new(&shifts_rad)?)
+            WindowFit::Resting(Box::new(PhaseShifts::new(&shifts_rad)?))
         } else {
             WindowFit::Moving(Box::new(MotionFit::new(&shifts_rad)?))
         };

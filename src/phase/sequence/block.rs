@@ -146,7 +146,8 @@ fn take_row(greys: &mut [f32; SIDE], image: &GreyLevels<'_>, first: usize) {
             }
         }
         deep => {
-            let (values, grey_per_value) = (&image.bytes.as_chunks::<2>().0[first..first + SIDE], deep.grey_per_value());
+            let (values, grey_per_value) =
+                (&image.bytes.as_chunks::<2>().0[first..first + SIDE], deep.grey_per_value());
             for k in 0..SIDE {
                 greys[k] = f32::from(u16::from_le_bytes(values[k])) * grey_per_value;
             }

@@ -259,13 +259,18 @@ mod tests {
         for size in 2..=MOST_IMAGES {
             for (round, rank) in [1, 2, 3, size, size].into_iter().enumerate() {
                 let factor = DMatrix::from_fn(size, rank, |i, j| number((round * 97 + size) * 1000 + i * 31 + j));
-                let matrix = if round == 4 { DMatrix::identity(size, size) } else { &factor * factor.transpose() * 1e4 };
+                let matrix =
+                    if round == 4 { DMatrix::identity(size, size) } else { &factor * factor.transpose() * 1e4 };
                 let expected = SymmetricEigen::new(matrix.clone());
                 let mut room = [[0.0; MOST_IMAGES]; MOST_IMAGES];
                 (0..size * size).for_each(|k| room[k / size][k % size] = matrix[(k % size, k / size)]);
                 let found = Eigen::of(&mut room, size);
                 for k in 0..size {
-                    assert_eq!(found.values[k].to_bits(), expected.eigenvalues[k].to_bits(), "{size} {round}: value {k}");
+                    assert_eq!(
+                        found.values[k].to_bits(),
+                        expected.eigenvalues[k].to_bits(),
+                        "{size} {round}: value {k}"
+                    );
                     let vector = expected.eigenvectors.column(k);
                     assert!((0..size).all(|i| found.vectors[k][i] == vector[i]), "{size} {round}: vector {k}");
                 }

@@ -213,12 +213,12 @@ impl<'a> Told<'a> {
     fn fault_of_order(&self, judges: &'a [usize], residual_share: f64) -> Option<Order> {
         let check = self.check;
         let all: Vec<Hypothesis> = Hypothesis::of_order(check.images, check.cycle).collect();
-        let promising = self.shares(&all, self.signals(judges, FEW_TRIED));
+        let promising = self.shares(&all, &self.signals(judges, FEW_TRIED));
         let limit = PROMISING * least_share(&promising).max(FLOOR_SHARE);
         let kept: Vec<Hypothesis> =
             all.into_iter().zip(promising).filter(|&(_, share)| share <= limit).map(|(kept, _)| kept).collect();
         let tried = self.signals(judges, MOST_TRIED);
-        let shares = self.shares(&kept, tried.clone());
+        let shares = self.shares(&kept, &tried);
         let least = least_share(&shares).max(FLOOR_SHARE);
         let limit = (AS_GOOD * least).min(residual_share / LESS).max(least);
         let (best, share) = kept.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
@@ -236,7 +236,7 @@ impl<'a> Told<'a> {
     fn shares<'b>(
         &self,
         hypotheses: &[Hypothesis],
-        signals: impl Iterator<Item = &'b Signal> + Clone + Sync + Send,
+        signals: &(impl Iterator<Item = &'b Signal> + Clone + Sync),
     ) -> Vec<f64> {
         let share = |hypothesis| {
             self.left_by(hypothesis, signals.clone(), &mut LeftRoom::default()).map_or(f64::INFINITY, |left| left.share)

@@ -51,8 +51,8 @@ mod span;
 #[cfg(test)]
 mod tests;
 
-pub use fault::{SequenceFault, SequenceFaultKind};
 pub use check::{SequenceCheck, SequenceRoom};
+pub use fault::{SequenceFault, SequenceFaultKind};
 
 /// Fewest images of a window whose steps can be told, and most that a window has.
 const LEAST_IMAGES: usize = 5;
