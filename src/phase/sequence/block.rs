@@ -168,3 +168,40 @@ fn dot(a: &[f32; PIXELS], b: &[f32; PIXELS]) -> f64 {
     }
     sums.iter().sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 37;
+
+    #[test]
+    fn moments_are_those_of_the_samples_at_every_level() {
+        let byte = |k: usize| (k * k % 251) as u8;
+        let (shallow, deep): (Vec<u8>, Vec<u8>) = (
+            (0..WIDTH * WIDTH).map(|k| byte(3 * k + k / 7)).collect(),
+            (0..2 * WIDTH * WIDTH).map(|k| if k % 2 == 1 { byte(k) % 15 } else { byte(k + 5) }).collect(),
+        );
+        let deep = GreyLevels { format: PixelFormat::Y12, bytes: &deep };
+        let images = [GreyLevels::eight_bit(&shallow), deep, GreyLevels::eight_bit(&shallow[..WIDTH * WIDTH])];
+        let validity = Validity { saturation_grey: 240, ..Validity::default() };
+        let corner @ [u, v] = [9, 20];
+        let pixels = (0..PIXELS).map(|k| (v + k / SIDE) * WIDTH + u + k % SIDE);
+        let greys: Vec<[f64; 3]> = pixels
+            .map(|pixel| images.map(|image| f64::from(image.grey(pixel))))
+            .filter(|greys| greys.iter().all(|&grey| grey < 240.0))
+            .collect();
+        assert!(greys.len() < PIXELS && greys.len() > PIXELS / 2);
+        let mean = |product: &dyn Fn(&[f64; 3]) -> f64| greys.iter().map(product).sum::<f64>() / greys.len() as f64;
+        for level in Level::ALL {
+            let (mut block, mut room) = (Block::default(), [[7.0; PIXELS]; MOST_IMAGES]);
+            let (images, validity) = (&images, &validity);
+            let kernel = TakeKernel { block: &mut block, greys: &mut room, images, width: WIDTH, corner, validity };
+            assert!(simd::run(level, kernel));
+            for i in 0..3 {
+                assert_eq!(block.mean[i], mean(&|greys| greys[i]), "{level:?}");
+                (0..3).for_each(|j| assert_eq!(block.products[i][j], mean(&|greys| greys[i] * greys[j]), "{level:?}"));
+            }
+        }
+    }
+}

@@ -105,3 +105,33 @@ fn times(a: &Matrix, b: &Matrix, size: usize) -> Matrix {
     }
     product
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    #[test]
+    fn products_without_their_means_are_those_of_nalgebra_at_every_level() {
+        for images in 3..=MOST_IMAGES {
+            let mut products = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+            (0..images * images).for_each(|k| {
+                let (i, j) = (k / images, k % images);
+                products[i][j] = (1000 + (i + j) * 37 % 101 + i * j * 53 % 211) as f64 / 7.0;
+            });
+            let of = DMatrix::from_fn(images, images, |i, j| products[j][i]);
+            let centre = DMatrix::identity(images, images).add_scalar(-1.0 / images as f64);
+            let expected = &centre * of * &centre;
+            let reference = simd::run(Level::Portable, CentreKernel { products: &products, images });
+            for level in Level::ALL {
+                let found = simd::run(level, CentreKernel { products: &products, images });
+                for i in 0..images {
+                    // A machine that does not fuse rounds otherwise.
+                    (0..images).for_each(|j| assert!((found[j][i] - expected[(i, j)]).abs() < 1e-10));
+                    assert_eq!(found[i], reference[i], "{images} images, {level:?}");
+                }
+            }
+        }
+    }
+}

@@ -155,3 +155,32 @@ fn make_unit(values: &mut [f64]) {
     let scale = if length > NOTHING { 1.0 / length } else { 0.0 };
     values.iter_mut().for_each(|value| *value *= scale);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_beside_the_planes_is_what_lies_in_none_of_their_directions_at_every_level() {
+        for images in [5, 6, 18, MOST_IMAGES] {
+            let shifts_rad: Vec<f64> = (0..images).map(|i| 1.1 * i as f64).collect();
+            let times: Vec<f64> = (0..images).map(|i| i as f64).collect();
+            let mut planes = Planes::default();
+            // What they were makes no difference.
+            planes.set(&[0.0; MOST_IMAGES], &[1.0; MOST_IMAGES], FASTEST_RAD);
+            planes.set(&shifts_rad, &times, FASTEST_RAD);
+            let shown = directions(&shifts_rad, &times, 0.13);
+            for level in Level::ALL {
+                let squares = simd::run(level, BesideKernel { planes: &planes, directions: &shown });
+                for k in 0..=2 * planes.to_either_side {
+                    let motion_rad = (k as f64 - planes.to_either_side as f64) * planes.pitch_rad;
+                    let plane = plane(&shifts_rad, &times, motion_rad);
+                    let within: f64 = shown.iter().flat_map(|d| plane.iter().map(|p| dot(p, d).powi(2))).sum();
+                    assert_eq!(squares.as_flattened()[k], (1.0 - within).max(0.0), "{images} images, {level:?}");
+                }
+            }
+            let best = planes.unexplained(&shown);
+            assert!(best.square < 1e-3 && (best.motion_rad - 0.13).abs() < 0.01, "{best:?}");
+        }
+    }
+}
