@@ -29,7 +29,7 @@ pub struct SequenceCheck {
     pub(super) nominal: Planes,
 }
 
-/// Memory in which windows are judged, of one camera after the other: some 6 KB a block, of which an image has 100 to 200.
+/// Memory in which windows are judged, of one camera after the other: some 5 KB a block, of which an image has 100 to 200.
 #[derive(Clone, Debug, Default)]
 pub struct SequenceRoom {
     blocks: Vec<Block>,
