@@ -9,11 +9,11 @@ mod scenes;
 use std::sync::Arc;
 
 use fringeflow::correspondence::ResolutionMethod;
-use fringeflow::grey::PixelFormat;
-use fringeflow::phase::{MotionFit, MotionRoom, PhaseMap, Validity, decode_moving_into, usual_extra_images};
+use fringeflow::grey::{GreyLevels, PixelFormat};
+use fringeflow::phase::usual_extra_images;
 
 use counting_allocator::allocated;
-use scenes::{Geometry, SMALL_PX, Scene, Workers, shifts_rad};
+use scenes::{Geometry, Images, SMALL_PX, Scene, Workers};
 
 #[global_allocator]
 static ALLOCATOR: counting_allocator::CountingAllocator = counting_allocator::CountingAllocator;
@@ -29,25 +29,54 @@ fn windows_ask_for_no_memory_after_warm_up() {
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global().unwrap();
     let scene = Scene::new(Geometry::Easy, SMALL_PX);
     let table = Arc::new(scene.table());
-    let images = scene.images(STEPS, PixelFormat::Grey);
-    let window = images.levels();
-    for method in ResolutionMethod::ALL {
-        let mut workers = Workers::with_table(&scene, Arc::clone(&table), STEPS, method);
-        assert_eq!(asked(|| _ = workers.cloud(0, &window)), [0, 0], "{}", method.name());
-        assert!(workers.points.points.len() > 10_000);
+    let [resting, moving] = [scene.images(STEPS, PixelFormat::Grey), scene.moving_images(STEPS)];
+    for (name, window) in [("resting", resting.levels()), ("moving", moving_window(&moving))] {
+        for method in ResolutionMethod::ALL {
+            let mut workers = Workers::with_table(&scene, Arc::clone(&table), STEPS, method);
+            assert_eq!(asked(|| _ = workers.cloud(0, &window)), [0, 0], "{name}, {}", method.name());
+            assert!(workers.points.points.len() > 10_000);
+        }
     }
 
-    // The decoding of moving windows; the check of their sequence, before it, keeps lists of blocks.
-    let images = scene.moving_images(STEPS);
-    let shifts_rad: Vec<f64> = shifts_rad(STEPS).into_iter().cycle().take(STEPS + usual_extra_images(STEPS)).collect();
-    let (fit, validity) = (MotionFit::new(&shifts_rad).unwrap(), Validity::default());
-    let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
-    let [cam1, _] = images.levels();
-    let [width, height] = SMALL_PX;
-    let mut decode =
-        || decode_moving_into(&mut map, &mut room, &cam1[..shifts_rad.len()], width, height, &fit, &validity).unwrap();
-    assert_eq!(asked(&mut decode), [0, 0]);
-    assert!(map.fit.valid_pixels > 10_000);
+    // What the phase alone may have to do beside the usual: many saturated samples, and images of different brightness.
+    let [bright, flickering] = [bright(resting), flickering(moving)];
+    let longer = scene.images(2 * STEPS, PixelFormat::Grey);
+    let windows = [
+        ("saturated", STEPS, bright.levels()),
+        ("flickering", STEPS, moving_window(&flickering)),
+        ("checked at rest", 2 * STEPS, longer.levels()),
+    ];
+    for (name, steps, window) in windows {
+        let mut workers = Workers::with_table(&scene, Arc::clone(&table), steps, ResolutionMethod::Paper);
+        assert_eq!(asked(|| workers.decode(0, &window)), [0, 0], "{name}");
+        assert!(workers.maps.cam1.fit.valid_pixels > 10_000, "{name}");
+    }
+    assert!(saturated_share(&bright.levels()[0]) > 0.1);
+}
+
+/// The images of a window whose motion is compensated.
+fn moving_window(images: &Images) -> [Vec<GreyLevels<'_>>; 2] {
+    images.levels().map(|levels| levels[..STEPS + usual_extra_images(STEPS)].to_vec())
+}
+
+/// Images of three times the light.
+fn bright(mut images: Images) -> Images {
+    let of_all = images.cameras.iter_mut().flatten().flat_map(|image| &mut image.pixels);
+    of_all.for_each(|grey| *grey = grey.saturating_mul(3));
+    images
+}
+
+/// Images every third of which is darker than the others.
+fn flickering(mut images: Images) -> Images {
+    let of_third = images.cameras.iter_mut().flat_map(|images| images.iter_mut().step_by(3));
+    of_third.flat_map(|image| &mut image.pixels).for_each(|grey| *grey -= *grey / 5);
+    images
+}
+
+/// Share of the pixels that are saturated in the first image.
+fn saturated_share(levels: &[GreyLevels<'_>]) -> f64 {
+    let bytes = levels[0].bytes;
+    bytes.iter().filter(|&&grey| grey == u8::MAX).count() as f64 / bytes.len() as f64
 }
 
 /// Calls and bytes of some windows, after others.

@@ -7,7 +7,9 @@ use fringeflow::correspondence::{
     DeltaGate, DeltaHistogram, DeltaStatistics, EpipolarImage, Evidence, ResolutionMethod, SearchForm, SegmentTable,
     estimate_drift, find_candidates, measure_delta, resolve,
 };
-use fringeflow::phase::{MotionFit, MotionRoom, PhaseMap, SequenceCheck, Validity, decode, decode_moving_into};
+use fringeflow::phase::{
+    MotionFit, MotionRoom, PhaseMap, SequenceCheck, SequenceRoom, Validity, decode, decode_moving_into,
+};
 use serde_json::json;
 
 use super::bench::{Bench, Measured, STEPS};
@@ -94,7 +96,7 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
     let all: Vec<f64> = cycle.iter().copied().cycle().take(window_images()).collect();
     let fit = MotionFit::new(&all).unwrap();
     let check = SequenceCheck::new(&cycle, 0, window_images());
-    let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
+    let (mut map, mut room, mut check_room) = (PhaseMap::default(), MotionRoom::default(), SequenceRoom::default());
     let names = ["decoding C1 with motion", "check of the sequence of C1"];
     let spent = interleave(
         repetitions,
@@ -103,7 +105,7 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
                 decode_moving_into(&mut map, &mut room, &window[0], width, height, &fit, &validity).unwrap();
                 black_box(&map);
             }),
-            contender(|| _ = black_box(check.fault(&window[0], width, height, &validity))),
+            contender(|| _ = black_box(check.fault_in(&mut check_room, &window[0], width, height, &validity))),
         ],
     );
     names.into_iter().zip(spent).map(|(name, spent)| (name, median(spent.iter().map(|s| s.cpu_ns * 1e-6)))).collect()

@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::simd;
+
 /// Fewest images that determine offset, modulation and phase.
 pub const MIN_STEPS: usize = 3;
 /// Most images of one sequence.
@@ -18,9 +20,11 @@ const MIN_EIGENVALUE: f64 = 1e-3;
 /// The images are linear in (A, C, S) with `C = B·cos φ`, `S = B·sin φ`: `I_k = A + C·cos s_k − S·sin s_k`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseShifts {
-    shifts_rad: Vec<f64>,
+    steps: usize,
+    /// Zero beyond the steps, as are the weights.
+    shifts_rad: [f64; MAX_STEPS],
     /// Rows of the solution: A, C and S as weighted sums of the images.
-    weights: [Vec<f32>; 3],
+    weights: [[f32; MAX_STEPS]; 3],
 }
 
 /// Why shifts do not determine a phase.
@@ -77,20 +81,23 @@ impl PhaseShifts {
         if let Some(index) = shifts_rad.iter().position(|s| !s.is_finite()) {
             return Err(ShiftError::NotFinite { index, value: shifts_rad[index] });
         }
-        let weights = if slots(shifts_rad).is_some() {
-            equal_weights(shifts_rad)
-        } else {
-            least_squares_weights(shifts_rad)
-                .ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })?
+        Self::solved(shifts_rad).ok_or_else(|| ShiftError::Degenerate { shifts_rad: shifts_rad.to_vec() })
+    }
+
+    /// Finite shifts of 3 to 16 images; `None` if they do not determine a phase.
+    pub(super) fn solved(shifts_rad: &[f64]) -> Option<Self> {
+        let weights = match slots(shifts_rad) {
+            Some(_) => equal_weights(shifts_rad),
+            None => least_squares_weights(shifts_rad)?,
         };
-        let weights = weights.map(|w| w[..steps].iter().map(|&w| w as f32).collect());
-        Ok(Self { shifts_rad: shifts_rad.to_vec(), weights })
+        let weights = weights.map(|of_images| of_images.map(|weight| weight as f32));
+        Some(Self { steps: shifts_rad.len(), shifts_rad: simd::filled(shifts_rad, 0.0), weights })
     }
 
     /// Number of images N.
     #[must_use]
     pub fn steps(&self) -> usize {
-        self.shifts_rad.len()
+        self.steps
     }
 
     /// The sense of shifts each of which is 2π/N ahead of the one before (1), or each behind it (−1): such a cycle begun at
@@ -102,19 +109,19 @@ impl PhaseShifts {
             |pair: &[f64], sense: f64| ((pair[1] - pair[0]) * sense - step + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
         [1.0, -1.0]
             .into_iter()
-            .find(|&sense| self.shifts_rad.windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
+            .find(|&sense| self.shifts_rad().windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
     }
 
     /// The shifts, rad.
     #[must_use]
     pub fn shifts_rad(&self) -> &[f64] {
-        &self.shifts_rad
+        &self.shifts_rad[..self.steps]
     }
 
     /// The images of evenly spaced shifts, in whatever order they are, by rising shift from the first image on; `None` for any
     /// others.
     pub(super) fn even_order(&self) -> Option<[usize; MAX_STEPS]> {
-        slots(&self.shifts_rad)
+        slots(self.shifts_rad())
     }
 
     /// Weights in A, C and S of images with these angles, rad, as many and as evenly spaced as the shifts.
@@ -125,7 +132,7 @@ impl PhaseShifts {
 
     /// Weights of the images in A, C and S, N each.
     pub(super) fn weights(&self) -> [&[f32]; 3] {
-        [&self.weights[0], &self.weights[1], &self.weights[2]]
+        self.weights.each_ref().map(|of_images| &of_images[..self.steps])
     }
 
     /// Standard deviation of the phase per unit of noise ÷ modulation; √(2/N) for equally spaced shifts.

@@ -3,7 +3,8 @@
 use crate::geometry::Rig;
 use crate::grey::GreyLevels;
 use crate::phase::{
-    MotionFit, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, ShiftError, Validity, decode_into, decode_moving_into,
+    MotionFit, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity, decode_into,
+    decode_moving_into,
 };
 
 use super::sequence::SequenceFaults;
@@ -27,8 +28,9 @@ pub struct PhaseWorker {
     /// What was worked out for windows of so many images, by the step that they begin with.
     steps: Vec<Option<WindowSteps>>,
     window_images: usize,
-    /// Memory for windows of moving scenes, of one camera after the other.
-    room: MotionRoom,
+    /// Memory for the check of the steps, and for windows of moving scenes, of one camera after the other.
+    check_room: SequenceRoom,
+    motion_room: MotionRoom,
 }
 
 /// What the steps of a window tell without its images.
@@ -42,7 +44,7 @@ struct WindowSteps {
 #[derive(Clone, Debug)]
 enum WindowFit {
     /// One cycle: the phase of a scene at rest.
-    Resting(PhaseShifts),
+    Resting(Box<PhaseShifts>),
     /// More: the phase of a moving scene at the centre of the window.
     Moving(Box<MotionFit>),
 }
@@ -84,7 +86,16 @@ impl PhaseWorker {
         let [cam1_px, cam2_px] = [&rig.cam1, &rig.cam2].map(|camera| [camera.width_px(), camera.height_px()]);
         let cycle_rad = cycle.shifts_rad().to_vec();
         let steps = vec![None; cycle_rad.len()];
-        Self { cycle_rad, validity, cam1_px, cam2_px, steps, window_images: 0, room: MotionRoom::default() }
+        Self {
+            cycle_rad,
+            validity,
+            cam1_px,
+            cam2_px,
+            steps,
+            window_images: 0,
+            check_room: SequenceRoom::default(),
+            motion_room: MotionRoom::default(),
+        }
     }
 
     /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
@@ -122,14 +133,16 @@ impl PhaseWorker {
 
     /// That both cameras' images show the steps in turn.
     fn check_sequence(
-        &self,
+        &mut self,
         check: &SequenceCheck,
         images: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
     ) -> Result<(), SequenceFaults> {
-        let of =
-            |images: &[GreyLevels<'_>], [width, height]: [usize; 2]| check.fault(images, width, height, &self.validity);
+        let Self { check_room: room, validity, .. } = self;
+        let mut of = |images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
+            check.fault_in(room, images, width, height, validity)
+        };
         let faults = SequenceFaults { images, cam1: of(cam1, self.cam1_px), cam2: of(cam2, self.cam2_px) };
         if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
@@ -138,7 +151,7 @@ impl PhaseWorker {
         let cycle = self.cycle_rad.iter().cycle().skip(first_step);
         let shifts_rad: Vec<f64> = cycle.take(images).copied().collect();
         let fit = if images == self.cycle_rad.len() {
-            WindowFit::Resting(PhaseShifts::new(&shifts_rad)?)
+            WindowFit::Resting(Box::new(PhaseShifts::new(&shifts_rad)?))
         } else {
             WindowFit::Moving(Box::new(MotionFit::new(&shifts_rad)?))
         };
@@ -158,7 +171,7 @@ impl PhaseWorker {
         let decoded = match fit {
             WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, &self.validity),
             WindowFit::Moving(fit) => {
-                decode_moving_into(out, &mut self.room, images, width, height, fit, &self.validity)
+                decode_moving_into(out, &mut self.motion_room, images, width, height, fit, &self.validity)
             }
         };
         decoded.ok_or_else(|| ImagesError::Camera {

@@ -40,7 +40,8 @@ impl<'a> LeftOut<'a> {
         }
         let (greys, angles_rad) = (&greys[..count], &angles_rad[..count]);
         if images != self.images {
-            (self.images, self.weights) = (images, PhaseShifts::new(angles_rad).ok());
+            self.images = images;
+            self.weights = if count < MIN_STEPS { None } else { PhaseShifts::solved(angles_rad) };
         }
         let sum = |w: &[f32]| w.iter().zip(greys).map(|(&w, g)| f64::from(w) * g).sum::<f64>();
         let [offset, cosine, sine] = self.weights.as_ref()?.weights().map(sum);

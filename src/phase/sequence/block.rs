@@ -1,12 +1,13 @@
 //! Blocks of pixels all over an image: how their samples vary together from image to image.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 
-use crate::grey::GreyLevels;
+use crate::grey::{GreyLevels, PixelFormat};
 use crate::phase::Validity;
+use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::span::Directions;
+use super::signal::Signal;
+use super::{MOST_IMAGES, Matrix, Vector};
 
 /// Side of a block, pixels: a fringe or more, and small enough to move alike.
 const SIDE: usize = 16;
@@ -15,130 +16,192 @@ const PIXELS: usize = SIDE * SIDE;
 const ALONG: usize = 10;
 /// Least share of a block's pixels that are not saturated.
 const MIN_SHARE: f64 = 0.5;
-/// Directions that fringes take: the mean and two in which they change.
-const TAKEN: usize = 3;
+/// Blocks that a thread handles in turn.
+const AT_ONCE: usize = 8;
+/// Sums that wait for none of the others.
+const SUMS: usize = 32;
 
-/// Mean and second moments of the samples of a block.
-#[derive(Clone, Debug)]
+/// Mean and second moments of the samples of a block, and what they say. Only as many numbers as there are images have a
+/// meaning.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Block {
+    pub(super) images: usize,
     /// Mean grey level of every image.
-    mean: DVector<f64>,
+    pub(super) mean: Vector,
     /// Mean products of the grey levels of every two images.
-    products: DMatrix<f64>,
-}
-
-/// What a block says of the order of its images.
-#[derive(Clone, Debug)]
-pub(super) struct Signal {
-    /// The directions in which its fringes change, noise apart.
-    pub(super) directions: Directions,
-    /// Noise and whatever else has no part in them: variance of a sample as a share of the squared modulation.
-    pub(super) noise_square: f64,
+    pub(super) products: Matrix,
+    /// `None` where the block is hardly lit, or saturated.
+    pub(super) signal: Option<Signal>,
 }
 
 impl Block {
-    /// The blocks of images of `width` pixels a row and the same size each.
-    pub(super) fn all(images: &[GreyLevels<'_>], width: usize, height: usize, validity: &Validity) -> Vec<Self> {
+    /// Finds the blocks of images of `width` pixels a row and the same size each, row by row; what they held makes no
+    /// difference.
+    pub(super) fn find_all(
+        blocks: &mut Vec<Self>,
+        images: &[GreyLevels<'_>],
+        width: usize,
+        height: usize,
+        validity: &Validity,
+    ) {
         let pitch = (width.min(height) / ALONG).max(SIDE);
-        let starts = |length: usize| (0..(length + 1).saturating_sub(SIDE)).step_by(pitch);
-        let corners: Vec<[usize; 2]> = starts(height).flat_map(|v| starts(width).map(move |u| [u, v])).collect();
-        corners.par_iter().filter_map(|&corner| Self::of(images, width, corner, validity)).collect()
-    }
-
-    fn of(images: &[GreyLevels<'_>], width: usize, [u, v]: [usize; 2], validity: &Validity) -> Option<Self> {
-        let saturation = f32::from(validity.saturation_grey);
-        let mut greys = vec![[0.0; PIXELS]; images.len()];
-        let mut kept = [1.0; PIXELS];
-        for (greys, image) in greys.iter_mut().zip(images) {
-            for (row, greys) in greys.chunks_exact_mut(SIDE).enumerate() {
-                let first = (v + row) * width + u;
-                greys.iter_mut().enumerate().for_each(|(k, grey)| *grey = f64::from(image.grey(first + k)));
+        let [columns, rows] = [width, height].map(|length| (length + 1).saturating_sub(SIDE).div_ceil(pitch));
+        blocks.resize_with(columns * rows, Self::default);
+        let level = Level::in_use();
+        blocks.par_chunks_mut(AT_ONCE).enumerate().for_each(|(chunk, blocks)| {
+            let greys = &mut [[0.0; PIXELS]; MOST_IMAGES];
+            for (number, block) in (chunk * AT_ONCE..).zip(blocks) {
+                let corner = [number % columns * pitch, number / columns * pitch];
+                let is_usable = simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
+                block.signal = if is_usable { Signal::of(block, validity) } else { None };
             }
-            for (kept, &grey) in kept.iter_mut().zip(greys.iter()) {
-                *kept = if grey >= f64::from(saturation) { 0.0 } else { *kept };
-            }
-        }
-        for greys in &mut greys {
-            greys.iter_mut().zip(&kept).for_each(|(grey, kept)| *grey *= kept);
-        }
-        // Samples are whole numbers of a power of two: sums of their products are exact in any order.
-        let sums: Vec<f64> = greys.iter().map(|greys| dot(greys, &kept)).collect();
-        let mut products =
-            DMatrix::from_fn(images.len(), images.len(), |i, j| if j <= i { dot(&greys[i], &greys[j]) } else { 0.0 });
-        let pixels = dot(&kept, &kept);
-        if pixels < MIN_SHARE * PIXELS as f64 {
-            return None;
-        }
-        products.fill_upper_triangle_with_lower_triangle();
-        Some(Self { mean: DVector::from_vec(sums) / pixels, products: products / pixels })
+        });
     }
 
-    /// Mean grey level of every image.
-    pub(super) fn mean(&self) -> impl Iterator<Item = f64> + '_ {
-        self.mean.iter().copied()
-    }
-
-    /// With every image divided by its brightness.
-    pub(super) fn levelled(&self, brightness: &[f64]) -> Self {
-        let by = |i: usize| brightness.get(i).copied().unwrap_or(1.0);
-        let mean = DVector::from_fn(self.mean.len(), |i, _| self.mean[i] / by(i));
-        let products = self.products.map_with_location(|i, j, product| product / (by(i) * by(j)));
-        Self { mean, products }
+    /// Divides every image by its brightness.
+    pub(super) fn level(&mut self, brightness: &Vector, validity: &Validity) {
+        let images = self.images;
+        self.mean[..images].iter_mut().zip(brightness).for_each(|(mean, by)| *mean /= by);
+        for (products, by) in self.products[..images].iter_mut().zip(brightness) {
+            products[..images].iter_mut().zip(brightness).for_each(|(product, other)| *product /= other * by);
+        }
+        self.signal = Signal::of(self, validity);
     }
 
     /// Without an image.
-    pub(super) fn without(&self, image: usize) -> Self {
-        Self {
-            mean: self.mean.clone().remove_row(image),
-            products: self.products.clone().remove_row(image).remove_column(image),
+    pub(super) fn without(&self, image: usize, validity: &Validity) -> Self {
+        let mut rest = Self { images: self.images - 1, ..Self::default() };
+        let from = |place: usize| if place < image { place } else { place + 1 };
+        for i in 0..rest.images {
+            rest.mean[i] = self.mean[from(i)];
+            (0..rest.images).for_each(|j| rest.products[i][j] = self.products[from(i)][from(j)]);
         }
+        rest.signal = Signal::of(&rest, validity);
+        rest
     }
 
     /// Mean squared difference of an image and the one behind it, grey levels.
     pub(super) fn difference_square(&self, image: usize) -> f64 {
         let (a, b) = (image, image + 1);
-        self.products[(a, a)] + self.products[(b, b)] - 2.0 * self.products[(a, b)]
-    }
-
-    /// What it says; `None` where it is hardly lit.
-    pub(super) fn signal(&self, validity: &Validity) -> Option<Signal> {
-        let images = self.mean.len();
-        let free = images.checked_sub(TAKEN).filter(|&free| free > 0)?;
-        // Without the mean over the images of every pixel.
-        let centre = DMatrix::identity(images, images).add_scalar(-1.0 / images as f64);
-        let changes = &centre * &self.products * &centre;
-        let scatter: f64 = changes.trace();
-        let eigen = SymmetricEigen::new(changes);
-        let mut order: Vec<usize> = (0..images).collect();
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        let (first, second) = (*order.first()?, *order.get(1)?);
-        let values = [first, second].map(|k| eigen.eigenvalues[k]);
-        let noise = ((scatter - values[0] - values[1]) / free as f64).max(0.0);
-        let fringes = values.map(|value| (value - noise).max(0.0));
-        let power = fringes[0] + fringes[1];
-        let modulation_square = 2.0 * power / images as f64;
-        let least = 2.0 * f64::from(validity.min_modulation_grey);
-        if modulation_square.is_nan() || modulation_square < least * least {
-            return None;
-        }
-        let direction = |k: usize, square: f64| -> Vec<f64> {
-            let length = (square / power).sqrt();
-            eigen.eigenvectors.column(k).iter().map(|x| x * length).collect()
-        };
-        Some(Signal {
-            directions: [direction(first, fringes[0]), direction(second, fringes[1])],
-            noise_square: noise / modulation_square,
-        })
+        self.products[a][a] + self.products[b][b] - 2.0 * self.products[a][b]
     }
 }
 
-/// Σ a·b, as eight sums that wait for none of the others.
-fn dot(a: &[f64; PIXELS], b: &[f64; PIXELS]) -> f64 {
-    let mut sums = [0.0; 8];
-    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
+/// Takes the moments of a block; whether enough of its pixels are not saturated.
+struct TakeKernel<'a> {
+    block: &'a mut Block,
+    /// Room for the grey levels of its pixels.
+    greys: &'a mut [[f32; PIXELS]; MOST_IMAGES],
+    images: &'a [GreyLevels<'a>],
+    width: usize,
+    /// Column and row of its first pixel.
+    corner: [usize; 2],
+    validity: &'a Validity,
+}
+
+impl Kernel for TakeKernel<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> bool {
+        let Self { block, greys, images, width, corner: [u, v], validity } = self;
+        let saturation = f32::from(validity.saturation_grey);
+        let mut kept = [1.0; PIXELS];
+        for (greys, image) in greys.iter_mut().zip(images) {
+            for (row, greys) in greys.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+                take_row(greys, image, (v + row) * width + u);
+            }
+            for p in 0..PIXELS {
+                kept[p] = if greys[p] >= saturation { 0.0 } else { kept[p] };
+            }
+        }
+        // Samples are whole numbers of a power of two: sums of their products are exact in any order.
+        let pixels = dot(&kept, &kept);
+        if pixels < MIN_SHARE * PIXELS as f64 {
+            return false;
+        }
+        block.images = images.len();
+        for i in 0..images.len() {
+            for p in 0..PIXELS {
+                greys[i][p] *= kept[p];
+            }
+            block.mean[i] = dot(&greys[i], &kept) / pixels;
+            for j in 0..=i {
+                let product = dot(&greys[i], &greys[j]) / pixels;
+                (block.products[i][j], block.products[j][i]) = (product, product);
+            }
+        }
+        true
+    }
+}
+
+/// Grey levels of some pixels of a row.
+#[inline(always)]
+fn take_row(greys: &mut [f32; SIDE], image: &GreyLevels<'_>, first: usize) {
+    match image.format {
+        PixelFormat::Grey => {
+            let bytes = &image.bytes[first..first + SIDE];
+            for k in 0..SIDE {
+                greys[k] = f32::from(bytes[k]);
+            }
+        }
+        deep => {
+            let (values, grey_per_value) =
+                (&image.bytes.as_chunks::<2>().0[first..first + SIDE], deep.grey_per_value());
+            for k in 0..SIDE {
+                greys[k] = f32::from(u16::from_le_bytes(values[k])) * grey_per_value;
+            }
         }
     }
+}
+
+/// Σ a·b.
+#[inline(always)]
+fn dot(a: &[f32; PIXELS], b: &[f32; PIXELS]) -> f64 {
+    let mut sums = [0.0; SUMS];
+    let mut first = 0;
+    while first < PIXELS {
+        for k in 0..SUMS {
+            sums[k] += f64::from(a[first + k]) * f64::from(b[first + k]);
+        }
+        first += SUMS;
+    }
     sums.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 37;
+
+    #[test]
+    fn moments_are_those_of_the_samples_at_every_level() {
+        let byte = |k: usize| (k * k % 251) as u8;
+        let (shallow, deep): (Vec<u8>, Vec<u8>) = (
+            (0..WIDTH * WIDTH).map(|k| byte(3 * k + k / 7)).collect(),
+            (0..2 * WIDTH * WIDTH).map(|k| if k % 2 == 1 { byte(k) % 15 } else { byte(k + 5) }).collect(),
+        );
+        let deep = GreyLevels { format: PixelFormat::Y12, bytes: &deep };
+        let images = [GreyLevels::eight_bit(&shallow), deep, GreyLevels::eight_bit(&shallow[..WIDTH * WIDTH])];
+        let validity = Validity { saturation_grey: 240, ..Validity::default() };
+        let corner @ [u, v] = [9, 20];
+        let pixels = (0..PIXELS).map(|k| (v + k / SIDE) * WIDTH + u + k % SIDE);
+        let greys: Vec<[f64; 3]> = pixels
+            .map(|pixel| images.map(|image| f64::from(image.grey(pixel))))
+            .filter(|greys| greys.iter().all(|&grey| grey < 240.0))
+            .collect();
+        assert!(greys.len() < PIXELS && greys.len() > PIXELS / 2);
+        let mean = |product: &dyn Fn(&[f64; 3]) -> f64| greys.iter().map(product).sum::<f64>() / greys.len() as f64;
+        for level in Level::ALL {
+            let (mut block, mut room) = (Block::default(), [[7.0; PIXELS]; MOST_IMAGES]);
+            let (images, validity) = (&images, &validity);
+            let kernel = TakeKernel { block: &mut block, greys: &mut room, images, width: WIDTH, corner, validity };
+            assert!(simd::run(level, kernel));
+            for i in 0..3 {
+                assert_eq!(block.mean[i], mean(&|greys| greys[i]), "{level:?}");
+                (0..3).for_each(|j| assert_eq!(block.products[i][j], mean(&|greys| greys[i] * greys[j]), "{level:?}"));
+            }
+        }
+    }
 }

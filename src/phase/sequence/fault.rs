@@ -1,5 +1,7 @@
 //! What may be wrong with the steps of a window, and which steps its images show then.
 
+use super::MOST_IMAGES;
+
 /// What is wrong with the images of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SequenceFaultKind {
@@ -53,62 +55,70 @@ impl std::fmt::Display for SequenceFaultKind {
     }
 }
 
-/// The images as a fault, or none, would have it.
-#[derive(Clone, Debug)]
+/// The images as a fault, or none, would have it. Only as many numbers as there are images have a meaning.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Hypothesis {
     /// The fault; `None` where all is as said.
     pub(super) kind: Option<SequenceFaultKind>,
+    /// Number of images, [`MOST_IMAGES`] at most.
+    pub(super) images: usize,
     /// Step of every image, counted on from that of the first.
-    pub(super) steps: Vec<usize>,
+    pub(super) steps: [usize; MOST_IMAGES],
     /// Time of every image, in images.
-    pub(super) times: Vec<usize>,
+    pub(super) times: [usize; MOST_IMAGES],
 }
 
 impl Hypothesis {
     /// Nothing is wrong.
     pub(super) fn nominal(images: usize) -> Self {
-        let order: Vec<usize> = (0..images).collect();
-        Self { kind: None, steps: order.clone(), times: order }
+        let order = std::array::from_fn(|image| image);
+        Self { kind: None, images, steps: order, times: order }
+    }
+
+    /// Nothing is wrong but an image, which is left out.
+    pub(super) fn without(image: usize, images: usize) -> Self {
+        let kept = std::array::from_fn(|place| if place < image { place } else { place + 1 });
+        Self { kind: None, images: images - 1, steps: kept, times: kept }
     }
 
     /// All faults of order in a window of so many images and a cycle of N steps, those that are the likeliest first. A camera
     /// that errs shifts the times with the steps, a projector that errs does not.
-    pub(super) fn of_order(images: usize, cycle: usize) -> Vec<Self> {
+    pub(super) fn of_order(images: usize, cycle: usize) -> impl Iterator<Item = Self> {
         let pairs = images.saturating_sub(1);
-        let lost = |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
+        let lost = move |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
         let duplicated = (0..pairs).map(|image| SequenceFaultKind::Duplicated { image });
         let swapped = (0..pairs).map(|first| SequenceFaultKind::Swapped { first });
         let longest = cycle.saturating_sub(2);
         let few = (1..=longest.min(1)).flat_map(lost);
         let many = (2..=longest).flat_map(lost);
-        few.chain(duplicated).chain(swapped).chain(many).flat_map(|kind| Self::of_kind(kind, images)).collect()
+        few.chain(duplicated).chain(swapped).chain(many).flat_map(move |kind| Self::of_kind(kind, images))
     }
 
     /// The ways in which a fault of order may have come about.
-    pub(super) fn of_kind(kind: SequenceFaultKind, images: usize) -> Vec<Self> {
-        let order = || 0..images;
-        let in_time: Vec<usize> = order().collect();
-        let of =
-            |steps: &[usize], times: &[usize]| Self { kind: Some(kind), steps: steps.to_vec(), times: times.to_vec() };
-        match kind {
+    pub(super) fn of_kind(kind: SequenceFaultKind, images: usize) -> impl Iterator<Item = Self> {
+        let nominal = Self::nominal(images);
+        let steps_by = |step: &dyn Fn(usize) -> usize| std::array::from_fn(step);
+        // The steps, and those of another way that keeps its times.
+        let [steps, instead] = match kind {
             SequenceFaultKind::Lost { after, images: lost } => {
-                let steps: Vec<usize> = order().map(|i| if i > after { i + lost } else { i }).collect();
-                vec![of(&steps, &steps), of(&steps, &in_time)]
+                [Some(steps_by(&|i| if i > after { i + lost } else { i })), None]
             }
-            SequenceFaultKind::Duplicated { image } => {
-                let steps: Vec<usize> = order().map(|i| if i > image { i - 1 } else { i }).collect();
+            SequenceFaultKind::Duplicated { image } => [
+                Some(steps_by(&|i| if i > image { i - 1 } else { i })),
                 // The second may also have taken the place of the image behind.
-                let instead: Vec<usize> = order().map(|i| if i == image + 1 { image } else { i }).collect();
-                vec![of(&steps, &steps), of(&steps, &in_time), of(&instead, &instead)]
-            }
+                Some(steps_by(&|i| if i == image + 1 { image } else { i })),
+            ],
             SequenceFaultKind::Swapped { first } => {
-                let mut steps = in_time.clone();
+                let mut steps = nominal.steps;
                 if first + 1 < images {
                     steps.swap(first, first + 1);
                 }
-                vec![of(&steps, &steps), of(&steps, &in_time)]
+                [Some(steps), None]
             }
-            SequenceFaultKind::Wrong { .. } | SequenceFaultKind::Unexplained => Vec::new(),
-        }
+            SequenceFaultKind::Wrong { .. } | SequenceFaultKind::Unexplained => [None, None],
+        };
+        let of = move |steps, times| Self { kind: Some(kind), images, steps, times };
+        let [both, of_projector] = [steps.map(|steps| of(steps, steps)), steps.map(|steps| of(steps, nominal.times))];
+        [both, of_projector, instead.map(|steps| of(steps, steps))].into_iter().flatten()
     }
 }

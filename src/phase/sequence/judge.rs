@@ -1,34 +1,22 @@
 //! From blocks to a verdict.
 
-use std::f64::consts::TAU;
-
 use rayon::prelude::*;
 
-use crate::grey::GreyLevels;
 use crate::phase::Validity;
 
-use super::LEAST_IMAGES;
-use super::block::{Block, Signal};
+use super::block::Block;
+use super::check::SequenceCheck;
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
-use super::span::{self, Planes};
+use super::signal::Signal;
+use super::span::{FASTEST_RAD, Planes};
+use super::{MOST_IMAGES, Vector};
 
-/// Fastest motion that may explain the said steps, rad an image.
-const FASTEST_RAD: f64 = 1.2;
-/// Fastest motion that may explain others, a share of a step. One of two steps back is the mirror image of a resting scene, in
-/// which what is lost looks as if it came twice.
-const FASTEST_STEPS: f64 = 0.9;
 /// Fewest blocks that are asked.
-const LEAST_BLOCKS: usize = 4;
+pub(super) const LEAST_BLOCKS: usize = 4;
 /// Most blocks that other steps are tried with, first all of them, then those that leave not much more than the best.
 const FEW_TRIED: usize = 12;
 const MOST_TRIED: usize = 64;
 const PROMISING: f64 = 2.0;
-/// Greatest variance beside the fringes, a share of the squared modulation, of a block whose pixels move alike.
-const MAX_NOISE_SQUARE: f64 = 0.08;
-/// Unexplained share of the modulation from which on other steps are tried: a hand that is waved before the cameras leaves up to
-/// 0.075. Of longer cycles it is less, as a step is.
-const SUSPICIOUS_SHARE: f64 = 0.06;
-const SUSPICIOUS_STEPS: usize = 8;
 /// How much less of the modulation the true steps must leave than the said ones, and in what share of the blocks they must
 /// leave less: what motion leaves of both differs from block to block, and other steps suit some of them by chance.
 const LESS: f64 = 1.3;
@@ -57,16 +45,6 @@ const RESTING_SHARE: f64 = 0.02;
 /// Quantiles between which the motions of the blocks are said to lie.
 const ALL_BUT: [f64; 2] = [0.1, 0.9];
 
-/// Judges the windows of one camera and one cycle.
-#[derive(Clone, Debug)]
-pub struct SequenceCheck {
-    /// Phase shifts from the first image on, rad, as long as any fault reaches.
-    shifts_rad: Vec<f64>,
-    images: usize,
-    cycle: usize,
-    nominal: Planes,
-}
-
 /// What steps leave of some blocks.
 #[derive(Clone, Copy, Debug)]
 struct Left {
@@ -86,127 +64,131 @@ struct Order {
     agreement: f64,
 }
 
-impl SequenceCheck {
-    /// Judges windows of so many images, of which the first is said to show step `first_step` of a cycle with these shifts, rad,
-    /// and each of the others the step behind that of the one before.
-    #[must_use]
-    pub fn new(cycle_rad: &[f64], first_step: usize, images: usize) -> Self {
-        let cycle = cycle_rad.len();
-        let reach = images + cycle;
-        let shifts_rad: Vec<f64> =
-            cycle_rad.iter().cycle().skip(first_step % cycle.max(1)).take(reach).copied().collect();
-        let nominal = planes(&shifts_rad, &Hypothesis::nominal(images), FASTEST_RAD);
-        Self { shifts_rad, images, cycle, nominal }
-    }
+/// Numbers of blocks of a window.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Numbers {
+    /// Those that are lit, row by row.
+    lit: Vec<usize>,
+    /// Those of them whose pixels move alike, those that do most first.
+    alike: Vec<usize>,
+}
 
-    /// What is wrong with the images of a camera, each `width · height` grey levels row by row, in the order of their times;
-    /// `None` where they are as said, or where too little of them is lit to tell.
-    #[must_use]
-    pub fn fault(
-        &self,
-        images: &[GreyLevels<'_>],
-        width: usize,
-        height: usize,
-        validity: &Validity,
-    ) -> Option<SequenceFault> {
-        let fits = |image: &GreyLevels<'_>| image.pixels() == width * height;
-        if images.len() != self.images || self.images < LEAST_IMAGES || !images.iter().all(fits) {
-            return None;
-        }
-        let lit = |blocks: Vec<Block>| -> Vec<(Block, Signal)> {
-            blocks.into_iter().filter_map(|block| block.signal(validity).map(|signal| (block, signal))).collect()
-        };
-        let blocks = lit(Block::all(images, width, height, validity));
-        if blocks.len() < LEAST_BLOCKS {
-            return None;
-        }
-        let told = Told { check: self, blocks: &blocks, validity };
-        if let Some(fault) = told.repeated() {
-            return Some(fault);
-        }
-        if !told.is_suspicious() {
-            return told.resting();
-        }
-        // Perhaps the images are of different brightness only.
-        let brightness = brightness(&blocks);
-        let levelled = lit(blocks.iter().map(|(block, _)| block.levelled(&brightness)).collect());
-        let told = Told { check: self, blocks: &levelled, validity };
-        if told.is_suspicious() { told.fault() } else { None }
-    }
+/// Memory in which is found what steps leave.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LeftRoom {
+    /// Planes of other steps than the said ones.
+    planes: Planes,
+    values: Values,
+}
 
-    /// What a fault leaves unexplained at any motion, a share of the modulation, where the scene moves by `motion_rad` an
-    /// image and there is no noise: a fault that leaves little cannot be seen. The least of the ways in which it may have
-    /// come about; 1 where it shows something else than fringes.
-    #[must_use]
-    pub fn residual_share(&self, fault: SequenceFaultKind, motion_rad: f64) -> f64 {
-        let hypotheses = Hypothesis::of_kind(fault, self.images);
-        let shares = hypotheses.iter().map(|hypothesis| {
-            let (shifts_rad, times) = angles(&self.shifts_rad, hypothesis);
-            self.nominal.unexplained(&span::directions(&shifts_rad, &times, motion_rad)).square.sqrt()
-        });
-        shares.fold(1.0, f64::min)
-    }
-
-    /// Share of the modulation from which on a fault is looked for.
-    #[must_use]
-    pub fn least_residual_share(&self) -> f64 {
-        SUSPICIOUS_SHARE * (SUSPICIOUS_STEPS as f64 / self.cycle.max(1) as f64).min(1.0)
-    }
-
-    /// Fastest motion that may explain other steps than the said ones, rad an image.
-    fn fastest_rad(&self) -> f64 {
-        FASTEST_RAD.min(FASTEST_STEPS * TAU / self.cycle.max(1) as f64)
-    }
+/// What planes leave of blocks, one by one.
+#[derive(Clone, Debug, Default)]
+struct Values {
+    squares: Vec<f64>,
+    motions_rad: Vec<f64>,
 }
 
 /// The blocks of a window that are lit.
-struct Told<'a> {
+pub(super) struct Told<'a> {
     check: &'a SequenceCheck,
-    blocks: &'a [(Block, Signal)],
+    blocks: &'a [Block],
+    numbers: &'a Numbers,
     validity: &'a Validity,
 }
 
-impl Told<'_> {
-    /// The signals of the blocks whose pixels move alike, those that do most first.
-    fn alike(&self) -> Vec<&Signal> {
-        let mut alike: Vec<&Signal> = self.blocks.iter().map(|(_, signal)| signal).filter(|s| is_alike(s)).collect();
-        alike.sort_by(|a, b| a.noise_square.total_cmp(&b.noise_square));
-        alike
+impl<'a> Told<'a> {
+    /// What blocks tell.
+    pub(super) fn new(
+        check: &'a SequenceCheck,
+        blocks: &'a [Block],
+        numbers: &'a mut Numbers,
+        validity: &'a Validity,
+    ) -> Self {
+        let Numbers { lit, alike } = numbers;
+        let signal = |number: usize| blocks[number].signal.as_ref();
+        let noise_square = |number: usize| signal(number).map_or(f64::INFINITY, |signal| signal.noise_square);
+        lit.clear();
+        lit.extend((0..blocks.len()).filter(|&number| signal(number).is_some()));
+        alike.clear();
+        alike.extend(lit.iter().filter(|&&number| signal(number).is_some_and(Signal::is_alike)));
+        // Of blocks with the same noise the first comes first.
+        alike.sort_unstable_by(|&a, &b| noise_square(a).total_cmp(&noise_square(b)).then(a.cmp(&b)));
+        Self { check, blocks, numbers, validity }
+    }
+
+    pub(super) fn lit_blocks(&self) -> usize {
+        self.numbers.lit.len()
+    }
+
+    /// The signals of some of the lit blocks, so many at most, evenly chosen.
+    fn signals(&self, numbers: &'a [usize], most: usize) -> impl Iterator<Item = &'a Signal> + Clone {
+        let blocks = self.blocks;
+        thinned_out(numbers, most).filter_map(move |&number| blocks[number].signal.as_ref())
+    }
+
+    /// What the said steps leave of some of the lit blocks.
+    fn left(&self, numbers: &'a [usize], room: &mut LeftRoom) -> Option<Left> {
+        left(&self.check.nominal, self.signals(numbers, numbers.len()), &mut room.values)
+    }
+
+    /// What others leave of signals.
+    fn left_by<'b>(
+        &self,
+        hypothesis: &Hypothesis,
+        signals: impl Iterator<Item = &'b Signal>,
+        room: &mut LeftRoom,
+    ) -> Option<Left> {
+        let LeftRoom { planes, values } = room;
+        self.check.set_planes(planes, hypothesis, self.check.fastest_rad());
+        left(planes, signals, values)
+    }
+
+    /// The lit blocks whose pixels move alike, those that do most first.
+    fn alike(&self) -> &'a [usize] {
+        &self.numbers.alike
     }
 
     /// Those that the steps are judged by; `None` where too few can tell.
-    fn judges(&self) -> Option<Vec<&Signal>> {
-        let mut alike = self.alike();
-        let judges = self.blocks.len().div_ceil(ONE_IN).max(LEAST_BLOCKS);
-        (alike.len() >= judges).then(|| {
-            alike.truncate(judges);
-            alike
-        })
+    fn judges(&self) -> Option<&'a [usize]> {
+        self.alike().get(..self.lit_blocks().div_ceil(ONE_IN).max(LEAST_BLOCKS))
+    }
+
+    /// Brightness of every image compared with the mean of all: over the whole image the fringes cancel.
+    pub(super) fn brightness(&self) -> Vector {
+        let images = self.check.images;
+        let mut sums = [0.0; MOST_IMAGES];
+        for &number in &self.numbers.lit {
+            sums[..images].iter_mut().zip(&self.blocks[number].mean).for_each(|(sum, mean)| *sum += mean);
+        }
+        let mean = sums[..images].iter().sum::<f64>() / images.max(1) as f64;
+        sums.map(|sum| if sum > 0.0 { sum / mean } else { 1.0 })
     }
 
     /// An image that came twice: no two exposures have the same noise.
-    fn repeated(&self) -> Option<SequenceFault> {
-        let same = |image: usize| self.blocks.iter().all(|(block, _)| block.difference_square(image) < SAME_SQUARE);
+    pub(super) fn repeated(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
+        let is_same = |&number: &usize, image| self.blocks[number].difference_square(image) < SAME_SQUARE;
+        let same = |image: usize| self.numbers.lit.iter().all(|number| is_same(number, image));
         let image = (0..self.check.images - 1).find(|&image| same(image))?;
-        let residual_share = left(&self.check.nominal, &self.alike()).map_or(1.0, |left| left.share);
+        let residual_share = self.left(self.alike(), room).map_or(1.0, |left| left.share);
         Some(SequenceFault { kind: SequenceFaultKind::Duplicated { image }, residual_share, explained_share: 0.0 })
     }
 
     /// Whether the said steps leave much, or most blocks cannot tell.
-    fn is_suspicious(&self) -> bool {
-        let nominal = self.judges().and_then(|judges| left(&self.check.nominal, &judges));
+    pub(super) fn is_suspicious(&self, room: &mut LeftRoom) -> bool {
+        let nominal = self.judges().and_then(|judges| self.left(judges, room));
         nominal.is_none_or(|left| left.share >= self.check.least_residual_share())
     }
 
-    fn fault(&self) -> Option<SequenceFault> {
+    /// What is wrong where the said steps leave much.
+    pub(super) fn fault(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
         let Some(judges) = self.judges() else {
             let residual_share = self.residual_share();
             let (kind, explained_share) =
                 self.wrong_image(MOST).filter(|&(_, share)| is_less(LESS_WITHOUT, share, residual_share))?;
             return Some(SequenceFault { kind, residual_share, explained_share });
         };
-        let residual_share = left(&self.check.nominal, &judges)?.share;
-        let order = self.fault_of_order(&judges, residual_share);
+        let residual_share = self.left(judges, room)?.share;
+        let order = self.fault_of_order(judges, residual_share);
         let order_share = order.map_or(f64::INFINITY, |order| order.share);
         let is_clear = |share: f64| {
             is_less(LESS_THAN_ANY_ORDER, share, order_share) && is_less(LESS_WITHOUT, share, residual_share)
@@ -228,71 +210,68 @@ impl Told<'_> {
 
     /// The likeliest of the faults of order that explain the images well, or at least better than the said steps, which leave so
     /// much.
-    fn fault_of_order(&self, judges: &[&Signal], residual_share: f64) -> Option<Order> {
+    fn fault_of_order(&self, judges: &'a [usize], residual_share: f64) -> Option<Order> {
         let check = self.check;
-        let hypotheses = Hypothesis::of_order(check.images, check.cycle);
-        let all: Vec<&Hypothesis> = hypotheses.iter().collect();
-        let promising = self.shares(&all, &thinned_out(judges, FEW_TRIED));
+        let all: Vec<Hypothesis> = Hypothesis::of_order(check.images, check.cycle).collect();
+        let promising = self.shares(&all, &self.signals(judges, FEW_TRIED));
         let limit = PROMISING * least_share(&promising).max(FLOOR_SHARE);
-        let kept: Vec<&Hypothesis> =
+        let kept: Vec<Hypothesis> =
             all.into_iter().zip(promising).filter(|&(_, share)| share <= limit).map(|(kept, _)| kept).collect();
-        let tried = thinned_out(judges, MOST_TRIED);
+        let tried = self.signals(judges, MOST_TRIED);
         let shares = self.shares(&kept, &tried);
         let least = least_share(&shares).max(FLOOR_SHARE);
         let limit = (AS_GOOD * least).min(residual_share / LESS).max(least);
         let (best, share) = kept.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
-        let planes = self.planes(best);
-        let is_better = |signal: &&&Signal| {
+        let mut planes = Planes::default();
+        check.set_planes(&mut planes, &best, check.fastest_rad());
+        let is_better = |signal: &&Signal| {
             let square = |planes: &Planes| planes.unexplained(&signal.directions).square;
             square(&planes) < square(&check.nominal)
         };
-        let agreement = tried.iter().filter(is_better).count() as f64 / tried.len() as f64;
+        let agreement = tried.clone().filter(is_better).count() as f64 / tried.count() as f64;
         Some(Order { kind: best.kind?, share, agreement })
     }
 
-    /// The planes of a fault.
-    fn planes(&self, hypothesis: &Hypothesis) -> Planes {
-        planes(&self.check.shifts_rad, hypothesis, self.check.fastest_rad())
-    }
-
     /// What hypotheses leave of signals.
-    fn shares(&self, hypotheses: &[&Hypothesis], signals: &[&Signal]) -> Vec<f64> {
-        let share =
-            |hypothesis: &&Hypothesis| left(&self.planes(hypothesis), signals).map_or(f64::INFINITY, |left| left.share);
+    fn shares<'b>(
+        &self,
+        hypotheses: &[Hypothesis],
+        signals: &(impl Iterator<Item = &'b Signal> + Clone + Sync),
+    ) -> Vec<f64> {
+        let share = |hypothesis| {
+            self.left_by(hypothesis, signals.clone(), &mut LeftRoom::default()).map_or(f64::INFINITY, |left| left.share)
+        };
         hypotheses.par_iter().map(share).collect()
     }
 
     /// The image without which the others fit best, and what they leave; so many of the blocks must move alike then.
     fn wrong_image(&self, least_alike: f64) -> Option<(SequenceFaultKind, f64)> {
-        let check = self.check;
-        let blocks: Vec<&Block> = self.blocks.iter().map(|(block, _)| block).collect();
-        let blocks = thinned_out(&blocks, MOST_TRIED);
+        let images = self.check.images;
+        let numbers = thinned_out(&self.numbers.lit, MOST_TRIED);
         let of = |image: usize| {
-            let kept: Vec<usize> = (0..check.images).filter(|&i| i != image).collect();
-            let hypothesis = Hypothesis { kind: None, steps: kept.clone(), times: kept };
-            let signals: Vec<Signal> =
-                blocks.iter().filter_map(|block| block.without(image).signal(self.validity)).collect();
-            let alike: Vec<&Signal> = signals.iter().filter(|signal| is_alike(signal)).collect();
-            let enough = alike.len() as f64 >= least_alike * blocks.len() as f64;
-            let left = left(&planes(&check.shifts_rad, &hypothesis, FASTEST_RAD), &alike).filter(|_| enough)?;
+            let signal = |&number: &usize| self.blocks[number].without(image, self.validity).signal;
+            let alike: Vec<Signal> = numbers.clone().filter_map(signal).filter(Signal::is_alike).collect();
+            let enough = alike.len() as f64 >= least_alike * numbers.clone().count() as f64;
+            let mut planes = Planes::default();
+            self.check.set_planes(&mut planes, &Hypothesis::without(image, images), FASTEST_RAD);
+            let left = left(&planes, alike.iter(), &mut Values::default()).filter(|_| enough)?;
             Some((SequenceFaultKind::Wrong { image }, left.share))
         };
-        let faults: Vec<(SequenceFaultKind, f64)> = (0..check.images).into_par_iter().filter_map(of).collect();
+        let faults: Vec<(SequenceFaultKind, f64)> = (0..images).into_par_iter().filter_map(of).collect();
         faults.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// A fault that a steady motion explains as well, where all blocks would share that motion, and rest without it.
-    fn resting(&self) -> Option<SequenceFault> {
-        let alike = self.alike();
-        let said = left(&self.check.nominal, &alike)?;
+    pub(super) fn resting(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
+        let said = self.left(self.alike(), room)?;
         let [least, most] = said.motions_rad;
         let is_shared = most - least <= 2.0 * RESTING_RAD && least.abs().min(most.abs()) >= SHARED_MOTION_RAD;
-        if !is_shared || alike.len() < LEAST_BLOCKS {
+        if !is_shared || self.alike().len() < LEAST_BLOCKS {
             return None;
         }
-        let tried = thinned_out(&alike, MOST_TRIED);
-        Hypothesis::of_order(self.check.images, self.check.cycle).iter().find_map(|hypothesis| {
-            let left = left(&self.planes(hypothesis), &tried)?;
+        let tried = self.signals(self.alike(), MOST_TRIED);
+        Hypothesis::of_order(self.check.images, self.check.cycle).find_map(|hypothesis| {
+            let left = self.left_by(&hypothesis, tried.clone(), room)?;
             let rests = left.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
             let fault =
                 SequenceFault { kind: hypothesis.kind?, residual_share: said.share, explained_share: left.share };
@@ -304,15 +283,14 @@ impl Told<'_> {
     fn residual_share(&self) -> f64 {
         let images = self.check.images as f64;
         let free = images - 3.0;
-        let mut squares: Vec<f64> = self
-            .blocks
-            .iter()
-            .map(|(_, signal)| {
-                let beside = self.check.nominal.unexplained(&signal.directions).square;
-                signal.noise_square + beside * images / (2.0 * free)
-            })
-            .collect();
-        quantile(&mut squares, 0.5).max(0.0).sqrt()
+        let square = |signal: &Signal| {
+            let beside = self.check.nominal.unexplained(&signal.directions).square;
+            signal.noise_square + beside * images / (2.0 * free)
+        };
+        let lit = &self.numbers.lit;
+        let mut squares: Vec<f64> = self.signals(lit, lit.len()).map(square).collect();
+        squares.sort_unstable_by(f64::total_cmp);
+        quantile(&squares, 0.5).max(0.0).sqrt()
     }
 }
 
@@ -321,54 +299,34 @@ fn is_less(times: f64, share: f64, than: f64) -> bool {
     times * share.max(FLOOR_SHARE) <= than
 }
 
-fn is_alike(signal: &Signal) -> bool {
-    signal.noise_square <= MAX_NOISE_SQUARE
-}
-
 /// What planes leave of signals; `None` of none.
-fn left(planes: &Planes, signals: &[&Signal]) -> Option<Left> {
-    if signals.is_empty() {
+fn left<'a>(planes: &Planes, signals: impl Iterator<Item = &'a Signal>, room: &mut Values) -> Option<Left> {
+    let Values { squares, motions_rad } = room;
+    squares.clear();
+    motions_rad.clear();
+    for left in signals.map(|signal| planes.unexplained(&signal.directions)) {
+        squares.push(left.square);
+        motions_rad.push(left.motion_rad);
+    }
+    if squares.is_empty() {
         return None;
     }
-    let left = signals.iter().map(|signal| planes.unexplained(&signal.directions));
-    let (mut squares, mut motions): (Vec<f64>, Vec<f64>) = left.map(|left| (left.square, left.motion_rad)).unzip();
-    let share = quantile(&mut squares, 0.5).sqrt();
-    Some(Left { share, motions_rad: ALL_BUT.map(|part| quantile(&mut motions, part)) })
-}
-
-fn planes(shifts_rad: &[f64], hypothesis: &Hypothesis, fastest_rad: f64) -> Planes {
-    let (shifts_rad, times) = angles(shifts_rad, hypothesis);
-    Planes::new(&shifts_rad, &times, fastest_rad)
-}
-
-/// Phase shifts and times of a hypothesis.
-fn angles(shifts_rad: &[f64], hypothesis: &Hypothesis) -> (Vec<f64>, Vec<f64>) {
-    let shift = |&step: &usize| shifts_rad.get(step).copied().unwrap_or_default();
-    (hypothesis.steps.iter().map(shift).collect(), hypothesis.times.iter().map(|&time| time as f64).collect())
-}
-
-/// Brightness of every image compared with the mean of all: over the whole image the fringes cancel.
-fn brightness(blocks: &[(Block, Signal)]) -> Vec<f64> {
-    let images = blocks.first().map_or(0, |(block, _)| block.mean().count());
-    let mut sums = vec![0.0; images];
-    for (block, _) in blocks {
-        sums.iter_mut().zip(block.mean()).for_each(|(sum, mean)| *sum += mean);
-    }
-    let mean = sums.iter().sum::<f64>() / images.max(1) as f64;
-    sums.iter().map(|&sum| if sum > 0.0 { sum / mean } else { 1.0 }).collect()
+    squares.sort_unstable_by(f64::total_cmp);
+    motions_rad.sort_unstable_by(f64::total_cmp);
+    let share = quantile(squares, 0.5).sqrt();
+    Some(Left { share, motions_rad: ALL_BUT.map(|part| quantile(motions_rad, part)) })
 }
 
 /// So many at most, evenly chosen.
-fn thinned_out<T: Copy>(all: &[T], most: usize) -> Vec<T> {
-    all.iter().step_by(all.len().div_ceil(most).max(1)).copied().collect()
+fn thinned_out<T>(all: &[T], most: usize) -> impl Iterator<Item = &T> + Clone {
+    all.iter().step_by(all.len().div_ceil(most.max(1)).max(1))
 }
 
 fn least_share(shares: &[f64]) -> f64 {
     shares.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// The value that a part of some does not exceed; 0 of none.
-fn quantile(values: &mut [f64], part: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
+/// The value that a part of some, the least first, does not exceed; 0 of none.
+fn quantile(values: &[f64], part: f64) -> f64 {
     values.get((part * values.len().saturating_sub(1) as f64).round() as usize).copied().unwrap_or_default()
 }

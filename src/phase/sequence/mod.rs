@@ -42,14 +42,23 @@
 //! where the said ones do not fit.
 
 mod block;
+mod check;
+mod eigen;
 mod fault;
 mod judge;
+mod signal;
 mod span;
 #[cfg(test)]
 mod tests;
 
+pub use check::{SequenceCheck, SequenceRoom};
 pub use fault::{SequenceFault, SequenceFaultKind};
-pub use judge::SequenceCheck;
 
-/// Fewest images of a window whose steps can be told.
+/// Fewest images of a window whose steps can be told, and most that a window has.
 const LEAST_IMAGES: usize = 5;
+const MOST_IMAGES: usize = super::MAX_IMAGES;
+
+/// A number for each image of a window.
+type Vector = [f64; MOST_IMAGES];
+/// A number for every two images.
+type Matrix = [Vector; MOST_IMAGES];

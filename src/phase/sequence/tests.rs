@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use crate::grey::GreyLevels;
 use crate::phase::Validity;
 
-use super::{SequenceCheck, SequenceFaultKind};
+use super::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceRoom};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 80;
@@ -24,6 +24,11 @@ fn noise(pixel: usize, image: usize) -> f64 {
 
 /// What is told of images that show these steps of N.
 fn told(steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFaultKind> {
+    told_in(&mut SequenceRoom::default(), steps, shown, scene).map(|fault| fault.kind)
+}
+
+/// The same in memory that other windows left.
+fn told_in(room: &mut SequenceRoom, steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFault> {
     let images: Vec<Vec<u8>> = shown
         .iter()
         .enumerate()
@@ -36,7 +41,26 @@ fn told(steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFaultKind
     let cycle: Vec<f64> = (0..steps).map(|k| TAU * k as f64 / steps as f64).collect();
     let levels: Vec<GreyLevels<'_>> = images.iter().map(|bytes| GreyLevels::eight_bit(bytes)).collect();
     let check = SequenceCheck::new(&cycle, 0, shown.len());
-    check.fault(&levels, WIDTH, HEIGHT, &Validity::default()).map(|fault| fault.kind)
+    check.fault_in(room, &levels, WIDTH, HEIGHT, &Validity::default())
+}
+
+#[test]
+fn what_the_memory_held_makes_no_difference() {
+    let mut room = SequenceRoom::default();
+    let flicker: Scene =
+        |pixel, turn_rad, image| resting(pixel, turn_rad, image) * if image % 3 == 0 { 0.8 } else { 1.0 };
+    let dark: Scene = |_, _, _| 3.0;
+    for (steps, shown, scene) in [
+        (8, vec![0, 1, 2, 3, 7, 8, 9, 10, 11, 12], resting as Scene),
+        (4, vec![0, 1, 2, 4, 5, 6], resting),
+        (4, vec![0, 1, 2, 3, 4, 5], dark),
+        (4, vec![0, 2, 1, 3, 4, 5], flicker),
+        (4, vec![0, 1, 2, 3, 4, 5], resting),
+        (5, vec![0, 1, 2, 4, 3, 5, 6], resting),
+    ] {
+        let fresh = told_in(&mut SequenceRoom::default(), steps, &shown, scene);
+        assert_eq!(told_in(&mut room, steps, &shown, scene), fresh, "{shown:?}");
+    }
 }
 
 #[test]
