@@ -1,7 +1,7 @@
 //! The same kernel for every instruction set: written once over `Lanes`, compiled for each [`Level`], chosen at run time.
 //!
 //! All levels compute the same bits: operations are whole numbers, or single additions, multiplications and divisions of
-//! IEEE 754, fused only where it is written. [`Level::Portable`] is the reference; tests hold every kernel of the others to it.
+//! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests hold every kernel of the others to it.
 
 mod arrays;
 #[cfg(target_arch = "x86_64")]
@@ -95,10 +95,7 @@ impl Level {
 
 #[cfg(target_arch = "x86_64")]
 fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2")
-        && is_x86_feature_detected!("fma")
-        && is_x86_feature_detected!("bmi2")
-        && is_x86_feature_detected!("lzcnt")
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") && is_x86_feature_detected!("lzcnt")
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -129,12 +126,12 @@ pub(crate) trait Kernel {
 pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
         fn avx2<K: Kernel>(kernel: K) -> K::Output {
             kernel.run(Arrays)
         }
         #[target_feature(
-            enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
+            enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
         )]
         fn avx512<K: Kernel>(kernel: K, lanes: Avx512) -> K::Output {
             kernel.run(lanes)
