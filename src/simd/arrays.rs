@@ -49,6 +49,7 @@ impl Lanes for Arrays {
     type Mask = Mask;
     type Truths = Truths;
     type Table<'a> = &'a [u16; COLUMNS];
+    const TWO_AT_ONCE: bool = false;
 
     #[inline(always)]
     fn word(self, value: i16) -> Words {
@@ -105,6 +106,16 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn times_high(self, a: Words, b: Words) -> Words {
         zip(a, b, |a, b| ((u32::from(a as u16) * u32::from(b as u16)) >> 16) as i16)
+    }
+    #[inline(always)]
+    fn half_up(self, a: Words) -> Words {
+        map(a, |a| (u32::from(a as u16) + 1 >> 1) as i16)
+    }
+    #[inline(always)]
+    fn share_of_bytes(self, small: Words, large: Words) -> Words {
+        let (small, large) = (self.floats(self.widen(small)), self.floats(self.widen(large)));
+        let share = zip(small, large, |small, large| small * 32767.0 / if large > 1.0 { large } else { 1.0 } + 0.5);
+        self.narrow(self.longs(share))
     }
     #[inline(always)]
     fn shift_left<const BITS: u32>(self, a: Words) -> Words {

@@ -1,6 +1,7 @@
 //! Lanes of AVX-512: 32 words a register; longs and floats are two registers, in the order in which words unpack.
 #![allow(unsafe_code, reason = "instructions of the level; lanes exist only where the machine has them")]
 
+use std::arch::asm;
 use std::arch::x86_64::*;
 
 use super::{COLUMNS, LANES, Lanes, Level};
@@ -53,6 +54,19 @@ fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
 
+/// |a| of signed words. Written out: of the amount of a difference of widened bytes the compiler would make a maximum, a minimum
+/// and another difference.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw")]
+fn amounts(a: __m512i) -> __m512i {
+    let amount;
+    // SAFETY: an instruction of the features of this function, of registers alone.
+    unsafe {
+        asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags))
+    };
+    amount
+}
+
 // SAFETY of all blocks below: a value of `Avx512` proves that the machine has the instructions; addresses come from references to
 // arrays of the length that is read or written, and no instruction asks for alignment.
 impl Lanes for Avx512 {
@@ -63,6 +77,7 @@ impl Lanes for Avx512 {
     type Mask = __mmask32;
     type Truths = Pair<__mmask16>;
     type Table<'a> = Pair<__m512i>;
+    const TWO_AT_ONCE: bool = true;
 
     #[inline(always)]
     fn word(self, value: i16) -> __m512i {
@@ -98,7 +113,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn abs(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_abs_epi16(a) }
+        unsafe { amounts(a) }
     }
     #[inline(always)]
     fn max_unsigned(self, a: __m512i, b: __m512i) -> __m512i {
@@ -119,6 +134,29 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn times_high(self, a: __m512i, b: __m512i) -> __m512i {
         unsafe { _mm512_mulhi_epu16(a, b) }
+    }
+    #[inline(always)]
+    fn half_up(self, a: __m512i) -> __m512i {
+        unsafe { _mm512_avg_epu16(a, _mm512_setzero_si512()) }
+    }
+    #[inline(always)]
+    fn share_of_bytes(self, small: __m512i, large: __m512i) -> __m512i {
+        const WHOLE: f32 = 32767.0;
+        // A word below this one is the float 2^23 + the word.
+        const HIGH_WORD: i16 = 0x4b00;
+        const ADDED: f32 = 8_388_608.0;
+        let high = self.word(HIGH_WORD);
+        unsafe {
+            let small = [_mm512_unpacklo_epi16(small, high), _mm512_unpackhi_epi16(small, high)];
+            let large = [_mm512_unpacklo_epi16(large, high), _mm512_unpackhi_epi16(large, high)];
+            let [a, b] = both!(_mm512_castsi512_ps, small);
+            // Whole numbers below 2^23: small · 32767 is exact.
+            let (whole, taken) = (_mm512_set1_ps(WHOLE), _mm512_set1_ps(-WHOLE * ADDED));
+            let products = [_mm512_fmadd_ps(a, whole, taken), _mm512_fmadd_ps(b, whole, taken)];
+            let large = self.sub_float(both!(_mm512_castsi512_ps, large), self.float(ADDED));
+            // 0/0 is no number, which becomes the least long, and 0.
+            self.narrow(self.longs(self.add_float(self.over(products, large), self.float(0.5))))
+        }
     }
     #[inline(always)]
     fn shift_left<const BITS: u32>(self, a: __m512i) -> __m512i {

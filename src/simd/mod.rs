@@ -160,6 +160,8 @@ pub(crate) trait Lanes: Copy {
     type Mask: Copy;
     /// A truth a long or a float, in their order.
     type Truths: Copy;
+    /// Whether the machine does two blocks at once faster than one after the other: it has registers for both.
+    const TWO_AT_ONCE: bool;
     /// [`COLUMNS`] words to look up.
     type Table<'a>: Copy;
 
@@ -191,6 +193,10 @@ pub(crate) trait Lanes: Copy {
     fn times_low(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// The high word of a·b, unsigned.
     fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a/2 of unsigned words, rounded up.
+    fn half_up(self, a: Self::Words) -> Self::Words;
+    /// small/large of words of 0 to 255, small no greater, as rounded fractions of 2^15 − 1; 0 where both are 0.
+    fn share_of_bytes(self, small: Self::Words, large: Self::Words) -> Self::Words;
     /// a·2^BITS.
     fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
     /// a/2^BITS of unsigned words, rounded down.

@@ -5,10 +5,14 @@
 
 mod block;
 mod left_out;
+mod octant;
 mod plan;
+mod quarters;
+mod side_by_side;
 mod statistics;
 #[cfg(test)]
 mod tests;
+mod weighted;
 
 use rayon::prelude::*;
 
