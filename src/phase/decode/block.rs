@@ -11,6 +11,7 @@ use crate::simd::{self, Kernel, LANES, Lanes, Level};
 use super::super::map::{DIM, Exposure, Modulation};
 use super::super::sample::Sample;
 use super::super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
+use super::even_bytes::EvenBytes;
 use super::left_out::LeftOut;
 use super::plan::Plan;
 use super::quarters::Quarters;
@@ -87,8 +88,8 @@ pub(super) struct Block<L: Lanes> {
 
 /// How blocks of 32 pixels are decoded.
 pub(super) trait Way<S: Sample> {
-    /// Whether a block is one long chain of operations, each of which waits for the one before: two of them side by side then
-    /// take hardly longer than one.
+    /// Whether two blocks side by side take less than one after the other: each is a long chain of operations that wait for those
+    /// before, and a line of memory, the bytes of two blocks, is read at once.
     const IS_CHAIN: bool;
 
     /// Decodes some blocks; `of` tells the samples of the k-th image in the order of the plan, of each block.
@@ -105,12 +106,17 @@ impl<S: Sample> Kernel for Band<'_, S> {
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) -> Counts {
         let (plan, limits) = (self.plan, self.limits);
-        let mut counts = if plan.is_even && plan.steps == 4 && S::IS_BYTE {
-            // What is asked in the loop would part its blocks.
-            if limits.max_share >= 1.0 {
-                self.decode_blocks::<L, _, 4>(lanes, &Quarters::<true>::new(plan, limits))
-            } else {
-                self.decode_blocks::<L, _, 4>(lanes, &Quarters::<false>::new(plan, limits))
+        let mut counts = if S::IS_BYTE && plan.is_even {
+            match plan.steps {
+                3 => self.decode_blocks::<L, _, 4>(lanes, &EvenBytes::<1>::new(plan, limits)),
+                // What is asked in the loop would part its blocks.
+                4 if limits.max_share >= 1.0 => {
+                    self.decode_blocks::<L, _, 4>(lanes, &Quarters::<true>::new(plan, limits))
+                }
+                4 => self.decode_blocks::<L, _, 4>(lanes, &Quarters::<false>::new(plan, limits)),
+                5..=8 => self.decode_blocks::<L, _, 8>(lanes, &EvenBytes::<2>::new(plan, limits)),
+                9..=12 => self.decode_blocks::<L, _, 12>(lanes, &EvenBytes::<3>::new(plan, limits)),
+                _ => self.decode_blocks::<L, _, MAX_STEPS>(lanes, &EvenBytes::<4>::new(plan, limits)),
             }
         } else {
             self.decode_blocks::<L, _, MAX_STEPS>(lanes, &Weighted { plan, limits })

@@ -1,4 +1,4 @@
-//! Any shifts and depth: weighted sums, a pair of images at a time.
+//! Any shifts and depth: weighted sums, a pair of images at a time, and what samples are off the sinusoid, one by one.
 
 use crate::simd::{LANES, Lanes};
 
@@ -25,8 +25,8 @@ impl<S: Sample> Way<S> for Weighted<'_> {
     ) -> [Block<L>; COUNT] {
         let (plan, limits, l) = (self.plan, self.limits, blocks.0);
         let zero = l.long(0);
-        let (mut offset, mut cosine, mut sine, mut squares) = (zero, zero, zero, zero);
-        let (mut sum, mut greatest) = (l.word(0), l.word(0));
+        let (mut offset, mut cosine, mut sine) = (zero, zero, zero);
+        let mut greatest = l.word(0);
         for p in 0..plan.steps.div_ceil(2) {
             let weights = &plan.pairs[p];
             let a = S::words(l, of(2 * p)[0]);
@@ -35,12 +35,7 @@ impl<S: Sample> Way<S> for Weighted<'_> {
             greatest = l.max_unsigned(greatest, l.max_unsigned(S::unsigned(l, a), S::unsigned(l, b)));
             cosine = l.add_weighted(cosine, a, b, weights.cosine);
             sine = l.add_weighted(sine, a, b, weights.sine);
-            if S::IS_BYTE && plan.is_even {
-                sum = l.add(sum, l.add(a, b));
-                squares = l.add_squares(squares, a, b);
-            } else {
-                offset = l.add_weighted(offset, a, b, weights.offset);
-            }
+            offset = l.add_weighted(offset, a, b, weights.offset);
         }
         let (cosine_f, sine_f) = (l.floats(cosine), l.floats(sine));
         let (abs_cosine, abs_sine) = (l.abs_float(cosine_f), l.abs_float(sine_f));
@@ -50,38 +45,20 @@ impl<S: Sample> Way<S> for Weighted<'_> {
             left: [l.is_negative(cosine)],
             below: [l.is_negative(sine)],
         };
-        let quotient = l.over(l.times_float(small, l.float(32767.0)), l.max_float(large, l.float(1.0)));
-        let share = l.narrow(l.longs(l.add_float(quotient, l.float(0.5))));
         let one = SideBySide::<L, 1>(l);
-        let ([phase], square) = angle(one, [share], &direction, plan.ahead);
+        let ([phase], square) = angle(one, [l.share(small, large)], &direction, plan.ahead);
         let grey_per_step = plan.value_per_step * limits.grey_per_value;
         let steps_256 = l.times_float(large, l.float(256.0 * grey_per_step));
         let [modulation] = hypotenuse(one, [l.narrow(l.longs(steps_256))], square);
-        let mean = if S::IS_BYTE && plan.is_even {
-            // (2·sum + N)/2N, rounded down; of 13 and 15 steps a mean that ends in 0.46 or more may be rounded up.
-            let twice = l.add(l.shift_left::<1>(sum), l.word(plan.steps as i16));
-            l.times_high(twice, l.word(plan.half_per_step as i16))
-        } else {
-            let bias_grey = -f32::from(S::BIAS) * limits.grey_per_value;
-            let offset = l.times_float(l.floats(offset), l.float(grey_per_step));
-            l.narrow(l.longs(l.min_float(l.add_float(offset, l.float(bias_grey + 0.5)), l.float(255.0))))
-        };
+        let bias_grey = -f32::from(S::BIAS) * limits.grey_per_value;
+        let mean = l.times_float(l.floats(offset), l.float(grey_per_step));
+        let mean = l.narrow(l.longs(l.min_float(l.add_float(mean, l.float(bias_grey + 0.5)), l.float(255.0))));
         let power = l.add_float(l.times_float(cosine_f, cosine_f), l.times_float(sine_f, sine_f));
-        let steps = plan.steps as f32;
         let freedom = (plan.steps - MIN_STEPS) as f32;
         let share_square = limits.max_share * limits.max_share * freedom;
         let value_square = plan.value_per_step * plan.value_per_step;
         let misfits = if plan.steps == MIN_STEPS {
             l.is_greater(l.word(0), l.word(0))
-        } else if S::IS_BYTE && plan.is_even {
-            // N·Σ I² − (Σ I)² is exact, and holds N²/2·B² of the sinusoid.
-            let sum = l.floats(l.widen_unsigned(sum));
-            let all = l.times_float(l.floats(squares), l.float(steps));
-            let about_mean = l.sub_float(all, l.times_float(sum, sum));
-            l.is_greater_float(
-                about_mean,
-                l.times_float(power, l.float(steps * (0.5 * steps + share_square) * value_square)),
-            )
         } else {
             let minus = l.float(-plan.value_per_step);
             let offset = l.times_float(l.floats(offset), minus);
