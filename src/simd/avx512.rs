@@ -81,7 +81,7 @@ fn amounts(a: __m512i) -> __m512i {
     let amount;
     // SAFETY: an instruction of the features of this function, of registers alone.
     unsafe {
-        asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags))
+        asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags));
     };
     amount
 }
