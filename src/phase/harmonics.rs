@@ -30,6 +30,8 @@ const VISIBLE_SHARE: f64 = 0.2;
 const MIN_EIGENVALUE: f64 = 0.05;
 /// Real and imaginary part of `c_2` and `c_3`.
 const UNKNOWNS: usize = 4;
+/// Offset, cosine and sine of the sinusoid.
+const FUNDAMENTAL: usize = 3;
 
 /// Samples of a pixel: grey level, angle, rad, and time since the centre of the window, images; 0 where nothing moves.
 pub(super) type Samples = Vec<[f64; 3]>;
@@ -62,10 +64,10 @@ pub(super) struct AtRest {
     steps: usize,
     /// Cosine and sine of the shifts.
     angles: [[f64; 2]; MAX_STEPS],
-    /// Weights of the samples in offset, cosine and sine.
-    fundamental: [[f64; MAX_STEPS]; 3],
-    /// Of cos 2s, sin 2s, cos 3s and sin 3s of the shifts s what the fundamental leaves, and their products.
-    beside: [[f64; MAX_STEPS]; UNKNOWNS],
+    /// Of each sample the weights in offset, cosine and sine; and of cos 2s, sin 2s, cos 3s and sin 3s of its shift s what the
+    /// fundamental leaves.
+    weights: [[f64; FUNDAMENTAL + UNKNOWNS]; MAX_STEPS],
+    /// Products of what it leaves, over all samples.
     products: [[f64; UNKNOWNS]; UNKNOWNS],
 }
 
@@ -81,11 +83,7 @@ impl AtRest {
     pub(super) fn new(shifts_rad: &[f64]) -> Self {
         let steps = shifts_rad.len();
         let inverse = normal(shifts_rad.iter().copied()).try_inverse().unwrap_or_else(Matrix3::zeros);
-        let (mut fundamental, mut beside) = ([[0.0; MAX_STEPS]; 3], [[0.0; MAX_STEPS]; UNKNOWNS]);
-        for (k, &shift) in shifts_rad.iter().enumerate() {
-            let weights = inverse * row(shift);
-            (0..3).for_each(|i| fundamental[i][k] = weights[i]);
-        }
+        let mut beside = [[0.0; MAX_STEPS]; UNKNOWNS];
         for (i, beside) in beside.iter_mut().enumerate() {
             let order = (2 + i / 2) as f64;
             let of = |s: f64| if i % 2 == 0 { (order * s).cos() } else { (order * s).sin() };
@@ -94,21 +92,31 @@ impl AtRest {
             beside.iter_mut().zip(shifts_rad).for_each(|(b, &s)| *b = of(s) - explained.dot(&row(s)));
         }
         let products = std::array::from_fn(|i| std::array::from_fn(|j| dot(&beside[i], &beside[j])));
+        let mut weights = [[0.0; FUNDAMENTAL + UNKNOWNS]; MAX_STEPS];
+        for (k, (weights, &shift)) in weights.iter_mut().zip(shifts_rad).enumerate() {
+            let fundamental = inverse * row(shift);
+            let all = fundamental.iter().copied().chain(beside.iter().map(|beside| beside[k]));
+            weights.iter_mut().zip(all).for_each(|(weight, of_shift)| *weight = of_shift);
+        }
         let mut angles = [[0.0; 2]; MAX_STEPS];
         angles.iter_mut().zip(shifts_rad).for_each(|(angle, s)| *angle = [s.cos(), s.sin()]);
-        Self { angles, visible: visible(shifts_rad), steps, fundamental, beside, products }
+        Self { angles, visible: visible(shifts_rad), steps, weights, products }
     }
 
     /// Takes a pixel with these samples, those beyond the images 0.
     pub(super) fn add(&self, samples: &[f64; MAX_STEPS], sums: &mut Sums) -> Beside {
-        let [offset, re, im] = std::array::from_fn(|i| dot(&self.fundamental[i], samples));
+        // All sums side by side.
+        let mut weighed = [0.0; FUNDAMENTAL + UNKNOWNS];
+        for (weights, sample) in self.weights.iter().zip(samples).take(self.steps) {
+            weighed.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * sample);
+        }
+        let [offset, re, im, right @ ..] = weighed;
         let power = re * re + im * im;
         let squares = self.squares_left(samples, [offset, re, im]);
         let beside = Beside { modulation: power.sqrt(), squares };
         if squares > EDGE_SHARE * EDGE_SHARE * power * self.steps as f64 || power <= 0.0 {
             return beside;
         }
-        let right: [f64; UNKNOWNS] = std::array::from_fn(|i| dot(&self.beside[i], samples));
         // B·e^(2iφ) and B·e^(3iφ).
         let (c, s) = (re / beside.modulation, im / beside.modulation);
         let (re2, im2) = (re * c - im * s, re * s + im * c);

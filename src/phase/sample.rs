@@ -13,6 +13,9 @@ pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {
     /// Stored values with their bias.
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words;
 
+    /// The low bytes of stored values: all of those of 8 bits.
+    fn bytes<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Bytes;
+
     /// Stored values as reals.
     fn reals<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Reals;
 
@@ -40,6 +43,11 @@ impl Sample for u8 {
     #[inline(always)]
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
         lanes.words_of_bytes(samples)
+    }
+
+    #[inline(always)]
+    fn bytes<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Bytes {
+        lanes.bytes(samples)
     }
 
     #[inline(always)]
@@ -79,6 +87,11 @@ impl Sample for [u8; 2] {
     #[inline(always)]
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words {
         lanes.add(lanes.words_of_le(samples), lanes.word(Self::BIAS))
+    }
+
+    #[inline(always)]
+    fn bytes<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Bytes {
+        lanes.bytes(&samples.map(|[low, _]| low))
     }
 
     #[inline(always)]

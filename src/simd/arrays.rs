@@ -1,6 +1,6 @@
 //! Lanes as arrays: the reference, which the compiler turns into whatever vectors the level has.
 
-use super::{COLUMNS, LANES, Lanes};
+use super::{COLUMNS, FourWeights, LANES, Lanes};
 
 /// Lanes of every machine.
 #[derive(Clone, Copy)]
@@ -41,6 +41,12 @@ fn truth_of_long(value: bool) -> i32 {
     -i32::from(value)
 }
 
+/// sum + a² + b².
+#[inline(always)]
+fn add_squares(sum: Longs, a: Words, b: Words) -> Longs {
+    zip(sum, zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b)), i32::wrapping_add)
+}
+
 impl Lanes for Arrays {
     type Words = Words;
     type Longs = Longs;
@@ -49,6 +55,9 @@ impl Lanes for Arrays {
     type Mask = Mask;
     type Truths = Truths;
     type Table<'a> = &'a [u16; COLUMNS];
+    type Bytes = [u8; LANES];
+    type Fours = [Words; 4];
+    const TWO_AT_ONCE: bool = false;
 
     #[inline(always)]
     fn word(self, value: i16) -> Words {
@@ -105,6 +114,14 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn times_high(self, a: Words, b: Words) -> Words {
         zip(a, b, |a, b| ((u32::from(a as u16) * u32::from(b as u16)) >> 16) as i16)
+    }
+    #[inline(always)]
+    fn half_up(self, a: Words) -> Words {
+        map(a, |a| u32::from(a as u16).div_ceil(2) as i16)
+    }
+    #[inline(always)]
+    fn share_of_bytes(self, small: Words, large: Words) -> Words {
+        self.share(self.floats(self.widen(small)), self.floats(self.widen(large)))
     }
     #[inline(always)]
     fn shift_left<const BITS: u32>(self, a: Words) -> Words {
@@ -196,6 +213,45 @@ impl Lanes for Arrays {
     }
 
     #[inline(always)]
+    fn bytes(self, bytes: &[u8; LANES]) -> [u8; LANES] {
+        *bytes
+    }
+    #[inline(always)]
+    fn max_bytes(self, a: [u8; LANES], b: [u8; LANES]) -> [u8; LANES] {
+        zip(a, b, u8::max)
+    }
+    #[inline(always)]
+    fn widen_bytes(self, a: [u8; LANES]) -> Words {
+        map(a, i16::from)
+    }
+    #[inline(always)]
+    fn fours(self, images: [[u8; LANES]; 4]) -> [Words; 4] {
+        let mut fours = [[0; LANES]; 4];
+        for k in 0..4 {
+            fours[k] = self.widen_bytes(images[k]);
+        }
+        fours
+    }
+    #[inline(always)]
+    fn weigh<const COUNT: usize>(self, fours: &[[Words; 4]; COUNT], weights: &[FourWeights; COUNT]) -> Longs {
+        let mut sum = self.long(0);
+        for i in 0..COUNT {
+            let ([a, b, c, d], [of_a, of_b, of_c, of_d]) = (fours[i], weights[i].words);
+            sum = self.add_weighted(self.add_weighted(sum, a, b, [of_a, of_b]), c, d, [of_c, of_d]);
+        }
+        sum
+    }
+    #[inline(always)]
+    fn sums_and_squares<const COUNT: usize>(self, fours: &[[Words; 4]; COUNT]) -> [Longs; 2] {
+        let (mut sum, mut squares) = (self.word(0), self.long(0));
+        for [a, b, c, d] in fours {
+            sum = self.add(sum, self.add(self.add(*a, *b), self.add(*c, *d)));
+            squares = add_squares(add_squares(squares, *a, *b), *c, *d);
+        }
+        [self.widen(sum), squares]
+    }
+
+    #[inline(always)]
     fn long(self, value: i32) -> Longs {
         [value; LANES]
     }
@@ -215,10 +271,6 @@ impl Lanes for Arrays {
     fn add_weighted(self, sum: Longs, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
         let weighted = zip(a, b, |a, b| i32::from(a) * i32::from(of_a) + i32::from(b) * i32::from(of_b));
         zip(sum, weighted, i32::wrapping_add)
-    }
-    #[inline(always)]
-    fn add_squares(self, sum: Longs, a: Words, b: Words) -> Longs {
-        zip(sum, zip(a, b, |a, b| i32::from(a) * i32::from(a) + i32::from(b) * i32::from(b)), i32::wrapping_add)
     }
     #[inline(always)]
     fn is_negative(self, a: Longs) -> Mask {
@@ -297,6 +349,19 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn min_float(self, a: Floats, b: Floats) -> Floats {
         zip(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn min_amount(self, a: Floats, b: Floats) -> Floats {
+        self.min_float(self.abs_float(a), self.abs_float(b))
+    }
+    #[inline(always)]
+    fn max_amount(self, a: Floats, b: Floats) -> Floats {
+        self.max_float(self.abs_float(a), self.abs_float(b))
+    }
+    #[inline(always)]
+    fn share(self, small: Floats, large: Floats) -> Words {
+        let share = zip(small, large, |small, large| small * 32767.0 / if large > 1.0 { large } else { 1.0 } + 0.5);
+        self.narrow(self.longs(share))
     }
     #[inline(always)]
     fn is_greater_float(self, a: Floats, b: Floats) -> Mask {

@@ -1,9 +1,10 @@
 //! Lanes of AVX-512: 32 words a register; longs and floats are two registers, in the order in which words unpack.
 #![allow(unsafe_code, reason = "instructions of the level; lanes exist only where the machine has them")]
 
+use std::arch::asm;
 use std::arch::x86_64::*;
 
-use super::{COLUMNS, LANES, Lanes, Level};
+use super::{COLUMNS, FourWeights, LANES, Lanes, Level};
 
 /// Proof that the machine has AVX-512 with bytes and words.
 #[derive(Clone, Copy)]
@@ -31,8 +32,27 @@ macro_rules! both {
     }};
 }
 
+/// What `vrangeps` is asked for: the lesser or the greater amount, without sign.
+const MIN_AMOUNT: i32 = 0b1010;
+const MAX_AMOUNT: i32 = 0b1011;
+
 /// Which bits of words the longs of the first register and of the second belong to.
 const OF_REGISTERS: Pair<u32> = [0x0f0f_0f0f, 0xf0f0_f0f0];
+
+/// Where the bytes of four images lie in two registers, for those of the longs of the first register and of the second: the order
+/// in which words unpack.
+const OF_FOURS: Pair<[u8; 2 * LANES]> = [of_fours(0), of_fours(4)];
+
+const fn of_fours(first: usize) -> [u8; 2 * LANES] {
+    let mut places = [0; 2 * LANES];
+    let mut k = 0;
+    while k < 2 * LANES {
+        let (long, image) = (k / 4, k % 4);
+        places[k] = (image * LANES + first + long / 4 * 8 + long % 4) as u8;
+        k += 1;
+    }
+    places
+}
 
 /// Truths of reals, which are in the order of memory already.
 #[inline(always)]
@@ -47,6 +67,19 @@ fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
 
+/// |a| of signed words. Written out: of the amount of a difference of widened bytes the compiler would make a maximum, a minimum
+/// and another difference.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw")]
+fn amounts(a: __m512i) -> __m512i {
+    let amount;
+    // SAFETY: an instruction of the features of this function, of registers alone.
+    unsafe {
+        asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags));
+    };
+    amount
+}
+
 // SAFETY of all blocks below: a value of `Avx512` proves that the machine has the instructions; addresses come from references to
 // arrays of the length that is read or written, and no instruction asks for alignment.
 impl Lanes for Avx512 {
@@ -57,6 +90,9 @@ impl Lanes for Avx512 {
     type Mask = __mmask32;
     type Truths = Pair<__mmask16>;
     type Table<'a> = Pair<__m512i>;
+    type Bytes = __m256i;
+    type Fours = Pair<__m512i>;
+    const TWO_AT_ONCE: bool = true;
 
     #[inline(always)]
     fn word(self, value: i16) -> __m512i {
@@ -92,7 +128,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn abs(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_abs_epi16(a) }
+        unsafe { amounts(a) }
     }
     #[inline(always)]
     fn max_unsigned(self, a: __m512i, b: __m512i) -> __m512i {
@@ -113,6 +149,30 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn times_high(self, a: __m512i, b: __m512i) -> __m512i {
         unsafe { _mm512_mulhi_epu16(a, b) }
+    }
+    #[inline(always)]
+    fn half_up(self, a: __m512i) -> __m512i {
+        unsafe { _mm512_avg_epu16(a, _mm512_setzero_si512()) }
+    }
+    #[inline(always)]
+    fn share_of_bytes(self, small: __m512i, large: __m512i) -> __m512i {
+        const WHOLE: f32 = 32767.0;
+        // A word below this one is the float 2^23 + the word.
+        const HIGH_WORD: i16 = 0x4b00;
+        const ADDED: f32 = 8_388_608.0;
+        let high = self.word(HIGH_WORD);
+        unsafe {
+            let small = [_mm512_unpacklo_epi16(small, high), _mm512_unpackhi_epi16(small, high)];
+            let large = [_mm512_unpacklo_epi16(large, high), _mm512_unpackhi_epi16(large, high)];
+            let [a, b] = [_mm512_castsi512_ps(small[0]), _mm512_castsi512_ps(small[1])];
+            // Whole numbers below 2^23: small · 32767 is exact.
+            let (whole, taken) = (_mm512_set1_ps(WHOLE), _mm512_set1_ps(-WHOLE * ADDED));
+            let products = [_mm512_fmadd_ps(a, whole, taken), _mm512_fmadd_ps(b, whole, taken)];
+            let large = [_mm512_castsi512_ps(large[0]), _mm512_castsi512_ps(large[1])];
+            let large = self.sub_float(large, self.float(ADDED));
+            // 0/0 is no number, which becomes the least long, and 0.
+            self.narrow(self.longs(self.add_float(self.over(products, large), self.float(0.5))))
+        }
     }
     #[inline(always)]
     fn shift_left<const BITS: u32>(self, a: __m512i) -> __m512i {
@@ -203,6 +263,64 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
+    fn bytes(self, bytes: &[u8; LANES]) -> __m256i {
+        unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn max_bytes(self, a: __m256i, b: __m256i) -> __m256i {
+        unsafe { _mm256_max_epu8(a, b) }
+    }
+    #[inline(always)]
+    fn widen_bytes(self, a: __m256i) -> __m512i {
+        unsafe { _mm512_cvtepu8_epi16(a) }
+    }
+    #[inline(always)]
+    fn fours(self, [a, b, c, d]: [__m256i; 4]) -> Pair<__m512i> {
+        unsafe {
+            let low = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(a), b);
+            let high = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(c), d);
+            let places =
+                [_mm512_loadu_si512(OF_FOURS[0].as_ptr().cast()), _mm512_loadu_si512(OF_FOURS[1].as_ptr().cast())];
+            [_mm512_permutex2var_epi8(low, places[0], high), _mm512_permutex2var_epi8(low, places[1], high)]
+        }
+    }
+    #[inline(always)]
+    fn weigh<const COUNT: usize>(
+        self,
+        fours: &[Pair<__m512i>; COUNT],
+        weights: &[FourWeights; COUNT],
+    ) -> Pair<__m512i> {
+        unsafe {
+            let mut sum = self.long(0);
+            for i in 0..COUNT {
+                let high = _mm512_set1_epi32(weights[i].high);
+                sum = [_mm512_dpbusd_epi32(sum[0], fours[i][0], high), _mm512_dpbusd_epi32(sum[1], fours[i][1], high)];
+            }
+            sum = [_mm512_slli_epi32::<8>(sum[0]), _mm512_slli_epi32::<8>(sum[1])];
+            for i in 0..COUNT {
+                let low = _mm512_set1_epi32(weights[i].low);
+                sum = [_mm512_dpbusd_epi32(sum[0], fours[i][0], low), _mm512_dpbusd_epi32(sum[1], fours[i][1], low)];
+            }
+            sum
+        }
+    }
+    #[inline(always)]
+    fn sums_and_squares<const COUNT: usize>(self, fours: &[Pair<__m512i>; COUNT]) -> [Pair<__m512i>; 2] {
+        unsafe {
+            let (ones, middle) = (_mm512_set1_epi8(1), _mm512_set1_epi8(i8::MIN));
+            let (mut sum, mut products) = (self.long(0), self.long(0));
+            for &[a, b] in fours {
+                sum = [_mm512_dpbusd_epi32(sum[0], a, ones), _mm512_dpbusd_epi32(sum[1], b, ones)];
+                // One factor is signed: byte · (byte − 128).
+                let (of_a, of_b) = (_mm512_xor_si512(a, middle), _mm512_xor_si512(b, middle));
+                products = [_mm512_dpbusd_epi32(products[0], a, of_a), _mm512_dpbusd_epi32(products[1], b, of_b)];
+            }
+            let taken = [_mm512_slli_epi32::<7>(sum[0]), _mm512_slli_epi32::<7>(sum[1])];
+            [sum, self.add_long(products, taken)]
+        }
+    }
+
+    #[inline(always)]
     fn long(self, value: i32) -> Pair<__m512i> {
         unsafe { [_mm512_set1_epi32(value); 2] }
     }
@@ -232,13 +350,6 @@ impl Lanes for Avx512 {
                 _mm512_dpwssd_epi32(low, _mm512_unpacklo_epi16(a, b), weights),
                 _mm512_dpwssd_epi32(high, _mm512_unpackhi_epi16(a, b), weights),
             ]
-        }
-    }
-    #[inline(always)]
-    fn add_squares(self, [low, high]: Pair<__m512i>, a: __m512i, b: __m512i) -> Pair<__m512i> {
-        unsafe {
-            let pairs = [_mm512_unpacklo_epi16(a, b), _mm512_unpackhi_epi16(a, b)];
-            [_mm512_dpwssd_epi32(low, pairs[0], pairs[0]), _mm512_dpwssd_epi32(high, pairs[1], pairs[1])]
         }
     }
     #[inline(always)]
@@ -326,6 +437,20 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn min_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
         both!(_mm512_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn min_amount(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_range_ps::<MIN_AMOUNT>, a, b)
+    }
+    #[inline(always)]
+    fn max_amount(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
+        both!(_mm512_range_ps::<MAX_AMOUNT>, a, b)
+    }
+    #[inline(always)]
+    fn share(self, small: Pair<__m512>, large: Pair<__m512>) -> __m512i {
+        // 0/0 is no number, which becomes the least long, and 0.
+        let share = self.over(self.times_float(small, self.float(32767.0)), large);
+        self.narrow(self.longs(self.add_float(share, self.float(0.5))))
     }
     #[inline(always)]
     fn is_greater_float(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {

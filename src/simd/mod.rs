@@ -19,6 +19,24 @@ pub(crate) const LANES: usize = 32;
 /// Words of a table.
 pub(crate) const COLUMNS: usize = 2 * LANES;
 
+/// Weights of four images, as [`Lanes::weigh`] takes them.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct FourWeights {
+    words: [i16; 4],
+    /// 256·high + low is the weight; bytes of four images, as a long.
+    high: i32,
+    low: i32,
+}
+
+impl FourWeights {
+    /// Of weights less than 2^15 − 128.
+    pub(crate) fn new(words: [i16; 4]) -> Self {
+        let low = words.map(|word| word as i8);
+        let high = std::array::from_fn(|k| ((i32::from(words[k]) - i32::from(low[k])) >> 8) as i8 as u8);
+        Self { words, high: i32::from_le_bytes(high), low: i32::from_le_bytes(low.map(|byte| byte as u8)) }
+    }
+}
+
 /// So many values, those behind the last one `other`.
 #[inline(always)]
 pub(crate) fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
@@ -168,6 +186,12 @@ pub(crate) trait Lanes: Copy {
     type Mask: Copy;
     /// A truth a long or a float, in their order.
     type Truths: Copy;
+    /// 8 bits a lane.
+    type Bytes: Copy;
+    /// The bytes of four images a lane.
+    type Fours: Copy;
+    /// Whether the machine does two blocks at once faster than one after the other: it has registers for both.
+    const TWO_AT_ONCE: bool;
     /// [`COLUMNS`] words to look up.
     type Table<'a>: Copy;
 
@@ -199,6 +223,10 @@ pub(crate) trait Lanes: Copy {
     fn times_low(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// The high word of a·b, unsigned.
     fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// a/2 of unsigned words, rounded up.
+    fn half_up(self, a: Self::Words) -> Self::Words;
+    /// small/large of words of 0 to 255, small no greater, as rounded fractions of 2^15 − 1; 0 where both are 0.
+    fn share_of_bytes(self, small: Self::Words, large: Self::Words) -> Self::Words;
     /// a·2^BITS.
     fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
     /// a/2^BITS of unsigned words, rounded down.
@@ -240,6 +268,19 @@ pub(crate) trait Lanes: Copy {
     /// Stores truths.
     fn store_mask(self, mask: Self::Mask, to: &mut [bool; LANES]);
 
+    /// Bytes of memory.
+    fn bytes(self, bytes: &[u8; LANES]) -> Self::Bytes;
+    /// The greater of two.
+    fn max_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
+    /// Bytes as words.
+    fn widen_bytes(self, a: Self::Bytes) -> Self::Words;
+    /// The bytes of four images side by side.
+    fn fours(self, images: [Self::Bytes; 4]) -> Self::Fours;
+    /// Σ byte·weight of all images.
+    fn weigh<const COUNT: usize>(self, fours: &[Self::Fours; COUNT], weights: &[FourWeights; COUNT]) -> Self::Longs;
+    /// Σ byte and Σ byte² of all images, 16 at most.
+    fn sums_and_squares<const COUNT: usize>(self, fours: &[Self::Fours; COUNT]) -> [Self::Longs; 2];
+
     /// The same long in all lanes.
     fn long(self, value: i32) -> Self::Longs;
     /// Signed words as longs.
@@ -250,8 +291,6 @@ pub(crate) trait Lanes: Copy {
     fn widen_unsigned(self, a: Self::Words) -> Self::Longs;
     /// sum + a·weights[0] + b·weights[1] of signed words, wrapping.
     fn add_weighted(self, sum: Self::Longs, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
-    /// sum + a² + b² of signed words, wrapping.
-    fn add_squares(self, sum: Self::Longs, a: Self::Words, b: Self::Words) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
     /// Longs as words, those beyond 0 to 65535 at its ends.
@@ -289,6 +328,12 @@ pub(crate) trait Lanes: Copy {
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// The lesser of two, neither NaN.
     fn min_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// min(|a|, |b|), neither NaN.
+    fn min_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// max(|a|, |b|), neither NaN.
+    fn max_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// small/large of whole numbers, neither negative, small no greater, as rounded fractions of 2^15 − 1; 0 where both are 0.
+    fn share(self, small: Self::Floats, large: Self::Floats) -> Self::Words;
     /// a > b of finite floats.
     fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     /// Floats of the range of longs as longs, rounded towards zero.
@@ -362,4 +407,76 @@ pub(crate) trait Lanes: Copy {
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
     /// The least of unsigned words, everywhere.
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shares of bytes, weighed bytes of eight images, their sums and sums of squares, at a level.
+    struct OfBytes<'a> {
+        small: &'a [u8; LANES],
+        large: &'a [u8; LANES],
+        images: &'a [[u8; LANES]; 8],
+        weights: [[i16; 4]; 2],
+    }
+
+    impl Kernel for OfBytes<'_> {
+        type Output = ([u16; LANES], [[i32; LANES]; 3]);
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, l: L) -> Self::Output {
+            let (mut shares, mut sums) = ([0; LANES], [[0; LANES]; 3]);
+            l.store(l.share_of_bytes(l.words_of_bytes(self.small), l.words_of_bytes(self.large)), &mut shares);
+            let [a, b, c, d, e, f, g, h] = self.images;
+            let fours = [
+                l.fours([l.bytes(a), l.bytes(b), l.bytes(c), l.bytes(d)]),
+                l.fours([l.bytes(e), l.bytes(f), l.bytes(g), l.bytes(h)]),
+            ];
+            let [sum, squares] = l.sums_and_squares(&fours);
+            l.store_longs(l.weigh(&fours, &self.weights.map(FourWeights::new)), &mut sums[0]);
+            l.store_longs(sum, &mut sums[1]);
+            l.store_longs(squares, &mut sums[2]);
+            (shares, sums)
+        }
+    }
+
+    #[test]
+    fn what_is_made_of_bytes_is_exact_at_every_level() {
+        let mut state = 5_u32;
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as u16
+        };
+        // All pairs of bytes of which the first is no greater.
+        for large in 0..=u8::MAX {
+            for begin in (0..=large).step_by(LANES) {
+                let small = std::array::from_fn(|k| begin.saturating_add(k as u8).min(large));
+                let images = std::array::from_fn(|_| {
+                    std::array::from_fn(|_| if random() % 4 == 0 { u8::MAX } else { random() as u8 })
+                });
+                let weights = [[0; 4]; 2].map(|four| {
+                    four.map(|_: i16| if random() % 4 == 0 { 0x7f7f } else { (random() as i16).min(0x7f7f) })
+                });
+                let of = |k: usize, f: &dyn Fn(i32, i32) -> i32| -> i32 {
+                    images.iter().zip(weights.as_flattened()).map(|(i, &w)| f(i32::from(i[k]), i32::from(w))).sum()
+                };
+                let wanted: [[i32; LANES]; 3] = [
+                    std::array::from_fn(|k| of(k, &|byte, weight| byte * weight)),
+                    std::array::from_fn(|k| of(k, &|byte, _| byte)),
+                    std::array::from_fn(|k| of(k, &|byte, _| byte * byte)),
+                ];
+                let share = |small: u8| {
+                    let large = u32::from(large.max(1));
+                    ((2 * 32767 * u32::from(small) + large) / (2 * large)) as u16
+                };
+                for level in Level::ALL {
+                    let (shares, sums) =
+                        run(level, OfBytes { small: &small, large: &[large; LANES], images: &images, weights });
+                    assert_eq!(shares, small.map(share), "{level:?}, large {large}");
+                    assert!(sums == wanted, "{level:?}");
+                }
+            }
+        }
+    }
 }

@@ -14,6 +14,9 @@ const PIXELS: usize = 640;
 /// Pixels looked at for one that is asked, at most: where the scene fills less of the image, fewer are asked.
 const MOST_TRIES: usize = 32;
 
+/// Pixels whose samples are fetched before any of them is used: memory is waited for once.
+const TOGETHER: usize = 16;
+
 /// Fills in fit statistics and harmonics of a map whose planes are there and that has so many valid pixels.
 pub(super) fn measure<S: Sample>(
     images: &[&[S]],
@@ -28,17 +31,23 @@ pub(super) fn measure<S: Sample>(
     let tries = (PIXELS as u64 * pixels as u64).div_ceil(valid_pixels.max(1)).min((MOST_TRIES * PIXELS) as u64);
     let freedom = shifts.steps() - MIN_STEPS;
     let (mut sums, mut residuals) = (Sums::default(), Residuals::default());
-    for pixel in spread(pixels, tries as usize).filter(|&pixel| map.valid[pixel]) {
-        if images.iter().any(|image| limits.saturates(image[pixel])) {
-            continue;
+    let mut together = [[0.0; MAX_STEPS]; TOGETHER];
+    let mut places = spread(pixels, tries as usize);
+    while places.len() > 0 {
+        let mut count = 0;
+        for pixel in places.by_ref().take(TOGETHER).filter(|&pixel| map.valid[pixel]) {
+            let mut is_saturated = false;
+            for (sample, image) in together[count].iter_mut().zip(images) {
+                is_saturated |= limits.saturates(image[pixel]);
+                *sample = f64::from(image[pixel].grey(limits.grey_per_value));
+            }
+            count += usize::from(!is_saturated);
         }
-        let mut samples = [0.0; MAX_STEPS];
-        for (sample, image) in samples.iter_mut().zip(images) {
-            *sample = f64::from(image[pixel].grey(limits.grey_per_value));
-        }
-        let beside = at_rest.add(&samples, &mut sums);
-        if freedom > 0 {
-            residuals.add((beside.squares / freedom as f64).sqrt() as f32, beside.modulation as f32);
+        for samples in &together[..count] {
+            let beside = at_rest.add(samples, &mut sums);
+            if freedom > 0 {
+                residuals.add((beside.squares / freedom as f64).sqrt() as f32, beside.modulation as f32);
+            }
         }
     }
     let statistics = residuals.statistics(freedom, format, shifts.noise_gain() as f32);

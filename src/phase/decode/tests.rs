@@ -169,7 +169,7 @@ fn all_levels_decode_the_same_bits() {
         (state >> 16) as u16
     };
     let mut sequences: Vec<Vec<f64>> =
-        [3, 4, 5, 8, 16].map(|n| (0..n).map(|k| TAU * f64::from(k) / f64::from(n) + 0.4).collect()).into();
+        [3, 4, 5, 8, 11, 12, 13, 16].map(|n| (0..n).map(|k| TAU * f64::from(k) / f64::from(n) + 0.4).collect()).into();
     sequences.push(vec![0.0, 1.4, 3.3, 4.6]);
     for shifts_rad in sequences {
         let shifts = PhaseShifts::new(&shifts_rad).unwrap();

@@ -1,0 +1,67 @@
+//! Four evenly spaced samples of 8 bits: cosine and sine are differences of two.
+
+use crate::simd::{LANES, Lanes};
+
+use super::super::sample::Sample;
+use super::block::{Block, Limits, Way};
+use super::octant::{Direction, angle, hypotenuse};
+use super::plan::Plan;
+use super::side_by_side::SideBySide;
+
+/// `IS_LOOSE`: whether residuals may be as large as the modulation, or larger.
+pub(super) struct Quarters<const IS_LOOSE: bool> {
+    ahead: u16,
+    /// What the residual is multiplied with if it may be large, else the modulation, before they are compared.
+    share: i16,
+}
+
+impl<const IS_LOOSE: bool> Quarters<IS_LOOSE> {
+    pub(super) fn new(plan: &Plan, limits: &Limits) -> Self {
+        let share = if IS_LOOSE { 32767.0 / limits.max_share } else { 32767.0 * limits.max_share };
+        Self { ahead: plan.ahead, share: share as i16 }
+    }
+}
+
+impl<S: Sample, const IS_LOOSE: bool> Way<S> for Quarters<IS_LOOSE> {
+    const IS_CHAIN: bool = true;
+
+    #[inline(always)]
+    fn decode<'a, L: Lanes, const COUNT: usize>(
+        &self,
+        blocks: SideBySide<L, COUNT>,
+        of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
+    ) -> [Block<L>; COUNT] {
+        let s = blocks;
+        let (a, b, c, d) = (s.words(of(0)), s.words(of(1)), s.words(of(2)), s.words(of(3)));
+        let (cosine, sine) = (s.sub(a, c), s.sub(d, b));
+        let (even, odd) = (s.add(a, c), s.add(b, d));
+        // A quarter, rounded.
+        let mean = s.times(s.add(even, odd), s.word(1 << 13));
+        let greatest = s.max_unsigned(s.max_unsigned(a, b), s.max_unsigned(c, d));
+        let (abs_cosine, abs_sine) = (s.abs(cosine), s.abs(sine));
+        let (small, large) = (s.min_unsigned(abs_cosine, abs_sine), s.max_unsigned(abs_cosine, abs_sine));
+        let direction = Direction {
+            swapped: s.is_greater(abs_sine, abs_cosine),
+            left: s.is_greater(s.word(0), cosine),
+            below: s.is_greater(s.word(0), sine),
+        };
+        let (phase, square) = angle(s, s.share_of_bytes(small, large), &direction, self.ahead);
+        // Half the difference is the cosine sum: 256 · 1/2.
+        let modulation = hypotenuse(s, s.shift_left::<7>(large), square);
+        // What is left beside the sinusoid: (a − b + c − d)/2, in steps of 1/128 grey level; both sides are signed words.
+        let residual = s.shift_left::<6>(s.abs(s.sub(even, odd)));
+        let misfits = if IS_LOOSE {
+            s.is_greater(s.times(residual, s.word(self.share)), modulation)
+        } else {
+            s.is_greater(residual, s.times(modulation, s.word(self.share)))
+        };
+        let block = |i| Block {
+            phase: phase[i],
+            modulation: modulation[i],
+            mean: mean[i],
+            misfits: misfits[i],
+            greatest: greatest[i],
+        };
+        std::array::from_fn(block)
+    }
+}
