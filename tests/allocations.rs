@@ -12,7 +12,7 @@ use fringeflow::correspondence::ResolutionMethod;
 use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::usual_extra_images;
 
-use counting_allocator::allocated;
+use counting_allocator::{allocated, held};
 use scenes::{Geometry, Images, SMALL_PX, Scene, Workers};
 
 #[global_allocator]
@@ -82,8 +82,9 @@ fn saturated_share(levels: &[GreyLevels<'_>]) -> f64 {
 /// Calls and bytes of some windows, after others.
 fn asked(mut window: impl FnMut()) -> [u64; 2] {
     (0..WARM_UP).for_each(|_| window());
-    let [calls, bytes] = allocated();
+    let ([calls, bytes], before) = (allocated(), held());
     (0..COUNTED).for_each(|_| window());
-    let [more_calls, more_bytes] = allocated();
+    let ([more_calls, more_bytes], after) = (allocated(), held());
+    assert_eq!(after, before, "bytes held");
     [more_calls - calls, more_bytes - bytes]
 }
