@@ -20,18 +20,29 @@ impl<S: Sample> Way<S> for Weighted<'_> {
     #[inline(always)]
     fn decode<'a, L: Lanes, const COUNT: usize>(
         &self,
-        blocks: SideBySide<L, COUNT>,
+        SideBySide(lanes): SideBySide<L, COUNT>,
         of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
     ) -> [Block<L>; COUNT] {
-        let (plan, limits, l) = (self.plan, self.limits, blocks.0);
+        let mut blocks = [self.block(lanes, |k| of(k)[0]); COUNT];
+        for i in 1..COUNT {
+            blocks[i] = self.block(lanes, |k| of(k)[i]);
+        }
+        blocks
+    }
+}
+
+impl Weighted<'_> {
+    #[inline(always)]
+    fn block<'a, L: Lanes, S: Sample>(&self, lanes: L, of: impl Fn(usize) -> &'a [S; LANES]) -> Block<L> {
+        let (plan, limits, l) = (self.plan, self.limits, lanes);
         let zero = l.long(0);
         let (mut offset, mut cosine, mut sine) = (zero, zero, zero);
         let mut greatest = l.word(0);
         for p in 0..plan.steps.div_ceil(2) {
             let weights = &plan.pairs[p];
-            let a = S::words(l, of(2 * p)[0]);
+            let a = S::words(l, of(2 * p));
             // The partner of the last of an odd number has no weight.
-            let b = if 2 * p + 1 < plan.steps { S::words(l, of(2 * p + 1)[0]) } else { l.word(S::BIAS) };
+            let b = if 2 * p + 1 < plan.steps { S::words(l, of(2 * p + 1)) } else { l.word(S::BIAS) };
             greatest = l.max_unsigned(greatest, l.max_unsigned(S::unsigned(l, a), S::unsigned(l, b)));
             cosine = l.add_weighted(cosine, a, b, weights.cosine);
             sine = l.add_weighted(sine, a, b, weights.sine);
@@ -66,13 +77,13 @@ impl<S: Sample> Way<S> for Weighted<'_> {
             let mut off_squares = l.float(0.0);
             for k in 0..plan.steps {
                 let [cos, sin] = plan.angles[k];
-                let value = l.floats(l.widen(S::words(l, of(k)[0])));
+                let value = l.floats(l.widen(S::words(l, of(k))));
                 let fitted = l.add_float(l.times_float(cosine_f, l.float(cos)), l.times_float(sine_f, l.float(-sin)));
                 let off = l.add_float(l.add_float(value, offset), fitted);
                 off_squares = l.add_float(off_squares, l.times_float(off, off));
             }
             l.is_greater_float(off_squares, l.times_float(power, l.float(share_square * value_square)))
         };
-        [Block { phase, modulation, mean, misfits, greatest }; COUNT]
+        Block { phase, modulation, mean, misfits, greatest }
     }
 }
