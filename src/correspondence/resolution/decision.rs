@@ -14,12 +14,6 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Of so many, from sums of the high and of the low bytes of their δ + 32768.
-    #[inline(always)]
-    pub(super) fn of(votes: u16, high: u16, low: u16) -> Self {
-        Self { votes, delta_sum: (i32::from(high) << 8) + i32::from(low) - 32768 * i32::from(votes) }
-    }
-
     /// How many, if their δ differs from `delta` by no more than `tolerance`: over one surface δ changes slowly.
     #[inline(always)]
     fn votes_with(self, delta: i16, tolerance: i32) -> u16 {

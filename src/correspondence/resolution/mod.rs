@@ -26,6 +26,7 @@ mod row;
 mod scene;
 mod steepness;
 mod support;
+mod tallies;
 mod uniqueness;
 
 use rayon::prelude::*;

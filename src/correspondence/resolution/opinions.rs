@@ -10,6 +10,7 @@ use super::continuity::{Axis, Continuity, FAR, Way, are_periods};
 use super::decision::{Proposal, Tally, VoteRule};
 use super::decisions::Decisions;
 use super::support::NEAR;
+use super::tallies::{Counting, Tallies};
 
 /// Which walks are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,19 +137,16 @@ struct Ballot {
     met: u32,
     order: [u16; LANES],
     differ: u32,
-    /// How many decided pixels each pixel has met, and sums of their δ + 32768: high and low bytes.
-    total: [u16; LANES],
-    high: [u16; LANES],
-    low: [u16; LANES],
+    /// All decided pixels that each pixel has met.
+    all: Tallies,
     /// Room for the candidates of those that have heard different things.
     choices: Vec<Choice>,
 }
 
 impl Default for Ballot {
     fn default() -> Self {
-        let zero = [0; LANES];
-        let reach = [[[0; FAR as usize]; 2]; 2];
-        Self { row: 0, reach, met: 0, order: zero, differ: 0, total: zero, high: zero, low: zero, choices: Vec::new() }
+        let (reach, order) = ([[[0; FAR as usize]; 2]; 2], [0; LANES]);
+        Self { row: 0, reach, met: 0, order, differ: 0, all: Tallies::NONE, choices: Vec::new() }
     }
 }
 
@@ -161,23 +159,19 @@ struct Choice {
     order: [u16; LANES],
     delta: [u16; LANES],
     /// Those who say the same.
-    votes: [u16; LANES],
-    /// Sums of their δ + 32768: high and low bytes.
-    high: [u16; LANES],
-    low: [u16; LANES],
+    tallies: Tallies,
 }
 
 impl Choice {
     const NONE: Self = {
         let zero = [0; LANES];
-        Self { of: 0, number: [0; LANES], order: zero, delta: zero, votes: zero, high: zero, low: zero }
+        Self { of: 0, number: [0; LANES], order: zero, delta: zero, tallies: Tallies::NONE }
     };
 
     /// The candidate of a lane, with what was said for it.
     #[inline(always)]
     fn proposal(&self, lane: usize) -> Proposal {
-        let tally = Tally::of(self.votes[lane], self.high[lane], self.low[lane]);
-        Proposal { k: self.number[lane], delta: self.delta[lane] as i16, tally }
+        Proposal { k: self.number[lane], delta: self.delta[lane] as i16, tally: self.tallies.of(lane) }
     }
 }
 
@@ -192,8 +186,7 @@ impl Question<'_> {
                 [self.reach(lanes, way, block, open, false), self.reach(lanes, way, block, open, true)];
             axis += 1;
         }
-        (ballot.met, ballot.differ) = (0, 0);
-        (ballot.total, ballot.high, ballot.low) = ([0; LANES], [0; LANES], [0; LANES]);
+        (ballot.met, ballot.differ, ballot.all) = (0, 0, Tallies::NONE);
     }
 
     /// The pixels whose walks to one side are so many steps long and longer.
@@ -237,10 +230,8 @@ impl Question<'_> {
     /// Adds what some decided pixels, a bit a place, say about those of a block.
     #[inline(always)]
     fn hear<L: Lanes>(&self, lanes: L, block: usize, who: &[u32], ballot: &mut Ballot) {
-        let (zero, one) = (lanes.word(0), lanes.word(1));
         let (mut met, mut differ, mut order) = (ballot.met, ballot.differ, lanes.load(&ballot.order));
-        let [mut total, mut high, mut low] =
-            [lanes.load(&ballot.total), lanes.load(&ballot.high), lanes.load(&ballot.low)];
+        let mut all = Counting::from(lanes, &ballot.all);
         let mut axis = 0;
         while axis < self.ways.len() {
             let way = &self.ways[axis];
@@ -260,13 +251,7 @@ impl Question<'_> {
                     order = lanes.select(lanes.mask(voters & !met), said, order);
                     met |= voters;
                     differ |= voters & !lanes.bits(lanes.is_equal(said, order));
-                    let voters = lanes.mask(voters);
-                    total = lanes.add(total, lanes.select(voters, one, zero));
-                    let delta = lanes.add(lanes.load(words(self.decisions.delta, place)), lanes.word(i16::MIN));
-                    let of_high = lanes.shift_right::<8>(delta);
-                    let of_low = lanes.sub(delta, lanes.shift_left::<8>(of_high));
-                    high = lanes.add(high, lanes.select(voters, of_high, zero));
-                    low = lanes.add(low, lanes.select(voters, of_low, zero));
+                    all.add(lanes.mask(voters), lanes.load(words(self.decisions.delta, place)));
                 }
                 side += 1;
             }
@@ -274,9 +259,7 @@ impl Question<'_> {
         }
         (ballot.met, ballot.differ) = (met, differ);
         lanes.store(order, &mut ballot.order);
-        lanes.store(total, &mut ballot.total);
-        lanes.store(high, &mut ballot.high);
-        lanes.store(low, &mut ballot.low);
+        all.store(&mut ballot.all);
     }
 
     /// Those of some pixels of a block that are decided; writes down for which of their candidates.
@@ -290,7 +273,7 @@ impl Question<'_> {
         lists: &mut Lists,
         ballot: &mut Ballot,
     ) -> u32 {
-        let total = lanes.load(&ballot.total);
+        let total = lanes.load(&ballot.all.votes);
         let mut enough = asked & lanes.bits(lanes.is_at_least(total, lanes.word(self.rule.min_votes as i16)));
         let torn = enough & ballot.differ;
         let mut used = 0;
@@ -303,7 +286,7 @@ impl Question<'_> {
             let k = enough.trailing_zeros();
             enough &= enough - 1;
             let best = if torn >> k & 1 == 1 {
-                self.choose_of_torn(&ballot.choices[..used], k, ballot.total[k as usize])
+                self.choose_of_torn(&ballot.choices[..used], k, ballot.all.votes[k as usize])
             } else {
                 self.choose_of_one(block, k, of_several, lists, ballot)
             };
@@ -328,12 +311,12 @@ impl Question<'_> {
         ballot: &Ballot,
     ) -> Option<Proposal> {
         let lane = k as usize;
-        let all = Tally::of(ballot.total[lane], ballot.high[lane], ballot.low[lane]);
+        let all = ballot.all.of(lane);
         let proposal = |(k, order, delta): (u8, i16, i16)| {
             let tally = if order == ballot.order[lane] as i16 { all } else { Tally::default() };
             Proposal { k, delta, tally }
         };
-        let total = ballot.total[lane];
+        let total = all.votes;
         if of_several.bits >> k & 1 == 1 {
             let candidates = lists.eligible(of_several.number(k)).map(|(k, c)| proposal((k, c.order, c.delta)));
             self.rule.choose(candidates, total, self.tolerance)
@@ -396,12 +379,11 @@ impl Question<'_> {
     #[inline(always)]
     fn count<L: Lanes>(&self, lanes: L, block: usize, used: usize, ballot: &mut Ballot) {
         let Ballot { reach, choices, .. } = ballot;
-        let (zero, one) = (lanes.word(0), lanes.word(1));
         let mut c = 0;
         while c < used {
             let choice = &mut choices[c];
             c += 1;
-            let [mut votes, mut high, mut low] = [zero; 3];
+            let mut tallies = Counting::new(lanes);
             let mut axis = 0;
             while axis < self.ways.len() {
                 let way = &self.ways[axis];
@@ -424,19 +406,11 @@ impl Question<'_> {
                     if agree == 0 {
                         continue;
                     }
-                    let agree = lanes.mask(agree);
-                    votes = lanes.add(votes, lanes.select(agree, one, zero));
-                    let delta = lanes.add(lanes.load(words(self.decisions.delta, place)), lanes.word(i16::MIN));
-                    let of_high = lanes.shift_right::<8>(delta);
-                    let of_low = lanes.sub(delta, lanes.shift_left::<8>(of_high));
-                    high = lanes.add(high, lanes.select(agree, of_high, zero));
-                    low = lanes.add(low, lanes.select(agree, of_low, zero));
+                    tallies.add(lanes.mask(agree), lanes.load(words(self.decisions.delta, place)));
                 }
                 axis += 1;
             }
-            lanes.store(votes, &mut choice.votes);
-            lanes.store(high, &mut choice.high);
-            lanes.store(low, &mut choice.low);
+            tallies.store(&mut choice.tallies);
         }
     }
 }

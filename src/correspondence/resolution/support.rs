@@ -5,8 +5,9 @@ use crate::simd::{Kernel, LANES, Lanes};
 use super::super::grid::{bits_from, words};
 use super::changed::Changed;
 use super::continuity::{Along, Axis, Continuity, are_periods};
-use super::decision::{Tally, VoteRule};
+use super::decision::VoteRule;
 use super::decisions::Decisions;
+use super::tallies::{Counting, Tallies};
 
 /// Steps of a walk.
 pub(super) const NEAR: usize = 3;
@@ -60,20 +61,16 @@ struct Votes<L: Lanes> {
     /// Orders of the block.
     order: L::Words,
     /// Those who say the same, and those who say anything.
-    votes: L::Words,
+    same: Counting<L>,
     total: L::Words,
-    /// Sums of δ + 32768 of those who say the same: high and low bytes.
-    high: L::Words,
-    low: L::Words,
 }
 
 impl<L: Lanes> Votes<L> {
     #[inline(always)]
     fn new(lanes: L, support: &Support<'_>, block: usize) -> Self {
-        let zero = lanes.word(0);
         let order = lanes.load(words(support.decisions.order, block * LANES));
         let phase = lanes.load(words(&support.continuity.phase, block * LANES));
-        Self { block, phase, order, votes: zero, total: zero, high: zero, low: zero }
+        Self { block, phase, order, same: Counting::new(lanes), total: lanes.word(0) }
     }
 
     /// Asks those that the walks to one side have come to.
@@ -101,13 +98,7 @@ impl<L: Lanes> Votes<L> {
             let proposed = lanes.sub(lanes.load(words(decisions.order, place)), turns);
             let agree = lanes.bits(lanes.is_equal(proposed, self.order)) & asked;
             self.total = lanes.add(self.total, lanes.select(lanes.mask(asked), one, zero));
-            let agree = lanes.mask(agree);
-            self.votes = lanes.add(self.votes, lanes.select(agree, one, zero));
-            let delta = lanes.add(lanes.load(words(decisions.delta, place)), lanes.word(i16::MIN));
-            let high = lanes.shift_right::<8>(delta);
-            let low = lanes.sub(delta, lanes.shift_left::<8>(high));
-            self.high = lanes.add(self.high, lanes.select(agree, high, zero));
-            self.low = lanes.add(self.low, lanes.select(agree, low, zero));
+            self.same.add(lanes.mask(agree), lanes.load(words(decisions.delta, place)));
             step += 1;
         }
     }
@@ -115,17 +106,14 @@ impl<L: Lanes> Votes<L> {
     /// Those with enough votes.
     #[inline(always)]
     fn supported(&self, lanes: L, support: &Support<'_>) -> u32 {
-        let [mut votes, mut total, mut high, mut low, mut delta] = [[0_u16; LANES]; 5];
-        lanes.store(self.votes, &mut votes);
+        let ([mut total, mut delta], mut same) = ([[0_u16; LANES]; 2], Tallies::NONE);
+        self.same.store(&mut same);
         lanes.store(self.total, &mut total);
-        lanes.store(self.high, &mut high);
-        lanes.store(self.low, &mut low);
         lanes.store(lanes.load(words(support.decisions.delta, self.block * LANES)), &mut delta);
         let mut supported = 0;
         let mut k = 0;
         while k < LANES {
-            let tally = Tally::of(votes[k], high[k], low[k]);
-            let is = support.rule.supports(tally, total[k], delta[k] as i16, support.tolerance);
+            let is = support.rule.supports(same.of(k), total[k], delta[k] as i16, support.tolerance);
             supported |= u32::from(is) << k;
             k += 1;
         }
@@ -168,6 +156,7 @@ mod tests {
     use crate::simd::{self, Level};
 
     use super::super::super::grid::bit;
+    use super::super::decision::Tally;
     use super::super::test_scene::TestScene;
     use super::*;
 
