@@ -32,8 +32,9 @@ const LEADING_MODES: usize = 6;
 const FEW_FALSE_CANDIDATES: f64 = 0.3;
 /// Share of pixels with a true candidate below which the scene may lie beyond the volume.
 const MOST_PIXELS: f64 = 0.7;
-/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates.
-const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
+/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The second
+/// round, far behind or before the volume, is for scenes that the first one does not explain.
+const SEGMENTS_BEYOND: [[f32; 2]; 2] = [[0.5, 1.0], [1.0, 3.0]];
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -59,6 +60,8 @@ pub struct Drift {
     pub error_px: f64,
     /// Share of pixels with a true candidate among theirs.
     pub share: f64,
+    /// Whether too few pixels agree within a segment of the volume: part of the scene may lie far beyond it.
+    pub is_far_beyond: bool,
 }
 
 impl Default for Drift {
@@ -73,6 +76,7 @@ impl Default for Drift {
             rms_rad: 0.0,
             error_px: 0.0,
             share: 1.0,
+            is_far_beyond: false,
         }
     }
 }
@@ -102,6 +106,7 @@ impl Drift {
             rms_rad: squares.sqrt() * TAU,
             error_px: errors.sqrt(),
             share: guess.share,
+            is_far_beyond: false,
         }
     }
 
@@ -166,8 +171,13 @@ impl DriftRoom {
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
         let mut best = best_start(thinned, modes, delta, solver);
-        if best.share < MOST_PIXELS {
-            let wider = SEGMENTS_BEYOND.map(|share| {
+        let mut is_far_beyond = false;
+        for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
+            if best.share >= MOST_PIXELS {
+                break;
+            }
+            is_far_beyond = round > 0;
+            let wider = shares.map(|share| {
                 let mut wide = Sample::default();
                 take(&mut wide, share * 2.0 * modes.half_segment_px() as f32).then_some(wide)
             });
@@ -177,7 +187,7 @@ impl DriftRoom {
         }
         best.sd_turns *= LAST_WIDENING;
         sample.refine(&mut best, LAST_STEPS, solver);
-        Drift::new(modes, &best)
+        Drift { is_far_beyond, ..Drift::new(modes, &best) }
     }
 }
 

@@ -11,6 +11,8 @@ use crate::simd::{self, Kernel, Lanes, Level};
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
 pub(super) const TERMS: usize = 56;
+/// Greatest |d| at which a polynomial is evaluated. A point farther away has the value there: powers of d would explode.
+pub(in super::super) const FARTHEST: f32 = 3.0;
 /// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
 const STRIDE: usize = 8;
 
@@ -83,7 +85,8 @@ impl Places {
     /// x, y and d of a pixel of C1 and a column of the epipolar frame.
     pub(super) fn place(&self, u_px: f64, v_px: f64, column_px: f64) -> [f64; 3] {
         let [x, y] = self.image(u_px, v_px);
-        [x, y, (column_px - self.middle_at([x, y])) / self.scale_px]
+        let d = (column_px - self.middle_at([x, y])) / self.scale_px;
+        [x, y, d.clamp(-f64::from(FARTHEST), f64::from(FARTHEST))]
     }
 
     fn middle_at(&self, [x, y]: [f64; 2]) -> f64 {
@@ -203,7 +206,7 @@ impl DepthPolynomial {
     /// Its value at a column of the epipolar frame.
     #[inline]
     pub(in super::super) fn at(&self, column_px: f32) -> f32 {
-        let d = (column_px - self.middle_px) * self.per_px;
+        let d = ((column_px - self.middle_px) * self.per_px).clamp(-FARTHEST, FARTHEST);
         self.coefficients.iter().rev().fold(0.0, |sum, &c| sum * d + c)
     }
 }

@@ -13,6 +13,8 @@ use super::Scene;
 const BEYOND_VOLUME: f32 = 0.5;
 const ORDERS_BEYOND: f32 = 9.0;
 const FEW_ORDERS: f32 = 2.0;
+/// How far segments reach, in their length, where the drift says that part of the scene lies far beyond the volume.
+const FAR_BEYOND_VOLUME: f32 = 6.0;
 /// Pixels of C1 of which one is asked for the mean number of orders on a segment.
 const STRIDE: usize = 97;
 /// Turns of δ by which a window is wider than its segment, so that a candidate at its end has its order.
@@ -32,8 +34,8 @@ pub(super) struct Windows {
     /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
-    /// The table that room and reach were found for.
-    table: Option<Fingerprint>,
+    /// The table that room and reach were found for, and whether part of the scene lay far beyond the volume.
+    found_for: Option<(Fingerprint, bool)>,
 }
 
 /// The columns in which candidates are sought.
@@ -46,19 +48,23 @@ pub(super) struct Reach {
 }
 
 impl Windows {
-    /// Makes ready for a scene: what depends on the table alone is found once. There may be pixels with more orders than there
+    /// Makes ready for a scene: what depends on the table and on the reach alone is found once. There may be pixels with more
+    /// orders than there
     /// is room for; see [`Self::grow`].
     pub(super) fn ready(&mut self, scene: &Scene<'_>) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);
-        if self.table.as_ref() == Some(&scene.table.fingerprint) {
+        let is_far_beyond = scene.drift.is_far_beyond;
+        let found_for = Some((scene.table.fingerprint, is_far_beyond));
+        if self.found_for == found_for {
             return;
         }
-        self.table = Some(scene.table.fingerprint);
+        self.found_for = found_for;
         let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
         let orders = mean_orders(scene.table);
         let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
-        let beyond_px = length_px * wanted.clamp(BEYOND_VOLUME, 1.0);
+        let near = wanted.clamp(BEYOND_VOLUME, 1.0);
+        let beyond_px = length_px * if is_far_beyond { FAR_BEYOND_VOLUME } else { near };
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         self.reach = Reach { beyond_px, last_column_px };
         self.lanes = 0;

@@ -2,6 +2,7 @@
 
 use crate::simd::Lanes;
 
+use super::super::super::drift::FARTHEST;
 use super::super::super::wide::{Segments, block_of, load};
 use super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::Row;
@@ -88,6 +89,7 @@ impl<L: Lanes> Pixels<L> {
     pub(super) fn drift_at(&self, column_px: L::Floats) -> L::Floats {
         let lanes = self.lanes;
         let d = lanes.times_float(lanes.sub_float(column_px, self.middle_px), self.per_px);
+        let d = lanes.min_float(lanes.max_float(d, lanes.float(-FARTHEST)), lanes.float(FARTHEST));
         let [c0, c1, c2, c3, c4, c5] = self.drift;
         let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
         then(then(then(then(then(c5, c4), c3), c2), c1), c0)
