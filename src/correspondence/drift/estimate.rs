@@ -35,6 +35,9 @@ const MOST_PIXELS: f64 = 0.7;
 /// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The second
 /// round, far behind or before the volume, is for scenes that the first one does not explain.
 const SEGMENTS_BEYOND: [[f32; 2]; 2] = [[0.5, 1.0], [1.0, 3.0]];
+/// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
+/// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
+const MODEL_SD_TURNS: f64 = 0.0012;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -102,7 +105,7 @@ impl Drift {
             places: modes.places,
             field,
             mean_rad: guess.coefficients[0] * TAU,
-            residual_sd_rad: guess.sd_turns * TAU,
+            residual_sd_rad: guess.sd_turns.hypot(MODEL_SD_TURNS) * TAU,
             rms_rad: squares.sqrt() * TAU,
             error_px: errors.sqrt(),
             share: guess.share,

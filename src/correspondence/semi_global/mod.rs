@@ -12,8 +12,8 @@
 //! 2. *evidence*: how well the best candidate of each order passes the back-projection test, about the drift;
 //! 3. *paths*: sums of the least energies along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
-//! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; one place of C2
-//!    serves one order (*claims*). On the *grounds* of what stands around it every pixel gets a *confidence*; those below a
+//! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; δ that runs through
+//!    a region tells a wrong order (*strips*); one place of C2 serves one order (*claims*). On the *grounds* of what stands around it every pixel gets a *confidence*; those below a
 //!    limit are left out;
 //! 6. *explanation*: why the pixels without candidate have none.
 //!
@@ -33,6 +33,7 @@ mod paths;
 mod places;
 mod regions;
 mod selection;
+mod strips;
 #[cfg(test)]
 mod test_scene;
 mod verification;
@@ -114,7 +115,8 @@ impl Room {
         evidence.gather(scene, windows, &scale, decisions.passing);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
-        verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);
+        let decided = verification::Decided { verdicts, links: &paths.links };
+        verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
         explanation::explain(scene, decisions.outcomes, segments);
     }
 }

@@ -102,25 +102,30 @@ impl Selection {
         }
     }
 
-    /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has.
+    /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has. What lies
+    /// outside the volume says nothing of that: there the drift is not known.
     fn normalize(&mut self) {
         const MEDIAN_OF_UNIT_NORMAL: f32 = 0.6745;
         /// Least scale that is believed.
         const MIN_SCALE: f32 = 0.2;
+        /// Largest scale that is believed: beyond it most of what is selected is wrong.
+        const MAX_SCALE: f32 = 1.5;
         let Some(median) = self.median_magnitude_of_z() else { return };
-        let scale = (median / MEDIAN_OF_UNIT_NORMAL).max(MIN_SCALE);
+        let scale = (median / MEDIAN_OF_UNIT_NORMAL).clamp(MIN_SCALE, MAX_SCALE);
         self.z.par_iter_mut().for_each(|z| *z /= scale);
     }
 
-    /// Median of |z| of all selected candidates.
+    /// Median of |z| of all selected candidates in the volume.
     fn median_magnitude_of_z(&mut self) -> Option<f32> {
         // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
         let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
-        let Self { z, absolute, counts, near, .. } = self;
-        let selected = || z.iter().zip(&*absolute).filter(|(_, absolute)| **absolute != ABSENT);
+        let Self { z, absolute, in_volume, counts, near, .. } = self;
+        let all = || z.iter().zip(&*absolute).zip(&*in_volume);
+        let selected =
+            || all().filter(|((_, absolute), in_volume)| **absolute != ABSENT && **in_volume).map(|((z, _), _)| *z);
         counts.clear();
         counts.resize(1 << 15, 0);
-        selected().for_each(|(&z, _)| counts[upper(z) % (1 << 15)] += 1);
+        selected().for_each(|z| counts[upper(z) % (1 << 15)] += 1);
         let middle = counts.iter().sum::<u32>() / 2;
         let mut below = 0;
         let of_median = counts.iter().position(|&count| {
@@ -129,7 +134,7 @@ impl Selection {
         })?;
         let before = below - counts[of_median];
         near.clear();
-        near.extend(selected().map(|(z, _)| z.abs()).filter(|&z| upper(z) == of_median));
+        near.extend(selected().map(f32::abs).filter(|&z| upper(z) == of_median));
         let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
         Some(median)
     }

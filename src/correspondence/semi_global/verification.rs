@@ -5,6 +5,7 @@
 //! - A region of true candidates has z like a normal error, and every pixel of it stands out against the other orders. Over
 //!   a region whose true candidates are missing, hidden from C2 or outside the search, δ of whatever was selected runs
 //!   through anything, and another order would have done nearly as well.
+//! - A region through which δ runs rather than scatters is a *strip* of a surface that lies elsewhere: all of it falls.
 //! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded ones is
 //!   wrong: where it lies, C2 sees them.
 //!
@@ -19,9 +20,11 @@ use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, TABLES, confidences, margin_nats};
 use super::evidence::PASSING_Z;
 use super::grounds::{Grounds, Surroundings};
+use super::links::Links;
 use super::paths::{PATHS, Verdicts};
 use super::regions::{Regions, Run};
 use super::selection::{ABSENT, Selection};
+use super::strips::Strips;
 use super::{Decisions, Limits, Scene, UNITS_PER_NAT};
 
 /// Difference of z between neighbours of one region.
@@ -43,6 +46,7 @@ const MAX_LOST_SHARE: f64 = 0.3;
 pub(super) struct VerificationRoom {
     regions: Regions,
     of_regions: RegionRoom,
+    strips: Strips,
     claims: Claims,
     surroundings: Surroundings,
     /// Pixels beside and around each pixel that support it.
@@ -73,12 +77,19 @@ struct ConfidenceRoom {
     log_odds: Vec<f32>,
 }
 
+/// What the paths decided.
+pub(super) struct Decided<'a> {
+    pub(super) verdicts: &'a Verdicts,
+    /// Where the wrapped phase runs on.
+    pub(super) links: &'a Links,
+}
+
 /// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
 /// not stay become absent. The grounds go where they are asked for.
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
-    verdicts: &Verdicts,
+    &Decided { verdicts, links }: &Decided<'_>,
     limits: &Limits,
     room: &mut VerificationRoom,
     decisions: &mut Decisions<'_>,
@@ -86,6 +97,7 @@ pub(super) fn verify(
 ) {
     let width = scene.cam1.width.max(1);
     room.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
+    room.strips.find(width, &room.regions, &selection.z, links);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
     verification.find_leads(room);
     verification.judge_regions(room);
@@ -120,7 +132,7 @@ impl Verification<'_> {
         leads_nats.extend(sums.iter().zip(&regions.size_px).map(of_region));
     }
 
-    fn judge_regions(&self, VerificationRoom { regions, of_regions, .. }: &mut VerificationRoom) {
+    fn judge_regions(&self, VerificationRoom { regions, of_regions, strips, .. }: &mut VerificationRoom) {
         let RegionRoom { leads_nats, verdicts, sums, .. } = of_regions;
         // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
         let allowed = |run: &Run| {
@@ -131,7 +143,10 @@ impl Verification<'_> {
             let allowed = allowed(run);
             self.selection.z[run.pixels()].iter().map(|z| u64::from(z * z / MEDIAN_SQUARE > allowed)).sum()
         });
-        let judge = |((&size_px, &lead_nats), &large): ((&u32, &f32), &u64)| {
+        let judge = |(((&size_px, &lead_nats), &large), &is_strip): (((&u32, &f32), &u64), &bool)| {
+            if is_strip {
+                return Some(Outcome::RejectedByDelta);
+            }
             if size_px < self.limits.min_region_px || lead_nats < MIN_LEAD_NATS {
                 return Some(Outcome::Ambiguous);
             }
@@ -139,7 +154,7 @@ impl Verification<'_> {
             (small <= u64::from(size_px) / 2).then_some(Outcome::RejectedByDelta)
         };
         verdicts.clear();
-        verdicts.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(judge));
+        verdicts.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip).map(judge));
     }
 
     /// The claim of a pixel with a precedence.
@@ -286,22 +301,27 @@ impl Verification<'_> {
     fn stand_by_confidence(&mut self, room: &VerificationRoom, decisions: &mut Decisions<'_>) {
         let least = Confidence::at_least(self.limits.min_confidence);
         let (width, regions, verdicts) = (self.width, &room.regions, &room.of_regions.verdicts);
-        let Selection { absolute, z, .. } = &mut *self.selection;
+        let Selection { absolute, z, in_volume, .. } = &mut *self.selection;
         decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
-        let rows = absolute.par_chunks_mut(width).zip(z.par_chunks(width)).zip(room.is_hidden.par_chunks(width));
+        let selected = z.par_chunks(width).zip(in_volume.par_chunks(width));
+        let rows = absolute.par_chunks_mut(width).zip(selected).zip(room.is_hidden.par_chunks(width));
         let decided = decisions.outcomes.par_chunks_mut(width).zip(decisions.confidence.par_chunks(width));
-        rows.zip(decided).enumerate().for_each(|(v, (((absolute, z), is_hidden), (outcomes, confidence)))| {
-            outcomes.fill(Outcome::NoCandidate);
-            for run in regions.of_row(v) {
-                let verdict = verdicts[run.region as usize];
-                for u in run.pixels().start - v * width..run.pixels().end - v * width {
-                    if confidence[u] < least {
-                        outcomes[u] = verdict.unwrap_or_else(|| reason(is_hidden[u], z[u]));
-                        absolute[u] = ABSENT;
+        rows.zip(decided).enumerate().for_each(
+            |(v, (((absolute, (z, in_volume)), is_hidden), (outcomes, confidence)))| {
+                outcomes.fill(Outcome::NoCandidate);
+                for run in regions.of_row(v) {
+                    let (verdict, is_strip) =
+                        (verdicts[run.region as usize], room.strips.is_strip[run.region as usize]);
+                    for u in run.pixels().start - v * width..run.pixels().end - v * width {
+                        // Beyond the volume the drift is not known, and may well run.
+                        if confidence[u] < least || (is_strip && in_volume[u]) {
+                            outcomes[u] = verdict.unwrap_or_else(|| reason(is_hidden[u], z[u]));
+                            absolute[u] = ABSENT;
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
     }
 
     fn drop_small_regions(&mut self, regions: &mut Regions, outcomes: &mut [Outcome]) {

@@ -49,8 +49,7 @@ pub(super) struct Reach {
 
 impl Windows {
     /// Makes ready for a scene: what depends on the table and on the reach alone is found once. There may be pixels with more
-    /// orders than there
-    /// is room for; see [`Self::grow`].
+    /// orders than there is room for; see [`Self::grow`].
     pub(super) fn ready(&mut self, scene: &Scene<'_>) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);

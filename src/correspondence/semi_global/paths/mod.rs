@@ -55,7 +55,7 @@ pub(super) struct Verdicts {
 /// Room for the links of pixels and the sums of paths.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathRoom {
-    links: Links,
+    pub(super) links: Links,
     /// What the pass that comes first leaves to the other: where its paths are settled, and the sums elsewhere.
     places: Vec<u8>,
     sums: Vec<u16>,

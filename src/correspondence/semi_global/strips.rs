@@ -1,0 +1,137 @@
+//! Strips: regions of wrong orders, told by the shape of δ over them.
+//!
+//! ```text
+//! for each region of selected candidates, z = (δ − drift)/sd:
+//!     fit a plane to z over its pixels: R², the share of the variance of z that it explains
+//!     of its left and right ends count those behind which the wrapped phase of C1 runs on
+//!     it is a strip where R² is large, z scatters more widely than noise does, and it ends where the phase does not
+//! ```
+//!
+//! Over a true surface δ scatters about the drift. Over a surface whose true order was not asked, or is hidden from C2, δ of
+//! a wrong one runs through zero: candidates are selected where it passes by, and end on either side though the surface does
+//! not.
+
+use super::links::Links;
+use super::regions::{Regions, Run};
+
+/// Fewest pixels of a region whose shape tells anything.
+const MIN_PIXELS: f64 = 10.0;
+/// R² and sd of z beyond which δ runs through a region rather than scatters: true regions have R² up to 0.3, and sd of one
+/// unless the drift follows them badly.
+const MIN_R2: f64 = 0.45;
+const MIN_SD: f64 = 1.33;
+/// The same where the phase runs on beyond both sides.
+const MIN_R2_OF_OPEN: f64 = 0.3;
+const MIN_SD_OF_OPEN: f64 = 1.05;
+/// Share of the ends of a side behind which the phase runs on.
+const OPEN_SHARE: f64 = 0.5;
+const WIDE_OPEN_SHARE: f64 = 0.6;
+/// Share of the image from which a region is large: then both sides must be open.
+const LARGE_SHARE: f64 = 1.0 / 160.0;
+/// Pixels that places in the image are counted in: sums of squares stay small.
+const PLACE_PX: f64 = 64.0;
+
+/// Sums over the pixels of a region.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    count: f64,
+    u: f64,
+    v: f64,
+    z: f64,
+    uu: f64,
+    vv: f64,
+    uv: f64,
+    uz: f64,
+    vz: f64,
+    zz: f64,
+    /// Ends on the left and on the right, and those of them behind which the phase runs on.
+    ends: [f64; 2],
+    open: [f64; 2],
+}
+
+/// What is known of the shape of each region.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Strips {
+    moments: Vec<Moments>,
+    /// Whether a region is a strip.
+    pub(super) is_strip: Vec<bool>,
+}
+
+impl Strips {
+    /// Tells which regions are strips, from z of all pixels of an image that is so wide.
+    pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], links: &Links) {
+        let Self { moments, is_strip } = self;
+        moments.clear();
+        moments.resize(regions.count(), Moments::default());
+        for run in &regions.runs {
+            moments[run.region as usize].add(width, run, z, links);
+        }
+        let large = LARGE_SHARE * z.len() as f64;
+        is_strip.clear();
+        is_strip.extend(moments.iter().map(|moments| moments.is_strip(large)));
+    }
+}
+
+impl Moments {
+    fn add(&mut self, width: usize, run: &Run, z: &[f32], links: &Links) {
+        let pixels = run.pixels();
+        let (row, begin) = (pixels.start / width, pixels.start % width);
+        let count = pixels.len() as f64;
+        let (v, first) = (row as f64 / PLACE_PX, begin as f64 / PLACE_PX);
+        // Of the places within the run the sums are known; those of z are counted from its first pixel.
+        let (last, per_px) = (count - 1.0, 1.0 / PLACE_PX);
+        let (places, squares) =
+            (0.5 * last * count * per_px, last * count * (2.0 * last + 1.0) / 6.0 * per_px * per_px);
+        let (mut sum, mut along, mut square) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for (i, &z) in z[pixels].iter().enumerate() {
+            let z = f64::from(z);
+            sum += z;
+            along += i as f64 * z;
+            square += z * z;
+        }
+        let u = count * first + places;
+        self.count += count;
+        self.u += u;
+        self.v += count * v;
+        self.z += sum;
+        self.uu += count * first * first + 2.0 * first * places + squares;
+        self.vv += count * v * v;
+        self.uv += u * v;
+        self.uz += first * sum + along * per_px;
+        self.vz += v * sum;
+        self.zz += square;
+        let links = links.of_row(0, row, true);
+        let end = begin + run.pixels().len();
+        self.ends = self.ends.map(|ends| ends + 1.0);
+        self.open[0] += f64::from(u8::from(links.towards(begin).is_link));
+        self.open[1] += f64::from(u8::from(end < width && links.towards(end).is_link));
+    }
+
+    fn is_strip(&self, large: f64) -> bool {
+        if self.count < MIN_PIXELS {
+            return false;
+        }
+        let about = |sum: f64, a: f64, b: f64| sum - a * b / self.count;
+        let (uu, vv, uv) =
+            (about(self.uu, self.u, self.u), about(self.vv, self.v, self.v), about(self.uv, self.u, self.v));
+        let (uz, vz, zz) =
+            (about(self.uz, self.u, self.z), about(self.vz, self.v, self.z), about(self.zz, self.z, self.z));
+        let determinant = uu * vv - uv * uv;
+        // A region along a line has no plane, but a slope.
+        let explained = if determinant > 1e-6 * uu * vv && determinant > 0.0 {
+            ((uz * vv - vz * uv) * uz + (vz * uu - uz * uv) * vz) / determinant
+        } else {
+            [(uz, uu), (vz, vv)]
+                .map(|(z, place)| if place > 0.0 { z * z / place } else { 0.0 })
+                .into_iter()
+                .fold(0.0, f64::max)
+        };
+        let (r2, sd) = (explained / zz.max(f64::MIN_POSITIVE), (zz.max(0.0) / self.count).sqrt());
+        let share = |side: usize| self.open[side] / self.ends[side].max(1.0);
+        let is_open = |side: usize| share(side) > OPEN_SHARE;
+        let is_wide_open = (0..2).all(|side| share(side) > WIDE_OPEN_SHARE);
+        let is_bounded_wrongly = if self.count > large { is_wide_open } else { is_open(0) || is_open(1) };
+        let runs_through = r2 > MIN_R2 && sd > MIN_SD && is_bounded_wrongly;
+        runs_through || (is_wide_open && r2 > MIN_R2_OF_OPEN && sd > MIN_SD_OF_OPEN && self.count <= large)
+    }
+}
