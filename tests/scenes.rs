@@ -79,7 +79,7 @@ fn crumbs_are_separate_pieces_of_fifty_pixels_at_any_height() {
 #[test]
 fn a_board_behind_the_volume_is_bright_and_never_measurable() {
     for (object, depth_m) in [(Object::Tooth, 0.025), (Object::Machine, 0.06)] {
-        let mut options = options(object, Board::Behind);
+        let mut options = options(object, Board::BEHIND);
         options.rig.depth_m = depth_m;
         let simulation = Simulation::new(options).unwrap();
         let truth = simulation.truth();

@@ -42,6 +42,7 @@ pub(super) fn configuration(
             depth_m: raw.depth_mm.map_or(usual.rig.depth_m, |mm| mm * 1e-3),
             period_px: sequence.pattern.period_px,
             sd_rad: raw.sd_rad.unwrap_or(usual.rig.sd_rad),
+            lens_error: usual.rig.lens_error,
             seed,
         },
         steps: sequence.shifts_rad.len(),

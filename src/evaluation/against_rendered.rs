@@ -1,8 +1,9 @@
 //! Judging by the exact truth of a rendered scene.
 
+use super::interior::interior;
 use super::moved_truth::moved;
 use super::pixel_grid::{PixelGrid, is_close, pixel, point};
-use super::scores::Tally;
+use super::scores::{Scores, Tally};
 use super::{Evaluation, EvaluationError, Judgement};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::dataset::{RenderedTruth, Setup};
@@ -99,7 +100,17 @@ fn judged(
         tally.add(judgement);
         judgements.push(judgement);
     }
-    Ok(Evaluation { scores: tally.scores(cloud.points.len(), Some(outliers), &mut errors_m)?, judgements })
+    let scores = tally.scores(cloud.points.len(), Some(outliers), &mut errors_m)?;
+    let interior_percent = interior_percent(&interior(truth, size_px[0], frames.unit_m), &judgements);
+    Ok(Evaluation { scores: Scores { interior_percent, ..scores }, judgements })
+}
+
+/// Correct points of the interior; `None` where there is none.
+fn interior_percent(interior: &[bool], judgements: &[Judgement]) -> Option<f64> {
+    let inside = interior.iter().zip(judgements).filter(|(is_interior, _)| **is_interior);
+    let count = inside.clone().count();
+    let correct = inside.filter(|(_, judgement)| **judgement == Judgement::Correct).count();
+    (count > 0).then(|| 100.0 * correct as f64 / count as f64)
 }
 
 /// Judgement of a pixel, and whether its point is an outlier; `by_any` surface, or by those that P lights and C2 sees.

@@ -11,6 +11,7 @@ mod against_captured;
 mod against_cloud;
 mod against_rendered;
 mod gray_reference;
+mod interior;
 mod moved_truth;
 mod paper_tables;
 mod pixel_grid;

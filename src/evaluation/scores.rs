@@ -15,6 +15,10 @@ pub struct Scores {
     pub reference: u64,
     /// com: reference correspondences found correctly.
     pub com_percent: f64,
+    /// com of the references in the interior: those whose neighbours in 5 × 5 are references too, without a jump of 1 mm in depth.
+    /// `None` where the truth is not exact, or nothing is so wide.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interior_percent: Option<f64>,
     /// miss: reference correspondences without a point.
     pub miss_percent: f64,
     /// fpc: points at a wrong place, [`Self::wrong_percent`] and [`Self::stray_percent`] together.
@@ -73,6 +77,7 @@ impl Tally {
             points: points as u64,
             reference: self.reference,
             com_percent: percent(self.correct),
+            interior_percent: None,
             miss_percent: percent(self.missed),
             fpc_percent: percent(self.wrong + self.stray),
             wrong_percent: percent(self.wrong),

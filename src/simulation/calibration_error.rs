@@ -1,6 +1,6 @@
 //! The error of a calibration: C2 and P as a real calibration would get them, a little off.
 //!
-//! In: the exact rig, its volume and the spread of δ that the error shall cause. Out: the erroneous rig, the pose of
+//! In: the exact rig, its volume, the spread of δ that the error shall cause and how much of it the lenses make. Out: the erroneous rig, the pose of
 //! the volume among points triangulated with it, and what the error amounts to. δ of true correspondences is then a
 //! smooth field over image and depth, as in a real sensor, and not white noise.
 
@@ -14,6 +14,7 @@ use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Pixe
 
 use super::SimulationError;
 use super::alignment::align;
+use super::rig::RigOptions;
 use super::sensor::standard_normal;
 
 /// What a calibration error amounts to over the measurement volume.
@@ -45,23 +46,52 @@ const MAX_DRAWS: usize = 20;
 /// Secant steps towards the wanted spread.
 const MAX_STEPS: usize = 40;
 
-/// Standard normal numbers that the error of one device is made from.
+/// Numbers that the error of one device is made from.
 #[derive(Clone, Copy)]
-struct Draw([f64; 10]);
+struct Draw {
+    /// Focal length, principal point, k1, rotation and place: standard normal.
+    device: [f64; 10],
+    /// k2, p1 and p2: normal, as large as the lens error says.
+    lens: [f64; 3],
+}
 
-impl Draw {
-    fn new(rng: &mut ChaCha8Rng) -> Self {
-        Self(std::array::from_fn(|_| standard_normal(rng)))
+/// Where draws come from: one generator for the device, so that another lens error leaves its numbers, and one for the lens.
+struct Draws {
+    device: ChaCha8Rng,
+    lens: ChaCha8Rng,
+    lens_error: f64,
+}
+
+impl Draws {
+    fn new(seed: u64, lens_error: f64) -> Self {
+        let device = ChaCha8Rng::seed_from_u64(seed);
+        let mut lens = device.clone();
+        lens.set_stream(1);
+        Self { device, lens, lens_error }
     }
 
+    fn next(&mut self) -> Draw {
+        Draw {
+            device: std::array::from_fn(|_| standard_normal(&mut self.device)),
+            lens: std::array::from_fn(|_| self.lens_error * standard_normal(&mut self.lens)),
+        }
+    }
+}
+
+impl Draw {
     /// A device off by this draw: intrinsic parameters, distortion, rotation and place. At scale 1 each of them moves
     /// the image by about a pixel.
     fn apply(&self, scale: f64, camera: &Camera, pose: &Pose) -> (Camera, Pose) {
-        let [f, cx, cy, k1, rx, ry, rz, tx, ty, tz] = self.0.map(|n| n * scale);
+        let [f, cx, cy, k1, rx, ry, rz, tx, ty, tz] = self.device.map(|n| n * scale);
+        let [k2, p1, p2] = self.lens.map(|n| n * scale);
         let ([fx, fy], [px, py], focal) = (camera.focal_px(), camera.principal_px(), camera.focal_px()[0]);
         let radius_px = camera.width_px() as f64 / 2.0;
         let mut distortion: Distortion = *camera.distortion();
-        distortion.radial[0] += k1 * (focal / radius_px).powi(3) / focal;
+        let spread = focal / radius_px;
+        distortion.radial[0] += k1 * spread.powi(3) / focal;
+        distortion.radial[1] += k2 * spread.powi(5) / focal;
+        distortion.tangential[0] += p1 * spread.powi(2) / focal;
+        distortion.tangential[1] += p2 * spread.powi(2) / focal;
         let growth = 1.0 + f / radius_px;
         let size = [camera.width_px(), camera.height_px()];
         let changed =
@@ -75,24 +105,24 @@ impl Draw {
     }
 }
 
-/// Draws a calibration of `exact` whose δ has the root mean square `sd_rad` over `volume`.
+/// Draws a calibration of `exact` whose δ has the root mean square that the options name over `volume`.
 pub(super) fn draw(
     exact: &Rig,
     volume: &MeasurementVolume,
     pattern: &FringePattern,
-    sd_rad: f64,
-    seed: u64,
+    options: &RigOptions,
 ) -> Result<Drawn, SimulationError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let sd_rad = options.sd_rad;
+    let mut draws = Draws::new(options.seed, options.lens_error);
     let probe = Probe::new(exact, volume, pattern);
     if sd_rad == 0.0 {
         let deviation = CalibrationDeviation::default();
         return Ok(Drawn { rig: exact.clone(), cam1_from_volume: *volume.cam1_from_volume(), deviation });
     }
-    let cam2 = Draw::new(&mut rng);
+    let cam2 = draws.next();
     let base = probe.with_cam2_error(&cam2, sd_rad);
     for _ in 0..MAX_DRAWS {
-        let projector = Draw::new(&mut rng);
+        let projector = draws.next();
         if let Some(rig) = probe.with_projector_error(&base, &projector, sd_rad) {
             let deviation = probe.deviation(&rig).ok_or(SimulationError::NoCalibration { sd_rad })?;
             let pairs = probe.triangulated(&rig);

@@ -16,9 +16,11 @@
 //! Everything is a function of its options and seeds; the number of threads changes no byte.
 
 mod alignment;
+mod board;
 mod calibration_error;
 mod cover;
 mod faults;
+mod hand;
 mod image_loop;
 mod loop_file;
 mod motion;
@@ -30,6 +32,7 @@ mod scene;
 mod schedule;
 mod sensor;
 mod sequence;
+mod share;
 mod solid;
 mod staging;
 mod sweep;
@@ -40,6 +43,7 @@ mod truth;
 mod view;
 mod virtual_scanner;
 
+pub use board::{Board, BoardApart};
 pub use calibration_error::CalibrationDeviation;
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
@@ -49,7 +53,7 @@ pub use object::Object;
 pub use pose_images::PoseImages;
 pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
-pub use scene::{Board, Scene, Surface};
+pub use scene::{Scene, Surface};
 pub use schedule::{Schedule, Tick};
 #[cfg(test)]
 pub(crate) use sensor::standard_normal;
@@ -97,10 +101,38 @@ pub enum SimulationError {
         name: String,
     },
     /// A board of that name does not exist.
-    #[error("board {name:?} is not known; use none, dark, visible or behind")]
+    #[error("board {name:?} is not known; use none, dark, visible, behind, or a distance from the volume in mm")]
     UnknownBoard {
         /// The name.
         name: String,
+    },
+    /// A board apart from the measurement volume would touch it.
+    #[error("the board's distance is {distance_mm} mm; keep at least {least_mm} mm from the volume, or use visible")]
+    BoardGap {
+        /// Its distance, millimetres.
+        distance_mm: f64,
+        /// The least one, millimetres.
+        least_mm: f64,
+    },
+    /// A board reaches a camera or the projector.
+    #[error(
+        "the board passes {sight_mm:.0} mm before a camera or the projector; put it nearer to the volume, or tilt it less"
+    )]
+    BoardAtDevice {
+        /// How far before the nearest device, millimetres.
+        sight_mm: f64,
+    },
+    /// No size of the object fills the share of the image.
+    #[error(
+        "the {object} fills {found_percent:.1} % of the image and not {percent} %, however large; use another share"
+    )]
+    Share {
+        /// The object.
+        object: &'static str,
+        /// The wanted share, percent.
+        percent: f64,
+        /// That of the last size that was tried, percent.
+        found_percent: f64,
     },
     /// No calibration error causes the wanted spread.
     #[error("no calibration error makes the sd of δ {sd_rad} rad with this rig; use a smaller sd")]

@@ -61,6 +61,9 @@ pub struct RigOptions {
     pub period_px: f64,
     /// Standard deviation that δ of true correspondences has from the calibration error alone, rad.
     pub sd_rad: f64,
+    /// How large the errors of k2, p1 and p2 of the lenses are, compared with each other error of the calibration; 0 for none.
+    /// However large, δ has its standard deviation: only its course over image and depth becomes less simple.
+    pub lens_error: f64,
     /// Seed of the calibration error.
     pub seed: u64,
 }
@@ -70,7 +73,7 @@ impl RigOptions {
     #[must_use]
     pub const fn usual(depth_m: f64) -> Self {
         let arrangement = Arrangement::TABLE_TOP;
-        Self { arrangement, size_px: [640, 512], depth_m, period_px: 16.0, sd_rad: 0.041, seed: 1 }
+        Self { arrangement, size_px: [640, 512], depth_m, period_px: 16.0, sd_rad: 0.041, lens_error: 0.0, seed: 1 }
     }
 }
 
@@ -97,6 +100,8 @@ pub struct VirtualRig {
 const PROJECTOR_PX: usize = 1024;
 /// Image size that the arrangement's focal length belongs to, pixels.
 const NOMINAL_PX: [f64; 2] = [640.0, 512.0];
+/// Largest errors of k2, p1 and p2, compared with the others.
+const MAX_LENS_ERROR: f64 = 10.0;
 /// Half the width and height of the measurement volume, metres.
 const VOLUME_HALF_M: [f64; 2] = [0.05, 0.04];
 
@@ -112,6 +117,7 @@ impl VirtualRig {
         check_range("depth", options.depth_m * 1e3, 1.0, 300.0, "mm")?;
         check_range("period", options.period_px, 4.0, 256.0, "px")?;
         check_range("sd", options.sd_rad, 0.0, 1.0, "rad")?;
+        check_range("the lens error", options.lens_error, 0.0, MAX_LENS_ERROR, "")?;
         let (exact, exact_volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;
         let columns = FringePattern {
             period_px: options.period_px,
@@ -119,7 +125,7 @@ impl VirtualRig {
             // The phase is zero at the left border of column 0, half a pixel before its centre.
             offset_rad: PI / options.period_px,
         };
-        let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, options.seed)?;
+        let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options)?;
         let (min, max) = (*exact_volume.min(), *exact_volume.max());
         let volume = MeasurementVolume::new(drawn.cam1_from_volume, min, max)?;
         Ok(Self {

@@ -7,63 +7,41 @@ use std::sync::Arc;
 
 use nalgebra::Translation3;
 
-use crate::geometry::{MeasurementVolume, Point3, Pose, Vector3};
+use crate::geometry::{MeasurementVolume, Point3, Pose, Rig, Vector3};
 
 use super::SimulationError;
+use super::board::{Board, BoardPlane};
+use super::hand::Hand;
 use super::object::Object;
+use super::share::Scaled;
 use super::solid::{Material, PointMm, Solid};
-
-/// The board under the object: the plane z = 0 of its frame, unless it stands behind the measurement volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Board {
-    /// Nothing: rays that miss the object meet nothing.
-    None,
-    /// Matt black, too dark to be measured.
-    Dark,
-    /// Grey, measured like the object.
-    Visible,
-    /// Grey as well, but beyond the far side of the measurement volume: lit and seen, never to be measured.
-    Behind,
-}
-
-impl std::str::FromStr for Board {
-    type Err = SimulationError;
-
-    fn from_str(name: &str) -> Result<Self, SimulationError> {
-        match name {
-            "none" => Ok(Self::None),
-            "dark" => Ok(Self::Dark),
-            "visible" => Ok(Self::Visible),
-            "behind" => Ok(Self::Behind),
-            name => Err(SimulationError::UnknownBoard { name: name.to_owned() }),
-        }
-    }
-}
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
     /// The object.
     Object,
-    /// The board it lies on.
+    /// The board it lies on, or one apart from the measurement volume.
     Board,
+    /// A hand before the measurement volume.
+    Hand,
 }
 
-/// An object on a board, placed before C1; a copy shares the body.
+/// An object, a board and what stands before them, placed before C1; a copy shares the bodies.
 #[derive(Clone)]
 pub struct Scene {
     pub(super) solid: Arc<dyn Solid>,
-    pub(super) board: Board,
-    /// Height of the board in the frame of the object.
-    pub(super) board_z_mm: f64,
+    pub(super) board: Option<BoardPlane>,
+    pub(super) hand: Option<Arc<Hand>>,
+    volume_from_object: Pose,
     cam1_from_object: Pose,
 }
 
 pub(super) const MM_PER_M: f64 = 1e3;
 /// Gap between the board and the far side of the volume that an object is made for, metres.
 const BOARD_GAP_M: f64 = 0.0005;
-/// Distance of a board behind the measurement volume from its far side, metres.
-const BEHIND_M: f64 = 0.015;
+/// Least distance of cameras and projector from a board, millimetres.
+const MIN_SIGHT_MM: f64 = 20.0;
 
 impl Scene {
     /// An object in the middle of a measurement volume, turned towards the sensor.
@@ -81,15 +59,45 @@ impl Scene {
         exact_volume: &MeasurementVolume,
     ) -> Self {
         let volume_from_object = Translation3::from(Vector3::from(shift_mm) / MM_PER_M) * volume_from_object(object);
-        let board_z_mm = match board {
-            Board::Behind => {
-                let place = Point3::new(0.0, 0.0, exact_volume.max().z + BEHIND_M);
-                volume_from_object.inverse_transform_point(&place).z * MM_PER_M
-            }
-            Board::None | Board::Dark | Board::Visible => 0.0,
-        };
+        let board = BoardPlane::new(board, &volume_from_object, exact_volume);
         let cam1_from_object = exact_volume.cam1_from_volume() * volume_from_object;
-        Self { solid: object.solid().into(), board, board_z_mm, cam1_from_object }
+        Self { solid: object.solid().into(), board, hand: None, volume_from_object, cam1_from_object }
+    }
+
+    /// The same scene with its object, which is `object`, scaled by a factor about its foot.
+    pub(super) fn scaled(self, object: Object, factor: f64) -> Self {
+        Self { solid: Arc::new(Scaled { solid: object.solid(), factor }), ..self }
+    }
+
+    /// The same scene with a hand before the measurement volume.
+    pub(super) fn with_hand(self, exact_volume: &MeasurementVolume) -> Self {
+        Self { hand: Some(Arc::new(Hand::before(exact_volume, &self.volume_from_object))), ..self }
+    }
+
+    /// Whether cameras and projector look at the front of the board.
+    pub(super) fn check_board(&self, exact: &Rig) -> Result<(), SimulationError> {
+        let Some(board) = &self.board else { return Ok(()) };
+        let devices = [Point3::origin(), exact.centre_of_cam2(), exact.centre_of_projector()];
+        let sight_mm = devices.iter().map(|centre| board.height(&self.to_object(centre))).fold(f64::INFINITY, f64::min);
+        if sight_mm >= MIN_SIGHT_MM { Ok(()) } else { Err(SimulationError::BoardAtDevice { sight_mm }) }
+    }
+
+    /// Whether what was met stands apart from the measurement volume, so that nothing of it is ever to be measured.
+    pub(super) fn is_apart(&self, surface: Surface) -> bool {
+        match surface {
+            Surface::Object => false,
+            Surface::Board => self.board.is_some_and(|board| board.apart),
+            Surface::Hand => true,
+        }
+    }
+
+    /// Whether what was met is bright enough to be measured.
+    pub(super) fn is_bright(&self, surface: Surface) -> bool {
+        match surface {
+            Surface::Object => true,
+            Surface::Board => self.board.is_some_and(|board| board.bright),
+            Surface::Hand => false,
+        }
     }
 
     /// Pose of the object's frame in that of the exact C1, metres.
@@ -124,16 +132,16 @@ impl Scene {
         match surface {
             Surface::Object => self.solid.material(p),
             Surface::Board => Material::PLASTER,
+            Surface::Hand => self.hand.as_ref().map_or(Material::PLASTER, |hand| hand.material(p)),
         }
     }
 
     /// Share of the light that a place of a surface of a material scatters.
     pub(super) fn albedo(&self, surface: Surface, material: Material, p: &PointMm) -> f64 {
         let waves = |scale: f64| (p.x / scale + 0.7).sin() * (p.y / scale * 0.9 - 0.4).sin() + (p.z / scale).cos();
-        match (surface, self.board) {
-            (Surface::Object, _) => material.brightness * (0.80 + 0.035 * waves(9.0)),
-            (Surface::Board, Board::Visible | Board::Behind) => 0.62 + 0.02 * waves(14.0),
-            (Surface::Board, _) => 0.03,
+        match surface {
+            Surface::Object | Surface::Hand => material.brightness * (0.80 + 0.035 * waves(9.0)),
+            Surface::Board => self.board.map_or(0.0, |board| board.albedo(waves(14.0))),
         }
     }
 }

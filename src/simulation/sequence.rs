@@ -19,7 +19,7 @@ use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
 use super::{
     Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, Staging, VirtualRig, check_range, cover,
-    truth,
+    share, truth,
 };
 
 /// What is simulated.
@@ -122,7 +122,7 @@ impl Simulation {
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
         let motion = staging.motion.map(|motion| ObjectMotion::new(motion, options.steps)).transpose()?;
         let rig = VirtualRig::new(&options.rig)?;
-        let scene = Scene::of_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
+        let scene = scene(&options, &staging, &rig)?;
         let view = |camera| {
             let view = View::trace(&rig.exact, &scene, camera, options.supersampling)?;
             Ok::<_, SimulationError>(if staging.covered == Some(camera) { view.half_covered() } else { view })
@@ -293,9 +293,28 @@ impl Simulation {
         let options = &self.options;
         let mut remarks = remarks(&self.rig, options.noise, options.format, options.gamma, options.seed);
         remarks.extend(self.staging.remarks());
+        if let Board::Apart(board) = options.board
+            && options.board != Board::BEHIND
+        {
+            remarks.insert("board".to_owned(), json!(board));
+        }
+        if options.rig.lens_error > 0.0 {
+            remarks.insert("lens_error".to_owned(), json!(options.rig.lens_error));
+        }
         remarks.insert("truth".to_owned(), json!("truth.npz in the frame of C1 (exact calibration)"));
         remarks
     }
+}
+
+/// What stands before the cameras.
+fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Result<Scene, SimulationError> {
+    options.board.check()?;
+    let mut scene = Scene::of_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
+    scene.check_board(&rig.exact)?;
+    if let Some(percent) = staging.share_percent {
+        scene = scene.scaled(options.object, share::factor(rig, options.object, staging.shift_mm, percent)?);
+    }
+    Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
 }
 
 /// Phase shifts of `steps` images, spread evenly over a turn, rad.

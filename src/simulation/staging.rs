@@ -4,7 +4,8 @@ use crate::dataset::CameraId;
 
 use super::{MotionOptions, SimulationError, check_range};
 
-/// Where the object is, how it moves, and what stands before a camera; by default in the middle, at rest, and nothing.
+/// Where the object is, how large, how it moves, and what stands before a camera; by default in the middle, as it is made, at
+/// rest, and nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Staging {
     /// Shift of the object, and of the board under it, from the middle of the measurement volume in the volume's frame,
@@ -12,6 +13,10 @@ pub struct Staging {
     pub shift_mm: [f64; 3],
     /// The camera whose right half a dark flap covers.
     pub covered: Option<CameraId>,
+    /// Share of the image of C1 that the object is scaled to fill, percent; `None` for the size that it is made in.
+    pub share_percent: Option<f64>,
+    /// A hand between the cameras and the measurement volume.
+    pub hand: bool,
     /// How the object moves from image to image; `None` at rest.
     pub motion: Option<MotionOptions>,
 }
@@ -29,7 +34,9 @@ impl Staging {
     pub(super) fn remarks(&self) -> impl Iterator<Item = (String, serde_json::Value)> {
         let shift = (self.shift_mm != [0.0; 3]).then(|| ("shift_mm".to_owned(), self.shift_mm.as_slice().into()));
         let covered = self.covered.map(|camera| ("covered".to_owned(), camera.folder().into()));
+        let share = self.share_percent.map(|percent| ("share_percent".to_owned(), percent.into()));
+        let hand = self.hand.then(|| ("hand".to_owned(), true.into()));
         let blur = self.motion.filter(|motion| motion.blur > 0.0).map(|motion| ("blur".to_owned(), motion.blur.into()));
-        shift.into_iter().chain(covered).chain(blur)
+        shift.into_iter().chain(covered).chain(share).chain(hand).chain(blur)
     }
 }

@@ -4,7 +4,7 @@
 //! that carries it across; the crossing is then refined. Hits are true to [`TOLERANCE_MM`] along the ray; only a
 //! sliver thinner than [`MIN_STEP_MM`] along the ray could be missed.
 
-use super::scene::{Board, Scene, Surface};
+use super::scene::{Scene, Surface};
 use super::solid::{PointMm, Solid};
 
 /// The search for a crossing ends at this interval along the ray, millimetres.
@@ -47,14 +47,23 @@ impl Ray {
 
 /// The first place where a ray meets the scene.
 pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
-    let solid = scene.solid.as_ref();
-    let board = board_distance(scene, ray);
-    let object = march(solid, ray, board.unwrap_or(f64::INFINITY));
-    if let Some(distance) = object {
-        let point = ray.at(distance);
-        return Some(Hit { point, normal: normal(solid, &point), surface: Surface::Object });
+    let board = scene.board.and_then(|board| Some((board.distance(ray)?, board.normal)));
+    let mut nearest = board.map(|(distance, normal)| Hit { point: ray.at(distance), normal, surface: Surface::Board });
+    let mut limit = board.map_or(f64::INFINITY, |(distance, _)| distance);
+    for (solid, surface) in bodies(scene) {
+        if let Some(distance) = march(solid, ray, limit) {
+            let point = ray.at(distance);
+            nearest = Some(Hit { point, normal: normal(solid, &point), surface });
+            limit = distance;
+        }
     }
-    board.map(|distance| Hit { point: ray.at(distance), normal: PointMm::z(), surface: Surface::Board })
+    nearest
+}
+
+/// What a scene has beside its board.
+fn bodies(scene: &Scene) -> impl Iterator<Item = (&dyn Solid, Surface)> {
+    let hand = scene.hand.as_deref().map(|hand| (hand as &dyn Solid, Surface::Hand));
+    std::iter::once((scene.solid.as_ref(), Surface::Object)).chain(hand)
 }
 
 /// Half the stretch of a ray that is searched for a hit expected there, millimetres.
@@ -64,33 +73,29 @@ const REACH_MM: f64 = 0.02;
 /// may stand in its way.
 pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     if close.surface == Surface::Board {
-        let distance = board_distance(scene, ray)?;
+        let distance = scene.board?.distance(ray)?;
         return Some(Hit { point: ray.at(distance), ..*close });
     }
-    let solid = scene.solid.as_ref();
+    let (solid, surface) = bodies(scene).find(|(_, surface)| *surface == close.surface)?;
     let expected = (close.point - ray.origin).dot(&close.normal) / ray.direction.dot(&close.normal);
     let [outside, inside] = [expected - REACH_MM, expected + REACH_MM].map(|at| (at, solid.distance_mm(&ray.at(at))));
     if !(outside.1 > 0.0 && inside.1 < 0.0) {
         return None;
     }
     let point = ray.at(crossing(solid, ray, outside, inside));
-    Some(Hit { point, normal: normal(solid, &point), surface: Surface::Object })
+    Some(Hit { point, normal: normal(solid, &point), surface })
 }
 
 /// Whether light gets from a place of a surface to `target` (a centre of projection).
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;
     let way = target - origin;
-    if way.dot(&hit.normal) <= 0.0 || (scene.board != Board::None && target.z <= scene.board_z_mm) {
+    if way.dot(&hit.normal) <= 0.0 || scene.board.is_some_and(|board| board.hides(&origin, target)) {
         return false;
     }
     let length = way.norm();
-    march(scene.solid.as_ref(), &Ray { origin, direction: way / length }, length).is_none()
-}
-
-fn board_distance(scene: &Scene, ray: &Ray) -> Option<f64> {
-    let distance = (scene.board_z_mm - ray.origin.z) / ray.direction.z;
-    (scene.board != Board::None && ray.direction.z < 0.0 && distance > 0.0).then_some(distance)
+    let ray = Ray { origin, direction: way / length };
+    bodies(scene).all(|(solid, _)| march(solid, &ray, length).is_none())
 }
 
 /// Distance along the ray at which it enters the body before `limit`.

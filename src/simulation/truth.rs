@@ -6,7 +6,7 @@ use crate::calibration::Unit;
 use crate::dataset::RenderedTruth;
 use crate::geometry::{MeasurementVolume, Rig};
 
-use super::scene::{Board, Scene, Surface};
+use super::scene::Scene;
 use super::trace::is_free;
 use super::view::{Centre, View};
 
@@ -34,7 +34,7 @@ const NOTHING: PixelTruth = PixelTruth {
 /// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
 ///
 /// `reference` is everything measurable that is bright enough to be: not a dark board. What Gray code finds of it, only
-/// images can tell.
+/// images can tell. A board or a hand apart from the volume is seen and lit, but never in it.
 #[must_use]
 pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());
@@ -47,8 +47,8 @@ pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, 
             point: (point.coords / unit.in_metres()).map(|c| c as f32).into(),
             seen_by_cam2: rig.cam2.sees(&seen) && is_free(scene, &hit, &cam2),
             lit: centre.sample.reflected > 0.0,
-            in_volume: volume.contains(&point),
-            bright: hit.surface == Surface::Object || scene.board == Board::Visible,
+            in_volume: volume.contains(&point) && !scene.is_apart(hit.surface),
+            bright: scene.is_bright(hit.surface),
         })
     };
     let pixels: Vec<_> = view.centres.par_iter().map(|centre| at(centre).unwrap_or(NOTHING)).collect();

@@ -122,7 +122,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    fn new(rig: &'a Rig, scene: &'a Scene, camera: CameraId) -> Self {
+    pub(super) fn new(rig: &'a Rig, scene: &'a Scene, camera: CameraId) -> Self {
         let (camera, cam1_from_camera) = match camera {
             CameraId::Cam1 => (&rig.cam1, Pose::identity()),
             CameraId::Cam2 => (&rig.cam2, rig.cam2_from_cam1.inverse()),

@@ -89,6 +89,8 @@ impl VirtualScanner {
         }
         let scanner = Self { options, rig: VirtualRig::new(&options.rig)?, sweep };
         scanner.check_volume()?;
+        options.board.check()?;
+        scanner.scene().check_board(&scanner.rig.exact)?;
         Ok(scanner)
     }
 

@@ -100,7 +100,7 @@ impl MovingScene {
     pub(crate) fn new(object: Object, size_px: [usize; 2], mm_per_image: f64, poses: usize, noise: NoiseLevel) -> Self {
         let focal_px = Arrangement::TABLE_TOP.camera_focal_px * FULL_WIDTH_PX / size_px[0] as f64;
         let arrangement = Arrangement { camera_focal_px: focal_px, ..Arrangement::TABLE_TOP };
-        let options = RigOptions { arrangement, size_px, depth_m: 0.06, period_px: 16.0, sd_rad: 0.041, seed: 3 };
+        let options = RigOptions { arrangement, size_px, seed: 3, ..RigOptions::usual(0.06) };
         let rig = VirtualRig::new(&options).unwrap();
         let cam1_from_volume = *rig.exact_volume.cam1_from_volume();
         let resting = Scene::of_object(object, Board::Visible, &rig.exact_volume);

@@ -13,6 +13,7 @@ use fringeflow::dataset::TRUTH_FILE;
 use fringeflow::evaluation::{Evaluation, against_cloud, egc};
 use fringeflow::simulation::Object;
 
+use self::sweep::Knob;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Made, Method};
@@ -47,7 +48,8 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "input")]
     paper: bool,
     /// Measure the virtual scanner with more and more false candidates, by depth of the volume, error of the calibration
-    /// and fringe period, and write sweep.csv and sweep.svg.
+    /// and fringe period, with a board from 30 mm before the volume to 1000 mm behind it, and with 3 to 16 steps; print the
+    /// figures and write sweep.csv and sweep.svg.
     #[arg(long, conflicts_with_all = ["input", "paper"], requires = "output")]
     sweep: bool,
     /// Folder for what --sweep writes.
@@ -63,6 +65,16 @@ pub(crate) struct Args {
         requires = "sweep"
     )]
     objects: Vec<Object>,
+    /// What --sweep turns: depth, sd, period, board, steps.
+    #[arg(
+        long,
+        value_name = "NAME,NAME",
+        value_delimiter = ',',
+        default_values_t = Knob::ALL,
+        value_enum,
+        requires = "sweep"
+    )]
+    series: Vec<Knob>,
     /// Unit of the calibration, where the dataset does not state it.
     #[arg(long, value_name = "mm|m")]
     units: Option<Unit>,
@@ -83,7 +95,7 @@ impl Args {
         }
         if let Some(folder) = &self.output {
             output_folder::prepare(folder)?;
-            return sweep::run(folder, &self.objects, self.json);
+            return sweep::run(folder, &self.objects, &self.series, self.json);
         }
         let Some(input) = &self.input else {
             return paper::run(self.json);

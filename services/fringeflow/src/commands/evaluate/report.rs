@@ -112,10 +112,11 @@ fn reliability_line(parts: &[ReliabilityPart]) -> Option<String> {
 
 fn text(set: &str, s: &Scores) -> String {
     let outliers = s.outliers_percent.map(|o| format!("\noutliers    {o:9.4} %")).unwrap_or_default();
+    let interior = s.interior_percent.map(|i| format!("\ninterior    {i:9.4} %")).unwrap_or_default();
     let millimetres = |metres: Option<f64>| metres.map_or_else(|| "–".to_owned(), |m| format!("{:.4} mm", m * 1e3));
     format!(
         "{set}: {} points, {} reference correspondences, {} unjudged points\n\
-         com         {:9.4} %\nmiss        {:9.4} %\nfpc         {:9.4} %  (wrong {:.4} %, stray {:.4} %){outliers}\n\
+         com         {:9.4} %{interior}\nmiss        {:9.4} %\nfpc         {:9.4} %  (wrong {:.4} %, stray {:.4} %){outliers}\n\
          3D error    rms {}, median {}",
         s.points,
         s.reference,

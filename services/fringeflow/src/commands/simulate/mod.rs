@@ -10,8 +10,8 @@ use std::str::FromStr;
 use fringeflow::dataset::{CameraId, check_new};
 use fringeflow::message::PixelFormat;
 use fringeflow::simulation::{
-    Arrangement, Board, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError, SimulationOptions,
-    SimulationSummary, Staging,
+    Arrangement, Board, BoardApart, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError,
+    SimulationOptions, SimulationSummary, Staging,
 };
 
 use crate::failure::Failure;
@@ -33,10 +33,25 @@ pub(crate) struct Args {
     /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
     object: Object,
-    /// What it lies on: visible, dark or none; behind stands 15 mm beyond the measurement volume. Visible by default, for
-    /// crumbs none.
-    #[arg(long, value_name = "KIND", value_parser = Board::from_str)]
+    /// What it lies on: visible, dark or none; or how far beyond the measurement volume a board stands that is seen and never
+    /// measured, millimetres; below 0 before the volume, where it covers the right part; behind is 15. Visible by default,
+    /// for crumbs none.
+    #[arg(long, value_name = "KIND|MM", value_parser = Board::from_str, allow_negative_numbers = true)]
     board: Option<Board>,
+    /// Share of the light that a board beyond or before the volume scatters, 0 to 2: black paper 0.05, grey 0.3, white 0.8.
+    /// 0.62 by default.
+    #[arg(long, value_name = "SHARE", requires = "board")]
+    board_albedo: Option<f64>,
+    /// Turn of such a board about the vertical axis, -80 to 80; more than 0 takes its right border away from the sensor. Its
+    /// distance stays that of its nearest place. 0 by default.
+    #[arg(long, value_name = "DEG", requires = "board", allow_negative_numbers = true)]
+    board_tilt: Option<f64>,
+    /// Scale the object to fill so much of the image of C1, 0.1 to 60; boards and hands do not count.
+    #[arg(long, value_name = "PERCENT")]
+    share: Option<f64>,
+    /// A hand with spread fingers between the cameras and the measurement volume, 15 mm before it: seen, never measured.
+    #[arg(long)]
+    hand: bool,
     /// Shift of the object from the middle of the measurement volume, right, down and away from the sensor.
     #[arg(long, value_name = "X,Y,Z mm", default_value = "0,0,0", value_parser = shift, allow_hyphen_values = true)]
     shift: [f64; 3],
@@ -80,7 +95,11 @@ pub(crate) struct Args {
     /// Standard deviation of δ that the calibration error causes, rad; 0 for an exact calibration.
     #[arg(long, value_name = "RAD", default_value_t = 0.041)]
     sd: f64,
-    /// Depth of the measurement volume, millimetres; 25, for the nose 45.
+    /// Errors of k2, p1 and p2 of the lenses of C2 and projector within --sd, compared with each other error of the calibration,
+    /// 0 to 10.
+    #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
+    lens_error: f64,
+    /// Depth of the measurement volume, millimetres, 1 to 300; 25, for the nose 45.
     #[arg(long, value_name = "MM")]
     depth: Option<f64>,
     /// Fringe period, projector pixels.
@@ -104,9 +123,13 @@ pub(crate) struct Args {
 }
 
 /// What a configuration says in its own way.
-const DATASET_OPTIONS: [&str; 22] = [
+const DATASET_OPTIONS: [&str; 27] = [
     "object",
     "board",
+    "board_albedo",
+    "board_tilt",
+    "share",
+    "hand",
     "shift",
     "cover",
     "motion",
@@ -121,6 +144,7 @@ const DATASET_OPTIONS: [&str; 22] = [
     "gamma",
     "seed",
     "sd",
+    "lens_error",
     "depth",
     "period",
     "symmetric",
@@ -146,26 +170,53 @@ impl Args {
             return recording::record(config, &self.output, self.seconds, self.json);
         }
         check_new(&self.output)?;
-        let staging = Staging { shift_mm: self.shift, covered: self.cover, motion: self.motion() };
-        let simulation = Simulation::staged(self.options(), staging)?;
+        let staging = Staging {
+            shift_mm: self.shift,
+            covered: self.cover,
+            share_percent: self.share,
+            hand: self.hand,
+            motion: self.motion(),
+        };
+        let simulation = Simulation::staged(self.options()?, staging)?;
         let bar = progress::bar("taking images", simulation.images().len() as u64);
         simulation.write(&self.output, || bar.inc(1))?;
         bar.finish_and_clear();
         self.print(&simulation.summary())
     }
 
-    fn options(&self) -> SimulationOptions {
+    /// The board that its options describe together.
+    fn board(&self) -> Result<Board, Failure> {
+        let board = self.board.unwrap_or(self.object.usual_board());
+        let of_board = [("--board-albedo", self.board_albedo), ("--board-tilt", self.board_tilt)];
+        match board {
+            Board::Apart(apart) => Ok(Board::Apart(BoardApart {
+                albedo: self.board_albedo.unwrap_or(apart.albedo),
+                tilt_deg: self.board_tilt.unwrap_or(apart.tilt_deg),
+                ..apart
+            })),
+            Board::None | Board::Dark | Board::Visible => match of_board.into_iter().find_map(|(o, v)| Some((o, v?))) {
+                Some((option, value)) => Err(Failure::Usage(format!(
+                    "{option} {value} is for a board apart from the measurement volume; give --board with its distance in \
+                     millimetres, as in --board 85"
+                ))),
+                None => Ok(board),
+            },
+        }
+    }
+
+    fn options(&self) -> Result<SimulationOptions, Failure> {
         let depth_m = self.depth.map_or(self.object.usual_depth_m(), |mm| mm * 1e-3);
         let arrangement = if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP };
-        SimulationOptions {
+        Ok(SimulationOptions {
             object: self.object,
-            board: self.board.unwrap_or(self.object.usual_board()),
+            board: self.board()?,
             rig: RigOptions {
                 arrangement,
                 size_px: self.size,
                 depth_m,
                 period_px: self.period,
                 sd_rad: self.sd,
+                lens_error: self.lens_error,
                 seed: self.seed,
             },
             steps: self.steps,
@@ -176,7 +227,7 @@ impl Args {
             gamma: self.gamma,
             supersampling: self.supersampling,
             seed: self.seed,
-        }
+        })
     }
 
     fn motion(&self) -> Option<MotionOptions> {

@@ -1,32 +1,41 @@
-//! The knobs that rule the expected false candidates, and the series of their values.
+//! What a sweep turns, and the series of its values: three knobs that rule the expected false candidates, and two that leave
+//! them as they are, the board apart from the volume and the number of steps.
 
-use fringeflow::simulation::{Object, RigOptions, SimulationOptions};
+use fringeflow::simulation::{Board, BoardApart, Object, RigOptions, SimulationOptions};
 use serde::Serialize;
 
 use crate::commands::evaluate::measurement::options;
 
-/// Phase shifts of every measurement.
+/// Phase shifts of the series that turn something else.
 const STEPS: usize = 4;
 
 /// What is turned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Knob {
+pub(crate) enum Knob {
     /// Depth of the measurement volume.
     Depth,
     /// Standard deviation of δ that the calibration error causes.
     Sd,
     /// Fringe period.
     Period,
+    /// Distance of a grey board from the measurement volume.
+    Board,
+    /// Number of phase shifts.
+    Steps,
 }
 
 /// A place in one of the series: what the rig is like there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     pub(super) knob: Knob,
-    depth_mm: f64,
+    /// Depth of the volume; `None` for the one that the object is made for.
+    depth_mm: Option<f64>,
     sd_rad: f64,
     period_px: f64,
+    /// Distance of the board; `None` for what the object usually lies on.
+    board_mm: Option<f64>,
+    steps: usize,
 }
 
 /// Depths that lead to an efc of about 0.1, 0.2, 0.5, 1 and 2 with the period beside them, millimetres.
@@ -38,19 +47,46 @@ const SD_SERIES: (f64, f64) = (50.0, 16.0);
 /// Periods that lead there with the depth beside them, projector pixels.
 const PERIODS_PX: [f64; 5] = [128.0, 64.0, 32.0, 16.0, 8.0];
 const PERIOD_SERIES_DEPTH_MM: f64 = 118.0;
+/// Distances of the board beyond the far face of the usual volume, and before its near face, millimetres.
+const BOARDS_MM: [f64; 11] = [-30.0, -15.0, -5.0, 5.0, 15.0, 40.0, 85.0, 150.0, 400.0, 700.0, 1000.0];
+/// What the board of that series is like: grey cardboard, slightly askew.
+const BOARD: BoardApart = BoardApart { distance_mm: 0.0, albedo: 0.3, tilt_deg: 5.0 };
+/// All numbers of steps there are.
+const ALL_STEPS: [usize; 14] = [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16];
 /// Error of the series that turn something else.
 const SD_RAD: f64 = RigOptions::usual(0.0).sd_rad;
 
-/// All places, series by series.
-pub(super) fn places() -> Vec<Place> {
-    let depth = |depth_mm| Place { knob: Knob::Depth, depth_mm, sd_rad: SD_RAD, period_px: DEPTH_SERIES_PERIOD_PX };
-    let sd = |sd_rad| Place { knob: Knob::Sd, depth_mm: SD_SERIES.0, sd_rad, period_px: SD_SERIES.1 };
-    let period = |period_px| Place { knob: Knob::Period, depth_mm: PERIOD_SERIES_DEPTH_MM, sd_rad: SD_RAD, period_px };
-    DEPTHS_MM.map(depth).into_iter().chain(SDS_RAD.map(sd)).chain(PERIODS_PX.map(period)).collect()
+/// All places of a series.
+pub(super) fn places(knob: Knob) -> Vec<Place> {
+    let usual = Place {
+        knob,
+        depth_mm: None,
+        sd_rad: SD_RAD,
+        period_px: RigOptions::usual(0.0).period_px,
+        board_mm: None,
+        steps: STEPS,
+    };
+    match knob {
+        Knob::Depth => {
+            let usual = Place { period_px: DEPTH_SERIES_PERIOD_PX, ..usual };
+            DEPTHS_MM.map(|depth_mm| Place { depth_mm: Some(depth_mm), ..usual }).into()
+        }
+        Knob::Sd => {
+            let (depth_mm, period_px) = SD_SERIES;
+            SDS_RAD.map(|sd_rad| Place { depth_mm: Some(depth_mm), period_px, sd_rad, ..usual }).into()
+        }
+        Knob::Period => {
+            PERIODS_PX.map(|period_px| Place { depth_mm: Some(PERIOD_SERIES_DEPTH_MM), period_px, ..usual }).into()
+        }
+        Knob::Board => BOARDS_MM.map(|distance_mm| Place { board_mm: Some(distance_mm), ..usual }).into(),
+        Knob::Steps => ALL_STEPS.map(|steps| Place { steps, ..usual }).into(),
+    }
 }
 
 impl Knob {
-    pub(super) const ALL: [Self; 3] = [Self::Depth, Self::Sd, Self::Period];
+    pub(crate) const ALL: [Self; 5] = [Self::Depth, Self::Sd, Self::Period, Self::Board, Self::Steps];
+    /// Those that rule the expected false candidates.
+    pub(super) const OF_EFC: [Self; 3] = [Self::Depth, Self::Sd, Self::Period];
 
     /// Name in the table.
     pub(super) fn name(self) -> &'static str {
@@ -58,6 +94,8 @@ impl Knob {
             Self::Depth => "depth",
             Self::Sd => "sd",
             Self::Period => "period",
+            Self::Board => "board",
+            Self::Steps => "steps",
         }
     }
 
@@ -67,6 +105,8 @@ impl Knob {
             Self::Depth => "depth of the volume, mm",
             Self::Sd => "calibration error, rad",
             Self::Period => "fringe period, px",
+            Self::Board => "distance of the board, mm",
+            Self::Steps => "phase shifts",
         }
     }
 }
@@ -75,18 +115,25 @@ impl Place {
     /// The value of the knob that is turned.
     pub(super) fn value(&self) -> f64 {
         match self.knob {
-            Knob::Depth => self.depth_mm,
+            Knob::Depth => self.depth_mm.unwrap_or_default(),
             Knob::Sd => self.sd_rad,
             Knob::Period => self.period_px,
+            Knob::Board => self.board_mm.unwrap_or_default(),
+            Knob::Steps => self.steps as f64,
         }
     }
 
     /// The scene with an object; `None` where the volume is shallower than it.
     pub(super) fn options(&self, object: Object) -> Option<SimulationOptions> {
-        let usual = options(object, STEPS);
-        let depth_m = self.depth_mm * 1e-3;
+        let usual = options(object, self.steps);
+        let depth_m = self.depth_mm.map_or(object.usual_depth_m(), |mm| mm * 1e-3);
+        let board = self.board_mm.map(|distance_mm| Board::Apart(BoardApart { distance_mm, ..BOARD }));
         let rig = RigOptions { depth_m, sd_rad: self.sd_rad, period_px: self.period_px, ..usual.rig };
-        (depth_m >= object.usual_depth_m()).then_some(SimulationOptions { rig, ..usual })
+        (depth_m >= object.usual_depth_m()).then_some(SimulationOptions {
+            rig,
+            board: board.unwrap_or(usual.board),
+            ..usual
+        })
     }
 }
 
@@ -100,9 +147,8 @@ mod tests {
 
     #[test]
     fn every_series_goes_from_few_false_candidates_to_two_a_pixel() {
-        for knob in Knob::ALL {
-            let places = places().into_iter().filter(|place| place.knob == knob);
-            let efc = places.map(|place| {
+        for knob in Knob::OF_EFC {
+            let efc = places(knob).into_iter().map(|place| {
                 let rig = VirtualRig::new(&place.options(Object::Elephant).unwrap().rig).unwrap();
                 3.0 * rig.deviation.delta_rms * (rig.mean_periods() - 1.0) / PI
             });
@@ -114,7 +160,20 @@ mod tests {
 
     #[test]
     fn no_volume_is_shallower_than_its_object() {
-        let measured = places().into_iter().filter(|place| place.options(Object::Nose).is_some()).count();
-        assert_eq!(measured, places().len() - 2);
+        let measured = |knob| places(knob).into_iter().filter(|place| place.options(Object::Nose).is_some()).count();
+        assert_eq!(Knob::ALL.map(measured), [3, 5, 5, BOARDS_MM.len(), ALL_STEPS.len()]);
+    }
+
+    #[test]
+    fn boards_go_from_before_the_volume_to_far_behind_it_and_steps_from_three_to_sixteen() {
+        let ends = |knob| places(knob).first().zip(places(knob).last()).map(|(a, b)| (a.value(), b.value()));
+        assert_eq!(ends(Knob::Board), Some((-30.0, 1000.0)));
+        assert_eq!(ends(Knob::Steps), Some((3.0, 16.0)));
+        for place in places(Knob::Board) {
+            let Some(Board::Apart(board)) = place.options(Object::Tooth).map(|options| options.board) else {
+                panic!("{place:?}")
+            };
+            assert_eq!(board.distance_mm, place.value());
+        }
     }
 }

@@ -1,9 +1,11 @@
-//! `fringeflow evaluate --sweep`: how completeness and false correspondences depend on the expected false candidates.
+//! `fringeflow evaluate --sweep`: how completeness and false correspondences depend on the expected false candidates, on a board
+//! apart from the volume, and on the number of steps.
 
 mod axis;
 mod knob;
 mod plot;
 mod table;
+mod text;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -13,11 +15,13 @@ use fringeflow::correspondence::ResolutionMethod;
 use fringeflow::simulation::{Object, SimulationSummary};
 use serde::Serialize;
 
-use self::knob::{Knob, Place};
+pub(super) use self::knob::Knob;
+use self::knob::Place;
 use super::measurement::{Measurement, Simulated};
 use crate::failure::Failure;
 use crate::progress;
 use crate::proposed::ProposedArgs;
+use crate::statistics::Statistics;
 
 /// The ways to resolve ambiguities that are compared: their names and settings.
 fn resolutions() -> [(&'static str, ProposedArgs); 2] {
@@ -57,17 +61,30 @@ struct Figures {
     efc_predicted: f64,
     efc_measured: f64,
     com_percent: f64,
+    interior_percent: Option<f64>,
     miss_percent: f64,
     fpc_percent: f64,
     outliers_percent: Option<f64>,
     points: u64,
     /// Of the whole reconstruction, segment table and reading the images included.
     reconstruction_ms: f64,
+    /// What the reconstruction warns of.
+    warning: Option<Warning>,
 }
 
-/// Measures every object at every place of every series, and writes the table and the plot.
-pub(super) fn run(folder: &Path, objects: &[Object], json: bool) -> Result<(), Failure> {
-    let places = knob::places();
+/// What a reconstruction warns of: calibration and images may not belong together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Warning {
+    /// δ scatters more widely than on calibrated rigs.
+    Spread,
+    /// The drift of the calibration is beyond its limit.
+    Drift,
+}
+
+/// Measures every object at every place of the series of these knobs, and writes the table and the plot.
+pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool) -> Result<(), Failure> {
+    let places: Vec<Place> = knobs.iter().flat_map(|&knob| knob::places(knob)).collect();
     let bar = progress::bar("scenes", (places.len() * objects.len()) as u64);
     let mut rows = Vec::new();
     for &object in objects {
@@ -122,11 +139,30 @@ impl Figures {
             efc_predicted: statistics.efc_predicted,
             efc_measured: statistics.efc_measured,
             com_percent: scores.com_percent,
+            interior_percent: scores.interior_percent,
             miss_percent: scores.miss_percent,
             fpc_percent: scores.fpc_percent,
             outliers_percent: scores.outliers_percent,
             points: scores.points,
             reconstruction_ms: duration.as_secs_f64() * 1e3,
+            warning: Warning::of(statistics),
+        }
+    }
+}
+
+impl Warning {
+    /// The graver one of a reconstruction.
+    fn of(statistics: &Statistics) -> Option<Self> {
+        let is_beyond = statistics.drift.as_ref().is_some_and(|drift| drift.beyond_limit);
+        let drift = is_beyond.then_some(Self::Drift);
+        if statistics.delta_suspicious { Some(Self::Spread) } else { drift }
+    }
+
+    /// Name in the table.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Spread => "spread",
+            Self::Drift => "drift",
         }
     }
 }
@@ -137,6 +173,7 @@ fn print(folder: &Path, rows: &[Row], json: bool) -> Result<(), Failure> {
         serde_json::to_writer(&mut out, rows).map_err(std::io::Error::from)?;
         return Ok(writeln!(out)?);
     }
+    write!(out, "{}", text::table(rows))?;
     let failed = rows.iter().filter(|row| row.failure.is_some()).count();
     let (folder, count) = (folder.display(), rows.len());
     Ok(writeln!(out, "{folder}: sweep.csv and sweep.svg of {count} measurements, {failed} of which failed")?)
@@ -155,11 +192,13 @@ fn made_up(knob: Knob, object: &'static str, efc: f64, fpc_percent: f64) -> Row 
             efc_predicted: efc * 1.1,
             efc_measured: efc,
             com_percent: 99.5,
+            interior_percent: Some(99.9),
             miss_percent: 0.5,
             fpc_percent,
             outliers_percent: Some(0.25),
             points: 1234,
             reconstruction_ms: 321.0,
+            warning: None,
         }),
         failure: None,
     }

@@ -1,6 +1,7 @@
 //! The plot of a sweep: com and fpc against efc, an SVG file without scripts that is readable on light and dark pages.
 //!
-//! A line is one knob and resolution, through the means over the objects; each measurement is a point.
+//! A line is one knob and resolution, through the means over the objects; each measurement is a point. What leaves efc as it is,
+//! boards and steps, stands in the table alone.
 
 use super::axis::Axis;
 use super::{Figures, Knob, Row};
@@ -82,7 +83,7 @@ fn resolutions(rows: &[Row]) -> Vec<&'static str> {
 }
 
 fn draw_panel(panel: &Panel, rows: &[Row], resolutions: &[&str]) -> String {
-    let series = resolutions.iter().enumerate().flat_map(|(i, name)| Knob::ALL.map(|knob| (i, *name, knob)));
+    let series = resolutions.iter().enumerate().flat_map(|(i, name)| Knob::OF_EFC.map(|knob| (i, *name, knob)));
     let drawn = series.map(|(i, name, knob)| {
         let rows = rows.iter().filter(|row| row.resolution == name && row.knob == knob);
         draw_series(panel, &rows.collect::<Vec<_>>(), knob, DASHES[i % DASHES.len()])
@@ -190,13 +191,13 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
             y + 4.0
         )
     };
-    let knobs = Knob::ALL
+    let knobs = Knob::OF_EFC
         .into_iter()
         .enumerate()
         .map(|(i, knob)| entry(i, &format!("style=\"stroke:var(--{})\"", class(knob)), "none", knob.title()));
     let resolutions = resolutions.iter().enumerate().map(|(i, name)| {
         let name = format!("resolution: {name}");
-        entry(Knob::ALL.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
+        entry(Knob::OF_EFC.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
     });
     let refused = rows.iter().filter(|row| row.figures.is_none()).count();
     let note = format!(
@@ -208,12 +209,9 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
 }
 
 /// Class of the colour of a knob.
-fn class(knob: Knob) -> &'static str {
-    match knob {
-        Knob::Depth => "k0",
-        Knob::Sd => "k1",
-        Knob::Period => "k2",
-    }
+fn class(knob: Knob) -> String {
+    let place = Knob::OF_EFC.iter().position(|&of_efc| of_efc == knob).unwrap_or_default();
+    format!("k{place}")
 }
 
 #[cfg(test)]
@@ -238,7 +236,7 @@ mod tests {
     fn every_measurement_is_a_point_and_every_series_a_line() {
         let svg = svg(&rows());
         assert_eq!(svg.matches("<circle").count(), 2 * 5);
-        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::ALL.len());
+        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::OF_EFC.len());
         assert_eq!(svg.matches(">paper</text>").count(), PAPER.len());
         assert!(svg.contains("1 of 6 not measured"), "{svg}");
         assert!(svg.contains("resolution: other") && !svg.contains("<script") && !svg.contains("NaN"));

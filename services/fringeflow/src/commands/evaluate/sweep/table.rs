@@ -2,10 +2,10 @@
 
 use std::io::{self, Write};
 
-use super::Row;
+use super::{Row, Warning};
 
-const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,efc_measured,com_percent,miss_percent,\
-                      fpc_percent,outliers_percent,points,reconstruction_ms,failure";
+const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,efc_measured,com_percent,interior_percent,\
+                      miss_percent,fpc_percent,outliers_percent,points,reconstruction_ms,warning,failure";
 
 /// Writes the table; what was not measured is empty.
 pub(super) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
@@ -27,11 +27,13 @@ fn line(row: &Row) -> String {
         made(|f| f.efc_predicted),
         made(|f| f.efc_measured),
         made(|f| f.com_percent),
+        number(row.figures.as_ref().and_then(|f| f.interior_percent)),
         made(|f| f.miss_percent),
         made(|f| f.fpc_percent),
         number(row.figures.as_ref().and_then(|f| f.outliers_percent)),
         row.figures.as_ref().map(|f| f.points.to_string()).unwrap_or_default(),
         made(|f| f.reconstruction_ms),
+        row.figures.as_ref().and_then(|f| f.warning).map(Warning::name).unwrap_or_default().to_owned(),
         row.failure.as_deref().map(quoted).unwrap_or_default(),
     ]
     .join(",")
@@ -63,13 +65,13 @@ mod tests {
         let fields: Vec<&str> = lines[1].split(',').collect();
         assert_eq!(fields.len(), lines[0].split(',').count());
         assert_eq!(fields[..7], ["depth", "25", "elephant", "paper", "6.00000", "0.04100", "0.20000"]);
-        assert_eq!(fields[9..], ["99.50000", "0.50000", "0.12500", "0.25000", "1234", "321.00000", ""]);
+        assert_eq!(fields[9..], ["99.50000", "99.90000", "0.50000", "0.12500", "0.25000", "1234", "321.00000", "", ""]);
     }
 
     #[test]
     fn a_failure_is_a_line_that_says_so() {
         let failure = Some("no \"δ\", no cloud".to_owned());
         let rows = [Row { rig: None, figures: None, failure, ..made_up(Knob::Sd, "nose", 2.0, 1.0) }];
-        assert_eq!(written(&rows)[1], "sd,25,nose,paper,,,,,,,,,,,,\"no \"\"δ\"\", no cloud\"");
+        assert_eq!(written(&rows)[1], "sd,25,nose,paper,,,,,,,,,,,,,,\"no \"\"δ\"\", no cloud\"");
     }
 }

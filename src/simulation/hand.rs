@@ -1,0 +1,70 @@
+//! A hand before the measurement volume: it hides and shadows what lies behind it, and is never to be measured.
+//!
+//! It reaches in from the right, the fingers spread. Frame: that of the object (x right, y up, z towards the sensor), shifted
+//! so that the hand lies on z = 0, which is [`GAP_MM`] before the near face of the volume. Millimetres.
+
+use crate::geometry::{MeasurementVolume, Point3, Pose};
+
+use super::scene::MM_PER_M;
+use super::solid::{Material, PointMm, RoundCone, Solid, smooth_union};
+
+/// A hand, in the frame of the object.
+pub(super) struct Hand {
+    /// Where its own origin is.
+    place: PointMm,
+    bones: [RoundCone; 6],
+}
+
+/// Gap between the hand and the near face of the volume, millimetres.
+const GAP_MM: f64 = 15.0;
+/// Height of the axes of the fingers, and half of their thickness at root and tip.
+const AXIS_Z: f64 = 9.0;
+const ROOT_RADIUS: f64 = 9.0;
+const TIP_RADIUS: f64 = 6.5;
+/// Roots and tips of the four fingers and the thumb, x and y.
+const FINGERS: [([f64; 2], [f64; 2]); 5] = [
+    ([62.0, 24.0], [14.0, 36.0]),
+    ([58.0, 9.0], [4.0, 13.0]),
+    ([59.0, -6.0], [8.0, -9.0]),
+    ([64.0, -20.0], [20.0, -29.0]),
+    ([82.0, 30.0], [52.0, 52.0]),
+];
+/// Both ends of the palm, x and y, and half of its thickness.
+const PALM: ([f64; 2], [f64; 2]) = ([78.0, 16.0], [80.0, -12.0]);
+const PALM_RADIUS: f64 = 20.0;
+/// Fillet between the fingers and the palm.
+const WEB: f64 = 5.0;
+/// Matt skin, an albedo of about 0.45.
+const SKIN: Material = Material { brightness: 0.56, gloss: 0.0 };
+
+impl Hand {
+    /// The hand before a volume.
+    pub(super) fn before(volume: &MeasurementVolume, volume_from_object: &Pose) -> Self {
+        let at = |[x, y]: [f64; 2], z: f64| PointMm::new(x, y, z);
+        let near_face = Point3::new(0.0, 0.0, volume.min().z - GAP_MM / MM_PER_M);
+        let finger = |(root, tip)| RoundCone::new((at(root, AXIS_Z), ROOT_RADIUS), (at(tip, AXIS_Z), TIP_RADIUS));
+        let (low, high) = PALM;
+        let palm = RoundCone::new((at(low, PALM_RADIUS), PALM_RADIUS), (at(high, PALM_RADIUS), PALM_RADIUS));
+        let [a, b, c, d, thumb] = FINGERS.map(finger);
+        let place = volume_from_object.inverse_transform_point(&near_face).coords * MM_PER_M;
+        Self { place, bones: [palm, a, b, c, d, thumb] }
+    }
+}
+
+impl Solid for Hand {
+    fn distance_mm(&self, point: &PointMm) -> f64 {
+        let p = point - self.place;
+        let [palm, fingers @ ..] = &self.bones;
+        let fingers = fingers.iter().map(|finger| finger.distance(&p)).fold(f64::INFINITY, f64::min);
+        smooth_union(palm.distance(&p), fingers, WEB)
+    }
+
+    fn bounds_mm(&self) -> (PointMm, PointMm) {
+        let (min, max) = (PointMm::new(-3.0, -42.0, 0.0), PointMm::new(102.0, 62.0, 2.0 * PALM_RADIUS + WEB));
+        (self.place + min, self.place + max)
+    }
+
+    fn material(&self, _point: &PointMm) -> Material {
+        SKIN
+    }
+}

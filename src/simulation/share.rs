@@ -1,0 +1,75 @@
+//! An object as large as it takes to fill a given share of the image of C1.
+//!
+//! In: an object, where it is, and the share. Out: the factor that it is scaled by about its foot on the board.
+
+use crate::dataset::CameraId;
+use crate::geometry::Pixel;
+
+use super::scene::Surface;
+use super::solid::{Material, PointMm, Solid};
+use super::trace::first_hit;
+use super::view::Eye;
+use super::{Board, Object, Scene, SimulationError, VirtualRig, check_range};
+
+/// Least and greatest share, percent.
+const MIN_PERCENT: f64 = 0.1;
+const MAX_PERCENT: f64 = 60.0;
+/// Every so many pixels of a row, and rows, are looked at.
+const STRIDE_PX: usize = 3;
+/// Steps towards the factor, and how near to the share they lead.
+const MAX_STEPS: usize = 12;
+const TOLERANCE: f64 = 0.01;
+
+/// A body scaled about the origin of its frame.
+pub(super) struct Scaled {
+    pub(super) solid: Box<dyn Solid>,
+    pub(super) factor: f64,
+}
+
+impl Solid for Scaled {
+    fn distance_mm(&self, point: &PointMm) -> f64 {
+        self.solid.distance_mm(&(point / self.factor)) * self.factor
+    }
+
+    fn bounds_mm(&self) -> (PointMm, PointMm) {
+        let (min, max) = self.solid.bounds_mm();
+        (min * self.factor, max * self.factor)
+    }
+
+    fn material(&self, point: &PointMm) -> Material {
+        self.solid.material(&(point / self.factor))
+    }
+}
+
+/// The factor with which an object fills `percent` of the image of C1, boards and hands left away.
+pub(super) fn factor(
+    rig: &VirtualRig,
+    object: Object,
+    shift_mm: [f64; 3],
+    percent: f64,
+) -> Result<f64, SimulationError> {
+    check_range("the share of the image", percent, MIN_PERCENT, MAX_PERCENT, "%")?;
+    let (mut factor, mut found) = (1.0, 0.0);
+    for _ in 0..MAX_STEPS {
+        let scene = Scene::of_shifted_object(object, shift_mm, Board::None, &rig.exact_volume).scaled(object, factor);
+        found = percent_of_image(rig, &scene);
+        if (found / percent - 1.0).abs() <= TOLERANCE {
+            return Ok(factor);
+        }
+        // An object that is not seen at all has left the image, small or not.
+        factor *= (percent / found.max(MIN_PERCENT / 10.0)).sqrt().clamp(0.3, 3.0);
+    }
+    Err(SimulationError::Share { object: object.name(), percent, found_percent: found })
+}
+
+/// How much of the image of C1 a body fills, percent.
+fn percent_of_image(rig: &VirtualRig, scene: &Scene) -> f64 {
+    let eye = Eye::new(&rig.exact, scene, CameraId::Cam1);
+    let (width, height) = (rig.exact.cam1.width_px(), rig.exact.cam1.height_px());
+    let pixels = || (0..height).step_by(STRIDE_PX).flat_map(|v| (0..width).step_by(STRIDE_PX).map(move |u| (u, v)));
+    let is_object = |&(u, v): &(usize, usize)| {
+        let ray = eye.ray(&Pixel::new(u as f64, v as f64));
+        ray.and_then(|ray| first_hit(scene, &ray)).is_some_and(|hit| hit.surface == Surface::Object)
+    };
+    100.0 * pixels().filter(is_object).count() as f64 / pixels().count() as f64
+}
