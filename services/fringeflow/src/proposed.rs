@@ -39,7 +39,8 @@ pub(crate) struct MeasuringArgs {
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// How pixels with several candidates are decided; by default as configured, else semi-global.
+    /// How pixels with several candidates are decided, semi-global or paper (a slow reference); by default as configured, else
+    /// semi-global.
     #[arg(long, value_name = "METHOD", value_parser = resolution)]
     resolution: Option<ResolutionMethod>,
     /// Least confidence of a point, a probability; by default as configured, else 0.9.

@@ -17,21 +17,16 @@
 //!    limit are left out;
 //! 6. *explanation*: why the pixels without candidate have none.
 //!
-//! *bands*: what workers take at a time.
+//! Shared with the paper's method: *regions*, *places*, *claims*, *explanation*, *bands*.
 //!
 //! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
 
-mod bands;
-mod claims;
 mod confidence;
 mod evidence;
-mod explanation;
 mod grounds;
 mod links;
 mod outlook;
 mod paths;
-mod places;
-mod regions;
 mod selection;
 #[cfg(test)]
 mod test_scene;
@@ -48,6 +43,7 @@ use super::outcome::Outcome;
 use super::pool::Pool;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
+use super::{bands, claims, explanation, places, regions};
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
@@ -115,6 +111,6 @@ impl Room {
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
         verification::verify(scene, selection, verdicts, limits, verification, decisions, grounds);
-        explanation::explain(scene, decisions.outcomes, segments);
+        explanation::explain(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
     }
 }
