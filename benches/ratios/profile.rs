@@ -18,10 +18,7 @@ use super::sliding::{window, window_images};
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let mut columns: Vec<(String, Vec<(&'static str, f64)>)> = Vec::new();
     for (name, measured) in [("easy", bench.easy()), ("hard", bench.hard())] {
-        for method in ResolutionMethod::ALL {
-            let stages = of_window(&measured, method, bench.repetitions.min(7));
-            columns.push((format!("{name}"), stages));
-        }
+        columns.push((name.to_owned(), of_window(&measured, bench.repetitions.min(7))));
     }
     report.note(table(&columns));
     let moving = of_moving_window(&bench.easy(), bench.repetitions.min(5));

@@ -22,8 +22,9 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         Workers::with_settings(&easy.scene, Arc::clone(&easy.table), STEPS, settings)
     };
     let (mut ours, mut reference) = (of(ResolutionMethod::SemiGlobal), of(ResolutionMethod::Paper));
-    let contenders = &mut [images_to_cloud(&mut ours, &easy), images_to_cloud(&mut reference, &easy)];
-    let spent = interleave(bench.repetitions.min(5), contenders);
+    let mut contenders = [images_to_cloud(&mut ours, &easy), images_to_cloud(&mut reference, &easy)];
+    let spent = interleave(bench.repetitions.min(5), &mut contenders);
+    drop(contenders);
     let name = "images → cloud against the paper's method in scalar code, easy";
     report.ratio(name, &spent[1], &spent[0], Time::Cpu, Wanted::AtLeast(WANTED));
     let (ours, reference) = (&ours.found.matches, &reference.found.matches);

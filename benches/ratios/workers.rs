@@ -22,8 +22,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let steps = if bench.is_measured { LOOP_STEPS } else { 1000 };
     let name = "two workers ÷ one".to_owned();
     let [Some(&first), Some(&second)] = [cpus.first(), cpus.get(1)] else {
-        report.skipped(&name, "this machine has one processor");
-        continue;
+        return report.skipped(&name, "this machine has one processor");
     };
     let easy: &Measured = &easy;
     let clouds = |cpus: &[usize]| of_threads(cpus, || cloud_work(easy));

@@ -67,6 +67,11 @@ impl ProposedArgs {
         Self { measuring, ..Self::default() }
     }
 
+    /// The resolution alone, all else by default.
+    pub(crate) fn resolution_alone(&self) -> Self {
+        self.measuring.resolution.map_or_else(Self::default, Self::with_resolution)
+    }
+
     /// Reconstructs an input.
     pub(crate) fn reconstruct(&self, input: &Input) -> Result<Proposed, Failure> {
         let configuration = self.measuring.configuration(input)?;

@@ -25,7 +25,14 @@ pub struct UniqueCandidates {
     pub absolute: Vec<i32>,
     /// δ, turns · 65536; without meaning there.
     pub delta: Vec<i16>,
-    rooms: Pool<SegmentRow>,
+    rooms: Pool<Room>,
+}
+
+/// Room for the segments of a row, and for the candidates of a pixel.
+#[derive(Debug, Default)]
+struct Room {
+    segments: SegmentRow,
+    list: Vec<Candidate>,
 }
 
 /// Where candidates are searched, and the test that they pass.
@@ -63,13 +70,14 @@ impl UniqueCandidates {
         let places = absolute.par_chunks_mut(width.max(1)).zip(delta.par_chunks_mut(width.max(1))).zip(rows);
         places.for_each_init(
             || rooms.take(),
-            |segments, ((absolute, delta), v)| {
+            |room, ((absolute, delta), v)| {
+                let Room { segments, list } = &mut **room;
                 absolute.fill(ABSENT);
                 if let Some(v) = *v {
                     search.table.row(v, segments);
                     let pixels = v * width..(v + 1) * width;
                     let (phase, valid) = (&search.cam1.phase[pixels.clone()], &search.cam1.valid[pixels]);
-                    simd::run(Level::in_use(), Row { search, phase, valid, segments, absolute, delta });
+                    simd::run(Level::in_use(), Row { search, phase, valid, segments, list, absolute, delta });
                 }
             },
         );
@@ -82,6 +90,7 @@ struct Row<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
     segments: &'a SegmentRow,
+    list: &'a mut Vec<Candidate>,
     absolute: &'a mut [i32],
     delta: &'a mut [i16],
 }
@@ -93,58 +102,64 @@ impl Kernel for Row<'_> {
     fn run<L: Lanes>(mut self, lanes: L) {
         let Search { cam2: image, gate, .. } = self.search;
         let search = wide::Search { image, segments: self.segments, gate };
-        let (mut found, mut list) = (wide::Found::new(), Vec::new());
+        let mut found = wide::Found::new();
         let (phase, valid) = (self.phase.as_chunks().0, bytemuck::cast_slice(self.valid).as_chunks().0);
         for block in 0..phase.len() {
             search.block(lanes, block * BLOCK, &phase[block], &valid[block], &mut found);
-            self.enter(block * BLOCK, &found, &mut list);
+            if found.searched != 0 {
+                self.enter(block, &found);
+            }
         }
-        (phase.len() * BLOCK..self.phase.len()).for_each(|u| self.scan(u, &mut list));
+        (phase.len() * BLOCK..self.phase.len()).for_each(|u| self.scan(u));
     }
 }
 
 impl Row<'_> {
-    /// Enters what was found of a block, and scans for the pixels that were left out there. `list` is room.
-    #[inline]
-    fn enter(&mut self, first: usize, found: &wide::Found, list: &mut Vec<Candidate>) {
-        if found.searched == 0 {
-            return;
-        }
+    /// Enters what was found of a block, and scans for the pixels that were left out there.
+    #[inline(always)]
+    fn enter(&mut self, block: usize, found: &wide::Found) {
+        let [first, others @ ..] = &found.passing;
+        let mut rest = others.iter().fold(found.irregular, |all, slot| all | slot);
+        let alone = first & !rest;
+        let (order, delta) = found.of_first_slot();
+        let absolute = &mut self.absolute.as_chunks_mut::<BLOCK>().0[block];
+        let phase = &self.phase.as_chunks::<BLOCK>().0[block];
         for k in 0..BLOCK {
-            let slots = found.passing.map(|passing| passing >> k & 1);
+            let of_candidate = i32::from(order[k]) * TURN + i32::from(phase[k]);
+            absolute[k] = if alone >> k & 1 == 1 { of_candidate } else { ABSENT };
+        }
+        self.delta.as_chunks_mut().0[block] = *delta;
+        while rest != 0 {
+            let k = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
             if found.irregular >> k & 1 == 1 {
-                self.scan(first + k, list);
-            } else if slots.iter().sum::<u32>() == 1 && slots[0] == 1 {
-                self.decide(first + k, found.candidate(0, k));
-            } else if slots.contains(&1) {
-                list.clear();
-                (0..slots.len()).filter(|&slot| slots[slot] == 1).for_each(|slot| {
-                    keep_best_of_place(found.candidate(slot, k), 0, list);
-                });
-                self.decide_for_one(first + k, list);
+                self.scan(block * BLOCK + k);
+            } else {
+                self.list.clear();
+                for slot in (0..found.passing.len()).filter(|&slot| found.passing[slot] >> k & 1 == 1) {
+                    keep_best_of_place(found.candidate(slot, k), 0, self.list);
+                }
+                self.decide(block * BLOCK + k);
             }
         }
     }
 
-    fn scan(&mut self, u: usize, list: &mut Vec<Candidate>) {
+    /// Looks at the whole segment of a pixel.
+    fn scan(&mut self, u: usize) {
         let segment = self.segments.segment(u);
         if self.valid[u] && !segment.is_none() {
-            list.clear();
+            self.list.clear();
             let row = RowView::new(self.search.cam2, segment.row_px);
-            scan_segment(&row, &segment, self.phase[u], self.search.gate, list);
-            self.decide_for_one(u, list);
+            scan_segment(&row, &segment, self.phase[u], self.search.gate, self.list);
+            self.decide(u);
         }
     }
 
-    fn decide_for_one(&mut self, u: usize, list: &[Candidate]) {
-        if let [candidate] = list {
-            self.decide(u, *candidate);
+    /// Decides a pixel for its candidate in the list, if that is the only one.
+    fn decide(&mut self, u: usize) {
+        if let [candidate] = **self.list {
+            self.absolute[u] = i32::from(candidate.order) * TURN + i32::from(self.phase[u]);
+            self.delta[u] = candidate.delta;
         }
-    }
-
-    #[inline(always)]
-    fn decide(&mut self, u: usize, candidate: Candidate) {
-        self.absolute[u] = i32::from(candidate.order) * TURN + i32::from(self.phase[u]);
-        self.delta[u] = candidate.delta;
     }
 }

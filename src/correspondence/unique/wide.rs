@@ -59,6 +59,12 @@ impl Found {
         }
     }
 
+    /// Orders and δ of the first slot.
+    #[inline(always)]
+    pub(super) fn of_first_slot(&self) -> (&[i16; BLOCK], &[i16; BLOCK]) {
+        (&self.order[0], &self.delta[0])
+    }
+
     /// The candidate of a pixel in a slot, its slope left out.
     #[inline]
     pub(super) fn candidate(&self, slot: usize, pixel: usize) -> Candidate {

@@ -211,11 +211,15 @@ impl<'a> Image<'a> {
             Directions::AlongAndAcross => Outcome::AcrossEpipolar,
         };
         let mut decided = 0;
+        // Nobody is asked again unless a decision changed within reach of its walks.
+        let mut is_asked = vec![true; self.absolute.len()];
         for _ in 0..self.scene.settings.max_sweeps {
-            let choices = self.choices(directions, rule);
+            let choices = self.choices(directions, rule, &is_asked);
             if choices.is_empty() {
                 break;
             }
+            is_asked.fill(false);
+            choices.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_asked));
             decided += choices.len();
             for (pixel, number) in choices {
                 let has_several = self.candidates.of(pixel).len() > 1;

@@ -70,20 +70,20 @@ fn amid(lists: &[Vec<Candidate>]) -> usize {
 
 #[test]
 fn a_plane_is_found_as_by_gray_code() {
-    let seen = Seen::new();
+    let mut seen = Seen::new();
+    // Some wrong orders pass.
+    seen.delta.sd_rad = 0.3;
     let decisions = resolve(seen.scene());
     let (mut found, mut wanted) = (0, 0);
     for (pixel, truth) in seen.truth.iter().enumerate() {
         let chosen = decisions.outcomes[pixel].is_found().then(|| decisions.chosen.order[pixel]);
         wanted += usize::from(truth.is_some());
         found += usize::from(chosen.is_some());
-        if let (Some(chosen), Some(truth)) = (chosen, truth) {
-            assert_eq!(chosen, truth.order, "{pixel}");
-        }
+        assert!(chosen.is_none() || chosen == truth.map(|truth| truth.order), "{pixel}");
     }
     assert!(wanted > 10_000 && found * 100 > 98 * wanted, "{found} of {wanted}");
     let several = decisions.passing.iter().filter(|passing| **passing > 1).count();
-    assert!(several > 100, "{several} pixels had several candidates");
+    assert!(several > 1000, "{several} pixels had several candidates");
 }
 
 #[test]
@@ -92,7 +92,8 @@ fn a_reference_has_one_candidate_and_neighbours_that_agree() {
     let mut lists = seen.true_lists();
     let pixel = amid(&lists);
     let other = pixel + 10;
-    lists[other].push(Candidate { order: lists[other][0].order + 1, ..lists[other][0] });
+    let right = lists[other][0];
+    lists[other].push(Candidate { order: right.order + 1, ..right });
     let alone = lists.len() - 1;
     lists.iter_mut().skip(alone - 20 * WIDTH).for_each(Vec::clear);
     lists[alone - 5 * WIDTH - 50] = vec![lists[pixel][0]];

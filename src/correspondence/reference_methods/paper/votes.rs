@@ -97,10 +97,11 @@ fn votes_for(opinions: &[Opinion], absolute: i32, delta: i16, tolerance: i32) ->
 }
 
 impl Image<'_> {
-    /// Open pixels that can be decided, and for which of their candidates.
-    pub(super) fn choices(&self, directions: Directions, rule: VoteRule) -> Vec<(usize, u8)> {
+    /// Open pixels that can be decided, of those that are asked, and for which of their candidates.
+    pub(super) fn choices(&self, directions: Directions, rule: VoteRule, is_asked: &[bool]) -> Vec<(usize, u8)> {
         let sides = self.sides(directions);
-        let is_open = |&pixel: &usize| !self.is_decided(pixel) && !self.candidates.of(pixel).is_empty();
+        let is_open =
+            |&pixel: &usize| is_asked[pixel] && !self.is_decided(pixel) && !self.candidates.of(pixel).is_empty();
         let choose = |opinions: &mut Vec<Opinion>, pixel: usize| {
             self.hear(pixel, sides, opinions);
             if opinions.len() < usize::from(rule.min_votes) {
@@ -113,6 +114,15 @@ impl Image<'_> {
             rule.choose(votes, opinions.len() as u16).map(|number| (pixel, number))
         };
         (0..self.absolute.len()).into_par_iter().filter(is_open).map_init(Vec::new, choose).flatten().collect()
+    }
+
+    /// Marks the pixels from which a walk may come to a pixel.
+    pub(super) fn mark_within_reach(&self, pixel: usize, marked: &mut [bool]) {
+        let [width, height] = [self.scene.cam1.width, self.scene.cam1.height];
+        let (u, v) = (pixel % width, pixel / width);
+        let columns = u.saturating_sub(FAR)..(u + FAR + 1).min(width);
+        marked[v * width..][columns].fill(true);
+        (v.saturating_sub(FAR)..(v + FAR + 1).min(height)).for_each(|v| marked[v * width + u] = true);
     }
 
     /// Candidates of a pixel that were not contradicted, with their numbers.
