@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use criterion::{BenchmarkId, Criterion, Throughput};
+use criterion::{Criterion, Throughput};
 use fringeflow::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, Workers};

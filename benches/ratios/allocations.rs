@@ -26,18 +26,18 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     (0..windows).for_each(|_| _ = workers.cloud(0, &levels));
     let ([more_calls, more_bytes], grown_mb) = (allocated(), resident_mb() - resident);
     let [calls, bytes] = [more_calls - calls, more_bytes - bytes].map(|n| n as f64 / windows as f64);
-    let name = "allocations a window after warm-up".to_owned();
+    let name = "allocations a window after warm-up";
     let values = [format!("{:.1} MB", bytes * 1e-6), String::new()];
-    report.figure(&name, values, calls, &[], Wanted::AtMost(0.0));
+    report.figure(name, values, calls, &[], Wanted::AtMost(0.0));
     let name = format!("growth of memory over {windows} windows, MB");
     report.figure(&name, [String::new(), String::new()], grown_mb, &[], Wanted::AtMost(GROWTH_MB));
-    let name = "growth of memory from minute 1 to minute 10, MB".to_owned();
+    let name = "growth of memory from minute 1 to minute 10, MB";
     if bench.is_long {
         let [grown_mb, held_mb] = growth_mb(|| _ = workers.cloud(0, &levels));
         let values = [format!("{held_mb:.1} MB held"), String::new()];
-        report.figure(&name, values, grown_mb, &[], Wanted::AtMost(GROWTH_MB));
+        report.figure(name, values, grown_mb, &[], Wanted::AtMost(GROWTH_MB));
     } else {
-        report.skipped(&name, "takes ten minutes: --long");
+        report.skipped(name, "takes ten minutes: --long");
     }
 }
 

@@ -27,10 +27,10 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let mut contenders = [images_to_cloud(easy, &scenes[0]), images_to_cloud(hard, &scenes[1])];
     let spent = interleave(bench.repetitions, &mut contenders);
     drop(contenders);
-    let name = "hard ÷ easy, total".to_owned();
-    report.ratio(&name, &spent[1], &spent[0], Time::Cpu, Wanted::AtMost(HARD_IN_EASY));
+    let name = "hard ÷ easy, total";
+    report.ratio(name, &spent[1], &spent[0], Time::Cpu, Wanted::AtMost(HARD_IN_EASY));
     for (place, geometry) in ["easy", "hard"].into_iter().enumerate() {
-        points_a_second(report, &format!("{geometry}"), POINTS[place], &workers[place], &spent[place]);
+        points_a_second(report, geometry, POINTS[place], &workers[place], &spent[place]);
     }
     against_peers(bench, report, &scenes, &mut workers);
 }

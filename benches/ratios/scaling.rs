@@ -29,16 +29,16 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let mut contenders = [images_to_cloud(&mut whole, &easy), images_to_cloud(&mut part, &quarter)];
     let spent = interleave(bench.repetitions, &mut contenders);
     drop(contenders);
-    let name = "four times the pixels".to_owned();
-    report.ratio(&name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(FOUR_TIMES_THE_PIXELS));
+    let name = "four times the pixels";
+    report.ratio(name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(FOUR_TIMES_THE_PIXELS));
 
     let mut long = new(&deep);
     let pixels = [searched_pixels(&mut long, &deep), searched_pixels(&mut whole, &easy)];
     let contenders = &mut [contender(|| long.search()), contender(|| black_box(&mut whole).search())];
     let spent: Vec<Vec<Spent>> = interleave(bench.repetitions, contenders);
-    let name = "match time a pixel, segments twice as long".to_owned();
+    let name = "match time a pixel, segments twice as long";
     let sides = [(spent[0].as_slice(), pixels[0]), (spent[1].as_slice(), pixels[1])];
-    report.scaled_ratio(&name, sides, Time::Cpu, Wanted::AtMost(TWICE_THE_LENGTH));
+    report.scaled_ratio(name, sides, Time::Cpu, Wanted::AtMost(TWICE_THE_LENGTH));
 }
 
 /// Decodes the window; the pixels of C1 with a phase and a segment.

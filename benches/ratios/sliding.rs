@@ -38,8 +38,8 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         }),
     ];
     let spent = interleave(bench.repetitions, &mut contenders);
-    let name = "each further cloud of a sliding window ÷ one from scratch".to_owned();
-    report.ratio(&name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(WANTED));
+    let name = "each further cloud of a sliding window ÷ one from scratch";
+    report.ratio(name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(WANTED));
 }
 
 /// Images of a window that compensates motion.

@@ -20,9 +20,9 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let (cpus, easy) = (processors::all(), bench.easy());
     let repetitions = bench.repetitions.min(5);
     let steps = if bench.is_measured { LOOP_STEPS } else { 1000 };
-    let name = "two workers ÷ one".to_owned();
+    let name = "two workers ÷ one";
     let [Some(&first), Some(&second)] = [cpus.first(), cpus.get(1)] else {
-        return report.skipped(&name, "this machine has one processor");
+        return report.skipped(name, "this machine has one processor");
     };
     let easy: &Measured = &easy;
     let clouds = |cpus: &[usize]| of_threads(cpus, || cloud_work(easy));
@@ -43,9 +43,9 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let (gain, loops) = (median(ours.iter().copied()), median(calibration));
     if bench.is_measured && loops < LOOPS {
         let why = format!("two independent loops reach {loops:.2} on this machine now, not {LOOPS}; ours {gain:.2}");
-        report.skipped(&name, &why);
+        report.skipped(name, &why);
     } else {
-        report.figure(&name, [format!("{gain:.2}"), format!("{loops:.2}")], gain, &ours, Wanted::AtLeast(WANTED));
+        report.figure(name, [format!("{gain:.2}"), format!("{loops:.2}")], gain, &ours, Wanted::AtLeast(WANTED));
     }
 }
 
