@@ -8,7 +8,6 @@ mod scenes;
 
 use std::sync::Arc;
 
-use fringeflow::correspondence::ResolutionMethod;
 use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::usual_extra_images;
 
@@ -31,11 +30,9 @@ fn windows_ask_for_no_memory_after_warm_up() {
     let table = Arc::new(scene.table());
     let [resting, moving] = [scene.images(STEPS, PixelFormat::Grey), scene.moving_images(STEPS)];
     for (name, window) in [("resting", resting.levels()), ("moving", moving_window(&moving))] {
-        for method in ResolutionMethod::ALL {
-            let mut workers = Workers::with_table(&scene, Arc::clone(&table), STEPS, method);
-            assert_eq!(asked(|| _ = workers.cloud(0, &window)), [0, 0], "{name}, {}", method.name());
-            assert!(workers.points.points.len() > 10_000);
-        }
+        let mut workers = Workers::with_table(&scene, Arc::clone(&table), STEPS);
+        assert_eq!(asked(|| _ = workers.cloud(0, &window)), [0, 0], "{name}");
+        assert!(workers.points.points.len() > 10_000);
     }
 
     // What the phase alone may have to do beside the usual: many saturated samples, and images of different brightness.
@@ -47,7 +44,7 @@ fn windows_ask_for_no_memory_after_warm_up() {
         ("checked at rest", 2 * STEPS, longer.levels()),
     ];
     for (name, steps, window) in windows {
-        let mut workers = Workers::with_table(&scene, Arc::clone(&table), steps, ResolutionMethod::Paper);
+        let mut workers = Workers::with_table(&scene, Arc::clone(&table), steps);
         assert_eq!(asked(|| workers.decode(0, &window)), [0, 0], "{name}");
         assert!(workers.maps.cam1.fit.valid_pixels > 10_000, "{name}");
     }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::{
-    EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SearchForm, SegmentTable, find_candidates,
-    match_phases,
+    EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SegmentTable, find_candidates,
+    find_unique_candidates, match_phases,
 };
 use fringeflow::grey::PixelFormat;
 use fringeflow::phase::{Validity, decode};
@@ -47,11 +47,12 @@ fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
         bencher.iter(|| EpipolarImage::resample(black_box(&cam2), &table));
     });
     let (image, gate) = (EpipolarImage::resample(&cam2, &table).unwrap(), matches.delta.gate());
-    for (name, form) in [("plain scan", SearchForm::PlainScan), ("projector side", SearchForm::ProjectorSide)] {
-        group.bench_function(BenchmarkId::new("candidates", name), |bencher| {
-            bencher.iter(|| find_candidates(black_box(&cam1), &image, &table, &gate, form));
-        });
-    }
+    group.bench_function(BenchmarkId::new("candidates", "all"), |bencher| {
+        bencher.iter(|| find_candidates(black_box(&cam1), &image, &table, &gate));
+    });
+    group.bench_function(BenchmarkId::new("candidates", "of pixels with one"), |bencher| {
+        bencher.iter(|| find_unique_candidates(black_box(&cam1), &image, &table, &gate));
+    });
     for method in ResolutionMethod::ALL {
         group.bench_function(BenchmarkId::new("match", method.name()), |bencher| {
             let (mut matcher, mut matches) = (Matcher::default(), Matches::default());

@@ -2,28 +2,25 @@
 
 use std::hint::black_box;
 
-use criterion::{BenchmarkId, Criterion, Throughput};
-use fringeflow::correspondence::ResolutionMethod;
+use criterion::{Criterion, Throughput};
 use fringeflow::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, Workers};
 
 const STEPS: usize = 4;
 
-/// Images to cloud, both geometries by both methods.
+/// Images to cloud, both geometries.
 pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     let mut group = criterion.benchmark_group("images to cloud");
     group.throughput(Throughput::Elements((size_px[0] * size_px[1]) as u64));
     for geometry in [Geometry::Easy, Geometry::Hard] {
         let scene = Scene::new(geometry, size_px);
         let images = scene.images(STEPS, PixelFormat::Grey);
-        for method in ResolutionMethod::ALL {
-            let mut workers = Workers::new(&scene, STEPS, method);
-            group.bench_function(BenchmarkId::new(format!("{geometry:?}"), method.name()), |bencher| {
-                let levels = images.levels();
-                bencher.iter(|| workers.cloud(0, black_box(&levels)).points.len());
-            });
-        }
+        let mut workers = Workers::new(&scene, STEPS);
+        group.bench_function(format!("{geometry:?}"), |bencher| {
+            let levels = images.levels();
+            bencher.iter(|| workers.cloud(0, black_box(&levels)).points.len());
+        });
     }
     group.finish();
 }

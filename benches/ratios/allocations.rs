@@ -3,8 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fringeflow::correspondence::ResolutionMethod;
-
 use super::bench::{Bench, STEPS};
 use super::counting_allocator::{allocated, held};
 use super::line::{Report, Wanted};
@@ -21,27 +19,25 @@ const MINUTES: [u64; 2] = [1, 10];
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let (easy, windows) = (bench.easy(), if bench.is_measured { WINDOWS } else { 1 });
     let levels = easy.images.levels();
-    for method in ResolutionMethod::ALL {
-        let mut workers = Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method);
-        (0..WARM_UP).for_each(|_| _ = workers.cloud(0, &levels));
-        // What asks for the memory of this process asks for some too.
-        let (resident, [calls, bytes]) = (resident_mb(), allocated());
-        (0..windows).for_each(|_| _ = workers.cloud(0, &levels));
-        let ([more_calls, more_bytes], grown_mb) = (allocated(), resident_mb() - resident);
-        let [calls, bytes] = [more_calls - calls, more_bytes - bytes].map(|n| n as f64 / windows as f64);
-        let name = format!("allocations a window after warm-up, {}", method.name());
-        let values = [format!("{:.1} MB", bytes * 1e-6), String::new()];
-        report.figure(&name, values, calls, &[], Wanted::AtMost(0.0));
-        let name = format!("growth of memory over {windows} windows, MB, {}", method.name());
-        report.figure(&name, [String::new(), String::new()], grown_mb, &[], Wanted::AtMost(GROWTH_MB));
-        let name = format!("growth of memory from minute 1 to minute 10, MB, {}", method.name());
-        if bench.is_long {
-            let [grown_mb, held_mb] = growth_mb(|| _ = workers.cloud(0, &levels));
-            let values = [format!("{held_mb:.1} MB held"), String::new()];
-            report.figure(&name, values, grown_mb, &[], Wanted::AtMost(GROWTH_MB));
-        } else {
-            report.skipped(&name, "takes ten minutes: --long");
-        }
+    let mut workers = Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS);
+    (0..WARM_UP).for_each(|_| _ = workers.cloud(0, &levels));
+    // What asks for the memory of this process asks for some too.
+    let (resident, [calls, bytes]) = (resident_mb(), allocated());
+    (0..windows).for_each(|_| _ = workers.cloud(0, &levels));
+    let ([more_calls, more_bytes], grown_mb) = (allocated(), resident_mb() - resident);
+    let [calls, bytes] = [more_calls - calls, more_bytes - bytes].map(|n| n as f64 / windows as f64);
+    let name = "allocations a window after warm-up";
+    let values = [format!("{:.1} MB", bytes * 1e-6), String::new()];
+    report.figure(name, values, calls, &[], Wanted::AtMost(0.0));
+    let name = format!("growth of memory over {windows} windows, MB");
+    report.figure(&name, [String::new(), String::new()], grown_mb, &[], Wanted::AtMost(GROWTH_MB));
+    let name = "growth of memory from minute 1 to minute 10, MB";
+    if bench.is_long {
+        let [grown_mb, held_mb] = growth_mb(|| _ = workers.cloud(0, &levels));
+        let values = [format!("{held_mb:.1} MB held"), String::new()];
+        report.figure(name, values, grown_mb, &[], Wanted::AtMost(GROWTH_MB));
+    } else {
+        report.skipped(name, "takes ten minutes: --long");
     }
 }
 

@@ -5,8 +5,6 @@ use std::hint::black_box;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use fringeflow::correspondence::ResolutionMethod;
-
 use super::bench::{Bench, Measured, STEPS};
 use super::clock::{Contender, Spent, contender, interleave, median};
 use super::line::{Report, Time, Wanted};
@@ -24,25 +22,17 @@ const HARD_IN_EASY: f64 = 1.6;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let scenes = [bench.easy(), bench.hard()];
-    for method in ResolutionMethod::ALL {
-        let mut workers = scenes.each_ref().map(|s| Workers::with_table(&s.scene, Arc::clone(&s.table), STEPS, method));
-        let [easy, hard] = &mut workers;
-        let mut contenders = [images_to_cloud(easy, &scenes[0]), images_to_cloud(hard, &scenes[1])];
-        let spent = interleave(bench.repetitions, &mut contenders);
-        drop(contenders);
-        let name = format!("hard ÷ easy, total, {}", method.name());
-        report.ratio(&name, &spent[1], &spent[0], Time::Cpu, Wanted::AtMost(HARD_IN_EASY));
-        for (place, geometry) in ["easy", "hard"].into_iter().enumerate() {
-            points_a_second(
-                report,
-                &format!("{geometry}, {}", method.name()),
-                POINTS[place],
-                &workers[place],
-                &spent[place],
-            );
-        }
-        against_peers(bench, report, method, &scenes, &mut workers);
+    let mut workers = scenes.each_ref().map(|s| Workers::with_table(&s.scene, Arc::clone(&s.table), STEPS));
+    let [easy, hard] = &mut workers;
+    let mut contenders = [images_to_cloud(easy, &scenes[0]), images_to_cloud(hard, &scenes[1])];
+    let spent = interleave(bench.repetitions, &mut contenders);
+    drop(contenders);
+    let name = "hard ÷ easy, total";
+    report.ratio(name, &spent[1], &spent[0], Time::Cpu, Wanted::AtMost(HARD_IN_EASY));
+    for (place, geometry) in ["easy", "hard"].into_iter().enumerate() {
+        points_a_second(report, geometry, POINTS[place], &workers[place], &spent[place]);
     }
+    against_peers(bench, report, &scenes, &mut workers);
 }
 
 fn points_a_second(report: &mut Report, name: &str, wanted: f64, workers: &Workers, spent: &[Spent]) {
@@ -58,15 +48,9 @@ fn points_a_second(report: &mut Report, name: &str, wanted: f64, workers: &Worke
     ));
 }
 
-fn against_peers(
-    bench: &mut Bench,
-    report: &mut Report,
-    method: ResolutionMethod,
-    scenes: &[Rc<Measured>; 2],
-    workers: &mut [Workers; 2],
-) {
+fn against_peers(bench: &mut Bench, report: &mut Report, scenes: &[Rc<Measured>; 2], workers: &mut [Workers; 2]) {
     let repetitions = bench.repetitions.min(9);
-    let name = |peer: &str, geometry: &str| format!("images → cloud against {peer}, {geometry}, {}", method.name());
+    let name = |peer: &str, geometry: &str| format!("images → cloud against {peer}, {geometry}");
     let peers = match bench.peers() {
         Ok(peers) => RefCell::new(peers),
         Err(why) => {

@@ -20,8 +20,6 @@ mod processors;
 mod profile;
 mod recording;
 mod scalar;
-#[path = "../scalar_paper/mod.rs"]
-mod scalar_paper;
 mod scaling;
 #[path = "../scenes/mod.rs"]
 #[allow(dead_code, reason = "shared with another bench")]

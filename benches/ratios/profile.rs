@@ -3,10 +3,7 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use fringeflow::correspondence::{
-    DeltaGate, DeltaHistogram, DeltaStatistics, EpipolarImage, Evidence, ResolutionMethod, SearchForm, SegmentTable,
-    estimate_drift, find_candidates, measure_delta, resolve,
-};
+use fringeflow::correspondence::{DeltaHistogram, EpipolarImage, estimate_drift, measure_delta};
 use fringeflow::phase::{
     MotionFit, MotionRoom, PhaseMap, SequenceCheck, SequenceRoom, Validity, decode, decode_moving_into,
 };
@@ -21,10 +18,7 @@ use super::sliding::{window, window_images};
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let mut columns: Vec<(String, Vec<(&'static str, f64)>)> = Vec::new();
     for (name, measured) in [("easy", bench.easy()), ("hard", bench.hard())] {
-        for method in ResolutionMethod::ALL {
-            let stages = of_window(&measured, method, bench.repetitions.min(7));
-            columns.push((format!("{name}, {}", method.name()), stages));
-        }
+        columns.push((name.to_owned(), of_window(&measured, bench.repetitions.min(7))));
     }
     report.note(table(&columns));
     let moving = of_moving_window(&bench.easy(), bench.repetitions.min(5));
@@ -37,21 +31,20 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
 }
 
 /// Milliseconds of CPU of every stage of one window of four images; what is not seen from outside is told as the rest.
-fn of_window(measured: &Measured, method: ResolutionMethod, repetitions: usize) -> Vec<(&'static str, f64)> {
+fn of_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)> {
     let (table, [width, height], validity) = (&measured.table, measured.scene.size_px, Validity::default());
     let levels = measured.images.levels();
-    let mut workers = Workers::with_table(&measured.scene, Arc::clone(table), STEPS, method);
+    let mut workers = Workers::with_table(&measured.scene, Arc::clone(table), STEPS);
     _ = workers.cloud(0, &levels);
     let [cam1, cam2] = [workers.maps.cam1.clone(), workers.maps.cam2.clone()];
     let image = EpipolarImage::resample(&cam2, table).unwrap();
     let histogram = DeltaHistogram::of_all_candidates(&cam1, &image, table, 0);
-    let (settings, gates, delta) = (Default::default(), PaperGates::of(&workers), workers.found.matches.delta);
+    let (settings, delta) = (Default::default(), workers.found.matches.delta);
     let shifts = shifts(STEPS);
     let (cam1, cam2, image) = (&cam1, &cam2, &image);
-    let (mut searching, mut triangulating) =
-        (Workers::with_table(&measured.scene, Arc::clone(table), STEPS, method), workers);
+    let (mut searching, mut triangulating) = (Workers::with_table(&measured.scene, Arc::clone(table), STEPS), workers);
     searching.decode(0, &levels);
-    let mut stages: Vec<(&'static str, Contender<'_>)> = vec![
+    let stages: Vec<(&'static str, Contender<'_>)> = vec![
         ("decoding C1", contender(|| drop(black_box(decode(&levels[0], width, height, &shifts, &validity))))),
         ("decoding C2", contender(|| drop(black_box(decode(&levels[1], width, height, &shifts, &validity))))),
         ("matching", contender(move || searching.search())),
@@ -59,28 +52,12 @@ fn of_window(measured: &Measured, method: ResolutionMethod, repetitions: usize) 
         ("resampling", contender(|| drop(black_box(EpipolarImage::resample(cam2, table))))),
         ("histogram of δ", contender(|| _ = black_box(DeltaHistogram::of_all_candidates(cam1, image, table, 0)))),
         ("statistics of δ", contender(|| _ = black_box(measure_delta(cam1, image, table, &histogram, &settings)))),
+        ("drift", contender(|| _ = black_box(estimate_drift(cam1, image, table, &delta)))),
     ];
-    match method {
-        ResolutionMethod::SemiGlobal => {
-            stages.push(("drift", contender(|| _ = black_box(estimate_drift(cam1, image, table, &delta)))));
-        }
-        ResolutionMethod::Paper => {
-            let search = || find_candidates(cam1, image, table, &gates.readmission, SearchForm::ProjectorSide);
-            stages.push(("candidate search", contender(move || drop(black_box(search())))));
-            let evidence = gates.evidence(cam1, table);
-            stages.push(("resolution", contender(move || drop(black_box(resolve(evidence, search(), &settings))))));
-        }
-    }
     let (names, mut contenders): (Vec<_>, Vec<_>) = stages.into_iter().unzip();
     let spent = interleave(repetitions, &mut contenders);
     let ms = |place: usize| median(spent[place].iter().map(|s| s.cpu_ns * 1e-6));
     let mut told: Vec<(&'static str, f64)> = names.iter().enumerate().map(|(i, name)| (*name, ms(i))).collect();
-    // The resolution uses its candidates up, so that it is measured with their search.
-    if let [.., (_, search_ms), (_, resolution_ms)] = &mut told[..]
-        && method == ResolutionMethod::Paper
-    {
-        *resolution_ms -= *search_ms;
-    }
     // What is part of the matching stands indented below it.
     let parts: f64 = told[4..].iter().map(|(_, ms)| ms).sum();
     let matching = told.remove(2).1;
@@ -131,33 +108,4 @@ fn table(columns: &[(String, Vec<(&'static str, f64)>)]) -> String {
         }
     }
     text
-}
-
-/// The tests of the paper's method, as its resolution takes them.
-pub(crate) struct PaperGates {
-    delta: DeltaStatistics,
-    gate: DeltaGate,
-    pub(crate) readmission: DeltaGate,
-}
-
-impl PaperGates {
-    /// Those that δ of a window leads to; candidates are looked for within 5·sd, at least 0.03 turns.
-    pub(crate) fn of(workers: &Workers) -> Self {
-        let delta = workers.found.matches.delta;
-        let gate = delta.gate();
-        let readmission = DeltaGate { threshold_turns: (1.67 * gate.threshold_turns).max(0.03), ..gate };
-        Self { delta, gate, readmission }
-    }
-
-    /// What the resolution reads.
-    pub(crate) fn evidence<'a>(&'a self, cam1: &'a PhaseMap, table: &'a SegmentTable) -> Evidence<'a> {
-        Evidence {
-            cam1,
-            gate: &self.gate,
-            readmission: &self.readmission,
-            delta_tolerance_turns: self.delta.tolerance_turns(),
-            steep_delta_turns: self.delta.steep_turns(cam1.width),
-            table,
-        }
-    }
 }

@@ -3,8 +3,6 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use fringeflow::correspondence::ResolutionMethod;
-
 use super::bench::{Bench, Measured, STEPS};
 use super::clock::{Spent, contender, interleave};
 use super::cloud::images_to_cloud;
@@ -26,23 +24,21 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         mean_length_px(&deep),
         deep.scene.rig.mean_periods()
     ));
-    for method in ResolutionMethod::ALL {
-        let new = |m: &Measured| Workers::with_table(&m.scene, Arc::clone(&m.table), STEPS, method);
-        let (mut whole, mut part) = (new(&easy), new(&quarter));
-        let mut contenders = [images_to_cloud(&mut whole, &easy), images_to_cloud(&mut part, &quarter)];
-        let spent = interleave(bench.repetitions, &mut contenders);
-        drop(contenders);
-        let name = format!("four times the pixels, {}", method.name());
-        report.ratio(&name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(FOUR_TIMES_THE_PIXELS));
+    let new = |m: &Measured| Workers::with_table(&m.scene, Arc::clone(&m.table), STEPS);
+    let (mut whole, mut part) = (new(&easy), new(&quarter));
+    let mut contenders = [images_to_cloud(&mut whole, &easy), images_to_cloud(&mut part, &quarter)];
+    let spent = interleave(bench.repetitions, &mut contenders);
+    drop(contenders);
+    let name = "four times the pixels";
+    report.ratio(name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(FOUR_TIMES_THE_PIXELS));
 
-        let mut long = new(&deep);
-        let pixels = [searched_pixels(&mut long, &deep), searched_pixels(&mut whole, &easy)];
-        let contenders = &mut [contender(|| long.search()), contender(|| black_box(&mut whole).search())];
-        let spent: Vec<Vec<Spent>> = interleave(bench.repetitions, contenders);
-        let name = format!("match time a pixel, segments twice as long, {}", method.name());
-        let sides = [(spent[0].as_slice(), pixels[0]), (spent[1].as_slice(), pixels[1])];
-        report.scaled_ratio(&name, sides, Time::Cpu, Wanted::AtMost(TWICE_THE_LENGTH));
-    }
+    let mut long = new(&deep);
+    let pixels = [searched_pixels(&mut long, &deep), searched_pixels(&mut whole, &easy)];
+    let contenders = &mut [contender(|| long.search()), contender(|| black_box(&mut whole).search())];
+    let spent: Vec<Vec<Spent>> = interleave(bench.repetitions, contenders);
+    let name = "match time a pixel, segments twice as long";
+    let sides = [(spent[0].as_slice(), pixels[0]), (spent[1].as_slice(), pixels[1])];
+    report.scaled_ratio(name, sides, Time::Cpu, Wanted::AtMost(TWICE_THE_LENGTH));
 }
 
 /// Decodes the window; the pixels of C1 with a phase and a segment.

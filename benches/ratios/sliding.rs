@@ -3,7 +3,6 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use fringeflow::correspondence::ResolutionMethod;
 use fringeflow::grey::GreyLevels;
 use fringeflow::phase::usual_extra_images;
 
@@ -18,31 +17,29 @@ const WANTED: f64 = 0.8;
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
     let images = easy.scene.moving_images(STEPS);
-    for method in ResolutionMethod::ALL {
-        let new = || Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method);
-        let mut sliding = new();
-        // Both see the same windows in the same order.
-        let [mut next, mut same] = [0, 1].map(|_| {
-            let mut first = 0;
-            move || {
-                first = (first + 1) % (MOVING_IMAGES - window_images());
-                first
-            }
-        });
-        let mut contenders = [
-            contender(|| {
-                let first = next();
-                _ = black_box(sliding.cloud(first % STEPS, &window(&images, first)));
-            }),
-            contender(|| {
-                let first = same();
-                _ = black_box(new().cloud(first % STEPS, &window(&images, first)));
-            }),
-        ];
-        let spent = interleave(bench.repetitions, &mut contenders);
-        let name = format!("each further cloud of a sliding window ÷ one from scratch, {}", method.name());
-        report.ratio(&name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(WANTED));
-    }
+    let new = || Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS);
+    let mut sliding = new();
+    // Both see the same windows in the same order.
+    let [mut next, mut same] = [0, 1].map(|_| {
+        let mut first = 0;
+        move || {
+            first = (first + 1) % (MOVING_IMAGES - window_images());
+            first
+        }
+    });
+    let mut contenders = [
+        contender(|| {
+            let first = next();
+            _ = black_box(sliding.cloud(first % STEPS, &window(&images, first)));
+        }),
+        contender(|| {
+            let first = same();
+            _ = black_box(new().cloud(first % STEPS, &window(&images, first)));
+        }),
+    ];
+    let spent = interleave(bench.repetitions, &mut contenders);
+    let name = "each further cloud of a sliding window ÷ one from scratch";
+    report.ratio(name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(WANTED));
 }
 
 /// Images of a window that compensates motion.

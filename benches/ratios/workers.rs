@@ -3,8 +3,6 @@
 use std::hint::black_box;
 use std::sync::{Arc, Barrier};
 
-use fringeflow::correspondence::ResolutionMethod;
-
 use super::bench::{Bench, Measured, STEPS};
 use super::clock::{Spent, interleave, median, spent};
 use super::line::{Report, Wanted};
@@ -22,36 +20,32 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let (cpus, easy) = (processors::all(), bench.easy());
     let repetitions = bench.repetitions.min(5);
     let steps = if bench.is_measured { LOOP_STEPS } else { 1000 };
-    for method in ResolutionMethod::ALL {
-        let name = format!("two workers ÷ one, {}", method.name());
-        let [Some(&first), Some(&second)] = [cpus.first(), cpus.get(1)] else {
-            report.skipped(&name, "this machine has one processor");
-            continue;
-        };
-        let easy: &Measured = &easy;
-        let clouds = |cpus: &[usize]| of_threads(cpus, || cloud_work(easy, method));
-        let loops = |cpus: &[usize]| of_threads(cpus, || Box::new(move || _ = black_box(count(steps))));
-        let spent = interleave(
-            repetitions,
-            &mut [
-                Box::new(|| clouds(&[second])),
-                Box::new(|| clouds(&[first, second])),
-                Box::new(|| loops(&[second])),
-                Box::new(|| loops(&[first, second])),
-            ],
-        );
-        let gains = |one: &[Spent], two: &[Spent]| -> Vec<f64> {
-            one.iter().zip(two).map(|(one, two)| 2.0 * one.wall_ns / two.wall_ns).collect()
-        };
-        let (ours, calibration) = (gains(&spent[0], &spent[1]), gains(&spent[2], &spent[3]));
-        let (gain, loops) = (median(ours.iter().copied()), median(calibration));
-        if bench.is_measured && loops < LOOPS {
-            let why =
-                format!("two independent loops reach {loops:.2} on this machine now, not {LOOPS}; ours {gain:.2}");
-            report.skipped(&name, &why);
-        } else {
-            report.figure(&name, [format!("{gain:.2}"), format!("{loops:.2}")], gain, &ours, Wanted::AtLeast(WANTED));
-        }
+    let name = "two workers ÷ one";
+    let [Some(&first), Some(&second)] = [cpus.first(), cpus.get(1)] else {
+        return report.skipped(name, "this machine has one processor");
+    };
+    let easy: &Measured = &easy;
+    let clouds = |cpus: &[usize]| of_threads(cpus, || cloud_work(easy));
+    let loops = |cpus: &[usize]| of_threads(cpus, || Box::new(move || _ = black_box(count(steps))));
+    let spent = interleave(
+        repetitions,
+        &mut [
+            Box::new(|| clouds(&[second])),
+            Box::new(|| clouds(&[first, second])),
+            Box::new(|| loops(&[second])),
+            Box::new(|| loops(&[first, second])),
+        ],
+    );
+    let gains = |one: &[Spent], two: &[Spent]| -> Vec<f64> {
+        one.iter().zip(two).map(|(one, two)| 2.0 * one.wall_ns / two.wall_ns).collect()
+    };
+    let (ours, calibration) = (gains(&spent[0], &spent[1]), gains(&spent[2], &spent[3]));
+    let (gain, loops) = (median(ours.iter().copied()), median(calibration));
+    if bench.is_measured && loops < LOOPS {
+        let why = format!("two independent loops reach {loops:.2} on this machine now, not {LOOPS}; ours {gain:.2}");
+        report.skipped(name, &why);
+    } else {
+        report.figure(name, [format!("{gain:.2}"), format!("{loops:.2}")], gain, &ours, Wanted::AtLeast(WANTED));
     }
 }
 
@@ -77,9 +71,9 @@ fn of_threads<'a>(cpus: &[usize], prepare: impl Fn() -> Work<'a> + Sync) -> Spen
     })
 }
 
-fn cloud_work<'a>(easy: &'a Measured, method: ResolutionMethod) -> Work<'a> {
+fn cloud_work<'a>(easy: &'a Measured) -> Work<'a> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
-    let mut workers = pool.install(|| Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS, method));
+    let mut workers = pool.install(|| Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS));
     let levels = easy.images.levels();
     pool.install(|| _ = workers.cloud(0, &levels));
     Box::new(move || {

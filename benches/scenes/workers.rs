@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fringeflow::cloud::Cloud;
-use fringeflow::correspondence::{MatchSettings, ResolutionMethod, SegmentTable};
+use fringeflow::correspondence::{MatchSettings, SegmentTable};
 use fringeflow::grey::GreyLevels;
 use fringeflow::phase::Validity;
 use fringeflow::worker::{CloudWorker, CorrespondenceWorker, Correspondences, PhasePair, PhaseWorker};
@@ -22,14 +22,23 @@ pub(crate) struct Workers {
 
 impl Workers {
     /// Workers for a scene and so many steps.
-    pub(crate) fn new(scene: &Scene, steps: usize, method: ResolutionMethod) -> Self {
-        Self::with_table(scene, Arc::new(scene.table()), steps, method)
+    pub(crate) fn new(scene: &Scene, steps: usize) -> Self {
+        Self::with_table(scene, Arc::new(scene.table()), steps)
     }
 
     /// The same with a table that is there already.
-    pub(crate) fn with_table(scene: &Scene, table: Arc<SegmentTable>, steps: usize, method: ResolutionMethod) -> Self {
+    pub(crate) fn with_table(scene: &Scene, table: Arc<SegmentTable>, steps: usize) -> Self {
+        Self::with_settings(scene, table, steps, MatchSettings::default())
+    }
+
+    /// The same with other settings.
+    pub(crate) fn with_settings(
+        scene: &Scene,
+        table: Arc<SegmentTable>,
+        steps: usize,
+        settings: MatchSettings,
+    ) -> Self {
         let (rig, shifts) = (&scene.rig.calibrated, shifts(steps));
-        let settings = MatchSettings { method, ..MatchSettings::default() };
         Self {
             phase: PhaseWorker::new(rig, &shifts, Validity::default()),
             correspondence: CorrespondenceWorker::new(Arc::clone(&table), &shifts, settings),

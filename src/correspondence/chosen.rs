@@ -2,8 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::simd::LANES;
-
 use super::candidates::Candidate;
 
 /// The chosen candidates of all pixels of C1, row by row: what is read of whole images, and what channels carry, are planes.
@@ -69,38 +67,6 @@ impl ChosenCandidates {
 }
 
 impl ChosenRow<'_> {
-    /// Puts candidates at a block of pixels from column `first` on, their columns, orders, δ and slopes.
-    #[inline]
-    pub(super) fn put<const BLOCK: usize>(
-        &mut self,
-        first: usize,
-        column_px: &[f32; BLOCK],
-        [order, delta, slope]: [&[i16; BLOCK]; 3],
-    ) {
-        let block = first..first + BLOCK;
-        self.column_px[block.clone()].copy_from_slice(column_px);
-        self.order[block.clone()].copy_from_slice(order);
-        self.delta[block.clone()].copy_from_slice(delta);
-        self.slope[block].copy_from_slice(slope);
-    }
-
-    /// Takes what was chosen away from the pixels of a block from column `first` on whose bits are not set.
-    #[inline]
-    pub(super) fn keep(&mut self, first: usize, bits: u32) {
-        let count = LANES.min(self.column_px.len() - first);
-        match bits {
-            u32::MAX => {}
-            0 => {
-                let block = first..first + count;
-                self.column_px[block.clone()].fill(0.0);
-                [&mut self.order, &mut self.delta, &mut self.slope]
-                    .into_iter()
-                    .for_each(|plane| plane[block.clone()].fill(0));
-            }
-            _ => (0..count).filter(|k| bits >> k & 1 == 0).for_each(|k| self.set(first + k, None)),
-        }
-    }
-
     /// Says what was chosen for the pixel in a column.
     #[inline]
     pub(super) fn set(&mut self, u: usize, candidate: Option<Candidate>) {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::{Candidate, scan_segment};
+use super::candidates::{Candidate, DeltaGate, scan_segment};
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
 use super::pool::Pool;
@@ -169,7 +169,7 @@ impl Part {
             }
             found.clear();
             let phase = cam1.phase[i].wrapping_sub(ahead);
-            scan_segment(&RowView::new(cam2, segment.row_px), &segment, phase, found);
+            scan_segment(&RowView::new(cam2, segment.row_px), &segment, phase, &DeltaGate::OPEN, found);
             histogram.pixels += u32::from(!found.is_empty());
             for candidate in &*found {
                 histogram.bins[(candidate.delta as u16 as usize * BINS) >> 16] += 1;

@@ -12,9 +12,11 @@ use crate::phase::PhaseMap;
 use super::candidates::DeltaGate;
 use super::delta_histogram::DeltaHistogram;
 use super::epipolar_image::EpipolarImage;
-use super::resolution::{self, Evidence, References, ResolutionSettings};
-use super::search::Search;
+use super::neighbourhood::TURN;
+use super::reference_methods::ResolutionSettings;
 use super::segment_table::SegmentTable;
+use super::support::{Support, SupportRule};
+use super::unique::{Search, UniqueCandidates};
 
 /// Rows of the bands in which references are selected, and the distance from one band to the next.
 const BAND_ROWS: usize = 16;
@@ -31,11 +33,6 @@ const MIN_REFERENCES: usize = 200;
 const TOLERANCE_NOISE_SD: f64 = 6.0;
 /// Least tolerated difference, in sd: the smooth part of δ changes too.
 const MIN_TOLERANCE_SD: f64 = 0.5;
-/// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
-/// that contains nearly all of it.
-pub(super) const MAX_CHANGE_OVER_IMAGE_SD: f64 = 20.0;
-/// Slope of δ over seven pixels that noise does not reach, in its standard deviations: 5/√28.
-const STEEP_NOISE_SD: f64 = 1.0;
 /// Rounds of refinement, and the relative change of sd below which another one would find nothing new.
 const REFINEMENTS: usize = 2;
 const REFINED_CHANGE: f64 = 0.1;
@@ -68,30 +65,11 @@ impl DeltaStatistics {
         DeltaGate { mean_turns: (self.mean_rad / TAU) as f32, threshold_turns: (self.threshold_rad() / TAU) as f32 }
     }
 
-    /// What the resolution reads, with the tolerances that follow.
-    pub(super) fn evidence<'a>(
-        &self,
-        cam1: &'a PhaseMap,
-        gate: &'a DeltaGate,
-        readmission: &'a DeltaGate,
-        table: &'a SegmentTable,
-    ) -> Evidence<'a> {
-        let (delta_tolerance_turns, steep_delta_turns) = (self.tolerance_turns(), self.steep_turns(cam1.width));
-        Evidence { cam1, gate, readmission, delta_tolerance_turns, steep_delta_turns, table }
-    }
-
-    /// Difference of δ between neighbours of one surface that is tolerated, turns.
-    #[must_use]
-    pub fn tolerance_turns(&self) -> f32 {
+    /// Difference of δ between neighbours of one surface that is tolerated, turns · 65536.
+    pub(super) fn tolerance(&self) -> i32 {
         let noise_rad = TOLERANCE_NOISE_SD * 2.0_f64.sqrt() * self.noise_sd_rad;
-        (noise_rad.max(MIN_TOLERANCE_SD * self.sd_rad) / TAU).min(0.5) as f32
-    }
-
-    /// Change of δ a pixel, over a few pixels, that neither a calibration error nor noise makes, turns.
-    #[must_use]
-    pub fn steep_turns(&self, width_px: usize) -> f32 {
-        let of_calibration_rad = MAX_CHANGE_OVER_IMAGE_SD * self.sd_rad / width_px as f64;
-        ((of_calibration_rad + STEEP_NOISE_SD * self.noise_sd_rad) / TAU) as f32
+        let turns = (noise_rad.max(MIN_TOLERANCE_SD * self.sd_rad) / TAU).min(0.5) as f32;
+        (turns * TURN as f32) as i32
     }
 
     /// Whether δ scatters over three times as widely as on calibrated rigs, the paper's and ours: images and calibration may
@@ -127,8 +105,11 @@ pub(super) struct DeltaRoom {
     /// Rows that say what δ is like.
     rows: Vec<Option<usize>>,
     sample: PhaseMap,
-    resolution: resolution::Room,
-    references: References,
+    unique: UniqueCandidates,
+    support: Support,
+    /// δ of the reference correspondences, turns · 65536, and its differences between horizontal neighbours.
+    deltas: Vec<i16>,
+    differences: Vec<i16>,
 }
 
 impl DeltaRoom {
@@ -142,15 +123,13 @@ impl DeltaRoom {
         settings: &ResolutionSettings,
     ) -> Option<DeltaStatistics> {
         let mut statistics = histogram.fit()?;
-        let Self { rows, sample, resolution, references } = self;
-        find_bands(cam1.height, rows);
-        stack(cam1, rows, sample);
+        find_bands(cam1.height, &mut self.rows);
+        stack(cam1, &self.rows, &mut self.sample);
         for _ in 0..REFINEMENTS {
-            let gate = statistics.gate();
-            let search = Search { cam1, cam2, table, gate: &gate, asks_elsewhere: false };
-            let evidence = statistics.evidence(sample, &gate, &gate, table);
-            resolution.find_references(&search, rows, evidence, settings, references);
-            let References { deltas, differences, .. } = references;
+            let search = Search { cam1, cam2, table, gate: &statistics.gate() };
+            let rule = SupportRule { min_votes: settings.min_votes, tolerance: statistics.tolerance() };
+            self.find_references(search, rule);
+            let Self { deltas, differences, .. } = self;
             statistics.references = deltas.len();
             if deltas.len() < MIN_REFERENCES {
                 break;
@@ -163,6 +142,23 @@ impl DeltaRoom {
             }
         }
         Some(statistics)
+    }
+
+    /// Selects the reference correspondences of the rows: pixels with exactly one candidate that passes, supported by
+    /// neighbours that have just one too and agree by Eq. (2) (paper, 2.2.1).
+    fn find_references(&mut self, search: Search<'_>, rule: SupportRule) {
+        let Self { rows, sample, unique, support, deltas, differences } = self;
+        unique.find(search, rows);
+        support.find(sample, &unique.absolute, &unique.delta, rule);
+        deltas.clear();
+        differences.clear();
+        let width = sample.width.max(1);
+        for (delta, is_reference) in unique.delta.chunks(width).zip(support.is_supported.chunks(width)) {
+            let references = delta.iter().zip(is_reference).filter(|(_, is_reference)| **is_reference);
+            deltas.extend(references.map(|(delta, _)| delta));
+            let pairs = delta.windows(2).zip(is_reference.windows(2)).filter(|(_, both)| both[0] & both[1]);
+            differences.extend(pairs.map(|(delta, _)| delta[1].wrapping_sub(delta[0])));
+        }
     }
 }
 
@@ -204,11 +200,6 @@ pub(super) fn mean_and_sd_rad(deltas: impl Iterator<Item = i16>) -> (f64, f64) {
     for delta in deltas.map(i64::from) {
         (count, sum, squares) = (count + 1, sum + delta, squares + delta * delta);
     }
-    mean_and_sd_of_sums_rad(count, sum, squares)
-}
-
-/// The same of so many, from their sum and that of their squares.
-pub(super) fn mean_and_sd_of_sums_rad(count: u32, sum: i64, squares: i64) -> (f64, f64) {
     let count = f64::from(count.max(1));
     let mean = sum as f64 / count;
     let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));

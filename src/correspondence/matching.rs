@@ -10,7 +10,7 @@ use super::delta_statistics::{DeltaRoom, DeltaStatistics, mean_and_sd_rad, measu
 use super::drift::{Drift, DriftRoom};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
-use super::resolution::{self, ResolutionSettings, Verdict};
+use super::reference_methods::{ResolutionSettings, paper};
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
@@ -102,6 +102,16 @@ impl Matches {
     pub fn candidate(&self, pixel: usize) -> Option<Candidate> {
         self.outcomes[pixel].is_found().then(|| self.chosen.at(pixel))
     }
+
+    /// Pixels with a correspondence.
+    fn found(&self) -> usize {
+        self.outcomes.iter().filter(|outcome| outcome.is_found()).count()
+    }
+
+    /// Pixels with candidates that pass.
+    fn with_candidates(&self) -> usize {
+        self.passing.iter().filter(|&&passing| passing > 0).count()
+    }
 }
 
 /// Finds the correspondence of every pixel of C1.
@@ -144,7 +154,6 @@ pub struct Matcher {
     delta: DeltaRoom,
     drift: DriftRoom,
     semi_global: semi_global::Room,
-    paper: resolution::Room,
 }
 
 impl Matcher {
@@ -179,7 +188,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global, paper } = self;
+        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -207,7 +216,7 @@ impl Matcher {
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
             ResolutionMethod::SemiGlobal => matching.semi_global(delta, (drift, semi_global), out, grounds)?,
-            ResolutionMethod::Paper => matching.by_paper(delta, paper, out)?,
+            ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
         out.delta_counts.clear();
         out.delta_counts.extend(histogram.from_minus_to_plus_pi());
@@ -249,43 +258,36 @@ impl Matching<'_> {
         let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
         let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
         room.resolve(&scene, &limits, &mut decisions, grounds);
-        let found = out.outcomes.iter().filter(|outcome| outcome.is_found()).count();
-        let with_candidates = out.passing.iter().filter(|&&passing| passing > 0).count();
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
-        check_share(&rest, doubtful, found, with_candidates)?;
+        check_share(&rest, doubtful, out.found(), out.with_candidates())?;
         out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
         out.delta = delta;
         out.drift = Some(drift);
         Ok(())
     }
 
-    fn by_paper(
-        &self,
-        mut delta: DeltaStatistics,
-        room: &mut resolution::Room,
-        out: &mut Matches,
-    ) -> Result<(), MatchError> {
-        let [cam1, _] = self.raw;
+    fn by_paper(&self, mut delta: DeltaStatistics, out: &mut Matches) -> Result<(), MatchError> {
         self.check_scatter(&delta)?;
-        let mut run = |delta: &DeltaStatistics| {
-            let Matches { outcomes, chosen, passing, .. } = &mut *out;
-            let mut verdict = Verdict { outcomes, chosen, passing };
-            room.pass((cam1, self.cam2), self.table, delta, &self.settings.resolution, &mut verdict)
-        };
-        let mut pass = run(&delta);
-        let changed = (pass.delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
-        if changed && self.is_measured() && pass.found > 0 {
-            (delta.mean_rad, delta.sd_rad) = pass.delta_rad;
+        self.resolve_by_paper(&delta, out);
+        let changed = (out.chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
+        if changed && self.is_measured() && out.found() > 0 {
+            (delta.mean_rad, delta.sd_rad) = out.chosen_delta_rad;
             self.check_scatter(&delta)?;
-            pass = run(&delta);
+            self.resolve_by_paper(&delta, out);
         }
-        check_share(&delta, self.is_measured() && delta.is_suspicious(), pass.found, pass.with_candidates)?;
+        check_share(&delta, self.is_measured() && delta.is_suspicious(), out.found(), out.with_candidates())?;
         out.confidence.clear();
         out.confidence.resize(out.outcomes.len(), Confidence::NONE);
-        out.chosen_delta_rad = pass.delta_rad;
         out.delta = delta;
         out.drift = None;
         Ok(())
+    }
+
+    fn resolve_by_paper(&self, delta: &DeltaStatistics, out: &mut Matches) {
+        let ([cam1, _], settings) = (self.raw, &self.settings.resolution);
+        let decisions = paper::resolve(paper::Scene { cam1, cam2: self.cam2, table: self.table, delta, settings });
+        (out.outcomes, out.chosen, out.passing) = (decisions.outcomes, decisions.chosen, decisions.passing);
+        out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
     }
 
     fn is_measured(&self) -> bool {

@@ -6,32 +6,35 @@
 //! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
 //!    a rig, what is smooth in *patches*;
 //! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
-//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *wide*: what the
-//!    searches of many pixels at once are made of;
+//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *unique*: those of
+//!    pixels that have one alone; *wide*: what the searches of many pixels at once are made of;
 //! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
 //! 5. *semi-global*: the orders of the whole image decided together, or
-//!    *resolution*: as the paper does it, by reference correspondences, Eq. (2) and contradictions; *neighbourhood*, *unions*:
-//!    what both know of neighbours and regions; *grid*: planes of an image with a margin; *pool*: rooms of those at work;
-//!    *chosen*: what they decide;
+//!    *reference methods*: as the paper does it, by reference correspondences, Eq. (2) and contradictions;
+//!    shared by both: *neighbourhood* and *support* (neighbours), *regions* and *unions*, *places* and *claims* (one point of C2
+//!    serves one order), *explanation* (why a pixel has none), *chosen* (what is decided), *bands* and *pool* (memory);
 //! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
 
 mod agreement;
+mod bands;
 mod candidates;
 mod chosen;
+mod claims;
 mod decay;
 mod delta_histogram;
 mod delta_statistics;
 mod drift;
 mod epipolar_image;
+mod explanation;
 mod fingerprint;
-mod grid;
 mod matching;
 mod neighbourhood;
 mod outcome;
 mod patches;
+mod places;
 mod pool;
 pub mod reference_methods;
-mod resolution;
+mod regions;
 mod row_view;
 mod search;
 mod segment;
@@ -41,7 +44,9 @@ mod segment_table;
 mod semi_global;
 mod slip;
 mod source_map;
+mod support;
 mod unions;
+mod unique;
 mod wide;
 
 pub use agreement::MatchError;
@@ -54,9 +59,10 @@ pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
 pub use matching::{MatchSettings, Matcher, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};
 pub use outcome::{Outcome, OutcomeCounts};
-pub use resolution::{Evidence, Resolution, ResolutionSettings, resolve};
-pub use search::{Candidates, SearchForm, find_candidates};
+pub use reference_methods::ResolutionSettings;
+pub use search::{Candidates, find_candidates};
 pub use segment::{Segment, SegmentRow};
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
 pub use segment_table::{EpipolarAxis, RayRow, SegmentTable, SegmentTableError};
 pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};
+pub use unique::{UniqueCandidates, find_unique_candidates};

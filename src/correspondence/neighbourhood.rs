@@ -2,6 +2,8 @@
 
 /// One turn of phase.
 pub(super) const TURN: i32 = 65536;
+/// Absolute phase of a pixel that has none: no other is near it.
+pub(super) const ABSENT: i32 = i32::MIN;
 /// Largest phase step between neighbours of one surface; a surface seen at a grazing angle may come close to it.
 pub(super) const MAX_STEP: i32 = 24576;
 /// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase

@@ -46,15 +46,8 @@ impl Segment {
         (a + b * s) / (1.0 + d * s)
     }
 
-    /// Column at which the back-projection phase has a value, turns; infinite or NaN where it has none.
-    #[must_use]
-    #[inline]
-    pub fn column_of_phase(&self, phase_turns: f32) -> f32 {
-        let [a, b, d] = self.phase;
-        self.reference_px + (phase_turns - a) / (b - d * phase_turns)
-    }
-
-    /// That column, and how many columns the phase takes there for a turn.
+    /// Column at which the back-projection phase has a value, turns, and how many columns the phase takes there for a turn;
+    /// infinite or NaN where there is none.
     #[inline]
     pub(super) fn column_and_columns_per_turn(&self, phase_turns: f32) -> (f32, f32) {
         let [a, b, d] = self.phase;

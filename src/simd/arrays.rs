@@ -132,10 +132,6 @@ impl Lanes for Arrays {
         map(a, |a| (a as u16 >> BITS) as i16)
     }
     #[inline(always)]
-    fn dot(self, a: Words, b: Words) -> i32 {
-        zip(a, b, |a, b| i32::from(a) * i32::from(b)).into_iter().fold(0, i32::wrapping_add)
-    }
-    #[inline(always)]
     fn is_equal(self, a: Words, b: Words) -> Mask {
         zip(a, b, |a, b| truth(a == b))
     }

@@ -183,10 +183,6 @@ impl Lanes for Avx512 {
         unsafe { _mm512_srli_epi16::<BITS>(a) }
     }
     #[inline(always)]
-    fn dot(self, a: __m512i, b: __m512i) -> i32 {
-        unsafe { _mm512_reduce_add_epi32(_mm512_madd_epi16(a, b)) }
-    }
-    #[inline(always)]
     fn is_equal(self, a: __m512i, b: __m512i) -> __mmask32 {
         unsafe { _mm512_cmpeq_epi16_mask(a, b) }
     }

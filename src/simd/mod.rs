@@ -231,8 +231,6 @@ pub(crate) trait Lanes: Copy {
     fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
     /// a/2^BITS of unsigned words, rounded down.
     fn shift_right<const BITS: u32>(self, a: Self::Words) -> Self::Words;
-    /// Σ a·b of signed words over all lanes.
-    fn dot(self, a: Self::Words, b: Self::Words) -> i32;
     /// a = b.
     fn is_equal(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// a > b, signed.

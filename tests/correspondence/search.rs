@@ -1,6 +1,6 @@
 //! The search for candidates against its oracles over random rigs.
 
-use fringeflow::correspondence::{DeltaGate, EpipolarImage, SearchForm, SegmentTable, find_candidates};
+use fringeflow::correspondence::{DeltaGate, EpipolarImage, SegmentTable, find_candidates, find_unique_candidates};
 use fringeflow::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig};
 use fringeflow::phase::{Modulation, PhaseMap};
 use fringeflow::simd::Level;
@@ -8,9 +8,9 @@ use fringeflow::simd::Level;
 use crate::random::Random;
 
 #[test]
-fn the_projector_side_search_finds_what_the_plain_scan_finds() {
+fn the_pixels_with_one_candidate_alone_are_those_of_the_scan() {
     let mut random = Random(7);
-    let mut candidates = 0;
+    let mut alone = 0;
     for case in 0..60 {
         let (rig, volume, pattern) = random.rig();
         let table = SegmentTable::build(&rig, &volume, &pattern).unwrap();
@@ -18,16 +18,23 @@ fn the_projector_side_search_finds_what_the_plain_scan_finds() {
         let image = EpipolarImage::resample(&cam2, &table).unwrap();
         for threshold_turns in [0.002, 0.02, 0.1, 0.3, 0.6] {
             let gate = DeltaGate { mean_turns: random.between(-0.05, 0.05) as f32, threshold_turns };
-            let plain = find_candidates(&cam1, &image, &table, &gate, SearchForm::PlainScan);
+            let all = find_candidates(&cam1, &image, &table, &gate);
             for level in Level::ALL {
                 level.limit_to();
-                let fast = find_candidates(&cam1, &image, &table, &gate, SearchForm::ProjectorSide);
-                assert!(plain == fast, "case {case}, threshold {threshold_turns}, {}", level.name());
+                let unique = find_unique_candidates(&cam1, &image, &table, &gate);
+                for (pixel, (&absolute, &delta)) in unique.absolute.iter().zip(&unique.delta).enumerate() {
+                    let found = (absolute != i32::MIN).then_some((absolute, delta));
+                    let scanned = match all.of(pixel) {
+                        [c] => Some((i32::from(c.order) * 65536 + i32::from(cam1.phase[pixel]), c.delta)),
+                        _ => None,
+                    };
+                    assert_eq!(found, scanned, "case {case}, threshold {threshold_turns}, {}, {pixel}", level.name());
+                    alone += usize::from(found.is_some());
+                }
             }
-            candidates += plain.all().count();
         }
     }
-    assert!(candidates > 100_000, "the rigs hardly had candidates: {candidates}");
+    assert!(alone > 100_000, "the rigs hardly had candidates: {alone}");
 }
 
 #[test]
@@ -178,7 +185,7 @@ fn candidates_are_what_a_walk_through_the_raw_image_meets() {
         let cam1 = random.map(96, 80);
         let image = EpipolarImage::resample(&plane.map(100, 84), &table).unwrap();
         let gate = DeltaGate { mean_turns: 0.0, threshold_turns: 0.6 };
-        let lists = find_candidates(&cam1, &image, &table, &gate, SearchForm::ProjectorSide);
+        let lists = find_candidates(&cam1, &image, &table, &gate);
         for _ in 0..160 {
             let (u, v) = (random.between(0.0, 96.0) as usize, random.between(0.0, 80.0) as usize);
             let pixel = v * 96 + u;

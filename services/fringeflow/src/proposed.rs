@@ -39,7 +39,8 @@ pub(crate) struct MeasuringArgs {
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// How pixels with several candidates are decided; by default as configured, else semi-global.
+    /// How pixels with several candidates are decided, semi-global or paper (a slow reference); by default as configured, else
+    /// semi-global.
     #[arg(long, value_name = "METHOD", value_parser = resolution)]
     resolution: Option<ResolutionMethod>,
     /// Least confidence of a point, a probability; by default as configured, else 0.9.
@@ -64,6 +65,11 @@ impl ProposedArgs {
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
         let measuring = MeasuringArgs { resolution: Some(method), ..MeasuringArgs::default() };
         Self { measuring, ..Self::default() }
+    }
+
+    /// The resolution alone, all else by default.
+    pub(crate) fn resolution_alone(&self) -> Self {
+        self.measuring.resolution.map_or_else(Self::default, Self::with_resolution)
     }
 
     /// Reconstructs an input.

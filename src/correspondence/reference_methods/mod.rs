@@ -1,10 +1,12 @@
-//! The reference methods with Gray code: CGC with two fringe directions, EGC with epipolar lines (paper, Table 2).
+//! The methods of the paper: what ours are measured against.
 //!
-//! In: absolute phase of both cameras. Out: one match a pixel of C1. They are what the method without Gray
-//! code is measured against; no part of the live pipeline uses them.
+//! - With Gray code (Table 2): CGC with two fringe directions, EGC with epipolar lines. In: absolute phase of both cameras.
+//!   Out: one match a pixel of C1.
+//! - Without (section 2.2, the proposed algorithm PA): *paper*.
 
 mod cgc;
 mod egc;
+pub(super) mod paper;
 #[cfg(test)]
 pub(crate) mod test_scene;
 
@@ -13,6 +15,7 @@ use crate::phase::AbsolutePhase;
 
 pub use cgc::match_both_directions;
 pub use egc::match_along_epipolar_lines;
+pub use paper::ResolutionSettings;
 
 /// The correspondence of a pixel of C1.
 #[derive(Clone, Copy, Debug, PartialEq)]

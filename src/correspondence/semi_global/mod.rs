@@ -17,21 +17,16 @@
 //!    limit are left out;
 //! 6. *explanation*: why the pixels without candidate have none.
 //!
-//! *bands*: what workers take at a time.
+//! Shared with the paper's method: *regions*, *places*, *claims*, *explanation*, *bands*.
 //!
 //! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
 
-mod bands;
-mod claims;
 mod confidence;
 mod evidence;
-mod explanation;
 mod grounds;
 mod links;
 mod outlook;
 mod paths;
-mod places;
-mod regions;
 mod selection;
 mod strips;
 #[cfg(test)]
@@ -49,6 +44,7 @@ use super::outcome::Outcome;
 use super::pool::Pool;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
+use super::{bands, claims, explanation, places, regions};
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
@@ -117,6 +113,6 @@ impl Room {
         selection.select(scene, windows, &scale, &verdicts.order);
         let decided = verification::Decided { verdicts, links: &paths.links };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
-        explanation::explain(scene, decisions.outcomes, segments);
+        explanation::explain(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
     }
 }

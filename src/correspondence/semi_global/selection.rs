@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::super::candidates::Candidate;
+pub(super) use super::super::neighbourhood::ABSENT;
 use super::super::neighbourhood::TURN;
 use super::super::wide::{BLOCK, block_of_mut};
 use super::Scene;
@@ -22,8 +23,6 @@ pub(super) const REACH_TURNS: f32 = 0.05;
 pub(super) const REACH_SD: f32 = 6.0;
 /// Columns beside an interval in which a surface may have its rim.
 pub(super) const RIM_COLUMNS: usize = 1;
-/// Absolute phase of a pixel without candidate: none is near it.
-pub(super) const ABSENT: i32 = i32::MIN;
 
 /// The selected candidates of all pixels, and how they fit.
 #[derive(Clone, Debug, Default)]

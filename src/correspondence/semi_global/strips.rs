@@ -11,8 +11,8 @@
 //! a wrong one runs through zero: candidates are selected where it passes by, and end on either side though the surface does
 //! not.
 
+use super::super::regions::{Regions, Run};
 use super::links::Links;
-use super::regions::{Regions, Run};
 
 /// Fewest pixels of a region whose shape tells anything.
 const MIN_PIXELS: f64 = 10.0;

@@ -44,7 +44,8 @@ pub(crate) struct Args {
     /// How to find correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Measure the paper's seven objects with the virtual scanner, and print its tables beside ours.
+    /// Measure the paper's seven objects with the virtual scanner, and print its tables beside ours; of the options of the
+    /// method, --resolution alone is heeded.
     #[arg(long, conflicts_with = "input")]
     paper: bool,
     /// Measure the virtual scanner with more and more false candidates, by depth of the volume, error of the calibration
@@ -98,7 +99,7 @@ impl Args {
             return sweep::run(folder, &self.objects, &self.series, self.json);
         }
         let Some(input) = &self.input else {
-            return paper::run(self.json);
+            return paper::run(&self.proposed.resolution_alone(), self.json);
         };
         let input = Input::open(input, self.units)?;
         let made = self.method.run(&input, &self.proposed)?;

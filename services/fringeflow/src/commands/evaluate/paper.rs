@@ -29,13 +29,13 @@ struct Row {
 }
 
 /// Simulates and measures every object with every number of steps, and prints the tables.
-pub(super) fn run(json: bool) -> Result<(), Failure> {
+pub(super) fn run(proposed: &ProposedArgs, json: bool) -> Result<(), Failure> {
     let bar = progress::bar("objects", (Object::PAPER.len() * STEPS.len()) as u64);
     let mut rows = Vec::new();
     for object in Object::PAPER {
         for steps in STEPS {
             bar.set_message(object.name());
-            rows.push(measure(object, steps)?);
+            rows.push(measure(object, steps, proposed)?);
             bar.inc(1);
         }
     }
@@ -72,9 +72,9 @@ pub(super) fn run(json: bool) -> Result<(), Failure> {
     Ok(writeln!(out, "{}", sequence_table(&table_2(&rows)))?)
 }
 
-fn measure(object: Object, steps: usize) -> Result<Row, Failure> {
+fn measure(object: Object, steps: usize, proposed: &ProposedArgs) -> Result<Row, Failure> {
     let simulated = Simulated::new(options(object, steps))?;
-    let Measurement { scores, statistics, .. } = simulated.measure(&ProposedArgs::default())?;
+    let Measurement { scores, statistics, .. } = simulated.measure(proposed)?;
     Ok(Row { object: object.name(), steps, scores, statistics, simulated: simulated.summary })
 }
 

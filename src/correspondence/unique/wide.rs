@@ -1,17 +1,23 @@
-//! The projector-side search of 32 pixels of a row at once, at every level.
+//! The search of 32 pixels of a row at once, at every level.
 //!
-//! Of every order the columns are asked that the scalar search would ask, and perhaps some more; what passes the gate is the
-//! same. Pixels of which that cannot be said are *irregular*, and left to the scalar search: columns at the border of the
-//! image, orders too close together, too wide a gate, several crossings about one order.
+//! Φ is monotone along a segment, so each order k leaves one interval of columns with |Φ − k − φ_p| < thr. Only these are
+//! asked, and perhaps some more; what passes the gate is the same as by the scan of the segment. Pixels of which that cannot
+//! be said are *irregular*, and left to the scan: columns at the border of the image, orders too close together, too wide a
+//! gate, several crossings about one order.
 
 use crate::simd::{COLUMNS, Lanes};
 
-use super::super::candidates::{COLUMN_MARGIN_PX, Candidate, DeltaGate, FLAT_TURNS, PHASE_MARGIN_TURNS};
+use super::super::candidates::{Candidate, DeltaGate};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
 use super::super::wide::{BLOCK, Crossing, Differences, Ends, Rows, Segments, Tables, column_and_slope, crosses};
-use super::Row;
 
+/// Turns by which the test is widened where columns are sought, against rounding.
+const PHASE_MARGIN_TURNS: f32 = 1e-3;
+/// A projector near C1 lights a whole ray with one phase: up to this rise along a segment all its columns are scanned.
+const FLAT_TURNS: f32 = 2e-3;
+/// Columns by which an interval is widened against rounding.
+const COLUMN_MARGIN_PX: f32 = 0.02;
 /// Crossings of a pixel that are kept.
 const SLOTS: usize = 4;
 /// Widest gate, columns on either side of where an order is expected.
@@ -29,16 +35,13 @@ const MAX_TURNS: f32 = 1e4;
 pub(super) struct Found {
     /// Pixels with a phase and a segment.
     pub(super) searched: u32,
-    /// Those of them that are left to the scalar search.
+    /// Those of them that are left to the scan.
     pub(super) irregular: u32,
     /// Of each slot the pixels whose crossing passes the gate.
     pub(super) passing: [u32; SLOTS],
     column_px: [[f32; BLOCK]; SLOTS],
     order: [[i16; BLOCK]; SLOTS],
     delta: [[i16; BLOCK]; SLOTS],
-    slope: [[i16; BLOCK]; SLOTS],
-    /// Columns of the first slot, rounded to the nearest.
-    column: [u16; BLOCK],
     /// Room for columns at the end of the image.
     ends: Ends,
 }
@@ -52,32 +55,21 @@ impl Found {
             column_px: [[0.0; BLOCK]; SLOTS],
             order: [[0; BLOCK]; SLOTS],
             delta: [[0; BLOCK]; SLOTS],
-            slope: [[0; BLOCK]; SLOTS],
-            column: [0; BLOCK],
             ends: [[0; COLUMNS]; 3],
         }
     }
 
-    /// The candidate of a pixel in a slot.
-    #[inline]
-    pub(super) fn candidate(&self, slot: usize, pixel: usize) -> Candidate {
-        Candidate {
-            column_px: self.column_px[slot][pixel],
-            order: self.order[slot][pixel],
-            delta: self.delta[slot][pixel],
-            slope: self.slope[slot][pixel],
-        }
+    /// Orders and δ of the first slot.
+    #[inline(always)]
+    pub(super) fn of_first_slot(&self) -> (&[i16; BLOCK], &[i16; BLOCK]) {
+        (&self.order[0], &self.delta[0])
     }
 
-    /// Makes the candidates of the first slot those of some pixels of a row that have none yet.
+    /// The candidate of a pixel in a slot, its slope left out.
     #[inline]
-    pub(super) fn enter(&self, first: usize, pixels: u32, row: &mut Row<'_>) {
-        let (block, places) = (first / BLOCK + 1, first + BLOCK..first + 2 * BLOCK);
-        row.any[block] = pixels;
-        row.order[places.clone()].copy_from_slice(&self.order[0]);
-        row.delta[places.clone()].copy_from_slice(&self.delta[0]);
-        row.column[places].copy_from_slice(&self.column);
-        row.chosen.put(first, &self.column_px[0], [&self.order[0], &self.delta[0], &self.slope[0]]);
+    pub(super) fn candidate(&self, slot: usize, pixel: usize) -> Candidate {
+        let (order, delta) = (self.order[slot][pixel], self.delta[slot][pixel]);
+        Candidate { column_px: self.column_px[slot][pixel], order, delta, slope: 0 }
     }
 }
 
@@ -181,11 +173,11 @@ impl Search<'_> {
         }
     }
 
-    /// The crossings of a slot: their columns, orders and δ, as the scalar search computes them.
+    /// The crossings of a slot: their columns, orders and δ, as the scan computes them.
     #[inline(always)]
     fn back_project<L: Lanes>(&self, lanes: L, pixels: &Pixels<L>, slots: &Slots<L>, slot: usize, found: &mut Found) {
         let crossing = &slots.crossings[slot];
-        let (column_px, slope) = column_and_slope(lanes, crossing);
+        let (column_px, _) = column_and_slope(lanes, crossing);
         let turns = lanes.sub_float(pixels.segments.phase_turns(column_px), pixels.phase_turns);
         let order = nearest_whole(lanes, turns);
         let rest = lanes.times_float(lanes.sub_float(turns, lanes.floats(order)), lanes.float(65536.0));
@@ -198,11 +190,6 @@ impl Search<'_> {
         lanes.store_floats(column_px, &mut found.column_px[slot]);
         lanes.store_signed(lanes.narrow_signed(order), &mut found.order[slot]);
         lanes.store_signed(delta, &mut found.delta[slot]);
-        lanes.store_signed(lanes.narrow_signed(slope), &mut found.slope[slot]);
-        if slot == 0 {
-            let nearest = lanes.longs(lanes.add_float(column_px, lanes.float(0.5)));
-            lanes.store(lanes.narrow(nearest), &mut found.column);
-        }
     }
 }
 
@@ -223,7 +210,7 @@ struct Pixels<L: Lanes> {
     /// Columns on either side of where an order is expected, pixels, and most columns of its interval.
     half_px: L::Floats,
     width: L::Words,
-    /// Pixels that are not left to the scalar search.
+    /// Pixels that are not left to the scan.
     regular: L::Mask,
 }
 

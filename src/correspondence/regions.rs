@@ -6,10 +6,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::neighbourhood::MAX_STEP;
-use super::super::unions::Unions;
 use super::bands::{self, BAND_ROWS};
-use super::selection::ABSENT;
+use super::neighbourhood::{ABSENT, MAX_STEP};
+use super::unions::Unions;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Pixels of a row that belong together.

@@ -2,8 +2,8 @@
 
 use crate::simd::{self, Kernel, Lanes, Level};
 
-use super::super::segment::SegmentRow;
-use super::super::segment_table::SegmentTable;
+use super::segment::SegmentRow;
+use super::segment_table::SegmentTable;
 
 /// For each pixel of C1, row by row.
 #[derive(Clone, Debug, Default)]

@@ -2,17 +2,25 @@
 
 use rayon::prelude::*;
 
-use super::super::candidates::occurs;
-use super::super::outcome::Outcome;
-use super::super::pool::Pool;
-use super::super::row_view::RowView;
-use super::super::segment::SegmentRow;
-use super::Scene;
+use crate::phase::PhaseMap;
+
+use super::candidates::occurs;
+use super::epipolar_image::EpipolarImage;
+use super::outcome::Outcome;
+use super::pool::Pool;
+use super::row_view::RowView;
+use super::segment::SegmentRow;
+use super::segment_table::SegmentTable;
 
 /// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes. `rooms` is for rows of
 /// segments.
-pub(super) fn explain(scene: &Scene<'_>, outcomes: &mut [Outcome], rooms: &Pool<SegmentRow>) {
-    let Scene { cam1, cam2, table, .. } = *scene;
+pub(super) fn explain(
+    cam1: &PhaseMap,
+    cam2: &EpipolarImage,
+    table: &SegmentTable,
+    outcomes: &mut [Outcome],
+    rooms: &Pool<SegmentRow>,
+) {
     let width = cam1.width.max(1);
     outcomes.par_chunks_mut(width).enumerate().for_each_init(
         || rooms.take(),

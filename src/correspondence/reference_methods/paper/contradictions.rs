@@ -1,0 +1,118 @@
+//! What whole regions contradict (paper, 2.2.3).
+//!
+//! A region must be large enough, its δ level, and its points must have their places in C2 for themselves: two pixels of C1
+//! that claim one place of C2 with different absolute phases lie on different points of one ray, and C2 sees only one.
+
+use rayon::prelude::*;
+
+use super::super::super::claims::{Claim, Claims};
+use super::super::super::places::{PlaceRow, Places};
+use super::super::super::segment::SegmentRow;
+use super::Image;
+use super::region_delta::Division;
+
+/// Share of a region that may lose its places before the whole region does.
+const MAX_LOST_SHARE: f64 = 0.3;
+/// What the precedence of a claim with a steep δ is lowered by: more than any region has pixels.
+const OF_STEEP: f32 = 16_777_216.0;
+
+/// Which of two claims to one place of C2 takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Precedence {
+    /// The one with a level δ, then the one of the larger region. While decisions still change, nothing else would do: the
+    /// pixels of a right region, hidden by a nearer wrong one, would be decided anew and join it.
+    Foundation,
+    /// The nearer to C2, which hides the other: between regions that stand, as both do.
+    Nearness,
+}
+
+impl Image<'_> {
+    /// Undoes and excludes what whole regions contradict: small ones, those whose δ is not level, and those whose places
+    /// in C2 serve others; yields how many pixels.
+    pub(super) fn contradict_by_regions(&mut self, precedence: Precedence) -> usize {
+        let division = self.divide(self.tolerance);
+        let mut stands = self.level(&division);
+        let is_large = |size: &u32| *size >= self.scene.settings.min_region_px;
+        stands.iter_mut().zip(&division.regions.size_px).for_each(|(stands, size)| *stands &= is_large(size));
+        let contested = self.contested(&division, stands, precedence);
+        self.exclude(&contested);
+        contested.len()
+    }
+
+    /// Undoes and excludes regions, their δ running on within a tolerance, whose δ is not level: what votes alone joined to
+    /// a region that stands is judged by itself.
+    pub(super) fn contradict_by_delta(&mut self, tolerance: i32) {
+        let division = self.divide(tolerance);
+        let level = self.level(&division);
+        self.exclude(&self.decided_where(|pixel| !level[division.of_pixels[pixel] as usize]));
+    }
+
+    /// Pixels of regions that do not stand, and pixels whose place of C2 another claim takes for another order.
+    ///
+    /// A region stands if it does so far and better founded claims take no good part of it. Between the pixels of those that
+    /// stand, `precedence` decides.
+    fn contested(&self, division: &Division, mut stands: Vec<bool>, precedence: Precedence) -> Vec<usize> {
+        let (places, sizes) = (self.places(), &division.regions.size_px);
+        let region = |pixel: usize| division.of_pixels[pixel] as usize;
+        let foundation = |pixel: usize| {
+            let size = sizes[region(pixel)] as f32;
+            if self.is_steep(division, pixel) { size - OF_STEEP } else { size }
+        };
+        let mut is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], foundation);
+        let mut lost_by_region = vec![0_u32; sizes.len()];
+        self.decided_where(|pixel| is_lost[pixel]).into_iter().for_each(|pixel| lost_by_region[region(pixel)] += 1);
+        for (stands, (&lost, &size)) in stands.iter_mut().zip(lost_by_region.iter().zip(sizes)) {
+            *stands &= f64::from(lost) <= MAX_LOST_SHARE * f64::from(size);
+        }
+        if precedence == Precedence::Nearness {
+            is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], |pixel| places.nearness[pixel]);
+        }
+        self.decided_where(|pixel| !stands[region(pixel)] || is_lost[pixel])
+    }
+
+    /// Of each decided pixel whether its place of C2 goes to another order, which a pixel that stands claims with a greater
+    /// precedence.
+    fn lost_places(
+        &self,
+        places: &Places,
+        stands: impl Fn(usize) -> bool,
+        precedence: impl Fn(usize) -> f32 + Sync,
+    ) -> Vec<bool> {
+        let pixels = 0..self.absolute.len();
+        let of_pixel = |pixel: usize| if self.is_decided(pixel) { precedence(pixel) } else { 0.0 };
+        let precedence: Vec<f32> = pixels.clone().into_par_iter().map(of_pixel).collect();
+        let claim = |pixel: usize| Claim {
+            place: places.of_pixels[pixel],
+            precedence: precedence[pixel],
+            absolute: self.absolute[pixel],
+        };
+        let mut claims = Claims::default();
+        claims.clear(self.scene.table.epipolar_size_px().iter().product());
+        self.decided_where(stands).into_iter().for_each(|pixel| claims.make(claim(pixel)));
+        pixels.map(|pixel| self.is_decided(pixel) && claims.is_lost(claim(pixel), 0.0)).collect()
+    }
+
+    /// The places of C2 that the decided pixels claim.
+    fn places(&self) -> Places {
+        let width = self.scene.cam1.width.max(1);
+        let mut places = Places::default();
+        places.resize(self.absolute.len());
+        let Places { of_pixels, nearness } = &mut places;
+        let rows = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width)).enumerate();
+        rows.for_each_init(
+            || (SegmentRow::default(), Vec::new()),
+            |(segments, column_px), (v, (of_pixels, nearness))| {
+                self.scene.table.row(v, segments);
+                column_px.clear();
+                let column = |u: usize| self.candidate(v * width + u).map_or(0.0, |candidate| candidate.column_px);
+                column_px.extend((0..width).map(column));
+                PlaceRow { of_pixels, nearness }.find(self.scene.table, segments, column_px);
+            },
+        );
+        places
+    }
+
+    fn decided_where(&self, is_asked: impl Fn(usize) -> bool) -> Vec<usize> {
+        (0..self.absolute.len()).filter(|&pixel| self.is_decided(pixel) && is_asked(pixel)).collect()
+    }
+}

@@ -1,0 +1,165 @@
+//! The pixels that have one candidate alone: what reference correspondences are selected from (paper, 2.2.1).
+//!
+//! The same as [`super::find_candidates`] finds, many pixels at once; lists of several candidates are not kept.
+
+mod wide;
+
+use rayon::prelude::*;
+
+use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
+
+use super::candidates::{Candidate, DeltaGate, keep_best_of_place, scan_segment};
+use super::epipolar_image::EpipolarImage;
+use super::neighbourhood::{ABSENT, TURN};
+use super::pool::Pool;
+use super::row_view::RowView;
+use super::segment::SegmentRow;
+use super::segment_table::SegmentTable;
+use super::wide::BLOCK;
+
+/// The candidates of pixels that have one alone, row by row.
+#[derive(Clone, Debug, Default)]
+pub struct UniqueCandidates {
+    /// Absolute phases, turns · 65536; the least number where a pixel has none or several.
+    pub absolute: Vec<i32>,
+    /// δ, turns · 65536; without meaning there.
+    pub delta: Vec<i16>,
+    rooms: Pool<Room>,
+}
+
+/// Room for the segments of a row, and for the candidates of a pixel.
+#[derive(Debug, Default)]
+struct Room {
+    segments: SegmentRow,
+    list: Vec<Candidate>,
+}
+
+/// Where candidates are searched, and the test that they pass.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    /// Phase of C1.
+    pub(super) cam1: &'a PhaseMap,
+    /// Phase of C2 in the epipolar frame.
+    pub(super) cam2: &'a EpipolarImage,
+    pub(super) table: &'a SegmentTable,
+    pub(super) gate: &'a DeltaGate,
+}
+
+/// Finds the pixels of C1 of which one candidate alone passes `gate`.
+#[must_use]
+pub fn find_unique_candidates(
+    cam1: &PhaseMap,
+    cam2: &EpipolarImage,
+    table: &SegmentTable,
+    gate: &DeltaGate,
+) -> UniqueCandidates {
+    let mut unique = UniqueCandidates::default();
+    let rows: Vec<_> = (0..cam1.height).map(Some).collect();
+    unique.find(Search { cam1, cam2, table, gate }, &rows);
+    unique
+}
+
+impl UniqueCandidates {
+    /// Those of some rows of C1, one below the other; a row that is `None` has none.
+    pub(super) fn find(&mut self, search: Search<'_>, rows: &[Option<usize>]) {
+        let Self { absolute, delta, rooms } = self;
+        let width = search.cam1.width;
+        absolute.resize(width * rows.len(), ABSENT);
+        delta.resize(width * rows.len(), 0);
+        let places = absolute.par_chunks_mut(width.max(1)).zip(delta.par_chunks_mut(width.max(1))).zip(rows);
+        places.for_each_init(
+            || rooms.take(),
+            |room, ((absolute, delta), v)| {
+                let Room { segments, list } = &mut **room;
+                absolute.fill(ABSENT);
+                if let Some(v) = *v {
+                    search.table.row(v, segments);
+                    let pixels = v * width..(v + 1) * width;
+                    let (phase, valid) = (&search.cam1.phase[pixels.clone()], &search.cam1.valid[pixels]);
+                    simd::run(Level::in_use(), Row { search, phase, valid, segments, list, absolute, delta });
+                }
+            },
+        );
+    }
+}
+
+/// A row of C1, and what is found for it.
+struct Row<'a> {
+    search: Search<'a>,
+    phase: &'a [u16],
+    valid: &'a [bool],
+    segments: &'a SegmentRow,
+    list: &'a mut Vec<Candidate>,
+    absolute: &'a mut [i32],
+    delta: &'a mut [i16],
+}
+
+impl Kernel for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        let Search { cam2: image, gate, .. } = self.search;
+        let search = wide::Search { image, segments: self.segments, gate };
+        let mut found = wide::Found::new();
+        let (phase, valid) = (self.phase.as_chunks().0, bytemuck::cast_slice(self.valid).as_chunks().0);
+        for block in 0..phase.len() {
+            search.block(lanes, block * BLOCK, &phase[block], &valid[block], &mut found);
+            if found.searched != 0 {
+                self.enter(block, &found);
+            }
+        }
+        (phase.len() * BLOCK..self.phase.len()).for_each(|u| self.scan(u));
+    }
+}
+
+impl Row<'_> {
+    /// Enters what was found of a block, and scans for the pixels that were left out there.
+    #[inline(always)]
+    fn enter(&mut self, block: usize, found: &wide::Found) {
+        let [first, others @ ..] = &found.passing;
+        let mut rest = others.iter().fold(found.irregular, |all, slot| all | slot);
+        let alone = first & !rest;
+        let (order, delta) = found.of_first_slot();
+        let absolute = &mut self.absolute.as_chunks_mut::<BLOCK>().0[block];
+        let phase = &self.phase.as_chunks::<BLOCK>().0[block];
+        for k in 0..BLOCK {
+            let of_candidate = i32::from(order[k]) * TURN + i32::from(phase[k]);
+            absolute[k] = if alone >> k & 1 == 1 { of_candidate } else { ABSENT };
+        }
+        self.delta.as_chunks_mut().0[block] = *delta;
+        while rest != 0 {
+            let k = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            if found.irregular >> k & 1 == 1 {
+                self.scan(block * BLOCK + k);
+            } else {
+                self.list.clear();
+                for slot in (0..found.passing.len()).filter(|&slot| found.passing[slot] >> k & 1 == 1) {
+                    keep_best_of_place(found.candidate(slot, k), 0, self.list);
+                }
+                self.decide(block * BLOCK + k);
+            }
+        }
+    }
+
+    /// Looks at the whole segment of a pixel.
+    fn scan(&mut self, u: usize) {
+        let segment = self.segments.segment(u);
+        if self.valid[u] && !segment.is_none() {
+            self.list.clear();
+            let row = RowView::new(self.search.cam2, segment.row_px);
+            scan_segment(&row, &segment, self.phase[u], self.search.gate, self.list);
+            self.decide(u);
+        }
+    }
+
+    /// Decides a pixel for its candidate in the list, if that is the only one.
+    fn decide(&mut self, u: usize) {
+        if let [candidate] = **self.list {
+            self.absolute[u] = i32::from(candidate.order) * TURN + i32::from(self.phase[u]);
+            self.delta[u] = candidate.delta;
+        }
+    }
+}
