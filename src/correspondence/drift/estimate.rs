@@ -32,15 +32,20 @@ const LEADING_MODES: usize = 6;
 const FEW_FALSE_CANDIDATES: f64 = 0.3;
 /// Share of pixels with a true candidate below which the scene may lie beyond the volume.
 const MOST_PIXELS: f64 = 0.7;
-/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The second
-/// round, far behind or before the volume, is for scenes that the first one does not explain.
-const SEGMENTS_BEYOND: [[f32; 2]; 2] = [[0.5, 1.0], [1.0, 3.0]];
+/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The
+/// later rounds, far behind or before the volume, are for scenes that the first one does not explain.
+const SEGMENTS_BEYOND: [[f32; 2]; 3] = [[0.5, 1.0], [1.0, 3.0], [3.0, 6.0]];
+/// sd of δ on rigs calibrated as is usual, turns (0.06 rad).
+const USUAL_SD_TURNS: f64 = 0.01;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
 const MODEL_SD_TURNS: f64 = 0.0012;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
+/// sd about the drift, rad, below which few pixels do: by chance candidates agree with no field so closely, and a small body
+/// before a board that fills the image is a small share.
+const NARROW_SD_RAD: f64 = 0.05;
 /// sd of a drawn start, in that of all candidates near zero.
 const START_SD: f64 = 0.3;
 /// Distance of two followed starts, in that sd.
@@ -126,9 +131,10 @@ impl Drift {
         self.share >= IMPROBABLE_SHARE
     }
 
-    /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it.
+    /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it closely.
     pub(in super::super) fn is_improbable(&self) -> bool {
-        self.error_px > IMPROBABLE_PX || !self.is_of_most_pixels()
+        let is_narrow = self.residual_sd_rad < NARROW_SD_RAD;
+        self.error_px > IMPROBABLE_PX || !(self.is_of_most_pixels() || is_narrow)
     }
 
     /// δ that true candidates of the pixels of a row of C1 have along their segments, turns.
@@ -176,7 +182,8 @@ impl DriftRoom {
         let mut best = best_start(thinned, modes, delta, solver);
         let mut is_far_beyond = false;
         for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
-            if best.share >= MOST_PIXELS {
+            let explains_most = best.share >= MOST_PIXELS;
+            if explains_most && (round > 0 || best.is_plausible()) {
                 break;
             }
             is_far_beyond = round > 0;
@@ -204,12 +211,15 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
+    // δ of wrong orders may be all that was measured: usual rigs err by less.
+    let mut usual = Guess { sd_turns: still.sd_turns.min(USUAL_SD_TURNS), ..still.clone() };
+    sample.refine(&mut usual, STEPS, solver);
     let mut followed = followed_starts(sample, modes, &still);
     followed.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, FIRST_STEPS, solver));
     let mut promising = by_score(sample, followed);
     promising.truncate(BEST_STARTS);
     promising.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, STEPS, solver));
-    promising.push(best);
+    promising.extend([best, usual]);
     by_score(sample, promising).swap_remove(0)
 }
 

@@ -23,4 +23,4 @@ pub(super) use estimate::DriftRoom;
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;
-pub(super) use place::{DepthPolynomial, DepthRow, FARTHEST};
+pub(super) use place::{DepthPolynomial, DepthRow, EDGE};

@@ -11,8 +11,9 @@ use crate::simd::{self, Kernel, Lanes, Level};
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
 pub(super) const TERMS: usize = 56;
-/// Greatest |d| at which a polynomial is evaluated. A point farther away has the value there: powers of d would explode.
-pub(in super::super) const FARTHEST: f32 = 3.0;
+/// |d| beyond which a polynomial goes on straight: it was fitted within the volume, and its powers explode beyond. What errors of a
+/// calibration make of δ is nearly straight in inverse depth.
+pub(in super::super) const EDGE: f32 = 1.25;
 /// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
 const STRIDE: usize = 8;
 
@@ -86,7 +87,7 @@ impl Places {
     pub(super) fn place(&self, u_px: f64, v_px: f64, column_px: f64) -> [f64; 3] {
         let [x, y] = self.image(u_px, v_px);
         let d = (column_px - self.middle_at([x, y])) / self.scale_px;
-        [x, y, d.clamp(-f64::from(FARTHEST), f64::from(FARTHEST))]
+        [x, y, d]
     }
 
     fn middle_at(&self, [x, y]: [f64; 2]) -> f64 {
@@ -206,15 +207,24 @@ impl DepthPolynomial {
     /// Its value at a column of the epipolar frame.
     #[inline]
     pub(in super::super) fn at(&self, column_px: f32) -> f32 {
-        let d = ((column_px - self.middle_px) * self.per_px).clamp(-FARTHEST, FARTHEST);
-        self.coefficients.iter().rev().fold(0.0, |sum, &c| sum * d + c)
+        let place = (column_px - self.middle_px) * self.per_px;
+        let d = place.clamp(-EDGE, EDGE);
+        let (mut value, mut rise) = (self.coefficients[DEGREE], 0.0);
+        for &c in self.coefficients[..DEGREE].iter().rev() {
+            rise = rise * d + value;
+            value = value * d + c;
+        }
+        value + rise * (place - d)
     }
 }
 
-/// The monomials at a place.
+/// The monomials at a place; beyond the volume they go on straight.
 #[inline(always)]
-pub(super) fn monomials([x, y, d]: [f64; 3]) -> Polynomial {
-    let (px, py, pd) = (powers(x), powers(y), powers(d));
+pub(super) fn monomials([x, y, place]: [f64; 3]) -> Polynomial {
+    let d = place.clamp(-f64::from(EDGE), f64::from(EDGE));
+    let (px, py, within) = (powers(x), powers(y), powers(d));
+    let mut pd = within;
+    (1..=DEGREE).for_each(|k| pd[k] += k as f64 * within[k - 1] * (place - d));
     let mut values = [0.0; TERMS];
     for (value, [i, j, k]) in values.iter_mut().zip(EXPONENTS) {
         *value = px[i] * py[j] * pd[k];
@@ -283,10 +293,10 @@ mod tests {
         let mut row = DepthRow::default();
         places().along_row(&polynomial, 30.0).along_segments(64, &mut row);
         let along = row.segment(17);
-        for column_px in [80.0, 104.0, 130.0] {
+        for column_px in [30.0, 80.0, 104.0, 130.0, 260.0] {
             let monomials = monomials(places().place(17.0, 30.0, column_px));
             let exact: f64 = polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum();
-            assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4);
+            assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4 * exact.abs().max(1.0));
         }
     }
 

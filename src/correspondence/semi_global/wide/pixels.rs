@@ -2,7 +2,7 @@
 
 use crate::simd::Lanes;
 
-use super::super::super::drift::FARTHEST;
+use super::super::super::drift::EDGE;
 use super::super::super::wide::{Segments, block_of, load};
 use super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::Row;
@@ -88,11 +88,16 @@ impl<L: Lanes> Pixels<L> {
     #[inline(always)]
     pub(super) fn drift_at(&self, column_px: L::Floats) -> L::Floats {
         let lanes = self.lanes;
-        let d = lanes.times_float(lanes.sub_float(column_px, self.middle_px), self.per_px);
-        let d = lanes.min_float(lanes.max_float(d, lanes.float(-FARTHEST)), lanes.float(FARTHEST));
-        let [c0, c1, c2, c3, c4, c5] = self.drift;
+        let place = lanes.times_float(lanes.sub_float(column_px, self.middle_px), self.per_px);
+        let d = lanes.min_float(lanes.max_float(place, lanes.float(-EDGE)), lanes.float(EDGE));
         let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
-        then(then(then(then(then(c5, c4), c3), c2), c1), c0)
+        let [c0, c1, c2, c3, c4, c5] = self.drift;
+        let (v4, r4) = (then(c5, c4), c5);
+        let (v3, r3) = (then(v4, c3), then(r4, v4));
+        let (v2, r2) = (then(v3, c2), then(r3, v3));
+        let (v1, r1) = (then(v2, c1), then(r2, v2));
+        let (value, rise) = (then(v1, c0), then(r1, v1));
+        lanes.add_float(value, lanes.times_float(rise, lanes.sub_float(place, d)))
     }
 
     #[inline(always)]
