@@ -52,6 +52,8 @@ fn raw_limits(raw: &RawHealth, quantity: Quantity) -> Option<RawLimits> {
         Quantity::OneSurface => raw.one_surface_share,
         Quantity::Lost => raw.lost_share,
         Quantity::Slipped => raw.slipped_share,
+        Quantity::Unexplained => raw.unexplained_share,
+        Quantity::FalseCandidates => raw.false_candidates,
     }
 }
 

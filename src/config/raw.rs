@@ -77,6 +77,8 @@ pub(super) struct RawHealth {
     pub(super) one_surface_share: Option<RawLimits>,
     pub(super) lost_share: Option<RawLimits>,
     pub(super) slipped_share: Option<RawLimits>,
+    pub(super) unexplained_share: Option<RawLimits>,
+    pub(super) false_candidates: Option<RawLimits>,
 }
 
 #[derive(Clone, Copy, Deserialize)]

@@ -43,6 +43,8 @@ impl Default for HealthLimits {
             Quantity::OneSurface => [0.2, 0.4],
             Quantity::Lost => [0.05, 0.15],
             Quantity::Slipped => [0.1, 0.5],
+            Quantity::Unexplained => [0.5, 0.8],
+            Quantity::FalseCandidates => [1.5, 3.0],
         };
         Self {
             limits: Quantity::ALL.map(|quantity| limits(of(quantity))),

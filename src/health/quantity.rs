@@ -40,6 +40,10 @@ pub enum Quantity {
     Lost,
     /// Windows whose pattern was steps ahead of what was said of it.
     Slipped,
+    /// Share of the pixels of which no candidate agrees with the drift, in the measurement volume or beyond it.
+    Unexplained,
+    /// Expected false candidates for each true one about the drift: efc of Eq. (1).
+    FalseCandidates,
 }
 
 /// How the level of a quantity follows from its last windows.
@@ -53,7 +57,7 @@ pub enum Level {
 
 impl Quantity {
     /// All quantities, each at its place.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 20] = [
         Self::Drift,
         Self::DeltaSd,
         Self::DeltaNoise,
@@ -72,6 +76,8 @@ impl Quantity {
         Self::OneSurface,
         Self::Lost,
         Self::Slipped,
+        Self::Unexplained,
+        Self::FalseCandidates,
     ];
 
     /// Its name in messages, metrics and recordings.
@@ -96,6 +102,8 @@ impl Quantity {
             Self::OneSurface => "one_surface",
             Self::Lost => "lost",
             Self::Slipped => "slipped",
+            Self::Unexplained => "unexplained",
+            Self::FalseCandidates => "false_candidates",
         }
     }
 
@@ -117,6 +125,8 @@ impl Quantity {
             Self::OneSurface => "health.one_surface_share",
             Self::Lost => "health.lost_share",
             Self::Slipped => "health.slipped_share",
+            Self::Unexplained => "health.unexplained_share",
+            Self::FalseCandidates => "health.false_candidates",
         }
     }
 
@@ -149,6 +159,8 @@ impl Quantity {
             Self::OneSurface => "pixels with part of their images",
             Self::Lost => "pixels lost to motion",
             Self::Slipped => "slipped windows",
+            Self::Unexplained => "pixels that nothing explains",
+            Self::FalseCandidates => "expected false candidates",
         }
     }
 
@@ -170,6 +182,10 @@ impl Quantity {
             Self::Motion | Self::OneSurface | Self::Lost => "move more slowly, or take images faster",
             Self::Brightness => "keep exposure and light constant, and other light out",
             Self::Slipped => "see to the trigger between projector and cameras",
+            Self::Unexplained => {
+                "calibration and images may not belong together, or most of what is seen lies far outside the measurement volume"
+            }
+            Self::FalseCandidates => "calibrate anew, or use a shallower volume or fewer fringes",
         }
     }
 

@@ -34,6 +34,10 @@ pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
         Quantity::OneSurface => greater(|fit| share(moving(fit)?.one_surface_pixels, fit.valid_pixels)),
         Quantity::Lost => greater(|fit| share(moving(fit)?.lost_pixels, fit.lit_pixels)),
         Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
+        Quantity::Unexplained => matches.drift.as_ref().map(|drift| 1.0 - drift.share),
+        Quantity::FalseCandidates => {
+            matches.drift.as_ref().map(|drift| drift.rest(&matches.delta).expected_false_candidates())
+        }
     })
 }
 
@@ -110,6 +114,7 @@ mod tests {
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.2, 0.01, 0.9));
         (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
+        found.matches.delta.mean_periods = 6.0;
         found.matches.slip_steps = [1, 1];
         let told = measures(&maps, &found);
         let of = |quantity: Quantity| (told[quantity as usize].unwrap() * 1e6).round() * 1e-6;
@@ -129,6 +134,8 @@ mod tests {
             (Quantity::OneSurface, 0.05),
             (Quantity::Lost, 0.01),
             (Quantity::Slipped, 1.0),
+            (Quantity::Unexplained, 0.1),
+            (Quantity::FalseCandidates, 0.047_746),
         ] {
             assert!((of(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", of(quantity));
         }

@@ -7,7 +7,7 @@ use fringeflow::config::Configuration;
 use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
-use fringeflow::health::{Limits, Quantity};
+use fringeflow::health::HealthLimits;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 
@@ -56,8 +56,8 @@ pub(crate) struct Proposed {
     pub(crate) reconstruction: Reconstruction,
     /// Middle of its images, counted in those of the input.
     pub(crate) image: f64,
-    /// Drift of the calibration that is borne.
-    pub(crate) drift_limits: Limits,
+    /// What is as it should be.
+    pub(crate) limits: HealthLimits,
 }
 
 impl ProposedArgs {
@@ -83,7 +83,7 @@ impl ProposedArgs {
         let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
         bar.finish_and_clear();
         let image = input.middle(&chosen.numbers);
-        Ok(Proposed { reconstruction: reconstruction?, image, drift_limits: configuration.health.of(Quantity::Drift) })
+        Ok(Proposed { reconstruction: reconstruction?, image, limits: configuration.health })
     }
 
     /// The phase images to use.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use fringeflow::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::health::Quantity;
 use fringeflow::phase::Motion;
 use serde::Serialize;
 
@@ -85,11 +86,25 @@ pub(crate) struct DriftFigures {
     pub(crate) beyond_limit: bool,
     /// efc of Eq. (1) with that sd.
     pub(crate) efc: f64,
+    /// Why the cloud cannot be trusted.
+    pub(crate) doubts: Vec<Doubt>,
+}
+
+/// A quantity beyond its limit.
+#[derive(Serialize)]
+pub(crate) struct Doubt {
+    /// Name of the quantity, as in the health of a running instance.
+    quantity: &'static str,
+    value: f64,
+    limit: f64,
+    #[serde(skip)]
+    told: Quantity,
 }
 
 impl Statistics {
     /// The figures of a reconstruction.
-    pub(crate) fn of(Proposed { reconstruction: made, drift_limits, .. }: &Proposed) -> Self {
+    pub(crate) fn of(Proposed { reconstruction: made, limits, .. }: &Proposed) -> Self {
+        let drift_limit_rad = limits.of(Quantity::Drift).warn;
         let matches = &made.matches;
         let points = made.cloud.points.len().max(1) as f64;
         let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
@@ -107,9 +122,18 @@ impl Statistics {
                 error_px: drift.error_px,
                 residual_sd_rad: drift.residual_sd_rad,
                 share: drift.share,
-                limit_rad: drift_limits.warn,
-                beyond_limit: drift.is_of_most_pixels() && drift.rms_rad > drift_limits.warn,
+                limit_rad: drift_limit_rad,
+                beyond_limit: drift.is_of_most_pixels() && drift.rms_rad > drift_limit_rad,
                 efc: drift.rest(&matches.delta).expected_false_candidates(),
+                doubts: [
+                    (Quantity::DeltaNoise, drift.residual_sd_rad),
+                    (Quantity::Unexplained, 1.0 - drift.share),
+                    (Quantity::FalseCandidates, drift.rest(&matches.delta).expected_false_candidates()),
+                ]
+                .into_iter()
+                .map(|(told, value)| Doubt { quantity: told.name(), value, limit: limits.of(told).warn, told })
+                .filter(|doubt| doubt.value > doubt.limit)
+                .collect(),
             }),
             efc_measured: passing as f64 / points,
             unique_percent: 100.0 * unique as f64 / points,
@@ -150,6 +174,15 @@ impl fmt::Display for Statistics {
                 "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}",
                 drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc
             )?;
+            for Doubt { value, limit, told, .. } in &drift.doubts {
+                writeln!(
+                    f,
+                    "warning: the cloud may hold false points: {} {value:.3}, beyond {limit} ({}); {}",
+                    told.title(),
+                    told.key(),
+                    told.remedy()
+                )?;
+            }
             if drift.beyond_limit {
                 writeln!(
                     f,

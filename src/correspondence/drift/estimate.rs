@@ -35,8 +35,8 @@ const MOST_PIXELS: f64 = 0.7;
 /// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The
 /// later rounds, far behind or before the volume, are for scenes that the first one does not explain.
 const SEGMENTS_BEYOND: [[f32; 2]; 3] = [[0.5, 1.0], [1.0, 3.0], [3.0, 6.0]];
-/// sd of δ on rigs calibrated as is usual, turns (0.06 rad).
-const USUAL_SD_TURNS: f64 = 0.01;
+/// sd of δ on rigs calibrated as is usual, rad.
+const USUAL_SD_RAD: f64 = 0.06;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
 const MODEL_SD_TURNS: f64 = 0.0012;
@@ -182,8 +182,10 @@ impl DriftRoom {
         let mut best = best_start(thinned, modes, delta, solver);
         let mut is_far_beyond = false;
         for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
-            let explains_most = best.share >= MOST_PIXELS;
-            if explains_most && (round > 0 || best.is_plausible()) {
+            let (explains_most, is_plausible) = (best.share >= MOST_PIXELS, best.is_plausible());
+            // A plausible field beyond the volume explains what lies in shadow as little as one within.
+            let is_enough = if round == 0 { explains_most && is_plausible } else { explains_most || is_plausible };
+            if is_enough {
                 break;
             }
             is_far_beyond = round > 0;
@@ -211,15 +213,12 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
-    // δ of wrong orders may be all that was measured: usual rigs err by less.
-    let mut usual = Guess { sd_turns: still.sd_turns.min(USUAL_SD_TURNS), ..still.clone() };
-    sample.refine(&mut usual, STEPS, solver);
     let mut followed = followed_starts(sample, modes, &still);
     followed.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, FIRST_STEPS, solver));
     let mut promising = by_score(sample, followed);
     promising.truncate(BEST_STARTS);
     promising.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, STEPS, solver));
-    promising.extend([best, usual]);
+    promising.push(best);
     by_score(sample, promising).swap_remove(0)
 }
 
@@ -234,7 +233,10 @@ fn better_beyond<const N: usize>(
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
     let mut solver = Solver::default();
-    let guesses = thinned.iter().flatten().map(|sample| best_start(sample, modes, &delta, &mut solver)).collect();
+    // δ of wrong orders may be all that was measured: usual rigs err by less.
+    let usual = DeltaStatistics { sd_rad: delta.sd_rad.min(USUAL_SD_RAD), ..delta };
+    let starts = |sample| [&delta, &usual].map(|delta| best_start(sample, modes, delta, &mut solver));
+    let guesses = thinned.iter().flatten().flat_map(starts).collect();
     let judge = thinned.iter().flatten().last()?;
     let best = by_score(judge, guesses).into_iter().next()?;
     let is_better = judge.score(&best) > judge.score(within);

@@ -38,6 +38,9 @@ const MAX_VARIANCE: f32 = 3.5;
 const MEDIAN_SQUARE: f32 = 0.455;
 /// Lead, nats a path, by which a region is better founded than another. One surface that hides another has about its lead.
 const BETTER_FOUNDED_NATS: f32 = 3.0;
+/// What is taken off the logarithm of the odds of every point where the drift explains few pixels of the image: the curves were
+/// fitted where it explains most.
+const DOUBT_NATS: f32 = 1.5;
 /// Share of a region's places that better founded ones may take.
 const MAX_LOST_SHARE: f64 = 0.3;
 
@@ -239,7 +242,11 @@ impl Verification<'_> {
         says.clear();
         says.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(of_region));
         odds.clear();
-        odds.extend(says.iter().map(|&of_region| TABLES.of_region(of_region)));
+        let doubt_nats = if self.scene.drift.is_of_most_pixels() { 0.0 } else { DOUBT_NATS };
+        odds.extend(says.iter().map(|&of_region| {
+            let [by_size, by_lead, by_share] = TABLES.of_region(of_region);
+            [by_size - doubt_nats, by_lead, by_share]
+        }));
     }
 
     /// How likely each selected candidate is true; without meaning elsewhere.
