@@ -4,7 +4,8 @@
 
 use fringeflow::dataset::CameraId;
 use fringeflow::simulation::{
-    Board, ImageSeed, NoiseLevel, Object, Projected, Sensor, Simulation, SimulationOptions, Staging, Surface,
+    Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, Sensor, Simulation, SimulationOptions, Staging,
+    Surface,
 };
 
 const SIZE_PX: [usize; 2] = [640, 512];
@@ -152,4 +153,94 @@ fn what_leaves_the_volume_is_seen_but_not_measurable() {
         Staging { shift_mm: [0.0, f64::NAN, 0.0], ..Staging::default() },
     );
     assert!(refused.err().unwrap().to_string().contains("shift is NaN mm"));
+}
+
+/// Whether the ray of each pixel of C1 meets a surface.
+fn meets(simulation: &Simulation, surface: Surface) -> Vec<bool> {
+    let centres = simulation.views()[0].centres.iter();
+    centres.map(|centre| centre.hit.is_some_and(|hit| hit.surface == surface)).collect()
+}
+
+/// Nothing of what is apart from the volume counts as measured, however it is lit and seen.
+fn assert_apart(simulation: &Simulation, surface: Surface) -> usize {
+    let (truth, met) = (simulation.truth(), meets(simulation, surface));
+    for i in (0..met.len()).filter(|&i| met[i]) {
+        assert!(!truth.in_volume[i] && !truth.measurable[i] && !truth.reference[i], "{surface:?}, pixel {i}");
+    }
+    count(met)
+}
+
+#[test]
+fn a_board_at_any_distance_is_where_it_should_be_and_never_measurable() {
+    for (distance_mm, tilt_deg) in [(-30.0, 0.0), (-5.0, 25.0), (5.0, -25.0), (85.0, 20.0), (400.0, 0.0), (1000.0, 0.0)]
+    {
+        let board = BoardApart { distance_mm, albedo: 0.3, tilt_deg };
+        let simulation = staged(Object::Tooth, Board::Apart(board), Staging::default());
+        assert!(assert_apart(&simulation, Surface::Board) > 30_000, "{board:?}");
+        assert!(count(simulation.truth().reference.iter().copied()) > 2000, "{board:?}");
+        let (rig, truth) = (simulation.rig(), simulation.truth());
+        let volume = &rig.exact_volume;
+        let met = meets(&simulation, Surface::Board);
+        let z_mm: Vec<f64> = (0..met.len())
+            .filter(|&i| met[i])
+            .map(|i| {
+                let point = truth.point[i].map(|c| f64::from(c) / 1e3);
+                let z = volume.cam1_from_volume().inverse_transform_point(&point.into()).z;
+                1e3 * if distance_mm > 0.0 { z - volume.max().z } else { z - volume.min().z }
+            })
+            .collect();
+        if tilt_deg == 0.0 {
+            assert!(z_mm.iter().all(|z| (z - distance_mm).abs() < 1e-3), "{board:?}");
+        } else {
+            let (least, most) = z_mm.iter().fold((f64::MAX, f64::MIN), |(a, b), &z| (a.min(z), b.max(z)));
+            assert!(most - least > 15.0, "{board:?}: {least} to {most} mm");
+        }
+    }
+}
+
+#[test]
+fn a_brighter_board_is_brighter_and_a_farther_one_darker() {
+    let mean = |distance_mm, albedo| {
+        let board = BoardApart { distance_mm, albedo, tilt_deg: 0.0 };
+        let simulation = staged(Object::Tooth, Board::Apart(board), Staging::default());
+        let (met, white) = (meets(&simulation, Surface::Board), white(&simulation, CameraId::Cam1));
+        let lit = (0..met.len()).filter(|&i| met[i] && simulation.truth().lit[i]);
+        let (sum, count) = lit.fold((0.0, 0.0), |(sum, count), i| (sum + f64::from(white[i]), count + 1.0));
+        sum / count
+    };
+    let (black, white, far) = (mean(15.0, 0.05), mean(15.0, 0.8), mean(400.0, 0.8));
+    assert!(black < 20.0 && white > 150.0 && far < 0.4 * white, "{black}, {white}, {far}");
+}
+
+#[test]
+fn a_hand_hides_and_shadows_and_is_never_measurable() {
+    for depth_m in [0.025, 0.11] {
+        let mut options = options(Object::Elephant, Board::None);
+        options.rig.depth_m = depth_m;
+        let [free, hand] =
+            [false, true].map(|hand| Simulation::staged(options, Staging { hand, ..Staging::default() }).unwrap());
+        let pixels = assert_apart(&hand, Surface::Hand);
+        assert!((20_000..200_000).contains(&pixels), "{depth_m} m: {pixels} pixels of the hand");
+        let measurable = |simulation: &Simulation| count(simulation.truth().measurable.iter().copied());
+        assert!(measurable(&hand) < measurable(&free) * 9 / 10 && measurable(&hand) > 10_000, "{depth_m} m");
+        let in_shadow = |simulation: &Simulation| {
+            let (truth, met) = (simulation.truth(), meets(simulation, Surface::Object));
+            count((0..met.len()).map(|i| met[i] && truth.in_volume[i] && !truth.lit[i]))
+        };
+        assert!(in_shadow(&hand) > in_shadow(&free), "{depth_m} m: no shadow of the hand");
+    }
+}
+
+#[test]
+fn every_object_fills_the_share_of_the_image_that_is_asked_for() {
+    for object in Object::ALL {
+        // Crumbs lie so far apart that, larger, most of them leave the image.
+        let wanted = if object == Object::Crumbs { 1.0 } else { 5.0 };
+        let simulation = staged(object, Board::None, Staging { share_percent: Some(wanted), ..Staging::default() });
+        let met = meets(&simulation, Surface::Object);
+        let percent = 100.0 * count(met.iter().copied()) as f64 / met.len() as f64;
+        assert!((percent / wanted - 1.0).abs() < 0.04, "{object:?}: {percent} %");
+    }
+    let too_much = Staging { share_percent: Some(90.0), ..Staging::default() };
+    assert!(Simulation::staged(options(Object::Tooth, Board::None), too_much).is_err());
 }

@@ -68,3 +68,34 @@ impl Solid for Hand {
         SKIN
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::volume_from_object;
+    use super::super::{Object, RigOptions, VirtualRig};
+    use super::*;
+
+    #[test]
+    fn it_lies_in_its_box_before_the_volume_and_its_field_is_no_steeper_than_distance() {
+        let rig = VirtualRig::new(&RigOptions::usual(0.11)).unwrap();
+        let pose = volume_from_object(Object::Tooth);
+        let hand = Hand::before(&rig.exact_volume, &pose);
+        let near_z = pose.inverse_transform_point(&Point3::new(0.0, 0.0, rig.exact_volume.min().z)).z * MM_PER_M;
+        let (min, max) = hand.bounds_mm();
+        assert!((min.z - near_z - GAP_MM).abs() < 1e-9, "{} and {near_z}", min.z);
+        let mut inside = 0;
+        for i in 0..50_000 {
+            let place = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_478_0]
+                .map(|a: f64| (a * f64::from(i)).fract() * 1.4 - 0.2);
+            let p = min + (max - min).component_mul(&PointMm::from(place));
+            let in_box = (0..3).all(|axis| p[axis] >= min[axis] && p[axis] <= max[axis]);
+            let here = hand.distance_mm(&p);
+            inside += usize::from(here < 0.0);
+            assert!(in_box || here > 0.0, "{p} beside the box");
+            let step = PointMm::new(0.6, -0.48, 0.64) * 0.01;
+            let there = hand.distance_mm(&(p + step));
+            assert!(here < 0.0 || there < 0.0 || (there - here).abs() <= 0.01 * (1.0 + 1e-9), "{p}");
+        }
+        assert!(inside > 4000, "{inside} of 50000 places are in the hand");
+    }
+}

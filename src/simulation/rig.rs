@@ -265,6 +265,29 @@ mod tests {
     }
 
     #[test]
+    fn a_lens_error_changes_the_lenses_and_not_how_widely_delta_scatters() {
+        let of = |lens_error| VirtualRig::new(&RigOptions { lens_error, ..options() }).unwrap();
+        let (none, large) = (of(0.0), of(5.0));
+        let coefficients = |rig: &VirtualRig| {
+            [&rig.calibrated.cam2, &rig.calibrated.projector]
+                .map(|lens| (lens.distortion().radial[1], lens.distortion().tangential))
+        };
+        let exact = [&none.exact.cam2, &none.exact.projector]
+            .map(|lens| (lens.distortion().radial[1], lens.distortion().tangential));
+        assert_eq!(coefficients(&none), exact);
+        for (is, exact) in coefficients(&large).into_iter().zip(exact) {
+            assert!(is.0 != exact.0 && is.1[0] != exact.1[0] && is.1[1] != exact.1[1], "{is:?}");
+        }
+        assert_eq!(large.exact, none.exact);
+        assert!(
+            (large.deviation.delta_rms - 0.041).abs() < 1e-6 && large.deviation.epi_rms < 0.1,
+            "{:?}",
+            large.deviation
+        );
+        assert!(VirtualRig::new(&RigOptions { lens_error: -1.0, ..options() }).is_err());
+    }
+
+    #[test]
     fn without_calibration_error_both_rigs_agree() {
         let rig = VirtualRig::new(&RigOptions { sd_rad: 0.0, ..options() }).unwrap();
         assert_eq!(rig.calibrated, rig.exact);
