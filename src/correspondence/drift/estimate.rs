@@ -182,19 +182,18 @@ impl DriftRoom {
         let mut best = best_start(thinned, modes, delta, solver);
         let mut is_far_beyond = false;
         for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
-            let (explains_most, is_plausible) = (best.share >= MOST_PIXELS, best.is_plausible());
             // A plausible field beyond the volume explains what lies in shadow as little as one within.
-            let is_enough = if round == 0 { explains_most && is_plausible } else { explains_most || is_plausible };
-            if is_enough {
+            if best.is_plausible() && (round > 0 || best.share >= MOST_PIXELS) {
                 break;
             }
-            is_far_beyond = round > 0;
+            is_far_beyond |= round > 0 && best.share < MOST_PIXELS;
             let wider = shares.map(|share| {
                 let mut wide = Sample::default();
                 take(&mut wide, share * 2.0 * modes.half_segment_px() as f32).then_some(wide)
             });
             if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
                 (best, *sample) = (beyond, wide);
+                is_far_beyond |= round > 0;
             }
         }
         best.sd_turns *= LAST_WIDENING;
