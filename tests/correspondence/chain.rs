@@ -210,7 +210,7 @@ fn a_wrong_order_that_is_consistent_over_most_of_the_image_does_not_bend_the_dri
 fn what_is_seen_beyond_the_volume_does_not_bend_the_drift_to_wrong_orders_within() {
     // Nearly all that is seen: of the clutter a corner is left, the board behind it is not to be measured.
     let mut options = options(Object::Clutter, Arrangement::TABLE_TOP);
-    options.board = Board::Behind;
+    options.board = Board::BEHIND;
     let staging = Staging { shift_mm: [20.0, 0.0, 0.0], covered: Some(CameraId::Cam2), ..Staging::default() };
     let simulation = Simulation::staged(options, staging).unwrap();
     let made = reconstruct(&simulation);
