@@ -40,7 +40,7 @@ const MEDIAN_SQUARE: f32 = 0.455;
 const BETTER_FOUNDED_NATS: f32 = 3.0;
 /// What is taken off the logarithm of the odds of every point where the drift explains few pixels of the image: the curves were
 /// fitted where it explains most.
-const DOUBT_NATS: f32 = 1.5;
+const DOUBT_NATS: f32 = 0.6;
 /// Share of a region's places that better founded ones may take.
 const MAX_LOST_SHARE: f64 = 0.3;
 
