@@ -215,7 +215,23 @@ impl Matcher {
         }
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
-            ResolutionMethod::SemiGlobal => matching.semi_global(delta, (drift, semi_global), out, grounds)?,
+            ResolutionMethod::SemiGlobal => {
+                let mut grounds = grounds;
+                let mut resolve = |looks_far| {
+                    matching.semi_global(
+                        delta,
+                        (&mut *drift, &mut *semi_global),
+                        out,
+                        grounds.as_deref_mut(),
+                        looks_far,
+                    )
+                };
+                // A board far behind a small body may have been taken for something within the volume.
+                match resolve(false) {
+                    Err(MatchError::FewAgree { .. }) => resolve(true)?,
+                    result => result?,
+                }
+            }
             ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
         out.delta_counts.clear();
@@ -242,9 +258,10 @@ impl Matching<'_> {
         (drift, room): (&mut DriftRoom, &mut semi_global::Room),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
+        looks_far: bool,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
-        let drift = drift.estimate(cam1, self.cam2, self.table, &delta);
+        let drift = drift.estimate((cam1, self.cam2), self.table, &delta, looks_far);
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
         if self.is_measured() {

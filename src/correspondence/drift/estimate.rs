@@ -40,6 +40,8 @@ const USUAL_SD_RAD: f64 = 0.06;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
 const MODEL_SD_TURNS: f64 = 0.0012;
+/// Improbability, nats, from which a field that explains most pixels is not enough to look no farther (errors of 1.1 px).
+const POSSIBLE_NATS: f64 = 2.6;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -150,7 +152,7 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    DriftRoom::default().estimate(cam1, cam2, table, delta)
+    DriftRoom::default().estimate((cam1, cam2), table, delta, false)
 }
 
 /// Memory in which the drift is estimated, to be used from window to window.
@@ -163,18 +165,23 @@ pub(in super::super) struct DriftRoom {
 }
 
 impl DriftRoom {
-    /// As [`estimate_drift`].
+    /// As [`estimate_drift`]; far beyond the volume even where a field that explains most pixels was found, if so asked and that
+    /// is no likely one.
     pub(in super::super) fn estimate(
         &mut self,
-        cam1: &PhaseMap,
-        cam2: &EpipolarImage,
+        (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,
         delta: &DeltaStatistics,
+        looks_far: bool,
     ) -> Drift {
         let Self { usable, sample, thinned, solver } = self;
         let Some(modes) = table.drift_modes() else { return Drift::constant(delta) };
-        let mut take =
-            |sample: &mut Sample, beyond_px: f32| sample.take((cam1, cam2), table, modes, (PIXELS, beyond_px), usable);
+        let length_px = 2.0 * modes.half_segment_px() as f32;
+        let mut take = |sample: &mut Sample, beyond: f32| {
+            // Pixels have as many more candidates as their segments are longer: all together stay about as many.
+            let pixels = (PIXELS as f32 / beyond.max(1.0)) as usize;
+            sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
+        };
         if !take(sample, 0.0) {
             return Drift::constant(delta);
         }
@@ -182,16 +189,18 @@ impl DriftRoom {
         let mut best = best_start(thinned, modes, delta, solver);
         let mut is_far_beyond = false;
         for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
+            let (explains_most, is_possible) = (best.share >= MOST_PIXELS, best.improbability() < POSSIBLE_NATS);
             // A plausible field beyond the volume explains what lies in shadow as little as one within.
-            if best.is_plausible() && (round > 0 || best.share >= MOST_PIXELS) {
+            let is_enough = best.is_plausible() && (round > 0 || explains_most);
+            if is_enough || (round > 0 && explains_most && is_possible && !looks_far) {
                 break;
             }
             is_far_beyond |= round > 0 && best.share < MOST_PIXELS;
             let wider = shares.map(|share| {
                 let mut wide = Sample::default();
-                take(&mut wide, share * 2.0 * modes.half_segment_px() as f32).then_some(wide)
+                take(&mut wide, share).then_some(wide)
             });
-            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
+            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best, round > 0) {
                 (best, *sample) = (beyond, wide);
                 is_far_beyond |= round > 0;
             }
@@ -202,11 +211,16 @@ impl DriftRoom {
     }
 }
 
-fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solver: &mut Solver) -> Guess {
+/// No drift but the mean of δ.
+fn still(modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
     let mut coefficients = Coefficients::default();
     coefficients.resize(1 + modes.fields.len());
     coefficients[0] = delta.mean_rad / TAU;
-    let still = Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 };
+    Guess { coefficients, sd_turns: delta.sd_rad / TAU, share: 0.0 }
+}
+
+fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solver: &mut Solver) -> Guess {
+    let still = still(modes, delta);
     let mut best = still.clone();
     sample.refine(&mut best, STEPS, solver);
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
@@ -222,19 +236,26 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
 }
 
 /// The best guess of those that begin with wider samples, with the widest, if it explains that better than the guess within
-/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used.
+/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used. Far beyond no fields are drawn: there
+/// are too many candidates for a draw to be told from chance.
 fn better_beyond<const N: usize>(
     wider: [Option<Sample>; N],
     modes: &DriftModes,
     delta: &DeltaStatistics,
     within: &Guess,
+    is_far: bool,
 ) -> Option<(Guess, Sample)> {
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
     let mut solver = Solver::default();
     // δ of wrong orders may be all that was measured: usual rigs err by less.
     let usual = DeltaStatistics { sd_rad: delta.sd_rad.min(USUAL_SD_RAD), ..delta };
-    let starts = |sample| [&delta, &usual].map(|delta| best_start(sample, modes, delta, &mut solver));
+    let starts = |sample: &Sample| {
+        let mut from_usual = still(modes, &usual);
+        sample.refine(&mut from_usual, STEPS, &mut solver);
+        let drawn = (!is_far).then(|| best_start(sample, modes, &delta, &mut solver));
+        drawn.into_iter().chain([from_usual])
+    };
     let guesses = thinned.iter().flatten().flat_map(starts).collect();
     let judge = thinned.iter().flatten().last()?;
     let best = by_score(judge, guesses).into_iter().next()?;
