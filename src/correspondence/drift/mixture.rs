@@ -26,6 +26,9 @@ const INDEPENDENT_PIXELS: f64 = 20.0;
 const LARGE_SHARE: f64 = 0.25;
 /// Calibration error that is expected of a mode, pixels.
 const PRIOR_PX: f64 = 0.5;
+/// How much improbability counts where guesses are compared: over a flat board the field of a wrong order leaves δ as level as the
+/// true one, or more so, by errors of 2.6 px for 1.0.
+const IMPROBABILITY_WEIGHT: f64 = 2.0;
 /// Least sd that is believed, turns: rounding alone makes more.
 const MIN_SD_TURNS: f64 = 0.0006;
 /// Improbability, nats, and share of pixels with a true candidate, by which a guess is believed.
@@ -211,7 +214,7 @@ impl Sample {
             NONE_TRUE + (1.0 - NONE_TRUE) * mean
         };
         let mean = ln_of_product(self.first.windows(2).map(of_pixel)) / self.pixels() as f64;
-        self.independent * mean - guess.improbability()
+        self.independent * mean - IMPROBABILITY_WEIGHT * guess.improbability()
     }
 
     /// Improves a guess by expectation maximization until it settles, at most so many steps.

@@ -11,9 +11,9 @@ use crate::simd::{self, Kernel, Lanes, Level};
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
 pub(super) const TERMS: usize = 56;
-/// |d| beyond which a polynomial goes on straight: it was fitted within the volume, and its powers explode beyond. What errors of a
-/// calibration make of δ is nearly straight in inverse depth.
-pub(in super::super) const EDGE: f32 = 1.25;
+/// |d| beyond which a polynomial goes on straight: it was fitted to |d| of 2 at most, and its powers explode far beyond. Nearer
+/// than this they are more exact than a straight line, by what large errors of the calibration need.
+pub(in super::super) const EDGE: f32 = 3.0;
 /// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
 const STRIDE: usize = 8;
 
