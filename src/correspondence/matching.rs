@@ -14,6 +14,7 @@ use super::reference_methods::{ResolutionSettings, paper};
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::slip::{find_slip, phase_of_steps};
+use super::surfaces;
 
 /// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
@@ -216,21 +217,7 @@ impl Matcher {
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
             ResolutionMethod::SemiGlobal => {
-                let mut grounds = grounds;
-                let mut resolve = |looks_far| {
-                    matching.semi_global(
-                        delta,
-                        (&mut *drift, &mut *semi_global),
-                        out,
-                        grounds.as_deref_mut(),
-                        looks_far,
-                    )
-                };
-                // A board far behind a small body may have been taken for something within the volume.
-                match resolve(false) {
-                    Err(MatchError::FewAgree { .. }) => resolve(true)?,
-                    result => result?,
-                }
+                matching.semi_global(delta, (drift, semi_global), out, grounds)?;
             }
             ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
@@ -258,10 +245,10 @@ impl Matching<'_> {
         (drift, room): (&mut DriftRoom, &mut semi_global::Room),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
-        looks_far: bool,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
-        let drift = drift.estimate((cam1, self.cam2), self.table, &delta, looks_far);
+        let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
+        let drift = surfaces::explain(view, &delta, &mut room.surfaces, drift);
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
         if self.is_measured() {

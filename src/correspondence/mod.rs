@@ -8,7 +8,8 @@
 //! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
 //! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *unique*: those of
 //!    pixels that have one alone; *wide*: what the searches of many pixels at once are made of;
-//! 4. *delta statistics*: sd from the images themselves; *drift*: the part of it that is no noise but calibration;
+//! 4. *delta statistics*: sd from the images themselves; *surfaces*: orders of whole surfaces, anywhere in space; *drift*: the part
+//!    of sd that is no noise but calibration, from their candidates; *outlook*: what one pixel sees of its segment;
 //! 5. *semi-global*: the orders of the whole image decided together, or
 //!    *reference methods*: as the paper does it, by reference correspondences, Eq. (2) and contradictions;
 //!    shared by both: *neighbourhood* and *support* (neighbours), *regions* and *unions*, *places* and *claims* (one point of C2
@@ -30,6 +31,7 @@ mod fingerprint;
 mod matching;
 mod neighbourhood;
 mod outcome;
+mod outlook;
 mod patches;
 mod places;
 mod pool;
@@ -45,6 +47,7 @@ mod semi_global;
 mod slip;
 mod source_map;
 mod support;
+mod surfaces;
 mod unions;
 mod unique;
 mod wide;

@@ -20,6 +20,9 @@ const MAX_HALF_EXTENT: f64 = 0.9;
 /// Least inverse depth of the middle surface anywhere in the image, in the mean one: it must not come to infinity.
 const MIN_INVERSE_DEPTH: f64 = 0.1;
 
+/// Pixels of C1, along either axis, of which one takes part in fitting the columns of what is infinitely far.
+const STRIDE: usize = 16;
+
 /// Computes the parts of a table.
 pub(super) struct Builder<'a> {
     pub(super) rig: &'a Rig,
@@ -110,6 +113,22 @@ impl Builder<'_> {
             }
         });
         limits
+    }
+
+    /// The plane through the columns in which C1 sees what is infinitely far.
+    pub(super) fn infinity_px(&self) -> [f32; 3] {
+        let [width, height] = self.size_px();
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for (u, v) in (0..height).step_by(STRIDE).flat_map(|v| (0..width).step_by(STRIDE).map(move |u| (u, v))) {
+            let ray = self.rig.cam1.ray(&Pixel::new(u as f64, v as f64));
+            if let Some(line) = ray.and_then(|ray| self.frame.line(&ray)) {
+                let row = Vector3::new(1.0, u as f64, v as f64);
+                normal += row * row.transpose();
+                right += row * line.column_at_infinity_px;
+            }
+        }
+        normal += Matrix3::identity() * 1e-9;
+        normal.cholesky().map_or([0.0; 3], |normal| normal.solve(&right).cast::<f32>().into())
     }
 
     /// Which of the constraints leaves nothing.

@@ -1,7 +1,7 @@
 //! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
 //!
 //! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, the direction
-//! of the base, then the modes of the drift, the fields of the pixels of C1, the ends of their segments, and the places of
+//! of the base and the columns of what is infinitely far, then the modes of the drift, the fields of the pixels of C1, the ends of their segments, and the places of
 //! the pixels of the epipolar frame, as they stand in memory.
 
 use std::fs::File;
@@ -18,7 +18,7 @@ use super::segment_table::{FIELDS, SegmentTable, SegmentTableError, padded, unit
 use super::source_map::SourceMap;
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// Largest side of an image, pixels; larger ones in a header are damage.
 const MAX_SIDE_PX: u32 = 65535;
 /// Bytes that are read, summed and checked at a time: they stay in the cache from one to the next.
@@ -37,6 +37,8 @@ struct Header {
     sizes_px: [[u32; 2]; 3],
     /// Direction from C1 to C2 in the frame of C1.
     base: [f32; 3],
+    /// Columns of what is infinitely far.
+    infinity_px: [f32; 3],
 }
 
 /// Why a segment table cannot be had, loaded or saved.
@@ -118,9 +120,11 @@ impl SegmentTable {
         let mut crc = crc32fast::Hasher::new();
         crc.update(bytemuck::bytes_of(&sizes_px));
         crc.update(bytemuck::bytes_of(&self.base));
+        crc.update(bytemuck::bytes_of(&self.infinity_px));
         payload.iter().for_each(|part| crc.update(part));
         let (crc, fingerprint) = (crc.finalize(), self.fingerprint.0);
-        let header = Header { magic: MAGIC, version: VERSION, crc, fingerprint, sizes_px, base: self.base };
+        let (base, infinity_px) = (self.base, self.infinity_px);
+        let header = Header { magic: MAGIC, version: VERSION, crc, fingerprint, sizes_px, base, infinity_px };
         write_atomically(path, |out| {
             out.write_all(bytemuck::bytes_of(&header))?;
             payload.iter().try_for_each(|part| out.write_all(part))
@@ -174,6 +178,7 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     let mut crc = crc32fast::Hasher::new();
     crc.update(bytemuck::bytes_of(&header.sizes_px));
     crc.update(bytemuck::bytes_of(&header.base));
+    crc.update(bytemuck::bytes_of(&header.infinity_px));
     let mut reading = Reading { file, crc, damaged: None };
     reading.fill(&mut modes, "drift modes", |numbers: &[f64]| numbers.iter().all(|n| n.is_finite()))?;
     reading.fill(fields.coefficients_mut().as_flattened_mut(), "fields", are_finite)?;
@@ -182,8 +187,10 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     reading.fill(&mut limits, "segments", in_frame)?;
     reading.fill(places.coefficients_mut().as_flattened_mut(), "source pixels", are_finite)?;
     reading.finish(header.crc)?;
-    if !header.base.iter().all(|b| b.is_finite()) {
-        return Err(SegmentFileProblem::Damaged { field: "base" });
+    for (numbers, field) in [(header.base, "base"), (header.infinity_px, "columns at infinity")] {
+        if !numbers.iter().all(|number| number.is_finite()) {
+            return Err(SegmentFileProblem::Damaged { field });
+        }
     }
     Ok(SegmentTable {
         fingerprint: expected,
@@ -191,6 +198,7 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
         cam2_size_px,
         epipolar_size_px,
         base: header.base,
+        infinity_px: header.infinity_px,
         modes: read_modes(&modes)?,
         fields,
         limits,
@@ -308,6 +316,7 @@ mod tests {
             cam2_size_px: [19, 4],
             epipolar_size_px,
             base: [1.0, 0.0, 0.0],
+            infinity_px: [3.0, 1.0, 0.0],
             modes: None,
             fields,
             limits: (0..2 * 32 * 3).map(|i| 10 * i).collect(),

@@ -70,6 +70,9 @@ pub struct SegmentTable {
     pub(super) epipolar_size_px: [usize; 2],
     /// Direction from the centre of C1 to the centre of C2 in the frame of C1, of length 1.
     pub(super) base: [f32; 3],
+    /// Column of the epipolar frame in which a pixel of C1 sees what is infinitely far, pixels: that of its first pixel, and the
+    /// change from column to column and from row to row.
+    pub(super) infinity_px: [f32; 3],
     pub(super) modes: Option<DriftModes>,
     pub(super) fields: Patches<FIELDS>,
     /// Row by row the first columns of all pixels, then the last ones, in parts of a pixel; see [`units_per_px`].
@@ -121,6 +124,7 @@ impl SegmentTable {
             cam2_size_px: [rig.cam2.width_px(), rig.cam2.height_px()],
             epipolar_size_px: [frame.width_px(), frame.height_px()],
             base: rig.centre_of_cam2().coords.normalize().cast::<f32>().into(),
+            infinity_px: builder.infinity_px(),
             modes: None,
             fields,
             limits,

@@ -306,6 +306,16 @@ impl Lanes for Arrays {
         map(places, |place| table[(place as usize).min(last)])
     }
     #[inline(always)]
+    fn pairs(self, table: &[u16], places: Longs) -> [Words; 2] {
+        let last = table.len() - 2;
+        let mut words = [[0; LANES]; 2];
+        for k in 0..LANES {
+            let place = (places[k] as u32 as usize).min(last);
+            (words[0][k], words[1][k]) = (table[place] as i16, table[place + 1] as i16);
+        }
+        words
+    }
+    #[inline(always)]
     fn store_longs(self, a: Longs, to: &mut [i32; LANES]) {
         *to = a;
     }

@@ -389,6 +389,22 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
+    fn pairs(self, table: &[u16], places: Pair<__m512i>) -> [__m512i; 2] {
+        assert!(table.len() >= 2);
+        let last = self.long(table.len() as i32 - 2);
+        let [a, b] = both!(_mm512_min_epu32, places, last);
+        // Places are no greater than that of the last pair.
+        unsafe {
+            let a = _mm512_i32gather_epi32::<2>(a, table.as_ptr().cast());
+            let b = _mm512_i32gather_epi32::<2>(b, table.as_ptr().cast());
+            let low = _mm512_set1_epi32(0xffff);
+            [
+                _mm512_packus_epi32(_mm512_and_si512(a, low), _mm512_and_si512(b, low)),
+                _mm512_packus_epi32(_mm512_srli_epi32::<16>(a), _mm512_srli_epi32::<16>(b)),
+            ]
+        }
+    }
+    #[inline(always)]
     fn store_longs(self, [a, b]: Pair<__m512i>, to: &mut [i32; LANES]) {
         unsafe {
             let (low, high) = (_mm512_shuffle_i32x4::<0x44>(a, b), _mm512_shuffle_i32x4::<0xee>(a, b));

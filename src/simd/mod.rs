@@ -253,6 +253,8 @@ pub(crate) trait Lanes: Copy {
     fn table(self, words: &[u16; COLUMNS]) -> Self::Table<'_>;
     /// The words of a table in places, which are below [`COLUMNS`] wherever it matters.
     fn look_up(self, table: Self::Table<'_>, places: Self::Words) -> Self::Words;
+    /// The words of a table in places and those behind them; places are none of negative, those beyond the last pair are its.
+    fn pairs(self, table: &[u16], places: Self::Longs) -> [Self::Words; 2];
     /// Lane k is bit k.
     fn mask(self, bits: u32) -> Self::Mask;
     /// Bit k is that of lane k.

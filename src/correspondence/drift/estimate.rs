@@ -9,6 +9,7 @@ use crate::phase::PhaseMap;
 use super::super::delta_statistics::DeltaStatistics;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
+use super::super::surfaces::Decided;
 use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
 use super::place::{DepthRow, Places, Polynomial, TERMS};
@@ -32,16 +33,13 @@ const LEADING_MODES: usize = 6;
 const FEW_FALSE_CANDIDATES: f64 = 0.3;
 /// Share of pixels with a true candidate below which the scene may lie beyond the volume.
 const MOST_PIXELS: f64 = 0.7;
-/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates. The
-/// later rounds, far behind or before the volume, are for scenes that the first one does not explain.
-const SEGMENTS_BEYOND: [[f32; 2]; 3] = [[0.5, 1.0], [1.0, 3.0], [3.0, 6.0]];
+/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates.
+const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
 /// sd of δ on rigs calibrated as is usual, rad.
 const USUAL_SD_RAD: f64 = 0.06;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
 const MODEL_SD_TURNS: f64 = 0.0012;
-/// Improbability, nats, from which a field that explains most pixels is not enough to look no farther (errors of 1.1 px).
-const POSSIBLE_NATS: f64 = 2.6;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -70,8 +68,6 @@ pub struct Drift {
     pub error_px: f64,
     /// Share of pixels with a true candidate among theirs.
     pub share: f64,
-    /// Whether too few pixels agree within a segment of the volume: part of the scene may lie far beyond it.
-    pub is_far_beyond: bool,
 }
 
 impl Default for Drift {
@@ -86,7 +82,6 @@ impl Default for Drift {
             rms_rad: 0.0,
             error_px: 0.0,
             share: 1.0,
-            is_far_beyond: false,
         }
     }
 }
@@ -94,9 +89,14 @@ impl Default for Drift {
 impl Drift {
     /// No drift but a constant: δ of true candidates has one mean everywhere.
     fn constant(delta: &DeltaStatistics) -> Self {
+        Self::level(delta.mean_rad, delta.sd_rad)
+    }
+
+    /// No drift but a mean, rad, with such an sd about it.
+    pub(in super::super) fn level(mean_rad: f64, sd_rad: f64) -> Self {
         let mut field = [0.0; TERMS];
-        field[0] = delta.mean_rad / TAU;
-        Self { field, mean_rad: delta.mean_rad, residual_sd_rad: delta.sd_rad, ..Self::default() }
+        field[0] = mean_rad / TAU;
+        Self { field, mean_rad, residual_sd_rad: sd_rad, ..Self::default() }
     }
 
     fn new(modes: &DriftModes, guess: &Guess) -> Self {
@@ -116,7 +116,6 @@ impl Drift {
             rms_rad: squares.sqrt() * TAU,
             error_px: errors.sqrt(),
             share: guess.share,
-            is_far_beyond: false,
         }
     }
 
@@ -152,7 +151,7 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    DriftRoom::default().estimate((cam1, cam2), table, delta, false)
+    DriftRoom::default().estimate((cam1, cam2), table, delta)
 }
 
 /// Memory in which the drift is estimated, to be used from window to window.
@@ -162,19 +161,44 @@ pub(in super::super) struct DriftRoom {
     sample: Sample,
     thinned: Sample,
     solver: Solver,
+    /// What decided candidates showed last.
+    found: Guess,
 }
 
 impl DriftRoom {
-    /// As [`estimate_drift`]; far beyond the volume even where a field that explains most pixels was found, if so asked and that
-    /// is no likely one.
+    /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of
+    /// false ones over so many turns; they are such a share of the image. `None` where nothing was decided. A drift that is no level is that which was found
+    /// last.
+    pub(in super::super) fn of_decided(
+        &mut self,
+        table: &SegmentTable,
+        decided: &[Decided],
+        share: f64,
+        spread_turns: f32,
+        (known, sd_rad): (&Drift, f64),
+    ) -> Option<Drift> {
+        let modes = table.drift_modes()?;
+        if !self.sample.take_decided(modes, decided, share, f64::from(spread_turns)) {
+            return None;
+        }
+        let level = DeltaStatistics { mean_rad: known.mean_rad, sd_rad, ..DeltaStatistics::default() };
+        let mut guess = still(modes, &level);
+        if known.error_px > 0.0 {
+            guess.coefficients = self.found.coefficients.clone();
+        }
+        self.sample.refine(&mut guess, LAST_STEPS, &mut self.solver);
+        self.found = guess;
+        Some(Drift::new(modes, &self.found))
+    }
+
+    /// As [`estimate_drift`].
     pub(in super::super) fn estimate(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,
         delta: &DeltaStatistics,
-        looks_far: bool,
     ) -> Drift {
-        let Self { usable, sample, thinned, solver } = self;
+        let Self { usable, sample, thinned, solver, .. } = self;
         let Some(modes) = table.drift_modes() else { return Drift::constant(delta) };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
@@ -187,27 +211,18 @@ impl DriftRoom {
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
         let mut best = best_start(thinned, modes, delta, solver);
-        let mut is_far_beyond = false;
-        for (round, shares) in SEGMENTS_BEYOND.into_iter().enumerate() {
-            let (explains_most, is_possible) = (best.share >= MOST_PIXELS, best.improbability() < POSSIBLE_NATS);
-            // A plausible field beyond the volume explains what lies in shadow as little as one within.
-            let is_enough = best.is_plausible() && (round > 0 || explains_most);
-            if is_enough || (round > 0 && explains_most && is_possible && !looks_far) {
-                break;
-            }
-            is_far_beyond |= round > 0 && best.share < MOST_PIXELS;
-            let wider = shares.map(|share| {
+        if !(best.is_plausible() && best.share >= MOST_PIXELS) {
+            let wider = SEGMENTS_BEYOND.map(|share| {
                 let mut wide = Sample::default();
                 take(&mut wide, share).then_some(wide)
             });
-            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best, round > 0) {
+            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
                 (best, *sample) = (beyond, wide);
-                is_far_beyond |= round > 0;
             }
         }
         best.sd_turns *= LAST_WIDENING;
         sample.refine(&mut best, LAST_STEPS, solver);
-        Drift { is_far_beyond, ..Drift::new(modes, &best) }
+        Drift::new(modes, &best)
     }
 }
 
@@ -236,14 +251,12 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
 }
 
 /// The best guess of those that begin with wider samples, with the widest, if it explains that better than the guess within
-/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used. Far beyond no fields are drawn: there
-/// are too many candidates for a draw to be told from chance.
+/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used.
 fn better_beyond<const N: usize>(
     wider: [Option<Sample>; N],
     modes: &DriftModes,
     delta: &DeltaStatistics,
     within: &Guess,
-    is_far: bool,
 ) -> Option<(Guess, Sample)> {
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
@@ -253,8 +266,7 @@ fn better_beyond<const N: usize>(
     let starts = |sample: &Sample| {
         let mut from_usual = still(modes, &usual);
         sample.refine(&mut from_usual, STEPS, &mut solver);
-        let drawn = (!is_far).then(|| best_start(sample, modes, &delta, &mut solver));
-        drawn.into_iter().chain([from_usual])
+        [best_start(sample, modes, &delta, &mut solver), from_usual]
     };
     let guesses = thinned.iter().flatten().flat_map(starts).collect();
     let judge = thinned.iter().flatten().last()?;

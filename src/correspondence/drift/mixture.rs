@@ -14,6 +14,7 @@ use super::super::decay::decay;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::row_view::RowView;
 use super::super::segment_table::SegmentTable;
+use super::super::surfaces::Decided;
 use super::modes::{DriftModes, MAX_MODES};
 
 /// Share of pixels that may have no true candidate.
@@ -40,7 +41,7 @@ const FASTEST_SHRINK: f64 = 0.6;
 const SETTLED: f64 = 0.995;
 
 /// A field of δ and how far true candidates scatter about it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Guess {
     pub(super) coefficients: Coefficients,
     pub(super) sd_turns: f64,
@@ -110,6 +111,8 @@ pub(super) struct Sample {
     columns: usize,
     /// How many pixels tell something of their own.
     independent: f64,
+    /// Turns over which δ of false candidates is spread.
+    spread_turns: f64,
 }
 
 impl Sample {
@@ -131,6 +134,7 @@ impl Sample {
         self.clear();
         self.columns = 1 + modes.fields.len();
         self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        self.spread_turns = 1.0;
         for &i in usable.every(stride) {
             let (segment, before) = (table.segment(i), self.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
@@ -150,6 +154,28 @@ impl Sample {
             if self.delta_turns.len() > before {
                 self.first.push(self.delta_turns.len());
             }
+        }
+        self.pixels() > 0
+    }
+
+    /// Takes candidates of which each is the only one of its pixel, where such a share of the image has a phase; whether there
+    /// is one.
+    pub(super) fn take_decided(
+        &mut self,
+        modes: &DriftModes,
+        decided: &[Decided],
+        share: f64,
+        spread_turns: f64,
+    ) -> bool {
+        self.spread_turns = spread_turns;
+        self.clear();
+        self.columns = 1 + modes.fields.len();
+        self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        for &Decided { pixel, column_px, delta_turns, .. } in decided {
+            self.delta_turns.push(to_half_turn(f64::from(delta_turns)));
+            self.design.push(1.0);
+            modes.by_term.tell(pixel, column_px, &mut self.design);
+            self.first.push(self.delta_turns.len());
         }
         self.pixels() > 0
     }
@@ -178,6 +204,7 @@ impl Sample {
         let step = (self.pixels() / pixels.max(1)).max(1);
         thinned.clear();
         (thinned.columns, thinned.independent) = (self.columns, self.independent);
+        thinned.spread_turns = self.spread_turns;
         for pixel in (0..self.pixels()).step_by(step) {
             let range = self.first[pixel]..self.first[pixel + 1];
             thinned.design.extend(&self.design[range.start * self.columns..range.end * self.columns]);
@@ -252,7 +279,7 @@ impl Kernel for SumKernel<'_> {
         let Self { sample, guess, solver: Solver { sums, likely, .. } } = self;
         sums.begin(sample.columns);
         // Density of false candidates where a true one has density 1.
-        let false_density = TAU.sqrt() * guess.sd_turns * sample.mean_candidates() / 2.0;
+        let false_density = TAU.sqrt() * guess.sd_turns * sample.mean_candidates() / (2.0 * sample.spread_turns);
         for ends in sample.first.windows(2) {
             likely.clear();
             for j in ends[0]..ends[1] {

@@ -7,7 +7,8 @@
 //! 1. *place*: coordinates of a candidate in which such fields are smooth, and polynomials in them;
 //! 2. *modes*: the fields that errors of this rig's calibration can cause at all, in order of their strength: once a rig;
 //! 3. *mixture*: candidates of a sample of pixels, of which one each is true, or none;
-//! 4. *estimate*: the field of one pair of images, by expectation maximization from several starts;
+//! 4. *estimate*: the field of one pair of images, by expectation maximization from candidates that surfaces decided, else from
+//!    all candidates and several starts;
 //! 5. *map*: the field over the pixels of C1, for people.
 //!
 //! A wrong fringe order that is consistent over a large part of the image looks like a field too, but a field that only
@@ -23,4 +24,4 @@ pub(super) use estimate::DriftRoom;
 pub use estimate::{Drift, estimate_drift};
 pub use map::DriftMap;
 pub use modes::DriftModes;
-pub(super) use place::{DepthPolynomial, DepthRow, EDGE};
+pub(super) use place::{DepthBlock, DepthPolynomial, DepthRow};

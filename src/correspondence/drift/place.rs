@@ -5,15 +5,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::super::wide::load;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
 /// Their terms: all monomials in x, y and d up to the degree.
 pub(super) const TERMS: usize = 56;
-/// |d| beyond which a polynomial goes on straight: it was fitted to |d| of 2 at most, and its powers explode far beyond. Nearer
-/// than this they are more exact than a straight line, by what large errors of the calibration need.
-pub(in super::super) const EDGE: f32 = 3.0;
+/// |d| beyond which a polynomial goes on straight: it was fitted to |d| of 2 at most, and its powers explode far beyond. Up to
+/// here they are more exact than a straight line, which matters where errors of the calibration are large.
+const EDGE: f32 = 3.0;
 /// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
 const STRIDE: usize = 8;
 
@@ -139,11 +140,11 @@ const BLOCK: usize = 16;
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct DepthRow {
     /// Factor of dᵏ of each pixel at `[k]`.
-    pub(in super::super) coefficients: [Vec<f32>; DEGREE + 1],
+    coefficients: [Vec<f32>; DEGREE + 1],
     /// Where d is 0, pixels.
-    pub(in super::super) middle_px: Vec<f32>,
+    middle_px: Vec<f32>,
     /// d a pixel.
-    pub(in super::super) per_px: f32,
+    per_px: f32,
     /// x of each pixel, and what it was found with.
     x: Vec<f64>,
     half_px: f64,
@@ -156,6 +157,48 @@ impl DepthRow {
         let mut coefficients = [0.0; DEGREE + 1];
         coefficients.iter_mut().zip(&self.coefficients).for_each(|(c, of_pixels)| *c = of_pixels[u]);
         DepthPolynomial { coefficients, middle_px: self.middle_px[u], per_px: self.per_px }
+    }
+}
+
+/// A field along the segments of some pixels.
+pub(in super::super) struct DepthBlock<L: Lanes> {
+    pub(in super::super) coefficients: [L::Floats; DEGREE + 1],
+    pub(in super::super) middle_px: L::Floats,
+    pub(in super::super) per_px: f32,
+}
+
+impl DepthRow {
+    /// Those of a block of pixels from one on.
+    #[inline(always)]
+    pub(in super::super) fn block<L: Lanes>(&self, lanes: L, first: usize) -> DepthBlock<L> {
+        // Written out: no closure may stand between the kernel and its instructions.
+        let c = &self.coefficients;
+        let coefficients = [
+            load(lanes, &c[0], first),
+            load(lanes, &c[1], first),
+            load(lanes, &c[2], first),
+            load(lanes, &c[3], first),
+            load(lanes, &c[4], first),
+            load(lanes, &c[5], first),
+        ];
+        DepthBlock { coefficients, middle_px: load(lanes, &self.middle_px, first), per_px: self.per_px }
+    }
+}
+
+impl<L: Lanes> DepthBlock<L> {
+    /// Its values at columns, as [`DepthPolynomial::at`] has them.
+    #[inline(always)]
+    pub(in super::super) fn at(&self, lanes: L, column_px: L::Floats) -> L::Floats {
+        let place = lanes.times_float(lanes.sub_float(column_px, self.middle_px), lanes.float(self.per_px));
+        let d = lanes.min_float(lanes.max_float(place, lanes.float(-EDGE)), lanes.float(EDGE));
+        let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
+        let [c0, c1, c2, c3, c4, c5] = self.coefficients;
+        let (v4, r4) = (then(c5, c4), c5);
+        let (v3, r3) = (then(v4, c3), then(r4, v4));
+        let (v2, r2) = (then(v3, c2), then(r3, v3));
+        let (v1, r1) = (then(v2, c1), then(r2, v2));
+        let (value, rise) = (then(v1, c0), then(r1, v1));
+        lanes.add_float(value, lanes.times_float(rise, lanes.sub_float(place, d)))
     }
 }
 
@@ -196,11 +239,11 @@ impl Kernel for DepthKernel<'_> {
 }
 
 /// A field along one segment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(in super::super) struct DepthPolynomial {
-    coefficients: [f32; DEGREE + 1],
-    middle_px: f32,
-    per_px: f32,
+    pub(in super::super) coefficients: [f32; DEGREE + 1],
+    pub(in super::super) middle_px: f32,
+    pub(in super::super) per_px: f32,
 }
 
 impl DepthPolynomial {

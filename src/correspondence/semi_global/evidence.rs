@@ -10,10 +10,10 @@ use crate::phase::Modulation;
 use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::drift::DepthRow;
+use super::super::outlook::Outlook;
 use super::super::segment::SegmentRow;
 use super::super::wide::{BLOCK, Ends, block_of_mut};
 use super::bands::{self, BAND_ROWS};
-use super::outlook::Outlook;
 use super::wide::{self, BestOfBlock, EvidenceRoom, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
@@ -207,16 +207,16 @@ impl Evidence {
         scene: &Scene<'_>,
         windows: &mut Windows,
         scale: &DeltaScale,
+        outside: &[bool],
         passing: &mut Vec<u8>,
     ) {
         let (pixels, energies) = (scene.cam1.phase.len(), Energies::new());
-        windows.ready(scene);
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
         }
         loop {
-            let most = self.gather_into(scene, windows, scale, &energies, passing);
+            let most = self.gather_into(scene, windows, scale, outside, &energies, passing);
             if most <= windows.lanes {
                 return;
             }
@@ -230,6 +230,7 @@ impl Evidence {
         scene: &Scene<'_>,
         windows: &mut Windows,
         scale: &DeltaScale,
+        outside: &[bool],
         energies: &Energies,
         passing: &mut [u8],
     ) -> usize {
@@ -249,8 +250,9 @@ impl Evidence {
                 room.row.turn_to(scene, scale, v);
                 let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
                 let own = v * width..(v + 1) * width;
-                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
-                WindowRow { reach, segments: &room.row.segments, phase, valid, first, count }.ask();
+                let (phase, valid, outside) =
+                    (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()], &outside[own]);
+                WindowRow { reach, segments: &room.row.segments, phase, valid, outside, first, count }.ask();
                 room.most = count.iter().fold(room.most, |most, &count| most.max(usize::from(count)));
                 if room.most > lanes {
                     continue;
@@ -421,7 +423,7 @@ mod tests {
         let scene = test_scene.scene();
         let (scale, energies, width) = (DeltaScale::of(&scene), Energies::new(), scene.cam1.width);
         let (mut windows, mut row, mut known) = (Windows::default(), OutlookRow::default(), 0);
-        windows.ready(&scene);
+        windows.ready(&scene, false);
         let reach = windows.reach;
         for lanes in [windows.lanes + 8, windows.lanes + 16] {
             for v in 0..scene.cam1.height {
@@ -429,8 +431,9 @@ mod tests {
                 let (mut first, mut count) = (vec![0; width], vec![0; width]);
                 let own = v * width..(v + 1) * width;
                 let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
-                let window =
-                    WindowRow { reach, segments: &row.segments, phase, valid, first: &mut first, count: &mut count };
+                let (segments, outside) = (&row.segments, &vec![false; width]);
+                let (own_first, own_count) = (&mut first, &mut count);
+                let window = WindowRow { reach, segments, phase, valid, outside, first: own_first, count: own_count };
                 window.ask();
                 let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
                     let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);

@@ -25,12 +25,11 @@ mod confidence;
 mod evidence;
 mod grounds;
 mod links;
-mod outlook;
 mod paths;
 mod selection;
 mod strips;
 #[cfg(test)]
-mod test_scene;
+pub(super) mod test_scene;
 mod verification;
 mod wide;
 mod windows;
@@ -44,6 +43,7 @@ use super::outcome::Outcome;
 use super::pool::Pool;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
+use super::surfaces::{self, View};
 use super::{bands, claims, explanation, places, regions};
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
@@ -53,6 +53,7 @@ use evidence::{DeltaScale, Evidence};
 use paths::{PathRoom, Verdicts};
 use selection::Selection;
 use verification::VerificationRoom;
+pub(super) use windows::Reach;
 use windows::Windows;
 
 /// Evidence and energies are whole numbers: so many a nat.
@@ -88,6 +89,9 @@ pub(super) struct Limits {
 /// Room for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
+    pub(super) surfaces: surfaces::Room,
+    /// Whether a pixel is known to see something outside the volume.
+    outside: Vec<bool>,
     windows: Windows,
     evidence: Evidence,
     paths: PathRoom,
@@ -106,13 +110,19 @@ impl Room {
         decisions: &mut Decisions<'_>,
         grounds: Option<&mut Vec<Grounds>>,
     ) {
-        let Self { windows, evidence, paths, verdicts, selection, verification, segments } = self;
+        let Self { surfaces, outside, windows, evidence, paths, verdicts, selection, verification, segments } = self;
         let scale = DeltaScale::of(scene);
-        evidence.gather(scene, windows, &scale, decisions.passing);
+        let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
+        let near_px = windows.near_px(scene.table);
+        windows.ready(scene, surfaces.mark_outside(view, scene.drift, near_px, outside));
+        evidence.gather(scene, windows, &scale, outside, decisions.passing);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
         let decided = verification::Decided { verdicts, links: &paths.links };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
+        for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {
+            *outcome = Outcome::OutsideVolume;
+        }
         explanation::explain(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
     }
 }

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use super::super::candidates::Candidate;
 pub(super) use super::super::neighbourhood::ABSENT;
 use super::super::neighbourhood::TURN;
+use super::super::outlook::Outlook;
 use super::super::wide::{BLOCK, block_of_mut};
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::evidence::{DeltaScale, OutlookRow};
-use super::outlook::Outlook;
 use super::places::{PlaceRow, Places};
 use super::wide::SelectionRoom;
 use super::windows::{Reach, Windows};
@@ -316,7 +316,9 @@ mod tests {
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
         let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
-        evidence.gather(&scene, &mut windows, &scale, &mut Vec::new());
+        let outside = vec![false; scene.cam1.phase.len()];
+        windows.ready(&scene, false);
+        evidence.gather(&scene, &mut windows, &scale, &outside, &mut Vec::new());
         let (reach, mut found) = (windows.reach, 0);
         for v in 0..scene.cam1.height {
             row.turn_to(&scene, &scale, v);

@@ -1,7 +1,7 @@
 //! A plane with noise and holes, on which kernels are held to what is said pixel by pixel.
 
 use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
-use crate::correspondence::{DeltaHistogram, ResolutionSettings, measure_delta};
+use crate::correspondence::{DeltaHistogram, DeltaStatistics, ResolutionSettings, measure_delta};
 use crate::geometry::{MeasurementVolume, Point3, Pose};
 use crate::phase::{AbsolutePhase, Modulation, PhaseMap};
 
@@ -11,15 +11,18 @@ use super::super::segment_table::SegmentTable;
 use super::Scene;
 
 /// What a scene reads.
-pub(super) struct TestScene {
-    cam1: PhaseMap,
-    cam2: EpipolarImage,
-    table: SegmentTable,
+pub(in super::super) struct TestScene {
+    pub(in super::super) cam1: PhaseMap,
+    pub(in super::super) cam2: EpipolarImage,
+    pub(in super::super) table: SegmentTable,
+    pub(in super::super) delta: DeltaStatistics,
+    /// True absolute phase of C1, turns.
+    pub(in super::super) turns: Vec<f32>,
     drift: Drift,
 }
 
 impl TestScene {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         let plane = Plane::new();
         let (min, max) = (Point3::new(-0.1, -0.1, 0.26), Point3::new(0.1, 0.1, 0.34));
         let volume = MeasurementVolume::new(Pose::identity(), min, max).unwrap();
@@ -29,7 +32,7 @@ impl TestScene {
         let histogram = DeltaHistogram::of_all_candidates(&cam1, &cam2, &table, 0);
         let delta = measure_delta(&cam1, &cam2, &table, &histogram, &ResolutionSettings::default()).unwrap();
         let drift = estimate_drift(&cam1, &cam2, &table, &delta);
-        Self { cam1, cam2, table, drift }
+        Self { cam1, cam2, table, delta, turns: plane.cam1_columns().turns, drift }
     }
 
     pub(super) fn scene(&self) -> Scene<'_> {

@@ -13,7 +13,7 @@ use super::Scene;
 const BEYOND_VOLUME: f32 = 0.5;
 const ORDERS_BEYOND: f32 = 9.0;
 const FEW_ORDERS: f32 = 2.0;
-/// How far segments reach, in their length, where the drift says that part of the scene lies far beyond the volume.
+/// How far segments reach, in their length, where part of the scene lies far beyond the volume.
 const FAR_BEYOND_VOLUME: f32 = 6.0;
 /// Pixels of C1 of which one is asked for the mean number of orders on a segment.
 const STRIDE: usize = 97;
@@ -34,13 +34,15 @@ pub(super) struct Windows {
     /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
-    /// The table that room and reach were found for, and whether part of the scene lay far beyond the volume.
+    /// The table that room and reach were found for, and whether part of the scene lies far beyond the volume.
     found_for: Option<(Fingerprint, bool)>,
+    /// The table for which it was found how far segments reach usually, and how far, pixels.
+    near: Option<(Fingerprint, f32)>,
 }
 
 /// The columns in which candidates are sought.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reach {
+pub(in super::super) struct Reach {
     /// How far segments reach beyond the volume, pixels of the epipolar frame.
     pub(super) beyond_px: f32,
     /// Last column of the epipolar frame, pixels.
@@ -48,26 +50,37 @@ pub(super) struct Reach {
 }
 
 impl Windows {
-    /// Makes ready for a scene: what depends on the table and on the reach alone is found once. There may be pixels with more
+    /// Makes ready for a scene: what depends on the table and the reach alone is found once. There may be pixels with more
     /// orders than there is room for; see [`Self::grow`].
-    pub(super) fn ready(&mut self, scene: &Scene<'_>) {
+    pub(super) fn ready(&mut self, scene: &Scene<'_>, looks_far: bool) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);
-        let is_far_beyond = scene.drift.is_far_beyond;
-        let found_for = Some((scene.table.fingerprint, is_far_beyond));
+        let found_for = Some((scene.table.fingerprint, looks_far));
         if self.found_for == found_for {
             return;
         }
         self.found_for = found_for;
-        let length_px = scene.table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32);
-        let orders = mean_orders(scene.table);
-        let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
-        let near = wanted.clamp(BEYOND_VOLUME, 1.0);
-        let beyond_px = length_px * if is_far_beyond { FAR_BEYOND_VOLUME } else { near };
+        let length_px = length_px(scene.table);
+        let near_px = self.near_px(scene.table);
+        let beyond_px = if looks_far { FAR_BEYOND_VOLUME * length_px } else { near_px };
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         self.reach = Reach { beyond_px, last_column_px };
         self.lanes = 0;
         self.grow(usual_orders(scene.table, self.reach));
+    }
+
+    /// How far segments reach beyond the volume where nothing is known to lie farther, pixels.
+    pub(super) fn near_px(&mut self, table: &SegmentTable) -> f32 {
+        match self.near {
+            Some((found_for, near_px)) if found_for == table.fingerprint => near_px,
+            _ => {
+                let orders = mean_orders(table);
+                let wanted = if orders < FEW_ORDERS { BEYOND_VOLUME } else { ORDERS_BEYOND / orders };
+                let near_px = length_px(table) * wanted.clamp(BEYOND_VOLUME, 1.0);
+                self.near = Some((table.fingerprint, near_px));
+                near_px
+            }
+        }
     }
 
     /// Makes room for so many orders of a pixel.
@@ -79,7 +92,7 @@ impl Windows {
 impl Reach {
     /// First and last column at which candidates of a segment are sought, pixels.
     #[inline(always)]
-    pub(super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
+    pub(in super::super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
         [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
     }
 }
@@ -90,6 +103,8 @@ pub(super) struct WindowRow<'a> {
     pub(super) segments: &'a SegmentRow,
     pub(super) phase: &'a [u16],
     pub(super) valid: &'a [bool],
+    /// Pixels that are known to see something outside the volume: they are not asked.
+    pub(super) outside: &'a [bool],
     pub(super) first: &'a mut [i16],
     pub(super) count: &'a mut [u8],
 }
@@ -105,17 +120,18 @@ impl Kernel for WindowRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { reach, segments: s, phase, valid, first, count } = self;
+        let Self { reach, segments: s, phase, valid, outside, first, count } = self;
         let width = phase.len();
         let (begin, end, reference) = (&s.begin_px[..width], &s.end_px[..width], &s.reference_px[..width]);
         let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
-        let (valid, first, count) = (&valid[..width], &mut first[..width], &mut count[..width]);
+        let (valid, outside) = (&valid[..width], &outside[..width]);
+        let (first, count) = (&mut first[..width], &mut count[..width]);
         let mut all_fit = true;
         for u in 0..width {
             let limits_px = reach.limits_px([begin[u], end[u]]);
             let phase_turns = f32::from(phase[u]) / 65536.0;
             let (least, orders) = orders(limits_px, reference[u], [a[u], b[u], d[u]], phase_turns);
-            let is_asked = valid[u] & (begin[u] <= end[u]);
+            let is_asked = valid[u] & !outside[u] & (begin[u] <= end[u]);
             all_fit &= !is_asked | fits(least, orders);
             first[u] = if is_asked { least as i16 } else { 0 };
             count[u] = if is_asked { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
@@ -149,6 +165,11 @@ fn orders([first_px, last_px]: [f32; 2], reference_px: f32, [a, b, d]: [f32; 3],
     let at_last = (a + b * t) / (1.0 + d * t) - phase_turns;
     let least = (at_first.min(at_last) - DELTA_MARGIN_TURNS).ceil();
     (least, (at_first.max(at_last) + DELTA_MARGIN_TURNS).floor() - least + 1.0)
+}
+
+/// Mean length of a segment, pixels.
+fn length_px(table: &SegmentTable) -> f32 {
+    table.drift_modes().map_or(0.0, |modes| 2.0 * modes.half_segment_px() as f32)
 }
 
 /// Mean rise of Φ over a segment, turns; at least one.

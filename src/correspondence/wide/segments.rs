@@ -1,9 +1,8 @@
 //! The segments of 32 pixels.
 
-use crate::simd::Lanes;
+use crate::simd::{Lanes, filled};
 
 use super::super::segment::SegmentRow;
-use super::block_of;
 
 /// The segments of 32 pixels: see [`super::super::segment::Segment`].
 pub(in super::super) struct Segments<L: Lanes> {
@@ -52,8 +51,9 @@ impl<L: Lanes> Segments<L> {
     }
 }
 
-/// The floats of a block. No closure: what is not inlined at once would be calls of single instructions.
+/// The floats of a block, zeros beyond the end of the row. No closure: what is not inlined at once would be calls of single
+/// instructions.
 #[inline(always)]
 pub(in super::super) fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
-    lanes.load_floats(block_of(row, first))
+    lanes.load_floats(&filled(&row[first..], 0.0))
 }

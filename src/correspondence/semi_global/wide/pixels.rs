@@ -2,9 +2,9 @@
 
 use crate::simd::Lanes;
 
-use super::super::super::drift::EDGE;
+use super::super::super::drift::DepthBlock;
+use super::super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::super::super::wide::{Segments, block_of, load};
-use super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
 use super::Row;
 
 /// Most columns of an interval.
@@ -28,9 +28,7 @@ pub(super) struct Pixels<L: Lanes> {
     least: L::Floats,
     most: L::Floats,
     phase_turns: L::Floats,
-    drift: [L::Floats; 6],
-    middle_px: L::Floats,
-    per_px: L::Floats,
+    drift: DepthBlock<L>,
     pub(super) sd_turns: L::Floats,
 }
 
@@ -49,7 +47,7 @@ impl<L: Lanes> Pixels<L> {
     /// Those of a row from `first` on; and which of them are regular.
     #[inline(always)]
     pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
-        let (segments, c) = (Segments::of(lanes, row.segments, first), &row.drift.coefficients);
+        let segments = Segments::of(lanes, row.segments, first);
         let beyond = lanes.float(row.reach.beyond_px);
         let zero = lanes.float(0.0);
         let phases = lanes.floats(lanes.widen_unsigned(lanes.load(block_of(row.phase, first))));
@@ -62,16 +60,7 @@ impl<L: Lanes> Pixels<L> {
             least: zero,
             most: zero,
             phase_turns: lanes.times_float(phases, lanes.float(1.0 / 65536.0)),
-            drift: [
-                load(lanes, &c[0], first),
-                load(lanes, &c[1], first),
-                load(lanes, &c[2], first),
-                load(lanes, &c[3], first),
-                load(lanes, &c[4], first),
-                load(lanes, &c[5], first),
-            ],
-            middle_px: load(lanes, &row.drift.middle_px, first),
-            per_px: lanes.float(row.drift.per_px),
+            drift: row.drift.block(lanes, first),
             sd_turns: load(lanes, row.sd_turns, first),
         };
         let (at_first, at_last) =
@@ -87,17 +76,7 @@ impl<L: Lanes> Pixels<L> {
 
     #[inline(always)]
     pub(super) fn drift_at(&self, column_px: L::Floats) -> L::Floats {
-        let lanes = self.lanes;
-        let place = lanes.times_float(lanes.sub_float(column_px, self.middle_px), self.per_px);
-        let d = lanes.min_float(lanes.max_float(place, lanes.float(-EDGE)), lanes.float(EDGE));
-        let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
-        let [c0, c1, c2, c3, c4, c5] = self.drift;
-        let (v4, r4) = (then(c5, c4), c5);
-        let (v3, r3) = (then(v4, c3), then(r4, v4));
-        let (v2, r2) = (then(v3, c2), then(r3, v3));
-        let (v1, r1) = (then(v2, c1), then(r2, v2));
-        let (value, rise) = (then(v1, c0), then(r1, v1));
-        lanes.add_float(value, lanes.times_float(rise, lanes.sub_float(place, d)))
+        self.drift.at(self.lanes, column_px)
     }
 
     #[inline(always)]

@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use super::super::drift::{DepthPolynomial, DepthRow};
-use super::super::row_view::RowView;
-use super::super::segment::{Segment, SegmentRow};
-use super::Scene;
-use super::windows::Reach;
+use super::drift::{DepthPolynomial, DepthRow};
+use super::epipolar_image::EpipolarImage;
+use super::row_view::RowView;
+use super::segment::{Segment, SegmentRow};
+use super::semi_global::{Reach, Scene};
 
 /// Columns by which an interval is widened against rounding.
 pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
@@ -35,15 +35,21 @@ impl<'a> Outlook<'a> {
     ) -> Self {
         let segment = segments.segment(u);
         let limits_px = reach.limits_px(segment.limits_px());
+        let phase = scene.cam1.phase[v * scene.cam1.width + u];
+        Self::within(scene.cam2, segment, drift.segment(u), phase, limits_px)
+    }
+
+    /// That of a pixel with such a phase, within such columns.
+    pub(super) fn within(
+        cam2: &'a EpipolarImage,
+        segment: Segment,
+        drift: DepthPolynomial,
+        phase: u16,
+        limits_px: [f32; 2],
+    ) -> Self {
         let [a, b] = limits_px.map(|column_px| segment.phase_turns(column_px));
-        Self {
-            row: RowView::new(scene.cam2, segment.row_px),
-            segment,
-            drift: drift.segment(u),
-            limits_px,
-            phase_range_turns: [a.min(b), a.max(b)],
-            phase: scene.cam1.phase[v * scene.cam1.width + u],
-        }
+        let phase_range_turns = [a.min(b), a.max(b)];
+        Self { row: RowView::new(cam2, segment.row_px), segment, drift, limits_px, phase_range_turns, phase }
     }
 
     /// Φ less the drift and the phase of the pixel at a column, turns: the order, and what is left of δ.
@@ -82,6 +88,19 @@ impl<'a> Outlook<'a> {
         // What the middle is clamped by widens the interval on the other side: it must reach as far as before.
         let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
         Some([column_px - half_px, column_px + half_px])
+    }
+
+    /// The candidate of an order with the least |δ − drift|, if that is less than `reach_turns`: δ − drift, turns, and column.
+    pub(super) fn nearest(&self, order: i32, reach_turns: f32) -> Option<(f32, f32)> {
+        let mut best: Option<(f32, f32)> = None;
+        self.crossings(self.columns_of(order, reach_turns)?, |column_px, _| {
+            let (found, rest) = self.order_and_rest(column_px);
+            let least = best.map_or(reach_turns, |(least, _)| least.abs());
+            if found == order && rest.abs() < least {
+                best = Some((rest, column_px));
+            }
+        });
+        best
     }
 
     /// Tells of all crossings in an interval of columns: column and slope.

@@ -1,0 +1,94 @@
+//! The orders of nodes by belief propagation along surfaces.
+//!
+//! ```text
+//! for some rounds, nodes forwards and backwards in turn, for each side with a neighbour:
+//!     t(k) = evidence(k) + messages from all sides but that one
+//!     message(k) = max( t(k), max t − PRICE ) − max t
+//! decided: the label with the greatest belief, evidence and all messages; its lead over the next best
+//! ```
+
+use super::nodes::{NONE, Node};
+use super::{FULL_SCORE, LABELS};
+use crate::simd::{self, Kernel, Lanes, Level};
+
+/// Price of a change of order along a surface, pixels that fit.
+const PRICE: i16 = 10 * FULL_SCORE;
+/// Rounds.
+const ROUNDS: usize = 6;
+
+type Labels = [i16; LABELS];
+
+/// Decides all nodes from the evidence of each label, in memory for messages.
+pub(super) fn decide(nodes: &mut [Node], evidence: &[Labels], messages: &mut Vec<[Labels; 4]>) {
+    messages.clear();
+    messages.resize(nodes.len(), [[0; LABELS]; 4]);
+    simd::run(Level::in_use(), Propagation { nodes, evidence, messages });
+}
+
+struct Propagation<'a> {
+    nodes: &'a mut [Node],
+    evidence: &'a [Labels],
+    messages: &'a mut [[Labels; 4]],
+}
+
+impl Kernel for Propagation<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { nodes, evidence, messages } = self;
+        for round in 0..ROUNDS {
+            for i in 0..nodes.len() {
+                let node = if round % 2 == 0 { i } else { nodes.len() - 1 - i };
+                let belief = belief(&evidence[node], &messages[node]);
+                for side in 0..4 {
+                    let other = nodes[node].beside[side];
+                    if other != NONE {
+                        let sent = message(&belief, &messages[node][side]);
+                        messages[other as usize][side ^ 1] = sent;
+                    }
+                }
+            }
+        }
+        for ((node, evidence), messages) in nodes.iter_mut().zip(evidence).zip(&*messages) {
+            let belief = belief(evidence, messages);
+            let (mut label, mut best, mut second) = (0, i16::MIN, i16::MIN);
+            for (k, &b) in belief.iter().enumerate() {
+                if b > best {
+                    (label, second, best) = (k, best, b);
+                } else {
+                    second = second.max(b);
+                }
+            }
+            node.label = label as u8;
+            node.lead = (f32::from(best) - f32::from(second)) / f32::from(FULL_SCORE);
+            node.fitting = f32::from(evidence[label]) / f32::from(FULL_SCORE);
+            node.best_fitting = f32::from(evidence.iter().copied().fold(0, i16::max)) / f32::from(FULL_SCORE);
+        }
+    }
+}
+
+#[inline(always)]
+fn belief(evidence: &Labels, messages: &[Labels; 4]) -> Labels {
+    let mut sums = *evidence;
+    for message in messages {
+        for k in 0..LABELS {
+            sums[k] += message[k];
+        }
+    }
+    sums
+}
+
+#[inline(always)]
+fn message(belief: &Labels, received: &Labels) -> Labels {
+    let mut sent = [0; LABELS];
+    let mut most = i16::MIN;
+    for k in 0..LABELS {
+        sent[k] = belief[k] - received[k];
+        most = most.max(sent[k]);
+    }
+    for k in 0..LABELS {
+        sent[k] = (sent[k] - most).max(-PRICE);
+    }
+    sent
+}

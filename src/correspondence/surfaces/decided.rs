@@ -1,0 +1,141 @@
+//! Candidates that were decided by their nodes, from which the drift is estimated.
+//!
+//! ```text
+//! some pixels of nodes that lead clearly: the candidate of the decided order, where it lies near the volume
+//! parts: neighbouring nodes of one surface with one order
+//! a part tells of the drift if δ scatters little over it: over a surface that lies elsewhere δ of a wrong order is anything
+//! ```
+
+use super::super::drift::Drift;
+use super::super::outlook::Outlook;
+use super::evidence::{Room, RowRoom, View};
+use super::nodes::{NONE, Node, Piece};
+use super::sight::Space;
+use super::unions::Unions;
+
+/// Pixels that are asked, about.
+const PIXELS: usize = 8000;
+/// How far from the middle of the volume a candidate may lie, half segments.
+const NEAR_HALVES: f32 = 2.0;
+/// Fewest candidates of a part.
+const MIN_COUNT: f32 = 8.0;
+/// Share of all candidates from which a part tells of the drift whatever its sd: that of a large body changes by more.
+const LARGE_SHARE: f32 = 0.4;
+
+/// A candidate of the order that was decided for its pixel.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Decided {
+    /// Column and row of the pixel of C1.
+    pub(in super::super) pixel: [usize; 2],
+    /// Column of the candidate in the epipolar frame.
+    pub(in super::super) column_px: f32,
+    /// δ, turns.
+    pub(in super::super) delta_turns: f32,
+    /// δ less the drift that was known, turns.
+    rest_turns: f32,
+    node: u32,
+}
+
+/// Room for decided candidates.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DecidedRoom {
+    pub(super) candidates: Vec<Decided>,
+    row: RowRoom,
+    unions: Unions,
+    /// Part of each node.
+    part_of: Vec<u32>,
+    parts: Vec<Part>,
+}
+
+/// Candidates of one part: their number, and sums of δ.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    count: f32,
+    sum: f32,
+    squares: f32,
+}
+
+impl Room {
+    /// Finds the decided candidates whose δ is off the drift by no more than a cap, of parts over which it scatters by no more than such
+    /// an sd: true surfaces change little with the drift. Yields
+    /// their share of the pixels that were asked.
+    pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, [cap_turns, max_sd_turns]: [f32; 2]) -> f64 {
+        let pixels = view.cam1.phase.len();
+        let stride = ((pixels as f32 / PIXELS as f32).sqrt() as usize).max(1);
+        self.decided.candidates.clear();
+        for v in (stride / 2..view.cam1.height).step_by(stride) {
+            self.ask_row(view, drift, cap_turns, stride, v);
+        }
+        self.decided.keep_smooth_parts(&self.nodes.nodes, max_sd_turns);
+        self.decided.candidates.len() as f64 / (pixels as f64 / (stride * stride) as f64).max(1.0)
+    }
+
+    fn ask_row(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32, stride: usize, v: usize) {
+        let Self { runs, nodes, decided: DecidedRoom { candidates, row, .. }, .. } = self;
+        let (width, space) = (view.cam1.width, Space::of(view.table));
+        view.table.row(v, &mut row.segments);
+        drift.along_row(v, width, &mut row.drift);
+        for piece in nodes.of_row(v) {
+            let &Piece { node, offset, .. } = piece;
+            let of_node = &nodes.nodes[node as usize];
+            if !of_node.is_clear() {
+                continue;
+            }
+            for u in piece.asked(v * width, stride) {
+                let pixel = v * width + u;
+                let order = of_node.order(offset + i32::from(runs.relative[pixel]));
+                let segment = row.segments.segment(u);
+                let reach_px = NEAR_HALVES * space.half_px;
+                let first_px = (segment.reference_px - reach_px).max(0.0);
+                let last_px = (segment.reference_px + reach_px).min((view.cam2.width - 2) as f32);
+                if first_px >= last_px {
+                    continue;
+                }
+                let (drift, limits_px) = (row.drift.segment(u), [first_px, last_px]);
+                let outlook = Outlook::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
+                if let Some((rest_turns, column_px)) = outlook.nearest(order, cap_turns) {
+                    let delta_turns = rest_turns + outlook.drift.at(column_px);
+                    candidates.push(Decided { pixel: [u, v], column_px, delta_turns, rest_turns, node });
+                }
+            }
+        }
+    }
+}
+
+impl DecidedRoom {
+    /// Leaves out candidates of parts that do not tell of the drift.
+    fn keep_smooth_parts(&mut self, nodes: &[Node], max_sd_turns: f32) {
+        let Self { candidates, unions, part_of, parts, .. } = self;
+        unions.begin(nodes.iter().map(|node| node.size_px));
+        for (i, node) in nodes.iter().enumerate() {
+            for other in node.beside.into_iter().filter(|&other| other != NONE && other > i as u32) {
+                if nodes[other as usize].label == node.label {
+                    unions.unite(i as u32, other, 0);
+                }
+            }
+        }
+        part_of.clear();
+        let count = unions.number(|_, offset| part_of.push(offset.set));
+        parts.clear();
+        parts.resize(count, Part::default());
+        for decided in &*candidates {
+            let part = &mut parts[part_of[decided.node as usize] as usize];
+            part.count += 1.0;
+            part.sum += decided.rest_turns;
+            part.squares += decided.rest_turns * decided.rest_turns;
+        }
+        let all = candidates.len() as f32;
+        candidates.retain(|decided| {
+            let part = &parts[part_of[decided.node as usize] as usize];
+            let is_smooth = part.sd_turns() < max_sd_turns || part.count > LARGE_SHARE * all;
+            part.count >= MIN_COUNT && is_smooth
+        });
+    }
+}
+
+impl Part {
+    fn sd_turns(&self) -> f32 {
+        let mean = self.sum / self.count;
+        (self.squares / self.count - mean * mean).max(0.0).sqrt()
+    }
+}

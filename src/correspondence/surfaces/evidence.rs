@@ -1,0 +1,202 @@
+//! Evidence of nodes: the scores of all orders of some of their pixels.
+
+use super::super::drift::{DepthPolynomial, DepthRow, Drift};
+use super::super::epipolar_image::EpipolarImage;
+use super::super::segment::SegmentRow;
+use super::super::segment_table::SegmentTable;
+use super::decided::DecidedRoom;
+use super::nodes::{Node, Nodes, Piece, TILE_PX};
+use super::outside::OutsideRow;
+use super::runs::Runs;
+use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
+use super::{FULL_SCORE, LABELS, belief};
+use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
+
+/// Pixels that are asked, in all: their number need not grow with the image.
+const SAMPLES: usize = 80_000;
+/// Pixels along either axis of which at most one is asked.
+const MAX_STRIDE: usize = 6;
+
+/// How far δ may be off the drift where an order still fits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Gate {
+    /// Within the volume, turns.
+    pub(super) cap_turns: f32,
+    /// What is added half a segment beyond it, where the drift is known less and less.
+    pub(super) beyond_turns: f32,
+    /// The most, turns.
+    pub(super) most_turns: f32,
+}
+
+/// Room in which an image is explained, to be used from window to window.
+#[derive(Clone, Debug, Default)]
+pub(in super::super) struct Room {
+    pub(super) runs: Runs,
+    pub(super) nodes: Nodes,
+    evidence: Vec<[i16; LABELS]>,
+    messages: Vec<[[i16; LABELS]; 4]>,
+    /// Room for each row of tiles.
+    pub(super) rows: Vec<RowRoom>,
+    pub(super) decided: DecidedRoom,
+}
+
+/// A row of pixels, and the drift along their segments.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RowRoom {
+    pub(super) segments: SegmentRow,
+    pub(super) drift: DepthRow,
+    pub(super) outside: OutsideRow,
+}
+
+/// What is read.
+#[derive(Clone, Copy)]
+pub(in super::super) struct View<'a> {
+    pub(in super::super) cam1: &'a PhaseMap,
+    pub(in super::super) cam2: &'a EpipolarImage,
+    pub(in super::super) table: &'a SegmentTable,
+}
+
+impl Room {
+    /// Divides the image into nodes.
+    pub(super) fn divide(&mut self, view: View<'_>) {
+        self.runs.find(view.cam1, view.table);
+        self.nodes.find(view, &Space::of(view.table), &self.runs);
+    }
+
+    /// Decides the order of every node by δ about a drift.
+    pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate) {
+        let Self { runs, nodes, evidence, messages, rows, .. } = self;
+        let pixels = view.cam1.phase.len();
+        let stride = ((pixels as f32 / SAMPLES as f32).sqrt() as usize).clamp(1, MAX_STRIDE);
+        evidence.clear();
+        evidence.resize(nodes.nodes.len(), [0; LABELS]);
+        rows.resize(view.cam1.height.div_ceil(TILE_PX), RowRoom::default());
+        let asking = Asking { view, space: Space::of(view.table), drift, gate, stride, runs, nodes };
+        asking.ask(0, rows, evidence);
+        belief::decide(&mut nodes.nodes, evidence, messages);
+        nodes.count_asked(view.cam1.width, stride);
+        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
+            let unseen = node.asked as i16 * UNSEEN_SCORE;
+            let others = evidence.iter().enumerate().filter(|&(k, &sum)| k != usize::from(node.label) && sum != unseen);
+            node.rival = f32::from(others.map(|(_, &sum)| sum).fold(0, i16::max)) / f32::from(FULL_SCORE);
+        }
+    }
+
+    /// Share of the pixels whose nodes lead clearly.
+    pub(super) fn clear_share(&self) -> f64 {
+        let sum =
+            |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(|node| u64::from(node.size_px)).sum::<u64>() as f64;
+        let nodes = &self.nodes.nodes;
+        sum(&mut nodes.iter().filter(|node| node.is_clear())) / sum(&mut nodes.iter()).max(1.0)
+    }
+}
+
+/// What all rows of tiles are asked with.
+#[derive(Clone, Copy)]
+struct Asking<'a> {
+    view: View<'a>,
+    space: Space,
+    drift: &'a Drift,
+    gate: Gate,
+    stride: usize,
+    runs: &'a Runs,
+    nodes: &'a Nodes,
+}
+
+impl Asking<'_> {
+    /// Asks rows of tiles from one on: the evidence is that of their nodes.
+    fn ask(self, first: usize, rows: &mut [RowRoom], evidence: &mut [[i16; LABELS]]) {
+        match rows {
+            [] => {}
+            [row] => self.ask_tiles(first, row, evidence),
+            rows => {
+                let half = rows.len() / 2;
+                let (upper, lower) = rows.split_at_mut(half);
+                let ends = &self.nodes.tile_rows;
+                let (above, below) = evidence.split_at_mut(ends[first + half] - ends[first]);
+                rayon::join(|| self.ask(first, upper, above), || self.ask(first + half, lower, below));
+            }
+        }
+    }
+
+    fn ask_tiles(self, tile_row: usize, room: &mut RowRoom, evidence: &mut [[i16; LABELS]]) {
+        let Self { view, drift, stride, .. } = self;
+        let [width, height] = [view.cam1.width, view.cam1.height];
+        let rows = tile_row * TILE_PX..((tile_row + 1) * TILE_PX).min(height);
+        for v in rows.filter(|v| v % stride == stride / 2) {
+            view.table.row(v, &mut room.segments);
+            drift.along_row(v, width, &mut room.drift);
+            let first = self.nodes.tile_rows[tile_row];
+            simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
+        }
+    }
+}
+
+/// Asks some pixels of a row.
+struct AskedRow<'a> {
+    asking: Asking<'a>,
+    room: &'a RowRoom,
+    v: usize,
+    /// First node of the row of tiles.
+    first: usize,
+    evidence: &'a mut [[i16; LABELS]],
+}
+
+impl Kernel for AskedRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { asking, room, v, first, evidence } = self;
+        let Asking { view, space, gate, stride, runs, nodes, .. } = asking;
+        let row = v * view.cam1.width;
+        for piece in nodes.of_row(v) {
+            let &Piece { node, offset, .. } = piece;
+            let base = nodes.nodes[node as usize].base;
+            let scores = &mut evidence[node as usize - first];
+            for u in piece.asked(row, stride) {
+                let pixel = row + u;
+                let segment = room.segments.segment(u);
+                let sight = Sight {
+                    limits_px: space.limits_px(&segment, [u, v]),
+                    segment,
+                    drift: room.drift.segment(u),
+                    phase: view.cam1.phase[pixel],
+                    gate,
+                    half_px: space.half_px,
+                };
+                let Some(orders) = sight.orders() else { continue };
+                // The label of order 0.
+                let zero = -(base + offset + i32::from(runs.relative[pixel]));
+                let from = orders.first.max(-zero);
+                let to = orders.last.min(LABELS as i32 - 1 - zero);
+                for order in (from..=to).step_by(LANES) {
+                    let found = scores_of(lanes, view.cam2, &sight, &orders, order);
+                    let label = (order + zero) as usize;
+                    match scores[label..].first_chunk_mut::<LANES>() {
+                        Some(scores) => {
+                            let sum = lanes.add(lanes.load_signed(scores), found);
+                            lanes.store_signed(sum, scores);
+                        }
+                        None => {
+                            let mut of_lanes = [0; LANES];
+                            lanes.store_signed(found, &mut of_lanes);
+                            scores[label..].iter_mut().zip(of_lanes).for_each(|(sum, score)| *sum += score);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The order from which labels are counted where a pixel has no order relative to its surface: its own ones lie in the middle.
+pub(super) fn base_of(View { cam1, table, .. }: View<'_>, space: &Space, pixel: usize) -> i32 {
+    let segment = table.segment(pixel);
+    let limits_px = space.limits_px(&segment, [pixel % cam1.width, pixel / cam1.width]);
+    let (drift, gate) = (DepthPolynomial::default(), Gate::default());
+    let sight = Sight { limits_px, segment, drift, phase: cam1.phase[pixel], gate, half_px: space.half_px };
+    let middle = sight.orders().map_or(0, |orders| (orders.first + orders.last) / 2);
+    middle - LABELS as i32 / 2
+}

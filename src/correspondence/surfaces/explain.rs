@@ -1,0 +1,87 @@
+//! The drift of one pair of images, from orders that whole surfaces decided.
+//!
+//! ```text
+//! nodes decided by δ about 0 within wide limits
+//! twice: the drift that their candidates show, nodes decided by δ about it, within narrower limits
+//! where few pixels are clear then: the drift by expectation maximization over all candidates of some pixels, which finds
+//!     fields beyond the wide limits; nodes decided about that, if more pixels are clear
+//! ```
+
+use std::f64::consts::TAU;
+
+use super::super::delta_statistics::DeltaStatistics;
+use super::super::drift::{Drift, DriftRoom};
+use super::evidence::{Gate, Room, View};
+
+/// Limits of δ where nothing is known of the drift, turns (18°): those of rigs that are off by a pixel.
+const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
+/// The same about a first estimate, which is known in the middle of the image and leads away from there, turns.
+const MIDDLE_TURNS: f32 = 0.02;
+/// The same about a drift that is known: so many sd, no less than so many turns; more beyond the volume.
+const NARROW_SD: f64 = 4.5;
+const MIN_NARROW_TURNS: f64 = 0.004;
+const BEYOND_TURNS: f32 = 0.01;
+const MOST_TURNS: f32 = 0.06;
+/// sd of δ of true candidates about no drift on rigs that are off by so much, rad.
+const WIDE_SD_RAD: f64 = 0.15;
+/// sd with which the drift is estimated about a first estimate, in that of this.
+const REFINED_START_SD: f64 = 2.0;
+/// sd of δ of a part that tells of the drift: about none, turns; about a first estimate, as share of what candidates may be off.
+const WIDE_PART_TURNS: f32 = 0.011;
+const REFINED_PART_SHARE: f32 = 0.4;
+/// Share of clear pixels below which another drift is sought.
+const MIN_CLEAR_SHARE: f64 = 0.5;
+
+/// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
+pub(in super::super) fn explain(
+    view: View<'_>,
+    delta: &DeltaStatistics,
+    room: &mut Room,
+    drift_room: &mut DriftRoom,
+) -> Drift {
+    room.divide(view);
+    let level = Drift::level(0.0, WIDE_SD_RAD);
+    room.decide(view, &level, WIDE);
+    let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
+    let found = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room).map(|first| {
+        let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
+        room.decide(view, &first, gate);
+        let (limits, sd_rad) = ([gate.cap_turns, REFINED_PART_SHARE * gate.cap_turns, 1.0], first.residual_sd_rad);
+        let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
+        room.decide(view, &found, narrow(&found));
+        found
+    });
+    let share = room.clear_share();
+    if let Some(found) = found.as_ref().filter(|_| share >= MIN_CLEAR_SHARE) {
+        return found.clone();
+    }
+    let estimated = drift_room.estimate((view.cam1, view.cam2), view.table, delta);
+    room.decide(view, &estimated, narrow(&estimated));
+    match found {
+        Some(found) if room.clear_share() <= share => {
+            room.decide(view, &found, narrow(&found));
+            found
+        }
+        _ => estimated,
+    }
+}
+
+impl Room {
+    /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
+    fn refined(
+        &mut self,
+        view: View<'_>,
+        known: &Drift,
+        [cap_turns, part_turns, spread_turns]: [f32; 3],
+        sd_rad: f64,
+        drift_room: &mut DriftRoom,
+    ) -> Option<Drift> {
+        let share = self.find_decided(view, known, [cap_turns, part_turns]);
+        drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
+    }
+}
+
+fn narrow(drift: &Drift) -> Gate {
+    let cap_turns = (NARROW_SD * drift.residual_sd_rad / TAU).max(MIN_NARROW_TURNS) as f32;
+    Gate { cap_turns, beyond_turns: BEYOND_TURNS, most_turns: MOST_TURNS.max(cap_turns) }
+}

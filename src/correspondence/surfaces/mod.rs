@@ -1,0 +1,39 @@
+//! Surfaces: regions of continuous wrapped phase, whose fringe orders are decided together.
+//!
+//! The wrapped phase of C1 runs on over a smooth surface, so that all its pixels share one unknown whole number. Instead of a
+//! million pixels some thousand *nodes* are decided, and space is asked as a whole: from before the measurement volume to nearly
+//! infinity, so that what stands outside the volume is explained by where it is.
+//!
+//! ```text
+//! runs:      rows of C1 broken where the wrapped phase does not run on; orders counted from the beginning of each run
+//! unions:    runs of neighbouring rows united where one whole number makes nearly all their phases run on: surfaces
+//! nodes:     the parts of surfaces in tiles of the image
+//! evidence:  of some pixels of each node how well every order fits, summed over the node
+//! belief:    along a surface the order goes on freely from node to node, and changes at a price
+//! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift
+//! outside:   pixels that see something outside the volume
+//! ```
+//!
+//! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration, and which pixels see something
+//! outside the measurement volume.
+
+mod belief;
+mod decided;
+mod evidence;
+mod explain;
+mod nodes;
+mod outside;
+mod runs;
+mod sight;
+#[cfg(test)]
+mod tests;
+mod unions;
+
+pub(super) use decided::Decided;
+pub(super) use evidence::{Room, View};
+pub(super) use explain::explain;
+
+/// Orders of a node, counted from the base of its surface.
+const LABELS: usize = 128;
+/// Score of a pixel whose δ is that of the drift.
+const FULL_SCORE: i16 = 64;

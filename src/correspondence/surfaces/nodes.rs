@@ -1,0 +1,192 @@
+//! Nodes: the parts of surfaces in square tiles of the image.
+
+use super::evidence::{View, base_of};
+use super::runs::Runs;
+use super::sight::Space;
+
+/// Pixels along the side of a tile.
+pub(super) const TILE_PX: usize = 16;
+/// Lead from which an order is believed, pixels that fit.
+const CLEAR_LEAD: f32 = 6.0;
+/// Fewest pixels of a node that must have been asked.
+const MIN_ASKED: u32 = 4;
+/// Share of a node's own pixels that must fit: neighbours alone say nothing.
+const MIN_FITTING: f32 = 0.3;
+/// Share of them by which neighbours may outvote them.
+const MAX_OUTVOTED: f32 = 0.1;
+/// Stands for no node.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Part of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Node {
+    surface: u32,
+    /// Next node of its tile.
+    next: u32,
+    /// Nodes of its surface in the tiles to the left, to the right, above and below.
+    pub(super) beside: [u32; 4],
+    /// Pixels.
+    pub(super) size_px: u32,
+    /// Base of its surface: the order of label 0 of the surface's first run.
+    pub(super) base: i32,
+    /// The label that was decided, and by how many pixels that fit it leads.
+    pub(super) label: u8,
+    pub(super) lead: f32,
+    /// Pixels that were asked, and how many of them fit the label as one that fits fully.
+    pub(super) asked: u32,
+    pub(super) fitting: f32,
+    /// The same of the label that fits best without regard to neighbours.
+    pub(super) best_fitting: f32,
+    /// The same of the best of the other labels at which C2 sees some of them.
+    pub(super) rival: f32,
+}
+
+/// Pixels of a run in one tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    pub(super) begin: u32,
+    pub(super) end: u32,
+    pub(super) node: u32,
+    /// Order of the run relative to that of its surface.
+    pub(super) offset: i32,
+}
+
+impl Node {
+    /// The order of a pixel of which the order relative to the surface is known.
+    pub(super) fn order(&self, relative: i32) -> i32 {
+        i32::from(self.label) + self.base + relative
+    }
+
+    /// Whether its order leads clearly, and its own pixels say nothing else.
+    pub(super) fn is_clear(&self) -> bool {
+        let asked = self.asked as f32;
+        let is_own = self.fitting >= (MIN_FITTING * asked).max(self.best_fitting - MAX_OUTVOTED * asked);
+        self.asked >= MIN_ASKED && self.lead >= CLEAR_LEAD && is_own
+    }
+}
+
+impl Piece {
+    /// Columns of the pixels that are asked where one of so many is; the row begins with such a pixel.
+    pub(super) fn asked(&self, row: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
+        let (begin, end) = (self.begin as usize - row, self.end as usize - row);
+        let first = begin + (stride / 2 + stride - begin % stride) % stride;
+        (first..end).step_by(stride)
+    }
+}
+
+/// The nodes of an image, tile row by tile row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Nodes {
+    pub(super) nodes: Vec<Node>,
+    /// Pieces, row by row.
+    pub(super) pieces: Vec<Piece>,
+    /// Where the pieces of each row begin, and where those of the last one end.
+    begins: Vec<usize>,
+    /// Where the nodes of each tile row begin, and where those of the last one end.
+    pub(super) tile_rows: Vec<usize>,
+    /// First node of each tile, of this row of tiles and of that above.
+    tiles: [Vec<u32>; 2],
+    bases: Vec<i32>,
+}
+
+/// No order yet.
+const NO_BASE: i32 = i32::MIN;
+
+impl Nodes {
+    /// Divides surfaces into nodes.
+    pub(super) fn find(&mut self, view: View<'_>, space: &Space, runs: &Runs) {
+        let Self { nodes, pieces, begins, tile_rows, tiles, bases } = self;
+        nodes.clear();
+        pieces.clear();
+        begins.clear();
+        tile_rows.clear();
+        bases.clear();
+        bases.resize(runs.surfaces, NO_BASE);
+        let cam1 = view.cam1;
+        let (width, columns) = (cam1.width.max(1), cam1.width.div_ceil(TILE_PX));
+        tiles.iter_mut().for_each(|tiles| {
+            tiles.clear();
+            tiles.resize(columns, NONE);
+        });
+        for v in 0..cam1.height {
+            begins.push(pieces.len());
+            if v % TILE_PX == 0 {
+                tile_rows.push(nodes.len());
+                tiles.swap(0, 1);
+                tiles[0].fill(NONE);
+            }
+            for run in runs.of_row(v) {
+                let pixels = run.pixels();
+                let base = &mut bases[run.surface as usize];
+                if *base == NO_BASE {
+                    let pixel = pixels.start + pixels.len() / 2;
+                    let own = run.offset + i32::from(runs.relative[pixel]);
+                    *base = base_of(view, space, pixel) - own;
+                }
+                let mut begin = pixels.start;
+                while begin < pixels.end {
+                    let tile = (begin - v * width) / TILE_PX;
+                    let end = pixels.end.min(v * width + (tile + 1) * TILE_PX);
+                    let node = node_of(nodes, tiles, tile, run.surface, *base);
+                    nodes[node as usize].size_px += (end - begin) as u32;
+                    pieces.push(Piece { begin: begin as u32, end: end as u32, node, offset: run.offset });
+                    begin = end;
+                }
+            }
+        }
+        begins.push(pieces.len());
+        tile_rows.push(nodes.len());
+    }
+
+    /// Counts the pixels of each node that are asked where one of so many along either axis is.
+    pub(super) fn count_asked(&mut self, width: usize, stride: usize) {
+        self.nodes.iter_mut().for_each(|node| node.asked = 0);
+        for v in (stride / 2..self.begins.len() - 1).step_by(stride) {
+            for piece in &self.pieces[self.begins[v]..self.begins[v + 1]] {
+                self.nodes[piece.node as usize].asked += piece.asked(v * width, stride).count() as u32;
+            }
+        }
+    }
+
+    /// The pieces of a row.
+    pub(super) fn of_row(&self, v: usize) -> &[Piece] {
+        &self.pieces[self.begins[v]..self.begins[v + 1]]
+    }
+}
+
+/// The node of a surface in a tile, made if there is none yet, and bound to those beside it.
+fn node_of(nodes: &mut Vec<Node>, [tiles, above]: &mut [Vec<u32>; 2], tile: usize, surface: u32, base: i32) -> u32 {
+    let find = |nodes: &[Node], mut node: u32| {
+        while node != NONE && nodes[node as usize].surface != surface {
+            node = nodes[node as usize].next;
+        }
+        node
+    };
+    let own = find(nodes, tiles[tile]);
+    if own != NONE {
+        return own;
+    }
+    let node = nodes.len() as u32;
+    let left = if tile > 0 { find(nodes, tiles[tile - 1]) } else { NONE };
+    let right = tiles.get(tile + 1).map_or(NONE, |&first| find(nodes, first));
+    let up = find(nodes, above[tile]);
+    for (side, other) in [left, right, up].into_iter().enumerate().filter(|(_, other)| *other != NONE) {
+        nodes[other as usize].beside[side ^ 1] = node;
+    }
+    let beside = [left, right, up, NONE];
+    nodes.push(Node {
+        surface,
+        next: tiles[tile],
+        beside,
+        size_px: 0,
+        base,
+        label: 0,
+        lead: 0.0,
+        asked: 0,
+        fitting: 0.0,
+        best_fitting: 0.0,
+        rival: 0.0,
+    });
+    tiles[tile] = node;
+    node
+}

@@ -1,0 +1,269 @@
+//! What one pixel of C1 sees of all space: how well every order fits.
+//!
+//! ```text
+//! for each order k of the pixel, sixteen or more at once, all in one row of C2:
+//!     x = the column at which Φ − drift is k turns more than the phase φ of the pixel
+//!     v, g = phase of C2 at x less φ, and its slope, from the two columns around x
+//!     rest = v / g · dΦ/dx: by so much δ of the crossing near x differs from the drift
+//!     score = 1 − (rest / cap)², where that is positive
+//! ```
+
+use super::super::drift::{DepthBlock, DepthPolynomial};
+use super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::super::row_view::MAX_COLUMN_STEP;
+use super::super::segment::Segment;
+use super::super::segment_table::SegmentTable;
+use super::FULL_SCORE;
+use super::evidence::Gate;
+use crate::simd::{LANES, Lanes};
+
+/// How far space reaches, as inverse depth in that of the middle of the volume: nearly to infinity, and towards the cameras.
+const FARTHEST: f32 = 0.05;
+const NEAREST: f32 = 1.5;
+/// Least denominator of Φ that is believed: below it its pole is near.
+const MIN_DENOMINATOR: f32 = 0.1;
+/// Slopes of C2 below this share of what Φ rises by are taken for it: where C2 sees hardly a change, δ is anything.
+const MIN_SLOPE_SHARE: f32 = 0.3;
+/// Least rise of Φ, turns a column, that tells orders apart.
+const MIN_RISE: f32 = 1e-5;
+/// Score of an order whose point C2 cannot see, since it lies beside its image: where a surface is known to lead there, a wrong order
+/// that fits here and there says less.
+pub(super) const UNSEEN_SCORE: i16 = FULL_SCORE / 2;
+/// Share of its score that an order loses where limits are many times as wide as within the volume: more fits by chance.
+const LOST_BEYOND: f32 = 0.25;
+/// Orders that are counted.
+pub(super) const MAX_ORDER: f32 = 8000.0;
+
+/// The columns of C2 in which a pixel of C1 sees all of space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Space {
+    infinity_px: [f32; 3],
+    last_px: f32,
+    /// Mean half length of a segment, pixels.
+    pub(super) half_px: f32,
+}
+
+impl Space {
+    pub(super) fn of(table: &SegmentTable) -> Self {
+        let half_px = table.drift_modes().map_or(1.0, |modes| modes.half_segment_px() as f32);
+        Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
+    }
+
+    /// First and last column of the pixel in a column and row of C1.
+    #[inline]
+    pub(super) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
+        let [constant, along, across] = self.infinity_px;
+        let infinity_px = constant + along * u as f32 + across * v as f32;
+        let disparity_px = segment.reference_px - infinity_px;
+        let (far, near) = (infinity_px + FARTHEST * disparity_px, infinity_px + NEAREST * disparity_px);
+        // Before the volume C2 sees what it sees; behind it surfaces go on beside its image.
+        let near = near.max(0.0).min(self.last_px - 1.0);
+        [far.min(near).min(segment.begin_px), far.max(near).max(segment.end_px)]
+    }
+}
+
+/// A pixel of C1 and what it looks into.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    pub(super) segment: Segment,
+    pub(super) drift: DepthPolynomial,
+    pub(super) phase: u16,
+    /// Columns that it looks into.
+    pub(super) limits_px: [f32; 2],
+    pub(super) gate: Gate,
+    pub(super) half_px: f32,
+}
+
+/// The orders that a pixel can have, and Φ between which they lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Orders {
+    pub(super) first: i32,
+    pub(super) last: i32,
+    phase_turns: [f32; 2],
+}
+
+impl Sight {
+    /// Its orders; `None` where Φ tells nothing.
+    #[inline]
+    pub(super) fn orders(&self) -> Option<Orders> {
+        let [a, b, d] = self.segment.phase;
+        let rise = b - a * d;
+        let [mut begin, mut end] = self.limits_px.map(|px| px - self.segment.reference_px);
+        // Φ has its pole where the denominator is 0.
+        let pole = (MIN_DENOMINATOR - 1.0) / d;
+        if d > 0.0 {
+            begin = begin.max(pole);
+        } else if d < 0.0 {
+            end = end.min(pole);
+        }
+        let at = |s: f32| (a + b * s) / (1.0 + d * s);
+        let (least, most) = (at(begin).min(at(end)), at(begin).max(at(end)));
+        let phase = f32::from(self.phase) / 65536.0;
+        let tells = rise.abs() >= MIN_RISE && least >= -MAX_ORDER && most <= MAX_ORDER && begin < end;
+        let (first, last) = ((least - phase).ceil(), (most - phase).floor());
+        (tells && first <= last).then_some(Orders {
+            first: first as i32,
+            last: last as i32,
+            phase_turns: [least, most],
+        })
+    }
+}
+
+/// Scores of so many orders, the pixel's from `first` on; those beyond its own have none.
+#[inline(always)]
+pub(super) fn scores_of<L: Lanes>(
+    lanes: L,
+    image: &EpipolarImage,
+    sight: &Sight,
+    orders: &Orders,
+    first: i32,
+) -> L::Words {
+    let (segment, [a, b, d]) = (&sight.segment, sight.segment.phase);
+    let rise = b - a * d;
+    let float = |value: f32| lanes.float(value);
+    let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
+    let phase_turns = f32::from(sight.phase) / 65536.0;
+    let [least, most] = orders.phase_turns;
+    let clamp = |turns: L::Floats| lanes.min_float(lanes.max_float(turns, float(least)), float(most));
+    let turns = clamp(lanes.add_float(ramp, float(first as f32 + phase_turns)));
+    let inverse = lanes.over(float(1.0), lanes.sub_float(float(b), lanes.times_float(float(d), turns)));
+    let along = lanes.times_float(lanes.sub_float(turns, float(a)), inverse);
+    // Columns a turn.
+    let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
+    let column = lanes.add_float(along, float(segment.reference_px));
+    let drift = drift_at(lanes, &sight.drift, column);
+    let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
+    let last_px = (image.width - 2) as f32;
+    let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
+    let column = lanes.min_float(lanes.max_float(column, float(0.0)), float(last_px));
+    let around = columns_around(lanes, image, segment.row_px, sight.phase, column);
+    let rest = rest_turns(lanes, &around, per_turn);
+    // Beyond the volume the drift is known less and less.
+    let Gate { cap_turns, beyond_turns, most_turns } = sight.gate;
+    let away = lanes.abs_float(lanes.sub_float(column, float(segment.reference_px)));
+    let away = lanes.sub_float(lanes.times_float(away, float(1.0 / sight.half_px)), float(1.0));
+    let away = lanes.max_float(away, float(0.0));
+    let cap = lanes.add_float(float(cap_turns), lanes.times_float(away, float(beyond_turns)));
+    let cap = lanes.min_float(cap, float(most_turns));
+    let t = lanes.min_amount(lanes.over(rest, cap), float(1.0));
+    let score = lanes.sub_float(float(1.0), lanes.times_float(t, t));
+    let wider = lanes.sub_float(float(1.0), lanes.over(float(cap_turns), cap));
+    let full = lanes.sub_float(float(1.0), lanes.times_float(wider, float(LOST_BEYOND)));
+    let score = lanes.times_float(score, lanes.times_float(full, float(f32::from(FULL_SCORE))));
+    let score = lanes.longs(lanes.add_float(score, float(0.5)));
+    let score = lanes.narrow(score);
+    let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
+    let own = lanes.mask(if count >= LANES as u32 { u32::MAX } else { (1 << count) - 1 });
+    let score = lanes.select(lanes.and(is_seen, around.known), score, lanes.word(0));
+    let score = lanes.select(is_seen, score, lanes.word(UNSEEN_SCORE));
+    lanes.select(own, score, lanes.word(0))
+}
+
+const RAMP: [i16; LANES] = {
+    let mut ramp = [0; LANES];
+    let mut k = 0;
+    while k < LANES {
+        ramp[k] = k as i16;
+        k += 1;
+    }
+    ramp
+};
+
+/// The drift at columns.
+#[inline(always)]
+fn drift_at<L: Lanes>(lanes: L, drift: &DepthPolynomial, column_px: L::Floats) -> L::Floats {
+    let coefficients = drift.coefficients.map(|c| lanes.float(c));
+    DepthBlock { coefficients, middle_px: lanes.float(drift.middle_px), per_px: drift.per_px }.at(lanes, column_px)
+}
+
+/// What C2 sees in the columns around a place.
+pub(super) struct Around<L: Lanes> {
+    /// Phase in the column before it less that of the pixel, and the step to the column behind it.
+    value: L::Words,
+    slope: L::Words,
+    /// How far behind the first column the place lies, pixels.
+    share: L::Floats,
+    /// Whether both columns have a phase, and see one surface.
+    pub(super) known: L::Mask,
+}
+
+/// By how much δ of the crossing near the places differs from the drift, turns, as Φ takes so many columns a turn there.
+#[inline(always)]
+pub(super) fn rest_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
+    let slope = lanes.floats(lanes.widen(around.slope));
+    let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
+    let steepness = lanes.abs_float(lanes.times_float(slope, per_turn));
+    lanes.over(off, lanes.max_float(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0)))
+}
+
+/// What a pixel with a phase sees around many columns of its row.
+#[inline(always)]
+fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase: u16, column: L::Floats) -> Around<L> {
+    let last = image.phase.len() / image.width - 1;
+    let upper = (row_px.max(0.0) as usize).min(last);
+    let lower = (upper + 1).min(last);
+    let below = lanes.word(((row_px - upper as f32) * 65536.0) as i32 as u16 as i16);
+    let row = |row: usize| &image.phase[row * image.width..(row + 1) * image.width];
+    let before = lanes.longs(column);
+    let rows = [lanes.pairs(row(upper), before), lanes.pairs(row(lower), before)];
+    around(lanes, rows, below, lanes.word(phase as i16), lanes.sub_float(column, lanes.floats(before)))
+}
+
+/// What many pixels see around a column each.
+#[inline(always)]
+pub(super) fn columns_around_each<L: Lanes>(
+    lanes: L,
+    image: &EpipolarImage,
+    row_px: L::Floats,
+    phases: L::Words,
+    column: L::Floats,
+) -> Around<L> {
+    let last = (image.phase.len() / image.width - 1) as f32;
+    let row_px = lanes.min_float(lanes.max_float(row_px, lanes.float(0.0)), lanes.float(last));
+    let upper = lanes.longs(row_px);
+    let share = lanes.times_float(lanes.sub_float(row_px, lanes.floats(upper)), lanes.float(65536.0));
+    let below = lanes.narrow(lanes.longs(lanes.min_float(share, lanes.float(65535.0))));
+    let before = lanes.longs(column);
+    // Below 2^24, places are exact as floats.
+    let width = lanes.float(image.width as f32);
+    let begins = lanes.longs(lanes.times_float(lanes.floats(upper), width));
+    let next = lanes.min_float(lanes.add_float(lanes.floats(upper), lanes.float(1.0)), lanes.float(last));
+    let next = lanes.longs(lanes.times_float(next, width));
+    let rows = [begins, next].map(|begins| lanes.pairs(&image.phase, lanes.add_long(begins, before)));
+    around(lanes, rows, below, phases, lanes.sub_float(column, lanes.floats(before)))
+}
+
+/// The same of two columns of two rows, the lower of which has a share, 1/65536.
+#[inline(always)]
+fn around<L: Lanes>(
+    lanes: L,
+    [upper, lower]: [[L::Words; 2]; 2],
+    below: L::Words,
+    phases: L::Words,
+    share: L::Floats,
+) -> Around<L> {
+    let (first, has_first) = mixed(lanes, upper[0], lower[0], below);
+    let (second, has_second) = mixed(lanes, upper[1], lower[1], below);
+    let slope = lanes.sub(second, first);
+    let moderate = lanes.is_at_least(lanes.word(MAX_COLUMN_STEP as i16), lanes.abs(slope));
+    let known = lanes.and(lanes.and(has_first, has_second), moderate);
+    Around { value: lanes.sub(first, phases), slope, share, known }
+}
+
+/// The phase between two rows, as [`super::super::row_view::RowView`] has it, and where there is one.
+#[inline(always)]
+fn mixed<L: Lanes>(lanes: L, upper: L::Words, lower: L::Words, below: L::Words) -> (L::Words, L::Mask) {
+    let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
+    let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
+    let step = lanes.sub(lower, upper);
+    let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
+    let mixes = lanes.and_not(small, lanes.or(no_upper, no_lower));
+    // The high word of a signed by an unsigned number, and what rounds it.
+    let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
+    let part = lanes.sub(lanes.times_high(step, below), sign);
+    let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
+    let is_lower_nearer = lanes.is_greater(zero, below);
+    let nearest = lanes.select(is_lower_nearer, lower, upper);
+    let phase = lanes.select(mixes, lanes.add(upper, part), nearest);
+    (phase, lanes.or(mixes, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
+}
