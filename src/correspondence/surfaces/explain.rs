@@ -3,8 +3,8 @@
 //! ```text
 //! nodes decided by δ about 0 within wide limits
 //! twice: the drift that their candidates show, nodes decided by δ about it, within narrower limits
-//! where few pixels are clear then: the drift by expectation maximization over all candidates of some pixels, which finds
-//!     fields beyond the wide limits; nodes decided about that, if more pixels are clear
+//! where few pixels are clear then, or δ scatters widely: the drift by expectation maximization over all candidates of some
+//!     pixels, which finds fields beyond the wide limits; nodes decided about that, unless it explains far fewer pixels
 //! ```
 
 use std::f64::consts::TAU;
@@ -29,8 +29,14 @@ const REFINED_START_SD: f64 = 2.0;
 /// sd of δ of a part that tells of the drift: about none, turns; about a first estimate, as share of what candidates may be off.
 const WIDE_PART_TURNS: f32 = 0.011;
 const REFINED_PART_SHARE: f32 = 0.4;
-/// Share of clear pixels below which another drift is sought.
+/// Share of clear pixels below which the drift of surfaces is not believed.
 const MIN_CLEAR_SHARE: f64 = 0.5;
+/// How many times as many pixels near the volume it must explain as one that likely errors of the calibration cause, where δ scatters
+/// more widely than on calibrated rigs.
+const CLEARLY_MORE: f64 = 1.5;
+/// Calibration error that it may tell of there, pixels, and sd about it, rad: images of another rig agree within wide limits alone.
+const MAX_ERROR_PX: f64 = 1.0;
+const MAX_SD_RAD: f64 = 0.05;
 
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
 pub(in super::super) fn explain(
@@ -51,22 +57,30 @@ pub(in super::super) fn explain(
         room.decide(view, &found, narrow(&found));
         found
     });
-    let share = room.clear_share();
-    if let Some(found) = found.as_ref().filter(|_| share >= MIN_CLEAR_SHARE) {
-        return found.clone();
-    }
-    let estimated = drift_room.estimate((view.cam1, view.cam2), view.table, delta);
-    room.decide(view, &estimated, narrow(&estimated));
+    let found = found.filter(|_| room.clear_share() >= MIN_CLEAR_SHARE);
     match found {
-        Some(found) if room.clear_share() <= share => {
-            room.decide(view, &found, narrow(&found));
-            found
+        Some(found) if !delta.is_suspicious() => found,
+        found => {
+            let cap_turns = narrow(found.as_ref().unwrap_or(&level)).cap_turns;
+            let explained = found.as_ref().map_or(0.0, |found| room.explained_share(view, found, cap_turns));
+            let estimated = drift_room.estimate((view.cam1, view.cam2), view.table, delta);
+            room.decide(view, &estimated, narrow(&estimated));
+            let enough = CLEARLY_MORE * room.explained_share(view, &estimated, cap_turns);
+            let better = found.filter(|found| is_close(found) && explained > enough);
+            if let Some(found) = &better {
+                room.decide(view, found, narrow(found));
+            }
+            better.unwrap_or(estimated)
         }
-        _ => estimated,
     }
 }
 
 impl Room {
+    /// Share of the image near the volume that a drift explains by δ within such limits.
+    fn explained_share(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32) -> f64 {
+        self.find_decided(view, drift, [cap_turns, REFINED_PART_SHARE * cap_turns])
+    }
+
     /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
     fn refined(
         &mut self,
@@ -79,6 +93,11 @@ impl Room {
         let share = self.find_decided(view, known, [cap_turns, part_turns]);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
+}
+
+/// Whether a likely error of the calibration explains decided candidates closely.
+fn is_close(drift: &Drift) -> bool {
+    drift.error_px < MAX_ERROR_PX && drift.residual_sd_rad < MAX_SD_RAD
 }
 
 fn narrow(drift: &Drift) -> Gate {
