@@ -76,20 +76,29 @@ pub enum MatchError {
     },
 }
 
+/// Refuses a δ that scatters widely, but not with the images exchanged; `exchanged` measures that.
+pub(super) fn check_order(
+    delta: &DeltaStatistics,
+    exchanged: impl FnOnce() -> Option<DeltaStatistics>,
+) -> Result<(), MatchError> {
+    let sd_rad = delta.sd_rad;
+    let other = if delta.is_suspicious() { exchanged() } else { None };
+    match other {
+        Some(other) if other.sd_rad < EXCHANGED_SD_RATIO * sd_rad && other.references > delta.references => {
+            Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad: other.sd_rad })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses a δ that scatters so widely that it tells nothing; `exchanged` measures it with the images exchanged.
 pub(super) fn check_scatter(
     delta: &DeltaStatistics,
     exchanged: impl FnOnce() -> Option<DeltaStatistics>,
 ) -> Result<(), MatchError> {
+    check_order(delta, exchanged)?;
     let efc = delta.expected_false_candidates();
     let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
-    if delta.is_suspicious()
-        && let Some(exchanged) = exchanged()
-        && exchanged.sd_rad < EXCHANGED_SD_RATIO * sd_rad
-        && exchanged.references > delta.references
-    {
-        return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad: exchanged.sd_rad });
-    }
     let tells_nothing = efc > MAX_FALSE_CANDIDATES || (sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES);
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }

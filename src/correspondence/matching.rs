@@ -2,7 +2,7 @@
 
 use crate::phase::PhaseMap;
 
-use super::agreement::{MatchError, check_rest, check_scatter, check_share};
+use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::{DeltaHistogram, HistogramRoom};
@@ -247,6 +247,9 @@ impl Matching<'_> {
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
+        if self.is_measured() {
+            check_order(&delta, || self.exchanged())?;
+        }
         let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
         let drift = surfaces::explain(view, &delta, &mut room.surfaces, drift);
         let rest = drift.rest(&delta);

@@ -31,6 +31,8 @@ const MAX_RIVAL: f32 = 0.3;
 const MIN_AGREEING: usize = 2;
 /// Share of the distance up to which orders are asked pixel by pixel that is far.
 const FAR_SHARE: f32 = 0.8;
+/// Distance beyond which orders there are asked pixel by pixel too, half segments: surfaces so far away lead beside the image of C2.
+const VERY_FAR_HALVES: f32 = 6.0;
 /// Share of the image from which what lies outside is believed to be there.
 const MIN_SHARE: f32 = 0.03;
 /// No order.
@@ -41,13 +43,14 @@ const NONE: i16 = i16::MIN;
 pub(super) struct OutsideRow {
     /// The orders of the pixels that are asked about.
     orders: Vec<i16>,
-    /// Marked pixels of all rows that see far beyond the volume.
-    far: u32,
+    /// Marked pixels of all rows that see far beyond the volume, and very far.
+    far: [u32; 2],
 }
 
 impl Room {
     /// Marks the pixels that see something outside, if a good part of the image sees what is farther beyond the volume than so many
-    /// pixels, where orders are asked pixel by pixel; whether it does. A few nodes err where a surface is hidden or dark.
+    /// pixels, where orders are asked pixel by pixel; whether it sees what is very far. A few nodes err where a surface is hidden or
+    /// dark.
     pub(in super::super) fn mark_outside(
         &mut self,
         view: View<'_>,
@@ -59,10 +62,11 @@ impl Room {
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, .. } = self;
         let (runs, nodes) = (&*runs, &*nodes);
-        let beyond_px = [BEYOND_HALVES * Space::of(view.table).half_px, FAR_SHARE * far_px];
+        let half_px = Space::of(view.table).half_px;
+        let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
         let tiles = outside.par_chunks_mut(TILE_PX * width).zip(rows).enumerate();
         tiles.for_each(|(tile_row, (outside, room))| {
-            room.outside.far = 0;
+            room.outside.far = [0; 2];
             for (i, outside) in outside.chunks_mut(width).enumerate() {
                 let v = tile_row * TILE_PX + i;
                 outside.fill(false);
@@ -72,15 +76,17 @@ impl Room {
                 view.table.row(v, &mut room.segments);
                 drift.along_row(v, width, &mut room.drift);
                 let far = simd::run(Level::in_use(), MarkRow { view, beyond_px, room, v, outside });
-                room.outside.far += far;
+                room.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }
         });
-        let far: u32 = self.rows.iter().map(|room| room.outside.far).sum();
-        let is_good_part = far as f32 >= MIN_SHARE * outside.len() as f32;
-        if !is_good_part {
+        let is_good_part = |count: fn(&OutsideRow) -> u32| {
+            let sum: u32 = self.rows.iter().map(|room| count(&room.outside)).sum();
+            sum as f32 >= MIN_SHARE * view.cam1.phase.len() as f32
+        };
+        if !is_good_part(|row| row.far[0]) {
             outside.fill(false);
         }
-        is_good_part
+        is_good_part(|row| row.far[1])
     }
 }
 
@@ -126,20 +132,20 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
 /// Marks the pixels of a row.
 struct MarkRow<'a> {
     view: View<'a>,
-    beyond_px: [f32; 2],
+    beyond_px: [f32; 3],
     room: &'a RowRoom,
     v: usize,
     outside: &'a mut [bool],
 }
 
 impl Kernel for MarkRow<'_> {
-    /// How many see far beyond the volume.
-    type Output = u32;
+    /// How many see far beyond the volume, and very far.
+    type Output = [u32; 2];
 
     #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) -> u32 {
+    fn run<L: Lanes>(self, lanes: L) -> [u32; 2] {
         let Self { view, beyond_px, room, v, outside } = self;
-        let mut all_far = 0;
+        let mut all_far = [0; 2];
         let phase = &view.cam1.phase[v * view.cam1.width..];
         let orders = room.outside.orders.as_chunks::<LANES>().0;
         for (block, (orders, outside)) in orders.iter().zip(outside.chunks_mut(LANES)).enumerate() {
@@ -147,9 +153,9 @@ impl Kernel for MarkRow<'_> {
                 continue;
             }
             let phases = filled(&phase[block * LANES..], 0);
-            let [found, far] = marks(lanes, view, beyond_px, room, block * LANES, orders, &phases);
+            let [found, far @ ..] = marks(lanes, view, beyond_px, room, block * LANES, orders, &phases);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
-            all_far += far.count_ones();
+            all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());
         }
         all_far
     }
@@ -160,12 +166,12 @@ impl Kernel for MarkRow<'_> {
 fn marks<L: Lanes>(
     lanes: L,
     view: View<'_>,
-    [beyond_px, far_px]: [f32; 2],
+    [beyond_px, far_px, very_far_px]: [f32; 3],
     room: &RowRoom,
     first: usize,
     orders: &[i16; LANES],
     phases: &[u16; LANES],
-) -> [u32; 2] {
+) -> [u32; 3] {
     let float = |value: f32| lanes.float(value);
     let segments = Segments::of(lanes, &room.segments, first);
     let order = lanes.load_signed(orders);
@@ -180,14 +186,16 @@ fn marks<L: Lanes>(
     let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
     let per_turn = lanes.times_float(lanes.times_float(rise, inverse), inverse);
     let column = lanes.add_float(along, segments.reference);
-    let (beyond, far) = (float(beyond_px), float(far_px));
+    let (beyond, far, very_far) = (float(beyond_px), float(far_px), float(very_far_px));
     let is_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, beyond), column));
     let is_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, beyond)));
+    let is_very_far_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, very_far), column));
+    let is_very_far_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, very_far)));
     let is_far_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, far), column));
     let is_far_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, far)));
     let is_beyond = lanes.and(lanes.or(is_before, is_behind), lanes.and(is_asked, lanes.mask_of(is_sound)));
     if !lanes.any(is_beyond) {
-        return [0; 2];
+        return [0; 3];
     }
     let last_px = (view.cam2.width - 2) as f32;
     let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
@@ -199,5 +207,6 @@ fn marks<L: Lanes>(
     let fits = lanes.and(around.known, lanes.mask_of(lanes.exceeds(float(REACH_TURNS), lanes.abs_float(rest))));
     let marked = lanes.and(is_beyond, lanes.or(fits, lanes.and_not(is_beyond, is_seen)));
     let far = lanes.and(marked, lanes.or(is_far_before, is_far_behind));
-    [lanes.bits(marked), lanes.bits(far)]
+    let very_far = lanes.and(marked, lanes.or(is_very_far_before, is_very_far_behind));
+    [lanes.bits(marked), lanes.bits(far), lanes.bits(very_far)]
 }
