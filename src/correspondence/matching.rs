@@ -18,6 +18,8 @@ use super::surfaces;
 
 /// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
 const SD_CHANGE: f64 = 0.5;
+/// How many times as many pixels must fit with the images exchanged before that is believed.
+const EXCHANGED_FITTING_RATIO: f32 = 1.25;
 
 /// How pixels with several candidates are decided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -247,11 +249,12 @@ impl Matching<'_> {
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
-        if self.is_measured() {
-            check_order(&delta, || self.exchanged())?;
-        }
         let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
         let drift = surfaces::explain(view, &delta, &mut room.surfaces, drift);
+        if self.is_measured() {
+            let ordered = check_order(&delta, || self.exchanged());
+            ordered.or_else(|error| if self.fits_exchanged(&room.surfaces) { Err(error) } else { Ok(()) })?;
+        }
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
         if self.is_measured() {
@@ -304,6 +307,18 @@ impl Matching<'_> {
     /// Refuses a measured δ that tells nothing.
     fn check_scatter(&self, delta: &DeltaStatistics) -> Result<(), MatchError> {
         if self.is_measured() { check_scatter(delta, || self.exchanged()) } else { Ok(()) }
+    }
+
+    /// Whether surfaces are explained better with the images exchanged: where most of an image sees what lies outside the
+    /// volume, δ within it may scatter more widely than that of wrong candidates.
+    fn fits_exchanged(&self, explained: &surfaces::Room) -> bool {
+        let ([cam1, cam2], mut room) = (self.raw, surfaces::Room::default());
+        let (Some(image), Some(delta)) = (EpipolarImage::resample(cam1, self.table), self.exchanged()) else {
+            return false;
+        };
+        let view = surfaces::View { cam1: cam2, cam2: &image, table: self.table };
+        surfaces::explain(view, &delta, &mut room, &mut DriftRoom::default());
+        room.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 
     /// δ with the images of the cameras exchanged, if they are of one size.

@@ -171,7 +171,11 @@ impl Sample {
         self.clear();
         self.columns = 1 + modes.fields.len();
         self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        let mut before = None;
         for &Decided { pixel, column_px, delta_turns, .. } in decided {
+            if before.replace(pixel) == Some(pixel) {
+                self.first.pop();
+            }
             self.delta_turns.push(to_half_turn(f64::from(delta_turns)));
             self.design.push(1.0);
             modes.by_term.tell(pixel, column_px, &mut self.design);

@@ -186,6 +186,17 @@ impl DepthRow {
 }
 
 impl<L: Lanes> DepthBlock<L> {
+    /// The same polynomial at all places.
+    #[inline(always)]
+    pub(in super::super) fn of_one(lanes: L, of_pixel: &DepthPolynomial) -> Self {
+        // A closure is no part of what is compiled for a level unless it is inlined: a loop always is.
+        let mut coefficients = [lanes.float(0.0); DEGREE + 1];
+        for (all, &one) in coefficients.iter_mut().zip(&of_pixel.coefficients) {
+            *all = lanes.float(one);
+        }
+        Self { coefficients, middle_px: lanes.float(of_pixel.middle_px), per_px: of_pixel.per_px }
+    }
+
     /// Its values at columns, as [`DepthPolynomial::at`] has them.
     #[inline(always)]
     pub(in super::super) fn at(&self, lanes: L, column_px: L::Floats) -> L::Floats {

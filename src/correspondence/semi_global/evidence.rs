@@ -12,8 +12,10 @@ use crate::simd::{self, Kernel, Lanes, Level};
 use super::super::drift::DepthRow;
 use super::super::outlook::Outlook;
 use super::super::segment::SegmentRow;
+use super::super::surfaces::{self, NO_ORDER as NO_LOOK};
 use super::super::wide::{BLOCK, Ends, block_of_mut};
 use super::bands::{self, BAND_ROWS};
+use super::selection::{SelectedRow, Selection};
 use super::wide::{self, BestOfBlock, EvidenceRoom, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
@@ -27,6 +29,9 @@ pub(super) const NO_ORDER: u8 = u8::MAX;
 /// Energy that a candidate outside the measurement volume has on top, nats.
 const OUTSIDE_NATS: f32 = 0.2;
 pub(super) const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
+/// Stands for the least energy of a pixel that is decided, and by how much all other orders have more.
+pub(super) const DECIDED: u8 = NO_ORDER - DECIDED_LEAD;
+pub(super) const DECIDED_LEAD: u8 = MISSING;
 /// Largest z with an energy of its own; beyond it the candidate counts as missing.
 pub(super) const MAX_Z: f32 = 5.0;
 /// Steps of the table of energies, in z.
@@ -49,7 +54,7 @@ pub(super) struct DeltaScale {
 impl DeltaScale {
     pub(super) fn of(scene: &Scene<'_>) -> Self {
         let cam1 = scene.cam1;
-        let median_grey = median_modulation(&cam1.modulation, &cam1.valid).map_or(1.0, Modulation::grey);
+        let median_grey = median_modulation(&cam1.modulation, &cam1.valid, cam1.width).map_or(1.0, Modulation::grey);
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
         Self { sd_turns, median_grey }
     }
@@ -63,13 +68,16 @@ impl DeltaScale {
     }
 }
 
-/// Median modulation of the valid pixels.
-fn median_modulation(modulation: &[Modulation], valid: &[bool]) -> Option<Modulation> {
+/// Median modulation of the valid pixels of some rows.
+fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) -> Option<Modulation> {
+    /// Rows of which one is asked.
+    const PITCH: usize = 4;
     // The upper byte of the median first, then the lower one. Neighbours are alike, so that each counts in a row of its own:
     // none waits for the one before.
-    const ROWS: usize = 4;
-    let mut upper = [[0_u32; 256]; ROWS];
-    for (modulation, valid) in modulation.chunks(ROWS).zip(valid.chunks(ROWS)) {
+    const WAYS: usize = 4;
+    let rows = || modulation.chunks(width).zip(valid.chunks(width)).step_by(PITCH);
+    let mut upper = [[0_u32; 256]; WAYS];
+    for (modulation, valid) in rows().flat_map(|(modulation, valid)| modulation.chunks(WAYS).zip(valid.chunks(WAYS))) {
         for ((counts, modulation), &valid) in upper.iter_mut().zip(modulation).zip(valid) {
             counts[usize::from(modulation.steps() >> 8)] += u32::from(valid);
         }
@@ -77,7 +85,7 @@ fn median_modulation(modulation: &[Modulation], valid: &[bool]) -> Option<Modula
     let upper: [u32; 256] = std::array::from_fn(|byte| upper.iter().map(|counts| counts[byte]).sum());
     let (byte, rank) = ranked(&upper, upper.iter().sum::<u32>() / 2)?;
     let mut lower = [0_u32; 256];
-    for (modulation, &valid) in modulation.iter().zip(valid) {
+    for (modulation, &valid) in rows().flat_map(|(modulation, valid)| modulation.iter().zip(valid)) {
         let is_near = valid && usize::from(modulation.steps() >> 8) == byte;
         lower[usize::from(modulation.steps() & 0xff)] += u32::from(is_near);
     }
@@ -153,6 +161,15 @@ impl OutlookRow {
     }
 }
 
+/// What is asked, and what is known of it.
+pub(super) struct Asked<'a> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) scale: &'a DeltaScale,
+    pub(super) surfaces: &'a surfaces::Room,
+    /// Pixels that are known to see something outside the volume.
+    pub(super) outside: &'a [bool],
+}
+
 /// How well the orders of all pixels fit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Evidence {
@@ -181,6 +198,12 @@ pub(super) struct BestOfRow<'a> {
 }
 
 impl Best {
+    /// Whether a pixel was decided before.
+    #[inline(always)]
+    pub(super) fn is_decided(&self, pixel: usize) -> bool {
+        self.least[pixel] == DECIDED
+    }
+
     /// That of the pixels of a row.
     pub(super) fn of(&self, pixels: std::ops::Range<usize>) -> BestOfRow<'_> {
         BestOfRow {
@@ -195,28 +218,32 @@ impl Best {
 #[derive(Clone, Debug, Default)]
 struct BandRoom {
     row: OutlookRow,
+    /// Orders that surfaces tell.
+    orders: Vec<i16>,
+    /// Numbers of orders of the pixels of a row that are not decided.
+    asked: Vec<u8>,
     /// Most orders of a pixel.
     most: usize,
 }
 
 impl Evidence {
-    /// Asks for the orders of each pixel and for their energies; and how many orders of each pass the back-projection test
-    /// |δ − drift| < 3·sd.
+    /// Looks at each pixel of which surfaces tell the order, which decides most. Asks for the orders of each other pixel and for
+    /// their energies; and how many orders of each pass the back-projection test |δ − drift| < 3·sd.
     pub(super) fn gather(
         &mut self,
-        scene: &Scene<'_>,
+        asked: &Asked<'_>,
         windows: &mut Windows,
-        scale: &DeltaScale,
-        outside: &[bool],
+        selection: &mut Selection,
         passing: &mut Vec<u8>,
     ) {
-        let (pixels, energies) = (scene.cam1.phase.len(), Energies::new());
+        let (pixels, energies) = (asked.scene.cam1.phase.len(), Energies::new());
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
         }
+        selection.resize(pixels);
         loop {
-            let most = self.gather_into(scene, windows, scale, outside, &energies, passing);
+            let most = self.gather_into(asked, windows, selection, &energies, passing);
             if most <= windows.lanes {
                 return;
             }
@@ -227,10 +254,9 @@ impl Evidence {
     /// The same with such room for the orders of a pixel, where that is enough; yields how many orders there are at most.
     fn gather_into(
         &mut self,
-        scene: &Scene<'_>,
+        &Asked { scene, scale, surfaces, outside }: &Asked<'_>,
         windows: &mut Windows,
-        scale: &DeltaScale,
-        outside: &[bool],
+        selection: &mut Selection,
         energies: &Energies,
         passing: &mut [u8],
     ) -> usize {
@@ -242,39 +268,79 @@ impl Evidence {
         let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
         let windows = windows.first.par_chunks_mut(of_band).zip(windows.count.par_chunks_mut(of_band));
         let out = self.energies.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
-        let bands = out.zip(best).zip(windows).zip(&mut self.rooms).enumerate();
-        bands.for_each(|(band, ((((tile, passing), ((place, least), second)), (first, count)), room))| {
+        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(&mut self.rooms).enumerate();
+        bands.for_each(|(band, (((out, (first, count)), mut selected), room))| {
+            let ((tile, passing), ((place, least), second)) = out;
             room.most = 0;
             for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
                 let v = band * BAND_ROWS + i;
-                room.row.turn_to(scene, scale, v);
+                let BandRoom { row, orders, asked, most } = &mut *room;
+                row.turn_to(scene, scale, v);
                 let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
                 let own = v * width..(v + 1) * width;
-                let (phase, valid, outside) =
-                    (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()], &outside[own]);
-                WindowRow { reach, segments: &room.row.segments, phase, valid, outside, first, count }.ask();
-                room.most = count.iter().fold(room.most, |most, &count| most.max(usize::from(count)));
-                if room.most > lanes {
+                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()]);
+                let outside = &outside[own];
+                WindowRow { reach, segments: &row.segments, phase, valid, outside, first, count }.ask();
+                *most = count.iter().fold(*most, |most, &count| most.max(usize::from(count)));
+                if *most > lanes {
                     continue;
                 }
+                surfaces.fill_orders((v, width), orders);
+                orders.iter_mut().zip(&*count).for_each(|(k, &count)| *k = if count == 0 { NO_LOOK } else { *k });
+                let (mut selected, _) = selected.row(i, width);
+                selected.look(row.wide(scene, reach), orders);
+                surfaces.doubt_few((v, width), selected.is_decided);
+                leave_open(first, count, &mut selected, asked);
                 let evidence = EvidenceRow {
                     scene,
                     reach,
-                    row: &room.row,
+                    row,
                     first,
-                    count,
+                    count: asked,
                     energies,
                     lanes,
                     tile: &mut tile[pixels.start * lanes..pixels.end * lanes],
                     passing: &mut passing[pixels.clone()],
                     place: &mut place[pixels.clone()],
                     least: &mut least[pixels.clone()],
-                    second: &mut second[pixels],
+                    second: &mut second[pixels.clone()],
                 };
                 simd::run(Level::in_use(), evidence);
+                let best = [&mut passing[pixels.clone()], &mut place[pixels.clone()], &mut least[pixels.clone()]];
+                tell_decided(first, &selected, best, &mut second[pixels]);
             }
         });
         self.rooms.iter().map(|room| room.most).max().unwrap_or(0)
+    }
+}
+
+/// Finds the numbers of orders of the pixels of a row that are open; what is decided must be among the orders of its window.
+fn leave_open(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>, asked: &mut Vec<u8>) {
+    let width = count.len();
+    asked.resize(width, 0);
+    let (asked, absolute, first) = (&mut asked[..width], &selected.absolute[..width], &first[..width]);
+    let is_decided = &mut selected.is_decided[..width];
+    for u in 0..width {
+        let place = (absolute[u] >> 16).wrapping_sub(i32::from(first[u]));
+        is_decided[u] &= (place >= 0) & (place < i32::from(count[u]));
+        asked[u] = if is_decided[u] { 0 } else { count[u] };
+    }
+}
+
+/// Tells of the decided pixels of a row what evidence tells of the others.
+fn tell_decided(first: &[i16], selected: &SelectedRow<'_>, [passing, place, least]: [&mut [u8]; 3], second: &mut [u8]) {
+    let width = first.len();
+    let (is_decided, absolute) = (&selected.is_decided[..width], &selected.absolute[..width]);
+    let (first, z) = (&first[..width], &selected.z[..width]);
+    let (passing, place, least, second) =
+        (&mut passing[..width], &mut place[..width], &mut least[..width], &mut second[..width]);
+    for u in 0..width {
+        let own = (absolute[u] >> 16).wrapping_sub(i32::from(first[u])) as u8;
+        let passes = u8::from(z[u].abs() < PASSING_Z);
+        passing[u] = if is_decided[u] { passes } else { passing[u] };
+        place[u] = if is_decided[u] { own } else { place[u] };
+        least[u] = if is_decided[u] { DECIDED } else { least[u] };
+        second[u] = if is_decided[u] { NO_ORDER } else { second[u] };
     }
 }
 
@@ -396,6 +462,14 @@ impl Energies {
 }
 
 #[cfg(test)]
+impl Best {
+    /// Decides a pixel on the order in a place.
+    pub(super) fn decide(&mut self, pixel: usize, place: u8) {
+        (self.place[pixel], self.least[pixel], self.second[pixel]) = (place, DECIDED, NO_ORDER);
+    }
+}
+
+#[cfg(test)]
 impl Evidence {
     /// Energies that were found elsewhere.
     pub(super) fn of(energies: Vec<u8>, windows: &Windows) -> Self {
@@ -479,7 +553,7 @@ mod tests {
             let mut lit: Vec<Modulation> =
                 modulation.iter().zip(&valid).filter(|(_, valid)| **valid).map(|(m, _)| *m).collect();
             lit.sort();
-            assert_eq!(median_modulation(&modulation, &valid), lit.get(lit.len() / 2).copied());
+            assert_eq!(median_modulation(&modulation, &valid, 1001), lit.get(lit.len() / 2).copied());
         }
     }
 

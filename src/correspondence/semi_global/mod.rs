@@ -115,10 +115,11 @@ impl Room {
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
         let near_px = windows.near_px(scene.table);
         windows.ready(scene, surfaces.mark_outside(view, scene.drift, near_px, outside));
-        evidence.gather(scene, windows, &scale, outside, decisions.passing);
+        let asked = evidence::Asked { scene, scale: &scale, surfaces, outside };
+        evidence.gather(&asked, windows, selection, decisions.passing);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
-        let decided = verification::Decided { verdicts, links: &paths.links };
+        let decided = verification::Decided { verdicts, surfaces };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {
             *outcome = Outcome::OutsideVolume;

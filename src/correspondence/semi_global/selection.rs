@@ -9,12 +9,13 @@ use super::super::candidates::Candidate;
 pub(super) use super::super::neighbourhood::ABSENT;
 use super::super::neighbourhood::TURN;
 use super::super::outlook::Outlook;
+use super::super::surfaces::NO_ORDER;
 use super::super::wide::{BLOCK, block_of_mut};
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::evidence::{DeltaScale, OutlookRow};
 use super::places::{PlaceRow, Places};
-use super::wide::SelectionRoom;
+use super::wide::{self, SelectionRoom};
 use super::windows::{Reach, Windows};
 use crate::simd::{self, Kernel, Lanes, Level};
 
@@ -36,57 +37,77 @@ pub(super) struct Selection {
     pub(super) slope: Vec<i16>,
     /// Whether it lies in the measurement volume, as far as its place is known.
     pub(super) in_volume: Vec<bool>,
+    /// Whether it was decided by one look at the order of its surface.
+    pub(super) is_decided: Vec<bool>,
     /// Where it lies in C2.
     pub(super) places: Places,
-    rooms: Vec<OutlookRow>,
+    rooms: Vec<RowRoom>,
     /// Room for the median of z.
     counts: Vec<u32>,
     near: Vec<f32>,
 }
 
+/// What the rows of a band are worked on with.
+#[derive(Clone, Debug, Default)]
+struct RowRoom {
+    row: OutlookRow,
+    /// Numbers of orders of the pixels that are not decided.
+    asked: Vec<u8>,
+}
+
 impl Selection {
-    /// Selects the candidate of each pixel that has one of the decided order.
-    pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
-        let (pixels, width) = (scene.cam1.phase.len(), scene.cam1.width.max(1));
+    /// Makes room for the pixels of an image.
+    pub(super) fn resize(&mut self, pixels: usize) {
         self.absolute.resize(pixels, ABSENT);
         self.column_px.resize(pixels, 0.0);
         self.z.resize(pixels, 0.0);
         self.delta.resize(pixels, 0);
         self.slope.resize(pixels, 0);
         self.in_volume.resize(pixels, false);
+        self.is_decided.resize(pixels, false);
         self.places.resize(pixels);
-        bands::resize(&mut self.rooms, scene.cam1.height);
-        let of_band = BAND_ROWS * width;
-        let places = self.absolute.par_chunks_mut(of_band).zip(self.column_px.par_chunks_mut(of_band));
-        let fits = self.z.par_chunks_mut(of_band).zip(self.delta.par_chunks_mut(of_band));
-        let rest = self.slope.par_chunks_mut(of_band).zip(self.in_volume.par_chunks_mut(of_band));
-        let Places { of_pixels, nearness } = &mut self.places;
-        let in_cam2 = of_pixels.par_chunks_mut(of_band).zip(nearness.par_chunks_mut(of_band));
-        let bands = places.zip(fits).zip(rest).zip(in_cam2).zip(&mut self.rooms).enumerate();
-        bands.for_each(|(band, ((out, (of_pixels, nearness)), row))| {
-            let (((absolute, column_px), (z, delta)), (slope, in_volume)) = out;
-            for (i, here) in (0..absolute.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
+    }
+
+    /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
+    pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
+        let width = scene.cam1.width.max(1);
+        let mut rooms = std::mem::take(&mut self.rooms);
+        bands::resize(&mut rooms, scene.cam1.height);
+        let bands = self.bands(BAND_ROWS * width).zip(&mut rooms).enumerate();
+        bands.for_each(|(band, (mut selected, RowRoom { row, asked }))| {
+            for i in 0..selected.absolute.len() / width {
                 let v = band * BAND_ROWS + i;
                 row.turn_to(scene, scale, v);
                 let pixels = v * width..(v + 1) * width;
                 let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
-                let out = SelectedRow {
-                    absolute: &mut absolute[here.clone()],
-                    column_px: &mut column_px[here.clone()],
-                    z: &mut z[here.clone()],
-                    delta: &mut delta[here.clone()],
-                    slope: &mut slope[here.clone()],
-                    in_volume: &mut in_volume[here.clone()],
-                };
-                let phase = &scene.cam1.phase[pixels];
-                let selection = SelectionRow { scene, reach: windows.reach, row, phase, count, order, out };
+                let (mut out, places) = selected.row(i, width);
+                let open = count.iter().zip(&*out.is_decided).map(|(&count, &decided)| if decided { 0 } else { count });
+                asked.clear();
+                asked.extend(open);
+                let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
+                let selection = SelectionRow { scene, reach: windows.reach, row, phase, count: asked, order, out };
                 simd::run(Level::in_use(), selection);
-                let places =
-                    PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here.clone()] };
-                places.find(scene.table, &row.segments, &column_px[here]);
+                places.find(scene.table, &row.segments, out.column_px);
             }
         });
+        self.rooms = rooms;
         self.normalize();
+    }
+
+    /// Bands of so many pixels.
+    pub(super) fn bands(&mut self, pixels: usize) -> impl IndexedParallelIterator<Item = SelectedBand<'_>> {
+        let Self { absolute, column_px, z, delta, slope, in_volume, is_decided, places, .. } = self;
+        let Places { of_pixels, nearness } = places;
+        let of_columns = absolute.par_chunks_mut(pixels).zip(column_px.par_chunks_mut(pixels));
+        let fits = z.par_chunks_mut(pixels).zip(delta.par_chunks_mut(pixels));
+        let rest = slope.par_chunks_mut(pixels).zip(in_volume.par_chunks_mut(pixels));
+        let places = of_pixels.par_chunks_mut(pixels).zip(nearness.par_chunks_mut(pixels));
+        let bands = of_columns.zip(fits).zip(rest).zip(is_decided.par_chunks_mut(pixels)).zip(places);
+        bands.map(|(((((absolute, column_px), (z, delta)), (slope, in_volume)), is_decided), places)| {
+            let (of_pixels, nearness) = places;
+            let places = PlaceRow { of_pixels, nearness };
+            SelectedBand { absolute, column_px, z, delta, slope, in_volume, is_decided, places }
+        })
     }
 
     /// Those of a row of pixels.
@@ -158,14 +179,45 @@ impl CandidateRow<'_> {
     }
 }
 
-/// Room for the selected candidates of a row.
-struct SelectedRow<'a> {
-    absolute: &'a mut [i32],
+/// Room for the selected candidates of some rows.
+pub(super) struct SelectedBand<'a> {
+    pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
     z: &'a mut [f32],
     delta: &'a mut [i16],
     slope: &'a mut [i16],
     in_volume: &'a mut [bool],
+    is_decided: &'a mut [bool],
+    places: PlaceRow<'a>,
+}
+
+impl SelectedBand<'_> {
+    /// One of its rows.
+    pub(super) fn row(&mut self, row: usize, width: usize) -> (SelectedRow<'_>, PlaceRow<'_>) {
+        let here = row * width..(row + 1) * width;
+        let selected = SelectedRow {
+            absolute: &mut self.absolute[here.clone()],
+            column_px: &mut self.column_px[here.clone()],
+            z: &mut self.z[here.clone()],
+            delta: &mut self.delta[here.clone()],
+            slope: &mut self.slope[here.clone()],
+            in_volume: &mut self.in_volume[here.clone()],
+            is_decided: &mut self.is_decided[here.clone()],
+        };
+        let PlaceRow { of_pixels, nearness } = &mut self.places;
+        (selected, PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here] })
+    }
+}
+
+/// Room for the selected candidates of a row.
+pub(super) struct SelectedRow<'a> {
+    pub(super) absolute: &'a mut [i32],
+    column_px: &'a mut [f32],
+    pub(super) z: &'a mut [f32],
+    delta: &'a mut [i16],
+    slope: &'a mut [i16],
+    in_volume: &'a mut [bool],
+    pub(super) is_decided: &'a mut [bool],
 }
 
 /// The same of a block.
@@ -178,7 +230,33 @@ pub(super) struct SelectedBlock<'a> {
     pub(super) in_volume: &'a mut [bool; BLOCK],
 }
 
+/// Room for the same of a block, of which not all is taken.
+#[derive(Default)]
+struct FoundBlock {
+    absolute: [i32; BLOCK],
+    column_px: [f32; BLOCK],
+    z: [f32; BLOCK],
+    delta: [i16; BLOCK],
+    slope: [i16; BLOCK],
+    in_volume: [bool; BLOCK],
+}
+
+impl FoundBlock {
+    #[inline(always)]
+    fn block(&mut self) -> SelectedBlock<'_> {
+        let Self { absolute, column_px, z, delta, slope, in_volume } = self;
+        SelectedBlock { absolute, column_px, z, delta, slope, in_volume }
+    }
+}
+
 impl SelectedRow<'_> {
+    /// Looks at each pixel of the row at its order, [`NO_ORDER`] where none is known: where its candidate fits, it is decided.
+    pub(super) fn look(&mut self, row: wide::Row<'_>, orders: &[i16]) {
+        self.absolute.fill(ABSENT);
+        self.is_decided.fill(false);
+        simd::run(Level::in_use(), LookRow { row, orders, out: self });
+    }
+
     #[inline(always)]
     fn block(&mut self, begin: usize) -> SelectedBlock<'_> {
         SelectedBlock {
@@ -192,39 +270,79 @@ impl SelectedRow<'_> {
     }
 }
 
+/// Looks at the pixels of a row.
+struct LookRow<'a, 'b, 'c> {
+    row: wide::Row<'a>,
+    /// Orders of the pixels, and of none up to a whole block.
+    orders: &'a [i16],
+    out: &'b mut SelectedRow<'c>,
+}
+
+impl Kernel for LookRow<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, level: L) {
+        let Self { row, orders, out } = self;
+        // What is left at the end of a row stays open.
+        let blocks = out.absolute.len() / BLOCK;
+        for (block, orders) in orders.as_chunks().0.iter().take(blocks).enumerate() {
+            if *orders == [NO_ORDER; BLOCK] {
+                continue;
+            }
+            let begin = block * BLOCK;
+            let decided = row.look(level, begin, orders, &mut out.block(begin));
+            level.store_mask(level.mask(decided), block_of_mut(out.is_decided, begin));
+        }
+    }
+}
+
 /// Selects the candidates of a row.
-struct SelectionRow<'a> {
+struct SelectionRow<'a, 'b> {
     scene: &'a Scene<'a>,
     reach: Reach,
     row: &'a OutlookRow,
     phase: &'a [u16],
     count: &'a [u8],
     order: &'a [i16],
-    out: SelectedRow<'a>,
+    out: &'a mut SelectedRow<'b>,
 }
 
-impl Kernel for SelectionRow<'_> {
+impl Kernel for SelectionRow<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, level: L) {
         let row = self.row.wide(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let mut room = SelectionRoom::new(level);
+        let (mut room, mut found) = (SelectionRoom::new(level), FoundBlock::default());
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
-            let Some(mut of_block) = row.block(level, begin, count) else {
-                self.out.absolute[begin..][..BLOCK].fill(ABSENT);
-                continue;
-            };
-            of_block.select(order, &mut room, &mut self.out.block(begin));
+            let Some(mut of_block) = row.block(level, begin, count) else { continue };
+            of_block.select(order, &mut room, &mut found.block());
+            self.take(begin, of_block.regular(), &found);
             self.select_pixels(begin, of_block.irregular());
         }
         (counts.len() * BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
     }
 }
 
-impl SelectionRow<'_> {
+impl SelectionRow<'_, '_> {
+    /// Takes what was found of some of the pixels from one on, a bit each.
+    fn take(&mut self, begin: usize, mut pixels: u32, found: &FoundBlock) {
+        let out = &mut *self.out;
+        while pixels != 0 {
+            let k = pixels.trailing_zeros() as usize;
+            out.absolute[begin + k] = found.absolute[k];
+            out.column_px[begin + k] = found.column_px[k];
+            out.z[begin + k] = found.z[k];
+            out.delta[begin + k] = found.delta[k];
+            out.slope[begin + k] = found.slope[k];
+            out.in_volume[begin + k] = found.in_volume[k];
+            pixels &= pixels - 1;
+        }
+    }
+
     /// Some of the pixels from one on, a bit each, one by one.
     fn select_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
@@ -234,10 +352,10 @@ impl SelectionRow<'_> {
     }
 
     fn select_pixel(&mut self, u: usize) {
-        self.out.absolute[u] = ABSENT;
         if self.count[u] == 0 {
             return;
         }
+        self.out.absolute[u] = ABSENT;
         let outlook = self.row.outlook(self.scene, self.reach, u);
         let sd_turns = self.row.sd_turns[u];
         let Some((rest, column_px, slope)) = best_of_order(&outlook, self.order[u], sd_turns) else { return };
@@ -283,7 +401,7 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::Evidence;
+    use super::super::evidence::{Asked, Evidence};
     use super::super::test_scene::TestScene;
     use super::*;
 
@@ -291,17 +409,18 @@ mod tests {
     type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
 
     /// What the pixels of a row have.
-    fn selected(width: usize, select: impl Fn(SelectedRow<'_>)) -> Vec<Selected> {
+    fn selected(width: usize, select: impl Fn(&mut SelectedRow<'_>)) -> Vec<Selected> {
         let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
         let ([mut column_px, mut z], [mut delta, mut slope]) =
             ([vec![0.0; width], vec![0.0; width]], [vec![0; width], vec![0; width]]);
-        select(SelectedRow {
+        select(&mut SelectedRow {
             absolute: &mut absolute,
             column_px: &mut column_px,
             z: &mut z,
             delta: &mut delta,
             slope: &mut slope,
             in_volume: &mut in_volume,
+            is_decided: &mut vec![false; width],
         });
         let of_pixel = |u: usize| {
             let fit = (absolute[u], [column_px[u].to_bits(), z[u].to_bits()], [delta[u], slope[u]], in_volume[u]);
@@ -318,7 +437,9 @@ mod tests {
         let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
         windows.ready(&scene, false);
-        evidence.gather(&scene, &mut windows, &scale, &outside, &mut Vec::new());
+        let surfaces = &test_scene.surfaces();
+        let asked = Asked { scene: &scene, scale: &scale, surfaces, outside: &outside };
+        evidence.gather(&asked, &mut windows, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (windows.reach, 0);
         for v in 0..scene.cam1.height {
             row.turn_to(&scene, &scale, v);
@@ -329,7 +450,7 @@ mod tests {
             let order: Vec<i16> = (0..width)
                 .map(|u| windows.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
                 .collect();
-            let of = |select: &dyn Fn(SelectionRow<'_>)| {
+            let of = |select: &dyn Fn(SelectionRow<'_, '_>)| {
                 let order = &order;
                 selected(width, |out| {
                     select(SelectionRow { scene: &scene, reach, row: &row, phase, count, order, out });
@@ -342,5 +463,42 @@ mod tests {
             }
         }
         assert!(found > 15_000, "{found}");
+    }
+
+    #[test]
+    fn what_one_look_decides_is_the_candidate_of_its_order_at_every_level() {
+        let test_scene = TestScene::new();
+        let scene = test_scene.scene();
+        let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
+        let (mut windows, mut row, mut orders) = (Windows::default(), OutlookRow::default(), Vec::new());
+        windows.ready(&scene, false);
+        let (surfaces, reach) = (test_scene.surfaces(), windows.reach);
+        let (mut decided, mut other) = (0, 0);
+        for v in 0..scene.cam1.height {
+            row.turn_to(&scene, &scale, v);
+            surfaces.fill_orders((v, width), &mut orders);
+            let of = |level: Level| {
+                selected(width, |out| {
+                    out.absolute.fill(ABSENT);
+                    simd::run(level, LookRow { row: row.wide(&scene, reach), orders: &orders, out });
+                })
+            };
+            let found = of(Level::ALL[0]);
+            for level in Level::ALL {
+                assert_eq!(of(level), found, "{level:?} {v}");
+            }
+            for (u, found) in found.iter().enumerate() {
+                let Some((_, [column_px, z], ..)) = *found else { continue };
+                let sd_turns = row.sd_turns[u];
+                let best = best_of_order(&row.outlook(&scene, reach, u), orders[u], sd_turns);
+                let is_same = best.is_some_and(|(rest, best_px, _)| {
+                    let off = (rest / sd_turns - f32::from_bits(z)).abs();
+                    (best_px - f32::from_bits(column_px)).abs() < 0.01 && off < 0.05
+                });
+                decided += 1;
+                other += usize::from(!is_same);
+            }
+        }
+        assert!(decided > 10_000 && 100 * other < decided, "{other} of {decided}");
     }
 }

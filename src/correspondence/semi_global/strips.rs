@@ -12,7 +12,7 @@
 //! not.
 
 use super::super::regions::{Regions, Run};
-use super::links::Links;
+use super::super::surfaces;
 
 /// Fewest pixels of a region whose shape tells anything.
 const MIN_PIXELS: f64 = 10.0;
@@ -59,12 +59,12 @@ pub(super) struct Strips {
 
 impl Strips {
     /// Tells which regions are strips, from z of all pixels of an image that is so wide.
-    pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], links: &Links) {
+    pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], surfaces: &surfaces::Room) {
         let Self { moments, is_strip } = self;
         moments.clear();
         moments.resize(regions.count(), Moments::default());
         for run in &regions.runs {
-            moments[run.region as usize].add(width, run, z, links);
+            moments[run.region as usize].add(width, run, z, surfaces);
         }
         let large = LARGE_SHARE * z.len() as f64;
         is_strip.clear();
@@ -73,7 +73,7 @@ impl Strips {
 }
 
 impl Moments {
-    fn add(&mut self, width: usize, run: &Run, z: &[f32], links: &Links) {
+    fn add(&mut self, width: usize, run: &Run, z: &[f32], surfaces: &surfaces::Room) {
         let pixels = run.pixels();
         let (row, begin) = (pixels.start / width, pixels.start % width);
         let count = pixels.len() as f64;
@@ -100,11 +100,10 @@ impl Moments {
         self.uz += first * sum + along * per_px;
         self.vz += v * sum;
         self.zz += square;
-        let links = links.of_row(0, row, true);
-        let end = begin + run.pixels().len();
         self.ends = self.ends.map(|ends| ends + 1.0);
-        self.open[0] += f64::from(u8::from(links.towards(begin).is_link));
-        self.open[1] += f64::from(u8::from(end < width && links.towards(end).is_link));
+        for (open, end) in self.open.iter_mut().zip([run.pixels().start, run.pixels().end]) {
+            *open += f64::from(u8::from(surfaces.runs_on(row, end)));
+        }
     }
 
     fn is_strip(&self, large: f64) -> bool {

@@ -5,9 +5,10 @@ use crate::correspondence::{DeltaHistogram, DeltaStatistics, ResolutionSettings,
 use crate::geometry::{MeasurementVolume, Point3, Pose};
 use crate::phase::{AbsolutePhase, Modulation, PhaseMap};
 
-use super::super::drift::{Drift, estimate_drift};
+use super::super::drift::{Drift, DriftRoom, estimate_drift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
+use super::super::surfaces;
 use super::Scene;
 
 /// What a scene reads.
@@ -33,6 +34,14 @@ impl TestScene {
         let delta = measure_delta(&cam1, &cam2, &table, &histogram, &ResolutionSettings::default()).unwrap();
         let drift = estimate_drift(&cam1, &cam2, &table, &delta);
         Self { cam1, cam2, table, delta, turns: plane.cam1_columns().turns, drift }
+    }
+
+    /// Its surfaces.
+    pub(super) fn surfaces(&self) -> surfaces::Room {
+        let mut room = surfaces::Room::default();
+        let view = surfaces::View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table };
+        surfaces::explain(view, &self.delta, &mut room, &mut DriftRoom::default());
+        room
     }
 
     pub(super) fn scene(&self) -> Scene<'_> {

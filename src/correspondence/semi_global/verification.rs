@@ -15,12 +15,12 @@
 use rayon::prelude::*;
 
 use super::super::outcome::Outcome;
+use super::super::surfaces;
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, TABLES, confidences, margin_nats};
 use super::evidence::PASSING_Z;
 use super::grounds::{Grounds, Surroundings};
-use super::links::Links;
 use super::paths::{PATHS, Verdicts};
 use super::regions::{Regions, Run};
 use super::selection::{ABSENT, Selection};
@@ -84,7 +84,7 @@ struct ConfidenceRoom {
 pub(super) struct Decided<'a> {
     pub(super) verdicts: &'a Verdicts,
     /// Where the wrapped phase runs on.
-    pub(super) links: &'a Links,
+    pub(super) surfaces: &'a surfaces::Room,
 }
 
 /// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
@@ -92,7 +92,7 @@ pub(super) struct Decided<'a> {
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
-    &Decided { verdicts, links }: &Decided<'_>,
+    &Decided { verdicts, surfaces }: &Decided<'_>,
     limits: &Limits,
     room: &mut VerificationRoom,
     decisions: &mut Decisions<'_>,
@@ -100,7 +100,7 @@ pub(super) fn verify(
 ) {
     let width = scene.cam1.width.max(1);
     room.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    room.strips.find(width, &room.regions, &selection.z, links);
+    room.strips.find(width, &room.regions, &selection.z, surfaces);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
     verification.find_leads(room);
     verification.judge_regions(room);

@@ -14,7 +14,7 @@ use super::sight::Space;
 use super::unions::Unions;
 
 /// Pixels that are asked, about.
-const PIXELS: usize = 8000;
+const PIXELS: usize = 6000;
 /// How far from the middle of the volume a candidate may lie, half segments.
 const NEAR_HALVES: f32 = 2.0;
 /// Fewest candidates of a part.
@@ -59,18 +59,24 @@ impl Room {
     /// Finds the decided candidates whose δ is off the drift by no more than a cap, of parts over which it scatters by no more than such
     /// an sd: true surfaces change little with the drift. Yields
     /// their share of the pixels that were asked.
-    pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, [cap_turns, max_sd_turns]: [f32; 2]) -> f64 {
+    pub(super) fn find_decided(
+        &mut self,
+        view: View<'_>,
+        drift: &Drift,
+        [cap_turns, max_sd_turns]: [f32; 2],
+        with_open: bool,
+    ) -> f64 {
         let pixels = view.cam1.phase.len();
         let stride = ((pixels as f32 / PIXELS as f32).sqrt() as usize).max(1);
         self.decided.candidates.clear();
         for v in (stride / 2..view.cam1.height).step_by(stride) {
-            self.ask_row(view, drift, cap_turns, stride, v);
+            self.ask_row(view, drift, (cap_turns, with_open), stride, v);
         }
         self.decided.keep_smooth_parts(&self.nodes.nodes, max_sd_turns);
         self.decided.candidates.len() as f64 / (pixels as f64 / (stride * stride) as f64).max(1.0)
     }
 
-    fn ask_row(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32, stride: usize, v: usize) {
+    fn ask_row(&mut self, view: View<'_>, drift: &Drift, (cap_turns, with_open): (f32, bool), stride: usize, v: usize) {
         let Self { runs, nodes, decided: DecidedRoom { candidates, row, .. }, .. } = self;
         let (width, space) = (view.cam1.width, Space::of(view.table));
         view.table.row(v, &mut row.segments);
@@ -78,14 +84,15 @@ impl Room {
         for piece in nodes.of_row(v) {
             let &Piece { node, offset, .. } = piece;
             let of_node = &nodes.nodes[node as usize];
-            if !of_node.is_clear() {
+            let is_clear = of_node.is_clear();
+            if !is_clear && !with_open {
                 continue;
             }
             for u in piece.asked(v * width, stride) {
                 let pixel = v * width + u;
                 let order = of_node.order(offset + i32::from(runs.relative[pixel]));
                 let segment = row.segments.segment(u);
-                let reach_px = NEAR_HALVES * space.half_px;
+                let reach_px = if is_clear { NEAR_HALVES } else { 1.0 } * space.half_px;
                 let first_px = (segment.reference_px - reach_px).max(0.0);
                 let last_px = (segment.reference_px + reach_px).min((view.cam2.width - 2) as f32);
                 if first_px >= last_px {
@@ -93,9 +100,22 @@ impl Room {
                 }
                 let (drift, limits_px) = (row.drift.segment(u), [first_px, last_px]);
                 let outlook = Outlook::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
-                if let Some((rest_turns, column_px)) = outlook.nearest(order, cap_turns) {
+                let mut take = |rest_turns: f32, column_px: f32| {
                     let delta_turns = rest_turns + outlook.drift.at(column_px);
+                    let node = if is_clear { node } else { NONE };
                     candidates.push(Decided { pixel: [u, v], column_px, delta_turns, rest_turns, node });
+                };
+                if is_clear {
+                    if let Some((rest_turns, column_px)) = outlook.nearest(order, cap_turns) {
+                        take(rest_turns, column_px);
+                    }
+                } else {
+                    outlook.crossings(limits_px, |column_px, _| {
+                        let (_, rest_turns) = outlook.order_and_rest(column_px);
+                        if rest_turns.abs() < cap_turns {
+                            take(rest_turns, column_px);
+                        }
+                    });
                 }
             }
         }
@@ -118,7 +138,7 @@ impl DecidedRoom {
         let count = unions.number(|_, offset| part_of.push(offset.set));
         parts.clear();
         parts.resize(count, Part::default());
-        for decided in &*candidates {
+        for decided in candidates.iter().filter(|decided| decided.node != NONE) {
             let part = &mut parts[part_of[decided.node as usize] as usize];
             part.count += 1.0;
             part.sum += decided.rest_turns;
@@ -126,6 +146,9 @@ impl DecidedRoom {
         }
         let all = candidates.len() as f32;
         candidates.retain(|decided| {
+            if decided.node == NONE {
+                return true;
+            }
             let part = &parts[part_of[decided.node as usize] as usize];
             let is_smooth = part.sd_turns() < max_sd_turns || part.count > LARGE_SHARE * all;
             part.count >= MIN_COUNT && is_smooth

@@ -5,7 +5,7 @@ use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
 use super::super::segment_table::SegmentTable;
 use super::decided::DecidedRoom;
-use super::nodes::{Node, Nodes, Piece, TILE_PX};
+use super::nodes::{Node, Nodes, Piece};
 use super::outside::OutsideRow;
 use super::runs::Runs;
 use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
@@ -13,10 +13,29 @@ use super::{FULL_SCORE, LABELS, belief};
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
-/// Pixels that are asked, in all: their number need not grow with the image.
-const SAMPLES: usize = 80_000;
-/// Pixels along either axis of which at most one is asked.
-const MAX_STRIDE: usize = 6;
+/// Share of the pixels of a node that must fit its order where it tells that of them all.
+const MIN_FITTING: f32 = 0.6;
+/// By how many of them it must lead there.
+const MIN_LEAD: f32 = 0.2;
+
+/// Pixels along either axis of a tile that are asked: their number need not grow with the image.
+const FEW_OF_TILE: usize = 3;
+const MANY_OF_TILE: usize = 6;
+/// How many times as many these are at least.
+const FEW_FOR_MANY: i16 = 4;
+/// Share of the pixels of a clear node that fit from which its order is not doubted.
+const DOUBTLESS: f32 = 0.95;
+
+/// Who is asked about orders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// Few pixels of all nodes: what the drift is to be told from.
+    Few,
+    /// More pixels of all nodes.
+    Many,
+    /// More pixels of nodes of which few did not decide.
+    ManyOfDoubtful,
+}
 
 /// How far δ may be off the drift where an order still fits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,14 +83,23 @@ impl Room {
         self.nodes.find(view, &Space::of(view.table), &self.runs);
     }
 
-    /// Decides the order of every node by δ about a drift.
-    pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate) {
+    /// Decides the order of every node by δ about a drift. Nodes that are not asked keep the evidence that they have.
+    pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate, asked: Asked) {
         let Self { runs, nodes, evidence, messages, rows, .. } = self;
-        let pixels = view.cam1.phase.len();
-        let stride = ((pixels as f32 / SAMPLES as f32).sqrt() as usize).clamp(1, MAX_STRIDE);
-        evidence.clear();
+        let (tile_px, of_all) = (nodes.tile_px, asked != Asked::ManyOfDoubtful);
+        let stride = tile_px / if asked == Asked::Few { FEW_OF_TILE } else { MANY_OF_TILE };
         evidence.resize(nodes.nodes.len(), [0; LABELS]);
-        rows.resize(view.cam1.height.div_ceil(TILE_PX), RowRoom::default());
+        for (node, evidence) in nodes.nodes.iter_mut().zip(&mut *evidence) {
+            node.is_doubtful = of_all || !(node.is_clear() && node.fitting > DOUBTLESS * node.asked as f32);
+            if node.is_doubtful {
+                *evidence = [0; LABELS];
+            } else {
+                // As if as many pixels had been asked as of the others.
+                evidence.iter_mut().for_each(|sum| *sum *= FEW_FOR_MANY);
+                node.asked *= FEW_FOR_MANY as u32;
+            }
+        }
+        rows.resize(view.cam1.height.div_ceil(tile_px), RowRoom::default());
         let asking = Asking { view, space: Space::of(view.table), drift, gate, stride, runs, nodes };
         asking.ask(0, rows, evidence);
         belief::decide(&mut nodes.nodes, evidence, messages);
@@ -81,6 +109,39 @@ impl Room {
             let others = evidence.iter().enumerate().filter(|&(k, &sum)| k != usize::from(node.label) && sum != unseen);
             node.rival = f32::from(others.map(|(_, &sum)| sum).fold(0, i16::max)) / f32::from(FULL_SCORE);
         }
+    }
+
+    /// Finds the orders of the pixels of a row whose nodes tell them, [`super::NO_ORDER`] elsewhere; whether there are any.
+    pub(in super::super) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
+        let is_asked = |node: &Node| {
+            let asked = node.asked as f32;
+            node.is_clear() && node.fitting >= MIN_FITTING * asked && node.lead >= MIN_LEAD * asked
+        };
+        self.nodes.fill_orders(&self.runs, row, is_asked, orders)
+    }
+
+    /// Leaves no pixel of a row decided where surfaces told the orders of more pixels beside it wrongly: a wrong order fits where its
+    /// δ runs through zero.
+    pub(in super::super) fn doubt_few(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
+        for piece in self.nodes.of_row(v) {
+            let of_piece = &mut is_decided[piece.begin as usize - v * width..piece.end as usize - v * width];
+            let decided = of_piece.iter().map(|&decided| usize::from(decided)).sum::<usize>();
+            if decided > 0 && 2 * decided < of_piece.len() {
+                of_piece.fill(false);
+            }
+        }
+    }
+
+    /// Whether the phase of C1 runs on to a pixel of a row from the pixel to the left.
+    pub(in super::super) fn runs_on(&self, v: usize, pixel: usize) -> bool {
+        self.runs.run_on(v, pixel)
+    }
+
+    /// Share of the pixels that were asked that fit the orders of their nodes, where C2 can see these.
+    pub(in super::super) fn fitting_share(&self) -> f32 {
+        let seen = self.nodes.nodes.iter().filter(|node| !node.is_unseen());
+        let (fitting, asked) = seen.fold((0.0, 0), |(f, a), node| (f + node.fitting, a + u64::from(node.asked)));
+        fitting / asked.max(1) as f32
     }
 
     /// Share of the pixels whose nodes lead clearly.
@@ -123,7 +184,8 @@ impl Asking<'_> {
     fn ask_tiles(self, tile_row: usize, room: &mut RowRoom, evidence: &mut [[i16; LABELS]]) {
         let Self { view, drift, stride, .. } = self;
         let [width, height] = [view.cam1.width, view.cam1.height];
-        let rows = tile_row * TILE_PX..((tile_row + 1) * TILE_PX).min(height);
+        let tile_px = self.nodes.tile_px;
+        let rows = tile_row * tile_px..((tile_row + 1) * tile_px).min(height);
         for v in rows.filter(|v| v % stride == stride / 2) {
             view.table.row(v, &mut room.segments);
             drift.along_row(v, width, &mut room.drift);
@@ -153,7 +215,11 @@ impl Kernel for AskedRow<'_> {
         let row = v * view.cam1.width;
         for piece in nodes.of_row(v) {
             let &Piece { node, offset, .. } = piece;
-            let base = nodes.nodes[node as usize].base;
+            let of_node = &nodes.nodes[node as usize];
+            if !of_node.is_doubtful {
+                continue;
+            }
+            let base = of_node.base;
             let scores = &mut evidence[node as usize - first];
             for u in piece.asked(row, stride) {
                 let pixel = row + u;

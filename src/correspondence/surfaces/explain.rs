@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use super::super::delta_statistics::DeltaStatistics;
 use super::super::drift::{Drift, DriftRoom};
-use super::evidence::{Gate, Room, View};
+use super::evidence::{Asked, Gate, Room, View};
 
 /// Limits of δ where nothing is known of the drift, turns (18°): those of rigs that are off by a pixel.
 const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
@@ -34,6 +34,8 @@ const MIN_CLEAR_SHARE: f64 = 0.5;
 /// How many times as many pixels near the volume it must explain as one that likely errors of the calibration cause, where δ scatters
 /// more widely than on calibrated rigs.
 const CLEARLY_MORE: f64 = 1.5;
+/// Share of all pixels that fit from which nothing else is asked there: what scattered lies outside the volume.
+const MOST_FITTING: f32 = 0.6;
 /// Calibration error that it may tell of there, pixels, and sd about it, rad: images of another rig agree within wide limits alone.
 const MAX_ERROR_PX: f64 = 1.0;
 const MAX_SD_RAD: f64 = 0.05;
@@ -47,28 +49,29 @@ pub(in super::super) fn explain(
 ) -> Drift {
     room.divide(view);
     let level = Drift::level(0.0, WIDE_SD_RAD);
-    room.decide(view, &level, WIDE);
+    room.decide(view, &level, WIDE, Asked::Few);
     let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
     let found = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room).map(|first| {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
-        room.decide(view, &first, gate);
-        let (limits, sd_rad) = ([gate.cap_turns, REFINED_PART_SHARE * gate.cap_turns, 1.0], first.residual_sd_rad);
+        room.decide(view, &first, gate, Asked::Few);
+        let (limits, sd_rad) =
+            ([gate.cap_turns, REFINED_PART_SHARE * gate.cap_turns, 8.0 * gate.cap_turns], first.residual_sd_rad);
         let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
-        room.decide(view, &found, narrow(&found));
+        room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
         found
     });
     let found = found.filter(|_| room.clear_share() >= MIN_CLEAR_SHARE);
     match found {
-        Some(found) if !delta.is_suspicious() => found,
+        Some(found) if !delta.is_suspicious() || (is_close(&found) && room.fitting_share() > MOST_FITTING) => found,
         found => {
             let cap_turns = narrow(found.as_ref().unwrap_or(&level)).cap_turns;
             let explained = found.as_ref().map_or(0.0, |found| room.explained_share(view, found, cap_turns));
             let estimated = drift_room.estimate((view.cam1, view.cam2), view.table, delta);
-            room.decide(view, &estimated, narrow(&estimated));
+            room.decide(view, &estimated, narrow(&estimated), Asked::Many);
             let enough = CLEARLY_MORE * room.explained_share(view, &estimated, cap_turns);
             let better = found.filter(|found| is_close(found) && explained > enough);
             if let Some(found) = &better {
-                room.decide(view, found, narrow(found));
+                room.decide(view, found, narrow(found), Asked::Many);
             }
             better.unwrap_or(estimated)
         }
@@ -78,7 +81,7 @@ pub(in super::super) fn explain(
 impl Room {
     /// Share of the image near the volume that a drift explains by δ within such limits.
     fn explained_share(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32) -> f64 {
-        self.find_decided(view, drift, [cap_turns, REFINED_PART_SHARE * cap_turns])
+        self.find_decided(view, drift, [cap_turns, REFINED_PART_SHARE * cap_turns], false)
     }
 
     /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
@@ -90,7 +93,7 @@ impl Room {
         sd_rad: f64,
         drift_room: &mut DriftRoom,
     ) -> Option<Drift> {
-        let share = self.find_decided(view, known, [cap_turns, part_turns]);
+        let share = self.find_decided(view, known, [cap_turns, part_turns], known.error_px > 0.0);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
 }

@@ -32,8 +32,11 @@ mod unions;
 pub(super) use decided::Decided;
 pub(super) use evidence::{Room, View};
 pub(super) use explain::explain;
+pub(super) use sight::columns_around_each;
 
 /// Orders of a node, counted from the base of its surface.
 const LABELS: usize = 128;
+/// Stands for no order of a pixel.
+pub(super) const NO_ORDER: i16 = i16::MIN;
 /// Score of a pixel whose δ is that of the drift.
 const FULL_SCORE: i16 = 64;

@@ -2,10 +2,15 @@
 
 use super::evidence::{View, base_of};
 use super::runs::Runs;
-use super::sight::Space;
+use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE};
+use super::{FULL_SCORE, NO_ORDER};
+use crate::simd::LANES;
 
-/// Pixels along the side of a tile.
-pub(super) const TILE_PX: usize = 16;
+/// Pixels along the side of a tile, and of one of a large image: what images show grows with them.
+const TILE_PX: usize = 16;
+const LARGE_TILE_PX: usize = 32;
+/// Pixels of a large image.
+const LARGE_PX: usize = 800_000;
 /// Lead from which an order is believed, pixels that fit.
 const CLEAR_LEAD: f32 = 6.0;
 /// Fewest pixels of a node that must have been asked.
@@ -21,6 +26,9 @@ pub(super) const NONE: u32 = u32::MAX;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     surface: u32,
+    /// Its first pixel, and the order of this relative to the surface.
+    pixel: u32,
+    relative: i32,
     /// Next node of its tile.
     next: u32,
     /// Nodes of its surface in the tiles to the left, to the right, above and below.
@@ -37,6 +45,10 @@ pub(super) struct Node {
     pub(super) fitting: f32,
     /// The same of the label that fits best without regard to neighbours.
     pub(super) best_fitting: f32,
+    /// Whether it is to be asked.
+    pub(super) is_doubtful: bool,
+    /// Whether its pixels may see something outside the volume.
+    pub(super) sees_beyond: bool,
     /// The same of the best of the other labels at which C2 sees some of them.
     pub(super) rival: f32,
 }
@@ -55,6 +67,19 @@ impl Node {
     /// The order of a pixel of which the order relative to the surface is known.
     pub(super) fn order(&self, relative: i32) -> i32 {
         i32::from(self.label) + self.base + relative
+    }
+
+    /// How far beyond the volume its first pixel sees by its order, pixels of the epipolar frame; below 0 within.
+    pub(super) fn beyond_px(&self, View { cam1, table, .. }: View<'_>) -> f32 {
+        let segment = table.segment(self.pixel as usize);
+        let turns = self.order(self.relative) as f32 + f32::from(cam1.phase[self.pixel as usize]) / 65536.0;
+        let (column_px, _) = segment.column_and_columns_per_turn(turns);
+        (segment.begin_px - column_px).max(column_px - segment.end_px)
+    }
+
+    /// Whether its order leads to what C2 cannot see.
+    pub(super) fn is_unseen(&self) -> bool {
+        self.fitting == self.asked as f32 * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE)
     }
 
     /// Whether its order leads clearly, and its own pixels say nothing else.
@@ -78,6 +103,8 @@ impl Piece {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Nodes {
     pub(super) nodes: Vec<Node>,
+    /// Pixels along the side of a tile.
+    pub(super) tile_px: usize,
     /// Pieces, row by row.
     pub(super) pieces: Vec<Piece>,
     /// Where the pieces of each row begin, and where those of the last one end.
@@ -95,7 +122,9 @@ const NO_BASE: i32 = i32::MIN;
 impl Nodes {
     /// Divides surfaces into nodes.
     pub(super) fn find(&mut self, view: View<'_>, space: &Space, runs: &Runs) {
-        let Self { nodes, pieces, begins, tile_rows, tiles, bases } = self;
+        self.tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
+        let tile_px = self.tile_px;
+        let Self { nodes, pieces, begins, tile_rows, tiles, bases, .. } = self;
         nodes.clear();
         pieces.clear();
         begins.clear();
@@ -103,14 +132,14 @@ impl Nodes {
         bases.clear();
         bases.resize(runs.surfaces, NO_BASE);
         let cam1 = view.cam1;
-        let (width, columns) = (cam1.width.max(1), cam1.width.div_ceil(TILE_PX));
+        let (width, columns) = (cam1.width.max(1), cam1.width.div_ceil(tile_px));
         tiles.iter_mut().for_each(|tiles| {
             tiles.clear();
             tiles.resize(columns, NONE);
         });
         for v in 0..cam1.height {
             begins.push(pieces.len());
-            if v % TILE_PX == 0 {
+            if v % tile_px == 0 {
                 tile_rows.push(nodes.len());
                 tiles.swap(0, 1);
                 tiles[0].fill(NONE);
@@ -125,9 +154,10 @@ impl Nodes {
                 }
                 let mut begin = pixels.start;
                 while begin < pixels.end {
-                    let tile = (begin - v * width) / TILE_PX;
-                    let end = pixels.end.min(v * width + (tile + 1) * TILE_PX);
-                    let node = node_of(nodes, tiles, tile, run.surface, *base);
+                    let tile = (begin - v * width) / tile_px;
+                    let end = pixels.end.min(v * width + (tile + 1) * tile_px);
+                    let relative = run.offset + i32::from(runs.relative[begin]);
+                    let node = node_of(nodes, tiles, tile, (run.surface, *base), (begin as u32, relative));
                     nodes[node as usize].size_px += (end - begin) as u32;
                     pieces.push(Piece { begin: begin as u32, end: end as u32, node, offset: run.offset });
                     begin = end;
@@ -138,14 +168,44 @@ impl Nodes {
         tile_rows.push(nodes.len());
     }
 
-    /// Counts the pixels of each node that are asked where one of so many along either axis is.
+    /// Counts the pixels of each doubtful node that are asked where one of so many along either axis is.
     pub(super) fn count_asked(&mut self, width: usize, stride: usize) {
-        self.nodes.iter_mut().for_each(|node| node.asked = 0);
+        self.nodes.iter_mut().filter(|node| node.is_doubtful).for_each(|node| node.asked = 0);
         for v in (stride / 2..self.begins.len() - 1).step_by(stride) {
             for piece in &self.pieces[self.begins[v]..self.begins[v + 1]] {
-                self.nodes[piece.node as usize].asked += piece.asked(v * width, stride).count() as u32;
+                let node = &mut self.nodes[piece.node as usize];
+                if node.is_doubtful {
+                    node.asked += piece.asked(v * width, stride).count() as u32;
+                }
             }
         }
+    }
+
+    /// Finds the orders of the pixels of a row whose nodes are asked, [`NO_ORDER`] elsewhere; whether there are any.
+    pub(super) fn fill_orders(
+        &self,
+        runs: &Runs,
+        (v, width): (usize, usize),
+        is_asked: impl Fn(&Node) -> bool,
+        orders: &mut Vec<i16>,
+    ) -> bool {
+        orders.clear();
+        orders.resize(width.next_multiple_of(LANES), NO_ORDER);
+        let mut any = false;
+        for piece in self.of_row(v) {
+            let node = &self.nodes[piece.node as usize];
+            if !is_asked(node) {
+                continue;
+            }
+            any = true;
+            let pixels = piece.begin as usize..piece.end as usize;
+            let first = node.order(piece.offset).clamp(-MAX_ORDER as i32, MAX_ORDER as i32) as i16;
+            let own = &mut orders[pixels.start - v * width..pixels.end - v * width];
+            for (order, relative) in own.iter_mut().zip(&runs.relative[pixels]) {
+                *order = first.wrapping_add(*relative);
+            }
+        }
+        any
     }
 
     /// The pieces of a row.
@@ -155,7 +215,13 @@ impl Nodes {
 }
 
 /// The node of a surface in a tile, made if there is none yet, and bound to those beside it.
-fn node_of(nodes: &mut Vec<Node>, [tiles, above]: &mut [Vec<u32>; 2], tile: usize, surface: u32, base: i32) -> u32 {
+fn node_of(
+    nodes: &mut Vec<Node>,
+    [tiles, above]: &mut [Vec<u32>; 2],
+    tile: usize,
+    (surface, base): (u32, i32),
+    (pixel, relative): (u32, i32),
+) -> u32 {
     let find = |nodes: &[Node], mut node: u32| {
         while node != NONE && nodes[node as usize].surface != surface {
             node = nodes[node as usize].next;
@@ -176,6 +242,8 @@ fn node_of(nodes: &mut Vec<Node>, [tiles, above]: &mut [Vec<u32>; 2], tile: usiz
     let beside = [left, right, up, NONE];
     nodes.push(Node {
         surface,
+        pixel,
+        relative,
         next: tiles[tile],
         beside,
         size_px: 0,
@@ -186,6 +254,8 @@ fn node_of(nodes: &mut Vec<Node>, [tiles, above]: &mut [Vec<u32>; 2], tile: usiz
         fitting: 0.0,
         best_fitting: 0.0,
         rival: 0.0,
+        is_doubtful: true,
+        sees_beyond: false,
     });
     tiles[tile] = node;
     node

@@ -11,15 +11,16 @@ use rayon::prelude::*;
 
 use super::super::drift::Drift;
 use super::super::wide::Segments;
-use super::FULL_SCORE;
+use super::NO_ORDER;
 use super::evidence::{Room, RowRoom, View};
-use super::nodes::{self, Node, Nodes, TILE_PX};
-use super::runs::Runs;
-use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE, columns_around_each, rest_turns};
+use super::nodes::{self, Node, Nodes};
+use super::sight::{Space, columns_around_each, rest_turns};
 use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
 
 /// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;
+/// The same of the first pixel of a node whose other pixels are not asked.
+const WITHIN_HALVES: f32 = 0.2;
 /// δ by which a candidate may be off the drift there, turns.
 const REACH_TURNS: f32 = 0.06;
 /// Share of the pixels of a node that must fit its order, fewer where all nodes beside it have the same; or, where it leads to what
@@ -35,9 +36,6 @@ const FAR_SHARE: f32 = 0.8;
 const VERY_FAR_HALVES: f32 = 6.0;
 /// Share of the image from which what lies outside is believed to be there.
 const MIN_SHARE: f32 = 0.03;
-/// No order.
-const NONE: i16 = i16::MIN;
-
 /// Room for a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OutsideRow {
@@ -61,16 +59,22 @@ impl Room {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, .. } = self;
-        let (runs, nodes) = (&*runs, &*nodes);
         let half_px = Space::of(view.table).half_px;
+        for i in 0..nodes.nodes.len() {
+            let node = &nodes.nodes[i];
+            // Pole and infinity are beyond too.
+            let is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
+            nodes.nodes[i].sees_beyond = !is_within && is_asked(nodes, node);
+        }
+        let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
-        let tiles = outside.par_chunks_mut(TILE_PX * width).zip(rows).enumerate();
+        let tiles = outside.par_chunks_mut(nodes.tile_px * width).zip(rows).enumerate();
         tiles.for_each(|(tile_row, (outside, room))| {
             room.outside.far = [0; 2];
             for (i, outside) in outside.chunks_mut(width).enumerate() {
-                let v = tile_row * TILE_PX + i;
+                let v = tile_row * nodes.tile_px + i;
                 outside.fill(false);
-                if !room.outside.find_orders(nodes, runs, width, v) {
+                if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond, &mut room.outside.orders) {
                     continue;
                 }
                 view.table.row(v, &mut room.segments);
@@ -90,34 +94,9 @@ impl Room {
     }
 }
 
-impl OutsideRow {
-    /// Finds the orders of a row; whether there are any.
-    fn find_orders(&mut self, nodes: &Nodes, runs: &Runs, width: usize, v: usize) -> bool {
-        let orders = &mut self.orders;
-        orders.clear();
-        orders.resize(width.next_multiple_of(LANES), NONE);
-        let mut any = false;
-        for piece in nodes.of_row(v) {
-            let node = &nodes.nodes[piece.node as usize];
-            if !is_asked(nodes, node) {
-                continue;
-            }
-            any = true;
-            let pixels = piece.begin as usize..piece.end as usize;
-            let first = node.order(piece.offset).clamp(-MAX_ORDER as i32, MAX_ORDER as i32) as i16;
-            let own = &mut orders[pixels.start - v * width..pixels.end - v * width];
-            for (order, relative) in own.iter_mut().zip(&runs.relative[pixels]) {
-                *order = first.wrapping_add(*relative);
-            }
-        }
-        any
-    }
-}
-
 /// Whether the pixels of a node may see something outside by its order.
 fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     let asked = node.asked as f32;
-    let is_unseen = node.fitting == asked * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE);
     let beside =
         || node.beside.iter().filter(|&&other| other != nodes::NONE).map(|&other| &nodes.nodes[other as usize]);
     let agreeing = beside().filter(|other| other.label == node.label && other.is_clear()).count();
@@ -126,7 +105,7 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     }
     let is_within = agreeing == beside().count();
     let is_founded = node.fitting >= asked * if is_within { MIN_FITTING_WITHIN } else { MIN_FITTING };
-    is_founded || (is_unseen && node.rival <= MAX_RIVAL * asked)
+    is_founded || (node.is_unseen() && node.rival <= MAX_RIVAL * asked)
 }
 
 /// Marks the pixels of a row.
@@ -149,7 +128,7 @@ impl Kernel for MarkRow<'_> {
         let phase = &view.cam1.phase[v * view.cam1.width..];
         let orders = room.outside.orders.as_chunks::<LANES>().0;
         for (block, (orders, outside)) in orders.iter().zip(outside.chunks_mut(LANES)).enumerate() {
-            if *orders == [NONE; LANES] {
+            if *orders == [NO_ORDER; LANES] {
                 continue;
             }
             let phases = filled(&phase[block * LANES..], 0);
@@ -175,7 +154,7 @@ fn marks<L: Lanes>(
     let float = |value: f32| lanes.float(value);
     let segments = Segments::of(lanes, &room.segments, first);
     let order = lanes.load_signed(orders);
-    let is_asked = lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(order, lanes.word(NONE)));
+    let is_asked = lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(order, lanes.word(NO_ORDER)));
     let phases = lanes.load(phases);
     let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));
     let turns = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);

@@ -116,6 +116,13 @@ impl Runs {
         *surfaces = unions.number(|run, Offset { set, by }| (runs[run].surface, runs[run].offset) = (set, by));
     }
 
+    /// Whether the phase runs on to a pixel of a row from the pixel to the left.
+    pub(super) fn run_on(&self, v: usize, pixel: usize) -> bool {
+        let runs = self.of_row(v);
+        let behind = runs.partition_point(|run| (run.begin as usize) < pixel);
+        behind.checked_sub(1).is_some_and(|place| pixel < runs[place].end as usize)
+    }
+
     /// The runs of a row.
     pub(super) fn of_row(&self, v: usize) -> &[Run] {
         &self.runs[self.begins[v]..self.begins[v + 1]]

@@ -131,7 +131,7 @@ pub(super) fn scores_of<L: Lanes>(
     // Columns a turn.
     let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
     let column = lanes.add_float(along, float(segment.reference_px));
-    let drift = drift_at(lanes, &sight.drift, column);
+    let drift = DepthBlock::of_one(lanes, &sight.drift).at(lanes, column);
     let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
     let last_px = (image.width - 2) as f32;
     let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
@@ -169,22 +169,15 @@ const RAMP: [i16; LANES] = {
     ramp
 };
 
-/// The drift at columns.
-#[inline(always)]
-fn drift_at<L: Lanes>(lanes: L, drift: &DepthPolynomial, column_px: L::Floats) -> L::Floats {
-    let coefficients = drift.coefficients.map(|c| lanes.float(c));
-    DepthBlock { coefficients, middle_px: lanes.float(drift.middle_px), per_px: drift.per_px }.at(lanes, column_px)
-}
-
 /// What C2 sees in the columns around a place.
-pub(super) struct Around<L: Lanes> {
+pub(in super::super) struct Around<L: Lanes> {
     /// Phase in the column before it less that of the pixel, and the step to the column behind it.
-    value: L::Words,
-    slope: L::Words,
+    pub(in super::super) value: L::Words,
+    pub(in super::super) slope: L::Words,
     /// How far behind the first column the place lies, pixels.
-    share: L::Floats,
+    pub(in super::super) share: L::Floats,
     /// Whether both columns have a phase, and see one surface.
-    pub(super) known: L::Mask,
+    pub(in super::super) known: L::Mask,
 }
 
 /// By how much δ of the crossing near the places differs from the drift, turns, as Φ takes so many columns a turn there.
@@ -211,7 +204,7 @@ fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase:
 
 /// What many pixels see around a column each.
 #[inline(always)]
-pub(super) fn columns_around_each<L: Lanes>(
+pub(in super::super) fn columns_around_each<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
     row_px: L::Floats,
@@ -229,7 +222,9 @@ pub(super) fn columns_around_each<L: Lanes>(
     let begins = lanes.longs(lanes.times_float(lanes.floats(upper), width));
     let next = lanes.min_float(lanes.add_float(lanes.floats(upper), lanes.float(1.0)), lanes.float(last));
     let next = lanes.longs(lanes.times_float(next, width));
-    let rows = [begins, next].map(|begins| lanes.pairs(&image.phase, lanes.add_long(begins, before)));
+    // Written out: no closure may stand between the kernel and its instructions.
+    let upper = lanes.pairs(&image.phase, lanes.add_long(begins, before));
+    let rows = [upper, lanes.pairs(&image.phase, lanes.add_long(next, before))];
     around(lanes, rows, below, phases, lanes.sub_float(column, lanes.floats(before)))
 }
 

@@ -13,6 +13,8 @@
 //! others, whatever the energies were. A pixel where all paths come settled on the order that fits best leaves them so, and its
 //! sums follow from its best energies alone; whole runs of such pixels are passed by without looking at their orders.
 //!
+//! A pixel that was decided before is settled on its order, whatever comes to it, and leaves its paths so.
+//!
 //! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
 //! the sum of L by a number that is the same for all orders of a pixel.
 //!
@@ -283,7 +285,9 @@ impl<V: Visit> Through<'_, '_, '_, V> {
                     continue;
                 }
                 let agreed = sweep.room.agreed.places[u];
-                if agreed != NO_PLACE && sweep.place_along(&links[0], u) == agreed {
+                if sweep.evidence.best.is_decided(pixel)
+                    || (agreed != NO_PLACE && sweep.place_along(&links[0], u) == agreed)
+                {
                     visit.take_settled::<L, ROOM>(level, sweep, pixel, place, agreed);
                     if j < sweep.width {
                         j += run_of_ones(&sweep.room.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
@@ -406,7 +410,7 @@ const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP <
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::NO_ORDER;
+    use super::super::evidence::{DECIDED_LEAD, NO_ORDER};
     use super::*;
 
     /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
@@ -446,13 +450,26 @@ mod tests {
             windows.count.push(count as u8);
             energies.extend(own);
         }
-        let evidence = Evidence::of(energies, &windows);
+        let mut evidence = Evidence::of(energies, &windows);
+        // Most of some pieces are decided, some of them wrongly.
+        for pixel in 0..width * height {
+            let (u, v) = (pixel % width, pixel / width);
+            if windows.count[pixel] > 0 && (u / 19 + v / 13) % 3 == 0 && random(12) > 0 {
+                let any = random(windows.count[pixel].into()) as u8;
+                let place = if random(40) == 0 { any } else { evidence.best.of(pixel..pixel + 1).place[0] };
+                evidence.best.decide(pixel, place);
+            }
+        }
         (PhaseMap { width, height, phase, valid, ..PhaseMap::default() }, windows, evidence)
     }
 
     /// Every path order by order, as it is written above: the oracle.
     fn plain(cam1: &PhaseMap, windows: &Windows, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
         let (width, lanes, pixels) = (cam1.width, windows.lanes, cam1.phase.len());
+        let decided = |pixel: usize| {
+            let place = evidence.best.of(pixel..pixel + 1).place[0];
+            evidence.best.is_decided(pixel).then_some(usize::from(place))
+        };
         let mut links = Links::default();
         links.find(cam1, windows);
         let mut sums: Vec<u32> = evidence.energies.iter().map(|&energy| 8 * u32::from(energy)).collect();
@@ -485,6 +502,10 @@ mod tests {
                     }
                 };
                 let from: Vec<u32> = (0..lanes).map(from).collect();
+                if let Some(place) = decided(pixel) {
+                    paths[pixel * lanes + place] = 0;
+                    continue;
+                }
                 let energy = |lane: usize| from[lane] + u32::from(evidence.energies[pixel * lanes + lane]);
                 let least = (0..lanes).map(energy).min().unwrap();
                 for lane in 0..lanes {
@@ -494,6 +515,9 @@ mod tests {
             }
         }
         let verdict = |pixel: usize| {
+            if let Some(place) = decided(pixel) {
+                return Some((windows.first[pixel] + place as i16, PATHS as u16 * (CHANGE + u16::from(DECIDED_LEAD))));
+            }
             let own = &sums[pixel * lanes..][..usize::from(windows.count[pixel])];
             let best = (0..own.len()).min_by_key(|&lane| own[lane])?;
             let second = (0..own.len()).filter(|&lane| lane != best).map(|lane| own[lane]).min();

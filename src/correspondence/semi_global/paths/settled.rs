@@ -2,7 +2,7 @@
 
 use crate::simd::{Kernel, Lanes};
 
-use super::super::evidence::{BestOfRow, MISSING};
+use super::super::evidence::{BestOfRow, DECIDED, MISSING};
 use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
 use super::super::windows::MAX_LANES;
 use super::{CHANGE, PathRow};
@@ -89,12 +89,13 @@ impl Kernel for AgreedKernel<'_> {
                 & (agreed == right[u])
                 & (agreed < count[u])
                 & ((agreed == place[u]) | (least[u] == MISSING));
-            places[u] = if is_agreed { agreed } else { NO_PLACE };
+            let agreed = if is_agreed { agreed } else { NO_PLACE };
+            places[u] = if least[u] == DECIDED { place[u] } else { agreed };
         }
         links[0].carry(places, along);
         let along = &along[..width];
         for u in 0..width {
-            runs_on[u] = u8::from((places[u] != NO_PLACE) & (along[u] == places[u]));
+            runs_on[u] = u8::from((places[u] != NO_PLACE) & ((along[u] == places[u]) | (least[u] == DECIDED)));
         }
     }
 }

@@ -4,6 +4,7 @@
 //! left to it: Φ that hardly changes or runs into its pole, intervals of many columns or at the border of the image.
 
 mod evidence;
+mod look;
 mod pixels;
 mod selection;
 
@@ -67,6 +68,12 @@ impl<L: Lanes> Block<'_, L> {
     fn give_up(&mut self, pixels: L::Mask) {
         self.irregular = self.lanes.or(self.irregular, pixels);
         self.regular = self.lanes.and_not(self.regular, pixels);
+    }
+
+    /// Pixels that are asked about here, a bit each.
+    #[inline(always)]
+    pub(super) fn regular(&self) -> u32 {
+        self.lanes.bits(self.regular)
     }
 
     /// Pixels left to the scalar form, a bit each.

@@ -78,23 +78,12 @@ impl<L: Lanes> Block<'_, L> {
                 self.consider_all(*pair, base, &search, here, room, &mut best);
             }
         }
-        self.tell(&best, out);
-    }
-
-    /// Tells of the best candidates.
-    #[inline(always)]
-    fn tell(&self, best: &Best<L>, out: &mut SelectedBlock<'_>) {
-        let (lanes, pixels) = (self.lanes, &self.pixels);
-        let present = lanes.truths(lanes.and(best.present, self.regular));
-        let absolute = lanes.join(best.order, self.phases);
-        lanes.store_longs(lanes.select_long(present, absolute, lanes.long(ABSENT)), out.absolute);
-        lanes.store_mask(lanes.mask_of(lanes.both(present, pixels.segments.have(best.column_px))), out.in_volume);
-        let delta_turns = lanes.add_float(best.rest, pixels.drift_at(best.column_px));
-        let delta = nearest_whole(lanes, lanes.times_float(delta_turns, lanes.float(65536.0)));
-        lanes.store_floats(best.column_px, out.column_px);
-        lanes.store_floats(lanes.over(best.rest, pixels.sd_turns), out.z);
-        lanes.store_signed(lanes.narrow_signed(delta), out.delta);
-        lanes.store_signed(lanes.narrow_signed(best.slope), out.slope);
+        let Best { order, present, rest, column_px, slope, .. } = best;
+        let (pixels, present) = (&self.pixels, lanes.and(present, self.regular));
+        let in_volume = lanes.and(present, lanes.mask_of(pixels.segments.have(column_px)));
+        let drift = pixels.drift_at(column_px);
+        let found = Found { order, phases: self.phases, present, in_volume, rest, drift, column_px, slope };
+        found.tell(lanes, pixels.sd_turns, out);
     }
 
     /// Considers the crossings and the rims of intervals that lie within 64 columns from `base` on.
@@ -187,6 +176,38 @@ impl<L: Lanes> Block<'_, L> {
         let column_px = lanes.add_float(lanes.floats(lanes.widen(column)), lanes.times_float(sense, distance_px));
         let slope = lanes.longs(lanes.times_float(sense, outwards));
         best.consider(lanes, &self.pixels, column_px, slope, rims);
+    }
+}
+
+/// What was found of 32 pixels.
+pub(super) struct Found<L: Lanes> {
+    pub(super) order: L::Words,
+    pub(super) phases: L::Words,
+    /// Pixels that have a candidate.
+    pub(super) present: L::Mask,
+    pub(super) in_volume: L::Mask,
+    /// δ − drift, and the drift, turns.
+    pub(super) rest: L::Floats,
+    pub(super) drift: L::Floats,
+    pub(super) column_px: L::Floats,
+    pub(super) slope: L::Longs,
+}
+
+impl<L: Lanes> Found<L> {
+    /// Tells of it; pixels without candidate are absent, the rest of what is told of them has no meaning.
+    #[inline(always)]
+    pub(super) fn tell(self, lanes: L, sd_turns: L::Floats, out: &mut SelectedBlock<'_>) {
+        let Self { order, phases, present, in_volume, rest, drift, column_px, slope } = self;
+        let present = lanes.truths(present);
+        let absolute = lanes.join(order, phases);
+        lanes.store_longs(lanes.select_long(present, absolute, lanes.long(ABSENT)), out.absolute);
+        lanes.store_mask(in_volume, out.in_volume);
+        let delta_turns = lanes.add_float(rest, drift);
+        let delta = nearest_whole(lanes, lanes.times_float(delta_turns, lanes.float(65536.0)));
+        lanes.store_floats(column_px, out.column_px);
+        lanes.store_floats(lanes.over(rest, sd_turns), out.z);
+        lanes.store_signed(lanes.narrow_signed(delta), out.delta);
+        lanes.store_signed(lanes.narrow_signed(slope), out.slope);
     }
 }
 

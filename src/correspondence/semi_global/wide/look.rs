@@ -1,0 +1,96 @@
+//! One look at 32 pixels whose orders are known.
+//!
+//! ```text
+//! x = the column at which Φ − drift is the order and the phase of the pixel
+//! a few times, as long as there are phases of C2 in the columns before and behind x: x moves to where their line has the phase
+//!     of the pixel
+//! decided: that is between the two columns, and δ there is off the drift by no more than so many sd
+//! ```
+
+use crate::simd::Lanes;
+
+use super::super::super::surfaces::{NO_ORDER, columns_around_each};
+use super::super::super::wide::{BLOCK, Segments, block_of, load};
+use super::super::selection::SelectedBlock;
+use super::Row;
+use super::selection::Found;
+
+/// |δ − drift| up to which a pixel is decided by the order of its surface, sd.
+const MAX_Z: f32 = 4.0;
+/// Columns are looked at so many times; the first place is seldom a column off.
+const LOOKS: usize = 3;
+/// How far a place may move at once, pixels: where phases hardly change, lines lead anywhere.
+const MAX_MOVE_PX: f32 = 2.0;
+
+impl Row<'_> {
+    /// Looks at the pixels from `first` on, which have such orders, none of [`NO_ORDER`]; yields those that are decided, a bit each.
+    #[inline(always)]
+    pub(in super::super) fn look<L: Lanes>(
+        &self,
+        lanes: L,
+        first: usize,
+        orders: &[i16; BLOCK],
+        out: &mut SelectedBlock<'_>,
+    ) -> u32 {
+        let float = |value: f32| lanes.float(value);
+        let segments = Segments::of(lanes, self.segments, first);
+        let phases = lanes.load(block_of(self.phase, first));
+        let order = lanes.load_signed(orders);
+        let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));
+        let target = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);
+        let denominator = lanes.sub_float(segments.b, lanes.times_float(segments.d, target));
+        let is_sound = lanes.both(
+            lanes.exceeds(lanes.abs_float(denominator), float(f32::MIN_POSITIVE)),
+            lanes.reaches(segments.row, float(0.0)),
+        );
+        let inverse = lanes.over(float(1.0), lanes.select_float(is_sound, denominator, float(1.0)));
+        let along = lanes.times_float(lanes.sub_float(target, segments.a), inverse);
+        let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
+        let per_turn = lanes.times_float(lanes.times_float(rise, inverse), inverse);
+        let column_px = lanes.add_float(segments.reference, along);
+        // Over what a look may be off the drift does not change.
+        let drift = self.drift.block(lanes, first).at(lanes, column_px);
+        let mut column_px = lanes.add_float(column_px, lanes.times_float(drift, per_turn));
+        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        let (mut found, mut todo) = (lanes.mask(0), asked);
+        let (mut at_px, mut slopes) = (float(0.0), lanes.long(0));
+        let last_px = float((self.image.width - 2) as f32);
+        for _ in 0..LOOKS {
+            column_px = lanes.min_float(lanes.max_float(column_px, float(0.0)), last_px);
+            let around = columns_around_each(lanes, self.image, segments.row, phases, column_px);
+            let slope = lanes.widen(around.slope);
+            let is_flat = lanes.is_equal(around.slope, lanes.word(0));
+            let slope_or_one = lanes.select_float(lanes.truths(is_flat), float(1.0), lanes.floats(slope));
+            let value = lanes.floats(lanes.widen(around.value));
+            let share = lanes.over(lanes.sub_float(float(0.0), value), slope_or_one);
+            let before_px = lanes.sub_float(column_px, around.share);
+            let between = lanes.mask_of(lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share)));
+            let known = lanes.and(todo, around.known);
+            let here = lanes.and_not(lanes.and(known, between), is_flat);
+            let is_here = lanes.truths(here);
+            at_px = lanes.select_float(is_here, lanes.add_float(before_px, share), at_px);
+            slopes = lanes.select_long(is_here, slope, slopes);
+            found = lanes.or(found, here);
+            todo = lanes.and_not(known, here);
+            if !lanes.any(todo) {
+                break;
+            }
+            let most = float(1.0 + MAX_MOVE_PX);
+            let step = lanes.min_float(lanes.max_float(share, float(-MAX_MOVE_PX)), most);
+            column_px = lanes.add_float(before_px, step);
+        }
+        let rest = lanes.sub_float(lanes.sub_float(segments.phase_turns(at_px), target), drift);
+        let sd_turns = load(lanes, self.sd_turns, first);
+        let reach = lanes.times_float(float(MAX_Z), sd_turns);
+        let is_near = lanes.both(
+            lanes.reaches(at_px, lanes.sub_float(segments.begin, float(self.reach.beyond_px))),
+            lanes.reaches(lanes.add_float(segments.end, float(self.reach.beyond_px)), at_px),
+        );
+        let fits = lanes.both(is_near, lanes.reaches(reach, lanes.abs_float(rest)));
+        let decided = lanes.and(found, lanes.mask_of(fits));
+        let in_volume = lanes.and(decided, lanes.mask_of(segments.have(at_px)));
+        Found { order, phases, present: decided, in_volume, rest, drift, column_px: at_px, slope: slopes }
+            .tell(lanes, sd_turns, out);
+        lanes.bits(decided)
+    }
+}
