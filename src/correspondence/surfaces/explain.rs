@@ -34,8 +34,11 @@ const MIN_CLEAR_SHARE: f64 = 0.5;
 /// How many times as many pixels near the volume it must explain as one that likely errors of the calibration cause, where δ scatters
 /// more widely than on calibrated rigs.
 const CLEARLY_MORE: f64 = 1.5;
-/// Share of all pixels that fit from which nothing else is asked there: what scattered lies outside the volume.
-const MOST_FITTING: f32 = 0.6;
+/// Share of all pixels that must fit where δ scatters more widely than on calibrated rigs: half do by chance.
+const MIN_FITTING_SHARE: f32 = 0.6;
+/// Calibration error, and sd about it, from which nothing else is asked even there.
+const USUAL_ERROR_PX: f64 = 0.5;
+const USUAL_SD_RAD: f64 = 0.03;
 /// Calibration error that it may tell of there, pixels, and sd about it, rad: images of another rig agree within wide limits alone.
 const MAX_ERROR_PX: f64 = 1.0;
 const MAX_SD_RAD: f64 = 0.05;
@@ -60,9 +63,11 @@ pub(in super::super) fn explain(
         room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
         found
     });
-    let found = found.filter(|_| room.clear_share() >= MIN_CLEAR_SHARE);
+    let fits = !delta.is_suspicious() || room.fitting_share() > MIN_FITTING_SHARE;
+    let found = found.filter(|_| fits && room.clear_share() >= MIN_CLEAR_SHARE);
     match found {
-        Some(found) if !delta.is_suspicious() || (is_close(&found) && room.fitting_share() > MOST_FITTING) => found,
+        // What scattered lies outside the volume.
+        Some(found) if !delta.is_suspicious() || is_usual(&found) => found,
         found => {
             let cap_turns = narrow(found.as_ref().unwrap_or(&level)).cap_turns;
             let explained = found.as_ref().map_or(0.0, |found| room.explained_share(view, found, cap_turns));
@@ -101,6 +106,11 @@ impl Room {
 /// Whether a likely error of the calibration explains decided candidates closely.
 fn is_close(drift: &Drift) -> bool {
     drift.error_px < MAX_ERROR_PX && drift.residual_sd_rad < MAX_SD_RAD
+}
+
+/// Whether an error explains decided candidates as calibrated rigs have it.
+fn is_usual(drift: &Drift) -> bool {
+    drift.error_px < USUAL_ERROR_PX && drift.residual_sd_rad < USUAL_SD_RAD
 }
 
 fn narrow(drift: &Drift) -> Gate {
