@@ -113,11 +113,12 @@ impl Room {
 
     /// Finds the orders of the pixels of a row whose nodes tell them, [`super::NO_ORDER`] elsewhere; whether there are any.
     pub(in super::super) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
-        let is_asked = |node: &Node| {
+        let label = |node: &Node| {
             let asked = node.asked as f32;
-            node.is_clear() && node.fitting >= MIN_FITTING * asked && node.lead >= MIN_LEAD * asked
+            let tells = node.is_clear() && node.fitting >= MIN_FITTING * asked && node.lead >= MIN_LEAD * asked;
+            tells.then_some(node.label)
         };
-        self.nodes.fill_orders(&self.runs, row, is_asked, orders)
+        self.nodes.fill_orders(&self.runs, row, label, orders)
     }
 
     /// Leaves no pixel of a row decided where surfaces told the orders of more pixels beside it wrongly: a wrong order fits where its

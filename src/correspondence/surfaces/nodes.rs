@@ -47,8 +47,11 @@ pub(super) struct Node {
     pub(super) best_fitting: f32,
     /// Whether it is to be asked.
     pub(super) is_doubtful: bool,
-    /// Whether its pixels may see something outside the volume.
+    /// Whether its first pixel sees something in the volume, or near it.
+    pub(super) is_within: bool,
+    /// Whether its pixels may see something outside the volume; and the label of a node beside it that does not, if there is one.
     pub(super) sees_beyond: bool,
+    pub(super) within_beside: Option<u8>,
     /// The same of the best of the other labels at which C2 sees some of them.
     pub(super) rival: f32,
 }
@@ -64,9 +67,14 @@ pub(super) struct Piece {
 }
 
 impl Node {
-    /// The order of a pixel of which the order relative to the surface is known.
+    /// The order of a pixel by a label, where its order relative to the surface is known.
+    fn order_of(&self, label: u8, relative: i32) -> i32 {
+        i32::from(label) + self.base + relative
+    }
+
+    /// The order of a pixel by the label that was decided.
     pub(super) fn order(&self, relative: i32) -> i32 {
-        i32::from(self.label) + self.base + relative
+        self.order_of(self.label, relative)
     }
 
     /// How far beyond the volume its first pixel sees by its order, pixels of the epipolar frame; below 0 within.
@@ -181,12 +189,13 @@ impl Nodes {
         }
     }
 
-    /// Finds the orders of the pixels of a row whose nodes are asked, [`NO_ORDER`] elsewhere; whether there are any.
+    /// Finds the orders of the pixels of a row by the labels of their nodes, [`NO_ORDER`] where a node is told none; whether there
+    /// are any.
     pub(super) fn fill_orders(
         &self,
         runs: &Runs,
         (v, width): (usize, usize),
-        is_asked: impl Fn(&Node) -> bool,
+        label: impl Fn(&Node) -> Option<u8>,
         orders: &mut Vec<i16>,
     ) -> bool {
         orders.clear();
@@ -194,12 +203,10 @@ impl Nodes {
         let mut any = false;
         for piece in self.of_row(v) {
             let node = &self.nodes[piece.node as usize];
-            if !is_asked(node) {
-                continue;
-            }
+            let Some(label) = label(node) else { continue };
             any = true;
             let pixels = piece.begin as usize..piece.end as usize;
-            let first = node.order(piece.offset).clamp(-MAX_ORDER as i32, MAX_ORDER as i32) as i16;
+            let first = node.order_of(label, piece.offset).clamp(-MAX_ORDER as i32, MAX_ORDER as i32) as i16;
             let own = &mut orders[pixels.start - v * width..pixels.end - v * width];
             for (order, relative) in own.iter_mut().zip(&runs.relative[pixels]) {
                 *order = first.wrapping_add(*relative);
@@ -255,7 +262,9 @@ fn node_of(
         best_fitting: 0.0,
         rival: 0.0,
         is_doubtful: true,
+        is_within: false,
         sees_beyond: false,
+        within_beside: None,
     });
     tiles[tile] = node;
     node

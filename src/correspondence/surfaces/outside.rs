@@ -4,12 +4,15 @@
 //! for each pixel of a node that leads clearly, and of which most pixels fit the order, 32 at once:
 //!     x = the column at which Φ is the order and the phase of the pixel
 //!     it sees something outside if x lies beyond the volume, and either beside the image of C2,
-//!     or C2 has the phase near x, so that δ is off the drift by no more than a limit
+//!     or C2 has the phase near x, so that δ is off the drift by no more than a limit;
+//!     but not if it fits the order of a node beside its own that sees into the volume, and this one less closely
 //! ```
+
+use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::super::drift::Drift;
+use super::super::drift::{DepthBlock, Drift};
 use super::super::wide::Segments;
 use super::NO_ORDER;
 use super::evidence::{Room, RowRoom, View};
@@ -23,6 +26,10 @@ const BEYOND_HALVES: f32 = 0.5;
 const WITHIN_HALVES: f32 = 0.2;
 /// δ by which a candidate may be off the drift there, turns.
 const REACH_TURNS: f32 = 0.06;
+/// δ by which it is not, although the pixel may see something in the volume too, turns.
+const CLOSE_TURNS: f32 = 0.02;
+/// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
+const WITHIN_SD: f64 = 4.5;
 /// Share of the pixels of a node that must fit its order, fewer where all nodes beside it have the same; or, where it leads to what
 /// C2 cannot see, share of them that may fit any other. Nodes that hold something else too are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
@@ -41,6 +48,8 @@ const MIN_SHARE: f32 = 0.03;
 pub(super) struct OutsideRow {
     /// The orders of the pixels that are asked about.
     orders: Vec<i16>,
+    /// The orders that they would have by a node beside theirs that sees into the volume.
+    within: Vec<i16>,
     /// Marked pixels of all rows that see far beyond the volume, and very far.
     far: [u32; 2],
 }
@@ -61,25 +70,35 @@ impl Room {
         let Self { runs, nodes, rows, .. } = self;
         let half_px = Space::of(view.table).half_px;
         for i in 0..nodes.nodes.len() {
-            let node = &nodes.nodes[i];
             // Pole and infinity are beyond too.
-            let is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
-            nodes.nodes[i].sees_beyond = !is_within && is_asked(nodes, node);
+            nodes.nodes[i].is_within = nodes.nodes[i].beyond_px(view) < WITHIN_HALVES * half_px;
+        }
+        for i in 0..nodes.nodes.len() {
+            let beside = nodes.nodes[i].beside.into_iter().filter(|&other| other != nodes::NONE);
+            let mut within = beside.map(|other| &nodes.nodes[other as usize]).filter(|other| other.is_within);
+            let within_beside = within.find(|other| other.is_clear()).map(|other| other.label);
+            let sees_beyond = is_asked(nodes, &nodes.nodes[i]);
+            (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
         }
         let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
+        let within_turns = (WITHIN_SD * drift.residual_sd_rad / TAU) as f32;
+        let limits = Limits { beyond_px, within_turns };
         let tiles = outside.par_chunks_mut(nodes.tile_px * width).zip(rows).enumerate();
         tiles.for_each(|(tile_row, (outside, room))| {
             room.outside.far = [0; 2];
             for (i, outside) in outside.chunks_mut(width).enumerate() {
                 let v = tile_row * nodes.tile_px + i;
                 outside.fill(false);
-                if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond, &mut room.outside.orders) {
+                let OutsideRow { orders, within, .. } = &mut room.outside;
+                if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond.then_some(node.label), orders) {
                     continue;
                 }
+                let label = |node: &Node| node.within_beside.filter(|_| node.sees_beyond);
+                nodes.fill_orders(runs, (v, width), label, within);
                 view.table.row(v, &mut room.segments);
                 drift.along_row(v, width, &mut room.drift);
-                let far = simd::run(Level::in_use(), MarkRow { view, beyond_px, room, v, outside });
+                let far = simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
                 room.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }
         });
@@ -94,13 +113,22 @@ impl Room {
     }
 }
 
+/// What pixels see outside.
+#[derive(Clone, Copy)]
+struct Limits {
+    /// How far beyond the volume, how far that is far, and very far, pixels.
+    beyond_px: [f32; 3],
+    /// δ about the drift within the volume, turns.
+    within_turns: f32,
+}
+
 /// Whether the pixels of a node may see something outside by its order.
 fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     let asked = node.asked as f32;
     let beside =
         || node.beside.iter().filter(|&&other| other != nodes::NONE).map(|&other| &nodes.nodes[other as usize]);
     let agreeing = beside().filter(|other| other.label == node.label && other.is_clear()).count();
-    if !node.is_clear() || agreeing < MIN_AGREEING {
+    if node.is_within || !node.is_clear() || agreeing < MIN_AGREEING {
         return false;
     }
     let is_within = agreeing == beside().count();
@@ -111,7 +139,7 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
 /// Marks the pixels of a row.
 struct MarkRow<'a> {
     view: View<'a>,
-    beyond_px: [f32; 3],
+    limits: Limits,
     room: &'a RowRoom,
     v: usize,
     outside: &'a mut [bool],
@@ -123,16 +151,18 @@ impl Kernel for MarkRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> [u32; 2] {
-        let Self { view, beyond_px, room, v, outside } = self;
+        let Self { view, limits, room, v, outside } = self;
         let mut all_far = [0; 2];
         let phase = &view.cam1.phase[v * view.cam1.width..];
-        let orders = room.outside.orders.as_chunks::<LANES>().0;
-        for (block, (orders, outside)) in orders.iter().zip(outside.chunks_mut(LANES)).enumerate() {
+        let [orders, within] = [&room.outside.orders, &room.outside.within].map(|row| row.as_chunks::<LANES>().0);
+        for (block, ((orders, within), outside)) in orders.iter().zip(within).zip(outside.chunks_mut(LANES)).enumerate()
+        {
             if *orders == [NO_ORDER; LANES] {
                 continue;
             }
             let phases = filled(&phase[block * LANES..], 0);
-            let [found, far @ ..] = marks(lanes, view, beyond_px, room, block * LANES, orders, &phases);
+            let sight = Sight::of(lanes, view, room, block * LANES, &phases);
+            let [found, far @ ..] = sight.marks(limits, orders, within);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
             all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());
         }
@@ -140,52 +170,91 @@ impl Kernel for MarkRow<'_> {
     }
 }
 
-/// Which pixels of a block see something outside, and which of them far beyond the volume, a bit each.
-#[inline(always)]
-fn marks<L: Lanes>(
+/// Pixels of a block, and what they look into.
+struct Sight<'a, L: Lanes> {
     lanes: L,
-    view: View<'_>,
-    [beyond_px, far_px, very_far_px]: [f32; 3],
-    room: &RowRoom,
-    first: usize,
-    orders: &[i16; LANES],
-    phases: &[u16; LANES],
-) -> [u32; 3] {
-    let float = |value: f32| lanes.float(value);
-    let segments = Segments::of(lanes, &room.segments, first);
-    let order = lanes.load_signed(orders);
-    let is_asked = lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(order, lanes.word(NO_ORDER)));
-    let phases = lanes.load(phases);
-    let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));
-    let turns = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);
-    let denominator = lanes.sub_float(segments.b, lanes.times_float(segments.d, turns));
-    let is_sound = lanes.exceeds(lanes.abs_float(denominator), float(f32::MIN_POSITIVE));
-    let inverse = lanes.over(float(1.0), lanes.select_float(is_sound, denominator, float(1.0)));
-    let along = lanes.times_float(lanes.sub_float(turns, segments.a), inverse);
-    let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
-    let per_turn = lanes.times_float(lanes.times_float(rise, inverse), inverse);
-    let column = lanes.add_float(along, segments.reference);
-    let (beyond, far, very_far) = (float(beyond_px), float(far_px), float(very_far_px));
-    let is_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, beyond), column));
-    let is_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, beyond)));
-    let is_very_far_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, very_far), column));
-    let is_very_far_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, very_far)));
-    let is_far_before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, far), column));
-    let is_far_behind = lanes.mask_of(lanes.exceeds(column, lanes.add_float(segments.end, far)));
-    let is_beyond = lanes.and(lanes.or(is_before, is_behind), lanes.and(is_asked, lanes.mask_of(is_sound)));
-    if !lanes.any(is_beyond) {
-        return [0; 3];
+    view: View<'a>,
+    segments: Segments<L>,
+    drift: DepthBlock<L>,
+    phases: L::Words,
+    phase_turns: L::Floats,
+}
+
+/// The columns at which pixels see their orders, and how many columns a turn takes there.
+struct Place<L: Lanes> {
+    asked: L::Mask,
+    column: L::Floats,
+    per_turn: L::Floats,
+}
+
+impl<'a, L: Lanes> Sight<'a, L> {
+    #[inline(always)]
+    fn of(lanes: L, view: View<'a>, room: &RowRoom, first: usize, phases: &[u16; LANES]) -> Self {
+        let phases = lanes.load(phases);
+        let phase_turns = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), lanes.float(1.0 / 65536.0));
+        let segments = Segments::of(lanes, &room.segments, first);
+        Self { lanes, view, segments, drift: room.drift.block(lanes, first), phases, phase_turns }
     }
-    let last_px = (view.cam2.width - 2) as f32;
-    let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
-    let drift = room.drift.block(lanes, first).at(lanes, column);
-    let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
-    let column = lanes.min_float(lanes.max_float(column, float(0.0)), float(last_px));
-    let around = columns_around_each(lanes, view.cam2, segments.row, phases, column);
-    let rest = rest_turns(lanes, &around, per_turn);
-    let fits = lanes.and(around.known, lanes.mask_of(lanes.exceeds(float(REACH_TURNS), lanes.abs_float(rest))));
-    let marked = lanes.and(is_beyond, lanes.or(fits, lanes.and_not(is_beyond, is_seen)));
-    let far = lanes.and(marked, lanes.or(is_far_before, is_far_behind));
-    let very_far = lanes.and(marked, lanes.or(is_very_far_before, is_very_far_behind));
-    [lanes.bits(marked), lanes.bits(far), lanes.bits(very_far)]
+
+    #[inline(always)]
+    fn place(&self, orders: &[i16; LANES]) -> Place<L> {
+        let (lanes, segments) = (self.lanes, &self.segments);
+        let order = lanes.load_signed(orders);
+        let turns = lanes.add_float(lanes.floats(lanes.widen(order)), self.phase_turns);
+        let denominator = lanes.sub_float(segments.b, lanes.times_float(segments.d, turns));
+        let is_sound = lanes.exceeds(lanes.abs_float(denominator), lanes.float(f32::MIN_POSITIVE));
+        let inverse = lanes.over(lanes.float(1.0), lanes.select_float(is_sound, denominator, lanes.float(1.0)));
+        let along = lanes.times_float(lanes.sub_float(turns, segments.a), inverse);
+        let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
+        Place {
+            asked: lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER))),
+            column: lanes.add_float(along, segments.reference),
+            per_turn: lanes.times_float(lanes.times_float(rise, inverse), inverse),
+        }
+    }
+
+    /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
+    #[inline(always)]
+    fn fits(&self, place: &Place<L>, reach_turns: f32) -> L::Mask {
+        let lanes = self.lanes;
+        let drift = self.drift.at(lanes, place.column);
+        let column = lanes.add_float(place.column, lanes.times_float(drift, place.per_turn));
+        let last_px = lanes.float((self.view.cam2.width - 2) as f32);
+        let column = lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px);
+        let around = columns_around_each(lanes, self.view.cam2, self.segments.row, self.phases, column);
+        let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
+        lanes.and(lanes.and(around.known, place.asked), lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off)))
+    }
+
+    /// Pixels whose places are farther beyond the volume than so many pixels.
+    #[inline(always)]
+    fn beyond(&self, place: &Place<L>, px: f32) -> L::Mask {
+        let (lanes, px) = (self.lanes, self.lanes.float(px));
+        let before = lanes.mask_of(lanes.exceeds(lanes.sub_float(self.segments.begin, px), place.column));
+        let behind = lanes.mask_of(lanes.exceeds(place.column, lanes.add_float(self.segments.end, px)));
+        lanes.and(place.asked, lanes.or(before, behind))
+    }
+
+    /// Which pixels see something outside, and which of them far beyond the volume and very far, a bit each.
+    #[inline(always)]
+    fn marks(&self, limits: Limits, orders: &[i16; LANES], within: &[i16; LANES]) -> [u32; 3] {
+        let (lanes, place) = (self.lanes, self.place(orders));
+        let [beyond_px, far_px, very_far_px] = limits.beyond_px;
+        let beyond = self.beyond(&place, beyond_px);
+        if !lanes.any(beyond) {
+            return [0; 3];
+        }
+        let last_px = lanes.float((self.view.cam2.width - 2) as f32);
+        let is_seen = lanes.both(lanes.reaches(place.column, lanes.float(0.0)), lanes.reaches(last_px, place.column));
+        let unseen = lanes.and_not(beyond, lanes.mask_of(is_seen));
+        let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&place, REACH_TURNS)));
+        if *within != [NO_ORDER; LANES] {
+            let closely = lanes.and_not(self.fits(&place, CLOSE_TURNS), unseen);
+            let seen_within = lanes.and_not(self.fits(&self.place(within), limits.within_turns), closely);
+            marked = lanes.and_not(marked, seen_within);
+        }
+        let far = lanes.and(marked, self.beyond(&place, far_px));
+        let very_far = lanes.and(marked, self.beyond(&place, very_far_px));
+        [lanes.bits(marked), lanes.bits(far), lanes.bits(very_far)]
+    }
 }
