@@ -69,7 +69,7 @@ impl Default for MatchSettings {
             cycle_steps: None,
             method: ResolutionMethod::default(),
             resolution,
-            min_confidence: 0.9,
+            min_confidence: 0.8,
         }
     }
 }

@@ -43,7 +43,7 @@ pub(crate) struct MeasuringArgs {
     /// semi-global.
     #[arg(long, value_name = "METHOD", value_parser = resolution)]
     resolution: Option<ResolutionMethod>,
-    /// Least confidence of a point, a probability; by default as configured, else 0.9.
+    /// Least confidence of a point, a probability; by default as configured, else 0.8.
     #[arg(long, value_name = "P", value_parser = probability)]
     min_confidence: Option<f32>,
     /// File of the segment table: read if it exists, else computed and written.
