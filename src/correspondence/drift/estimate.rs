@@ -22,6 +22,8 @@ const PIXELS_OF_DRAWS: usize = 250;
 const FIRST_STEPS: usize = 15;
 const STEPS: usize = 60;
 const LAST_STEPS: usize = 60;
+/// Decided pixels that are looked at, about.
+const DECIDED_PIXELS: usize = 2000;
 /// Starts that are followed to their end.
 const BEST_STARTS: usize = 4;
 /// Starts that are drawn when the one without drift leads nowhere, and those that are followed.
@@ -181,12 +183,13 @@ impl DriftRoom {
         if !self.sample.take_decided(modes, decided, share, f64::from(spread_turns)) {
             return None;
         }
+        self.sample.thin(DECIDED_PIXELS, &mut self.thinned);
         let level = DeltaStatistics { mean_rad: known.mean_rad, sd_rad, ..DeltaStatistics::default() };
         let mut guess = still(modes, &level);
         if known.error_px > 0.0 {
             guess.coefficients = self.found.coefficients.clone();
         }
-        self.sample.refine(&mut guess, LAST_STEPS, &mut self.solver);
+        self.thinned.refine(&mut guess, LAST_STEPS, &mut self.solver);
         self.found = guess;
         Some(Drift::new(modes, &self.found))
     }
