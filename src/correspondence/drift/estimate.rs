@@ -168,9 +168,9 @@ pub(in super::super) struct DriftRoom {
 }
 
 impl DriftRoom {
-    /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of
-    /// false ones over so many turns; they are such a share of the image. `None` where nothing was decided. A drift that is no level is that which was found
-    /// last.
+    /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of false ones
+    /// over so many turns; they are such a share of the image. `None` where nothing was decided. A drift that is no level is that
+    /// which was found last.
     pub(in super::super) fn of_decided(
         &mut self,
         table: &SegmentTable,

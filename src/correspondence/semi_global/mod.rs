@@ -1,7 +1,8 @@
 //! Semi-global resolution: all fringe orders of the image decided together.
 //!
-//! The paper decides pixel by pixel from neighbours that are decided already, which fails where too few are. Here every
-//! pixel holds evidence for every order that its segment allows, and orders are chosen so that the evidence and Eq. (2),
+//! The paper decides pixel by pixel from neighbours that are decided already, which fails where too few are. Here whole surfaces
+//! tell most orders (see [`super::surfaces`]), and one look at each pixel confirms them. Every other pixel
+//! holds evidence for every order that its segment allows, and orders are chosen so that the evidence and Eq. (2),
 //! by which neighbours of one surface share the absolute phase, agree best over the whole image: the energy of stereo
 //! matching, minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
 //! Information"). An order is free to continue wherever the wrapped phase runs on, at a price to change there, and where
@@ -9,12 +10,13 @@
 //!
 //! 1. *windows*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
 //!    explained by a wrong order within;
-//! 2. *evidence*: how well the best candidate of each order passes the back-projection test, about the drift;
+//! 2. *look*: whether the pixel has a candidate at the order of its surface: then it is decided;
+//!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift;
 //! 3. *paths*: sums of the least energies along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
 //! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; δ that runs through
-//!    a region tells a wrong order (*strips*); one place of C2 serves one order (*claims*). On the *grounds* of what stands around it every pixel gets a *confidence*; those below a
-//!    limit are left out;
+//!    a region tells a wrong order (*strips*); one place of C2 serves one order (*claims*). On the *grounds* of what stands
+//!    around it every pixel gets a *confidence*; those below a limit are left out;
 //! 6. *explanation*: why the pixels without candidate have none.
 //!
 //! Shared with the paper's method: *regions*, *places*, *claims*, *explanation*, *bands*.

@@ -1,7 +1,8 @@
 //! Candidates that were decided by their nodes, from which the drift is estimated.
 //!
 //! ```text
-//! some pixels of nodes that lead clearly: the candidate of the decided order, where it lies near the volume
+//! some pixels of nodes that lead clearly: the candidate of the decided order, where it lies near the volume;
+//!     if wanted, of the other nodes: all candidates in the volume, of which one may be true
 //! parts: neighbouring nodes of one surface with one order
 //! a part tells of the drift if δ scatters little over it: over a surface that lies elsewhere δ of a wrong order is anything
 //! ```
@@ -22,6 +23,17 @@ const MIN_COUNT: f32 = 8.0;
 /// Share of all candidates from which a part tells of the drift whatever its sd: that of a large body changes by more.
 const LARGE_SHARE: f32 = 0.4;
 
+/// Which candidates are wanted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    /// How far δ may be off the drift, turns.
+    pub(super) cap_turns: f32,
+    /// sd of δ over a part, turns: true surfaces change little with the drift.
+    pub(super) max_sd_turns: f32,
+    /// Whether all candidates of pixels are wanted whose nodes are not clear.
+    pub(super) with_open: bool,
+}
+
 /// A candidate of the order that was decided for its pixel.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Decided {
@@ -33,6 +45,7 @@ pub(in super::super) struct Decided {
     pub(in super::super) delta_turns: f32,
     /// δ less the drift that was known, turns.
     rest_turns: f32,
+    /// Node that decided; [`NONE`] of an open pixel.
     node: u32,
 }
 
@@ -56,27 +69,20 @@ struct Part {
 }
 
 impl Room {
-    /// Finds the decided candidates whose δ is off the drift by no more than a cap, of parts over which it scatters by no more than such
-    /// an sd: true surfaces change little with the drift. Yields
-    /// their share of the pixels that were asked.
-    pub(super) fn find_decided(
-        &mut self,
-        view: View<'_>,
-        drift: &Drift,
-        [cap_turns, max_sd_turns]: [f32; 2],
-        with_open: bool,
-    ) -> f64 {
+    /// Finds the decided candidates that are wanted; yields their share of the pixels that were asked.
+    pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted) -> f64 {
         let pixels = view.cam1.phase.len();
         let stride = ((pixels as f32 / PIXELS as f32).sqrt() as usize).max(1);
         self.decided.candidates.clear();
         for v in (stride / 2..view.cam1.height).step_by(stride) {
-            self.ask_row(view, drift, (cap_turns, with_open), stride, v);
+            self.ask_row(view, drift, wanted, stride, v);
         }
-        self.decided.keep_smooth_parts(&self.nodes.nodes, max_sd_turns);
+        self.decided.keep_smooth_parts(&self.nodes.nodes, wanted.max_sd_turns);
         self.decided.candidates.len() as f64 / (pixels as f64 / (stride * stride) as f64).max(1.0)
     }
 
-    fn ask_row(&mut self, view: View<'_>, drift: &Drift, (cap_turns, with_open): (f32, bool), stride: usize, v: usize) {
+    fn ask_row(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted, stride: usize, v: usize) {
+        let Wanted { cap_turns, with_open, .. } = wanted;
         let Self { runs, nodes, decided: DecidedRoom { candidates, row, .. }, .. } = self;
         let (width, space) = (view.cam1.width, Space::of(view.table));
         view.table.row(v, &mut row.segments);

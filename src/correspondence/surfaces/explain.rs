@@ -1,16 +1,19 @@
 //! The drift of one pair of images, from orders that whole surfaces decided.
 //!
 //! ```text
-//! nodes decided by δ about 0 within wide limits
-//! twice: the drift that their candidates show, nodes decided by δ about it, within narrower limits
-//! where few pixels are clear then, or δ scatters widely: the drift by expectation maximization over all candidates of some
-//!     pixels, which finds fields beyond the wide limits; nodes decided about that, unless it explains far fewer pixels
+//! nodes decided by δ of few pixels about 0 within wide limits
+//! the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
+//! the drift that these candidates show, and all of pixels whose nodes are not clear; doubtful nodes decided by more pixels about it
+//! where few pixels are clear then or few fit, or δ scatters widely and the error is unusual: the drift by expectation
+//!     maximization over all candidates of some pixels, which finds fields beyond the wide limits; nodes decided about that, unless
+//!     it explains far fewer pixels
 //! ```
 
 use std::f64::consts::TAU;
 
 use super::super::delta_statistics::DeltaStatistics;
 use super::super::drift::{Drift, DriftRoom};
+use super::decided::Wanted;
 use super::evidence::{Asked, Gate, Room, View};
 
 /// Limits of δ where nothing is known of the drift, turns (18°): those of rigs that are off by a pixel.
@@ -36,9 +39,9 @@ const MIN_CLEAR_SHARE: f64 = 0.5;
 const CLEARLY_MORE: f64 = 1.5;
 /// Share of all pixels that must fit where δ scatters more widely than on calibrated rigs: half do by chance.
 const MIN_FITTING_SHARE: f32 = 0.6;
-/// Calibration error, and sd about it, from which nothing else is asked even there.
-const USUAL_ERROR_PX: f64 = 0.5;
-const USUAL_SD_RAD: f64 = 0.03;
+/// Calibration error, pixels, and sd about it, rad, below which nothing else is asked even there: the larger the error, the less may
+/// be left.
+const USUAL_ERRORS: [[f64; 2]; 2] = [[0.5, 0.03], [1.2, 0.012]];
 /// Calibration error that it may tell of there, pixels, and sd about it, rad: images of another rig agree within wide limits alone.
 const MAX_ERROR_PX: f64 = 1.0;
 const MAX_SD_RAD: f64 = 0.05;
@@ -86,7 +89,8 @@ pub(in super::super) fn explain(
 impl Room {
     /// Share of the image near the volume that a drift explains by δ within such limits.
     fn explained_share(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32) -> f64 {
-        self.find_decided(view, drift, [cap_turns, REFINED_PART_SHARE * cap_turns], false)
+        let max_sd_turns = REFINED_PART_SHARE * cap_turns;
+        self.find_decided(view, drift, Wanted { cap_turns, max_sd_turns, with_open: false })
     }
 
     /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
@@ -98,7 +102,8 @@ impl Room {
         sd_rad: f64,
         drift_room: &mut DriftRoom,
     ) -> Option<Drift> {
-        let share = self.find_decided(view, known, [cap_turns, part_turns], known.error_px > 0.0);
+        let wanted = Wanted { cap_turns, max_sd_turns: part_turns, with_open: known.error_px > 0.0 };
+        let share = self.find_decided(view, known, wanted);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
 }
@@ -110,7 +115,8 @@ fn is_close(drift: &Drift) -> bool {
 
 /// Whether an error explains decided candidates as calibrated rigs have it.
 fn is_usual(drift: &Drift) -> bool {
-    drift.error_px < USUAL_ERROR_PX && drift.residual_sd_rad < USUAL_SD_RAD
+    let is_below = |[error_px, sd_rad]: [f64; 2]| drift.error_px < error_px && drift.residual_sd_rad < sd_rad;
+    USUAL_ERRORS.into_iter().any(is_below)
 }
 
 fn narrow(drift: &Drift) -> Gate {

@@ -11,11 +11,11 @@
 //! evidence:  of some pixels of each node how well every order fits, summed over the node
 //! belief:    along a surface the order goes on freely from node to node, and changes at a price
 //! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift
-//! outside:   pixels that see something outside the volume
+//! outside:   pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
 //! ```
 //!
-//! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration, and which pixels see something
-//! outside the measurement volume.
+//! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration, which pixels see something outside
+//! the measurement volume, and the orders of pixels whose nodes tell them.
 
 mod belief;
 mod decided;
