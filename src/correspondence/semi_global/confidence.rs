@@ -383,7 +383,8 @@ mod tests {
             Grounds { abs_z: 7.0, ..sound() },
             Grounds { beside: 0, around: 3, ..sound() },
             Grounds { is_hidden: true, hidden_share: 0.8, ..sound() },
-            Grounds { region_px: 5, region_lead_nats: 1.0, margin_nats: 1.0, ..sound() },
+            // So few pixels have no more around them.
+            Grounds { region_px: 5, region_lead_nats: 1.0, margin_nats: 1.0, beside: 2, around: 4, ..sound() },
         ] {
             assert!(confidence(worse) < confidence(sound()), "{worse:?}");
         }

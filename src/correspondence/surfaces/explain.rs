@@ -32,6 +32,8 @@ const REFINED_START_SD: f64 = 2.0;
 /// sd of δ of a part that tells of the drift: about none, turns; about a first estimate, as share of what candidates may be off.
 const WIDE_PART_TURNS: f32 = 0.011;
 const REFINED_PART_SHARE: f32 = 0.4;
+/// Turns over which false candidates spread about a first estimate, in what candidates may be off: few of them are false.
+const REFINED_SPREAD: f32 = 8.0;
 /// Share of clear pixels below which the drift of surfaces is not believed.
 const MIN_CLEAR_SHARE: f64 = 0.5;
 /// How many times as many pixels near the volume it must explain as one that likely errors of the calibration cause, where δ scatters
@@ -60,8 +62,9 @@ pub(in super::super) fn explain(
     let found = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room).map(|first| {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
         room.decide(view, &first, gate, Asked::Few);
-        let (limits, sd_rad) =
-            ([gate.cap_turns, REFINED_PART_SHARE * gate.cap_turns, 8.0 * gate.cap_turns], first.residual_sd_rad);
+        let Gate { cap_turns, .. } = gate;
+        let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
+        let sd_rad = first.residual_sd_rad;
         let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
         room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
         found
