@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::bands::{self, BAND_ROWS};
 use super::neighbourhood::{ABSENT, MAX_STEP};
-use super::unions::Unions;
+use super::unions::{Offset, Unions};
 use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Pixels of a row that belong together.
@@ -38,7 +38,6 @@ pub(super) struct Regions {
     pub(super) size_px: Vec<u32>,
     rooms: Vec<BandRoom>,
     unions: Unions,
-    numbers: Vec<u32>,
 }
 
 /// What is found in a band of rows.
@@ -57,7 +56,7 @@ impl Regions {
     /// Finds them. Pixels beside and above each other belong together if their absolute phases run on and their z differ by no
     /// more than `max_z_step`. In: absolute phases and z of all pixels of an image that is so wide.
     pub(super) fn find(&mut self, width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) {
-        let Self { runs, begins, size_px, rooms, unions, numbers } = self;
+        let Self { runs, begins, size_px, rooms, unions } = self;
         let height = absolute.len() / width;
         let row = |v: usize| Row { absolute: &absolute[v * width..][..width], z: &z[v * width..][..width] };
         let rows_of = |band: usize| band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
@@ -89,17 +88,17 @@ impl Regions {
                 touching_runs([row(v - 1), row(v)], runs, first, max_z_step, &mut room.marks, &mut room.touching);
             }
         });
-        unions.begin(runs.len());
+        unions.begin(runs.iter().map(|run| run.end - run.begin));
         for &[above, below] in rooms.iter().flat_map(|room| &room.touching) {
-            unions.unite(above as usize, below as usize);
+            unions.unite(above, below, 0);
         }
-        unions.number(numbers);
         size_px.clear();
-        for (run, &number) in runs.iter_mut().zip(&*numbers) {
-            run.region = number;
-            size_px.resize(size_px.len().max(number as usize + 1), 0);
-            size_px[number as usize] += run.end - run.begin;
-        }
+        unions.number(|run, Offset { set, .. }| {
+            let run = &mut runs[run];
+            run.region = set;
+            size_px.resize(size_px.len().max(set as usize + 1), 0);
+            size_px[set as usize] += run.end - run.begin;
+        });
     }
 
     /// Number of regions.

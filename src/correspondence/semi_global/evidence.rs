@@ -290,7 +290,8 @@ impl Evidence {
                 let (mut selected, _) = selected.row(i, width);
                 selected.look(row.wide(scene, reach), orders);
                 surfaces.doubt_few((v, width), selected.is_decided);
-                leave_open(first, count, &mut selected, asked);
+                keep_to_windows(first, count, &mut selected);
+                selected.fill_open(count, asked);
                 let evidence = EvidenceRow {
                     scene,
                     reach,
@@ -314,16 +315,14 @@ impl Evidence {
     }
 }
 
-/// Finds the numbers of orders of the pixels of a row that are open; what is decided must be among the orders of its window.
-fn leave_open(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>, asked: &mut Vec<u8>) {
+/// Leaves only those pixels of a row decided of which the order is among those of their windows.
+fn keep_to_windows(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) {
     let width = count.len();
-    asked.resize(width, 0);
-    let (asked, absolute, first) = (&mut asked[..width], &selected.absolute[..width], &first[..width]);
+    let (absolute, first) = (&selected.absolute[..width], &first[..width]);
     let is_decided = &mut selected.is_decided[..width];
     for u in 0..width {
         let place = (absolute[u] >> 16).wrapping_sub(i32::from(first[u]));
         is_decided[u] &= (place >= 0) & (place < i32::from(count[u]));
-        asked[u] = if is_decided[u] { 0 } else { count[u] };
     }
 }
 

@@ -81,9 +81,7 @@ impl Selection {
                 let pixels = v * width..(v + 1) * width;
                 let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
                 let (mut out, places) = selected.row(i, width);
-                let open = count.iter().zip(&*out.is_decided).map(|(&count, &decided)| if decided { 0 } else { count });
-                asked.clear();
-                asked.extend(open);
+                out.fill_open(count, asked);
                 let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
                 let selection = SelectionRow { scene, reach: windows.reach, row, phase, count: asked, order, out };
                 simd::run(Level::in_use(), selection);
@@ -255,6 +253,12 @@ impl SelectedRow<'_> {
         self.absolute.fill(ABSENT);
         self.is_decided.fill(false);
         simd::run(Level::in_use(), LookRow { row, orders, out: self });
+    }
+
+    /// Finds the numbers of orders of the pixels that are not decided, where all have so many.
+    pub(super) fn fill_open(&self, count: &[u8], open: &mut Vec<u8>) {
+        open.clear();
+        open.extend(count.iter().zip(&*self.is_decided).map(|(&count, &decided)| if decided { 0 } else { count }));
     }
 
     #[inline(always)]

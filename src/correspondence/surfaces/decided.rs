@@ -9,10 +9,10 @@
 
 use super::super::drift::Drift;
 use super::super::outlook::Outlook;
+use super::super::unions::Unions;
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{NONE, Node, Piece};
 use super::sight::Space;
-use super::unions::Unions;
 
 /// Pixels that are asked, about.
 const PIXELS: usize = 6000;

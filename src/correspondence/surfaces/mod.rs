@@ -27,7 +27,6 @@ mod runs;
 mod sight;
 #[cfg(test)]
 mod tests;
-mod unions;
 
 pub(super) use decided::Decided;
 pub(super) use evidence::{Room, View};

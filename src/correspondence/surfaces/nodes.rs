@@ -215,6 +215,11 @@ impl Nodes {
         any
     }
 
+    /// The nodes beside one.
+    pub(super) fn beside(&self, node: &Node) -> impl Iterator<Item = &Node> + use<'_> {
+        node.beside.into_iter().filter(|&other| other != NONE).map(|other| &self.nodes[other as usize])
+    }
+
     /// The pieces of a row.
     pub(super) fn of_row(&self, v: usize) -> &[Piece] {
         &self.pieces[self.begins[v]..self.begins[v + 1]]

@@ -16,7 +16,7 @@ use super::super::drift::{DepthBlock, Drift};
 use super::super::wide::Segments;
 use super::NO_ORDER;
 use super::evidence::{Room, RowRoom, View};
-use super::nodes::{self, Node, Nodes};
+use super::nodes::{Node, Nodes};
 use super::sight::{Space, columns_around_each, rest_turns};
 use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
 
@@ -43,6 +43,7 @@ const FAR_SHARE: f32 = 0.8;
 const VERY_FAR_HALVES: f32 = 6.0;
 /// Share of the image from which what lies outside is believed to be there.
 const MIN_SHARE: f32 = 0.03;
+
 /// Room for a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OutsideRow {
@@ -74,10 +75,9 @@ impl Room {
             nodes.nodes[i].is_within = nodes.nodes[i].beyond_px(view) < WITHIN_HALVES * half_px;
         }
         for i in 0..nodes.nodes.len() {
-            let beside = nodes.nodes[i].beside.into_iter().filter(|&other| other != nodes::NONE);
-            let mut within = beside.map(|other| &nodes.nodes[other as usize]).filter(|other| other.is_within);
-            let within_beside = within.find(|other| other.is_clear()).map(|other| other.label);
-            let sees_beyond = is_asked(nodes, &nodes.nodes[i]);
+            let node = &nodes.nodes[i];
+            let within_beside = nodes.beside(node).find(|other| other.is_within && other.is_clear());
+            let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
             (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
         }
         let (runs, nodes) = (&*runs, &*nodes);
@@ -125,13 +125,11 @@ struct Limits {
 /// Whether the pixels of a node may see something outside by its order.
 fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     let asked = node.asked as f32;
-    let beside =
-        || node.beside.iter().filter(|&&other| other != nodes::NONE).map(|&other| &nodes.nodes[other as usize]);
-    let agreeing = beside().filter(|other| other.label == node.label && other.is_clear()).count();
+    let agreeing = nodes.beside(node).filter(|other| other.label == node.label && other.is_clear()).count();
     if node.is_within || !node.is_clear() || agreeing < MIN_AGREEING {
         return false;
     }
-    let is_within = agreeing == beside().count();
+    let is_within = agreeing == nodes.beside(node).count();
     let is_founded = node.fitting >= asked * if is_within { MIN_FITTING_WITHIN } else { MIN_FITTING };
     is_founded || (node.is_unseen() && node.rival <= MAX_RIVAL * asked)
 }
@@ -198,19 +196,11 @@ impl<'a, L: Lanes> Sight<'a, L> {
 
     #[inline(always)]
     fn place(&self, orders: &[i16; LANES]) -> Place<L> {
-        let (lanes, segments) = (self.lanes, &self.segments);
-        let order = lanes.load_signed(orders);
+        let (lanes, order) = (self.lanes, self.lanes.load_signed(orders));
         let turns = lanes.add_float(lanes.floats(lanes.widen(order)), self.phase_turns);
-        let denominator = lanes.sub_float(segments.b, lanes.times_float(segments.d, turns));
-        let is_sound = lanes.exceeds(lanes.abs_float(denominator), lanes.float(f32::MIN_POSITIVE));
-        let inverse = lanes.over(lanes.float(1.0), lanes.select_float(is_sound, denominator, lanes.float(1.0)));
-        let along = lanes.times_float(lanes.sub_float(turns, segments.a), inverse);
-        let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
-        Place {
-            asked: lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER))),
-            column: lanes.add_float(along, segments.reference),
-            per_turn: lanes.times_float(lanes.times_float(rise, inverse), inverse),
-        }
+        let ([column, per_turn], is_sound) = self.segments.columns_of(turns);
+        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        Place { asked, column, per_turn }
     }
 
     /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::MAX_STEP;
 use super::super::segment_table::SegmentTable;
-use super::unions::{Offset, Unions};
+use super::super::unions::{Offset, Unions};
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 

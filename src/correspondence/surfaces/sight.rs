@@ -9,10 +9,11 @@
 //! ```
 
 use super::super::drift::{DepthBlock, DepthPolynomial};
-use super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::super::epipolar_image::EpipolarImage;
 use super::super::row_view::MAX_COLUMN_STEP;
 use super::super::segment::Segment;
 use super::super::segment_table::SegmentTable;
+use super::super::wide::mix_rows;
 use super::FULL_SCORE;
 use super::evidence::Gate;
 use crate::simd::{LANES, Lanes};
@@ -237,28 +238,10 @@ fn around<L: Lanes>(
     phases: L::Words,
     share: L::Floats,
 ) -> Around<L> {
-    let (first, has_first) = mixed(lanes, upper[0], lower[0], below);
-    let (second, has_second) = mixed(lanes, upper[1], lower[1], below);
+    let (first, has_first) = mix_rows(lanes, upper[0], lower[0], below);
+    let (second, has_second) = mix_rows(lanes, upper[1], lower[1], below);
     let slope = lanes.sub(second, first);
     let moderate = lanes.is_at_least(lanes.word(MAX_COLUMN_STEP as i16), lanes.abs(slope));
     let known = lanes.and(lanes.and(has_first, has_second), moderate);
     Around { value: lanes.sub(first, phases), slope, share, known }
-}
-
-/// The phase between two rows, as [`super::super::row_view::RowView`] has it, and where there is one.
-#[inline(always)]
-fn mixed<L: Lanes>(lanes: L, upper: L::Words, lower: L::Words, below: L::Words) -> (L::Words, L::Mask) {
-    let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
-    let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
-    let step = lanes.sub(lower, upper);
-    let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
-    let mixes = lanes.and_not(small, lanes.or(no_upper, no_lower));
-    // The high word of a signed by an unsigned number, and what rounds it.
-    let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
-    let part = lanes.sub(lanes.times_high(step, below), sign);
-    let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
-    let is_lower_nearer = lanes.is_greater(zero, below);
-    let nearest = lanes.select(is_lower_nearer, lower, upper);
-    let phase = lanes.select(mixes, lanes.add(upper, part), nearest);
-    (phase, lanes.or(mixes, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
 }

@@ -9,7 +9,7 @@ mod segments;
 
 use crate::simd::LANES;
 
-pub(super) use rows::{Crossing, Differences, Ends, RowPair, Rows, Tables, column_and_slope, crosses};
+pub(super) use rows::{Crossing, Differences, Ends, RowPair, Rows, Tables, column_and_slope, crosses, mix_rows};
 pub(super) use segments::{Segments, load};
 
 /// Pixels of a block.

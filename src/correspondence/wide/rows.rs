@@ -112,23 +112,33 @@ impl<'a, L: Lanes> Tables<'a, L> {
             upper = lanes.select(self.pair.second, lower, upper);
             lower = lanes.select(self.pair.second, lanes.look_up(third, place), lower);
         }
-        let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
-        let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
-        let step = lanes.sub(lower, upper);
-        // |−32768| is 32768 of unsigned words.
-        let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
-        let mixed = lanes.and_not(small, lanes.or(no_upper, no_lower));
-        // The high word of a signed by an unsigned number, and what rounds it.
-        let sign = lanes.select(lanes.is_greater(zero, step), self.below, zero);
-        let part = lanes.sub(lanes.times_high(step, self.below), sign);
-        let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, self.below)));
-        let lower_nearer = lanes.is_greater(zero, self.below);
-        let nearest = lanes.select(lower_nearer, lower, upper);
-        let phase = lanes.select(mixed, lanes.add(upper, part), nearest);
-        let has_nearest = lanes.is_equal(nearest, none);
-        let known = lanes.or(mixed, lanes.and_not(lanes.mask(u32::MAX), has_nearest));
+        let (phase, known) = mix_rows(lanes, upper, lower, self.below);
         Differences { value: lanes.sub(phase, self.phases), known }
     }
+}
+
+/// The phases between two rows, the lower of which has a share, 1/65536, as [`super::super::row_view::RowView`] has them, and where
+/// there are any.
+#[inline(always)]
+pub(in super::super) fn mix_rows<L: Lanes>(
+    lanes: L,
+    upper: L::Words,
+    lower: L::Words,
+    below: L::Words,
+) -> (L::Words, L::Mask) {
+    let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
+    let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
+    let step = lanes.sub(lower, upper);
+    let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
+    let mixes = lanes.and_not(small, lanes.or(no_upper, no_lower));
+    // The high word of a signed by an unsigned number, and what rounds it.
+    let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
+    let part = lanes.sub(lanes.times_high(step, below), sign);
+    let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
+    let is_lower_nearer = lanes.is_greater(zero, below);
+    let nearest = lanes.select(is_lower_nearer, lower, upper);
+    let phase = lanes.select(mixes, lanes.add(upper, part), nearest);
+    (phase, lanes.or(mixes, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
 }
 
 /// 64 columns from a place of the image on; none beyond its end has a phase.

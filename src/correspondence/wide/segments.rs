@@ -44,6 +44,19 @@ impl<L: Lanes> Segments<L> {
         lanes.over(above, below)
     }
 
+    /// Columns at which Φ is so many turns, and how many columns a turn takes there; where there are such.
+    #[inline(always)]
+    pub(in super::super) fn columns_of(&self, turns: L::Floats) -> ([L::Floats; 2], L::Truths) {
+        let lanes = self.lanes;
+        let denominator = lanes.sub_float(self.b, lanes.times_float(self.d, turns));
+        let is_sound = lanes.exceeds(lanes.abs_float(denominator), lanes.float(f32::MIN_POSITIVE));
+        let inverse = lanes.over(lanes.float(1.0), lanes.select_float(is_sound, denominator, lanes.float(1.0)));
+        let along = lanes.times_float(lanes.sub_float(turns, self.a), inverse);
+        let rise = lanes.sub_float(self.b, lanes.times_float(self.a, self.d));
+        let per_turn = lanes.times_float(lanes.times_float(rise, inverse), inverse);
+        ([lanes.add_float(self.reference, along), per_turn], is_sound)
+    }
+
     /// Which columns lie on the segments.
     #[inline(always)]
     pub(in super::super) fn have(&self, column_px: L::Floats) -> L::Truths {

@@ -38,16 +38,8 @@ impl Row<'_> {
         let order = lanes.load_signed(orders);
         let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));
         let target = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);
-        let denominator = lanes.sub_float(segments.b, lanes.times_float(segments.d, target));
-        let is_sound = lanes.both(
-            lanes.exceeds(lanes.abs_float(denominator), float(f32::MIN_POSITIVE)),
-            lanes.reaches(segments.row, float(0.0)),
-        );
-        let inverse = lanes.over(float(1.0), lanes.select_float(is_sound, denominator, float(1.0)));
-        let along = lanes.times_float(lanes.sub_float(target, segments.a), inverse);
-        let rise = lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d));
-        let per_turn = lanes.times_float(lanes.times_float(rise, inverse), inverse);
-        let column_px = lanes.add_float(segments.reference, along);
+        let ([column_px, per_turn], is_sound) = segments.columns_of(target);
+        let is_sound = lanes.both(is_sound, lanes.reaches(segments.row, float(0.0)));
         // Over what a look may be off the drift does not change.
         let drift = self.drift.block(lanes, first).at(lanes, column_px);
         let mut column_px = lanes.add_float(column_px, lanes.times_float(drift, per_turn));
