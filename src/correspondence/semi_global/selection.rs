@@ -70,6 +70,7 @@ impl Selection {
 
     /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
     pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
+        if let Some(f) = std::env::var_os("DBGMAP") { let m: Vec<u8> = windows.count.iter().zip(&self.is_decided).map(|(c,d)| if *c==0 {0} else if *d {1} else {2}).collect(); std::fs::write(f, m).unwrap(); }
         let width = scene.cam1.width.max(1);
         let mut rooms = std::mem::take(&mut self.rooms);
         bands::resize(&mut rooms, scene.cam1.height);

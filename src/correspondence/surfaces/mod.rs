@@ -7,7 +7,7 @@
 //! ```text
 //! runs:      rows of C1 broken where the wrapped phase does not run on; orders counted from the beginning of each run
 //! unions:    runs of neighbouring rows united where one whole number makes nearly all their phases run on: surfaces
-//! nodes:     the parts of surfaces in tiles of the image
+//! nodes:     the parts of surfaces in tiles of the image over which orders do not contradict each other
 //! evidence:  of some pixels of each node how well every order fits, summed over the node
 //! belief:    along a surface the order goes on freely from node to node, and changes at a price
 //! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift

@@ -1,4 +1,6 @@
-//! Nodes: the parts of surfaces in square tiles of the image.
+//! Nodes: the parts of surfaces in square tiles of the image over which the absolute phase runs on.
+//!
+//! Where a surface is united with itself around another one, its orders may contradict each other at a seam: there nodes end too.
 
 use super::evidence::{View, base_of};
 use super::runs::Runs;
@@ -21,17 +23,18 @@ const MIN_FITTING: f32 = 0.3;
 const MAX_OUTVOTED: f32 = 0.1;
 /// Stands for no node.
 pub(super) const NONE: u32 = u32::MAX;
+/// Sides of a node; the one after each lies opposite.
+const LEFT: usize = 0;
+const ABOVE: usize = 2;
 
-/// Part of a surface.
+/// Part of a surface in a tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     surface: u32,
     /// Its first pixel, and the order of this relative to the surface.
     pixel: u32,
     relative: i32,
-    /// Next node of its tile.
-    next: u32,
-    /// Nodes of its surface in the tiles to the left, to the right, above and below.
+    /// Nodes in the tiles to the left, to the right, above and below into which its phase runs on.
     pub(super) beside: [u32; 4],
     /// Pixels.
     pub(super) size_px: u32,
@@ -67,6 +70,28 @@ pub(super) struct Piece {
 }
 
 impl Node {
+    /// A node without pixels, of a surface with a base.
+    fn new((surface, base): (u32, i32), (pixel, relative): (u32, i32)) -> Self {
+        Self {
+            surface,
+            pixel,
+            relative,
+            beside: [NONE; 4],
+            size_px: 0,
+            base,
+            label: 0,
+            lead: 0.0,
+            asked: 0,
+            fitting: 0.0,
+            best_fitting: 0.0,
+            rival: 0.0,
+            is_doubtful: true,
+            is_within: false,
+            sees_beyond: false,
+            within_beside: None,
+        }
+    }
+
     /// The order of a pixel by a label, where its order relative to the surface is known.
     fn order_of(&self, label: u8, relative: i32) -> i32 {
         i32::from(label) + self.base + relative
@@ -99,6 +124,15 @@ impl Node {
 }
 
 impl Piece {
+    /// Whether its absolute phases run on from a piece of the row above that it meets.
+    fn continues(&self, above: &Piece, width: usize, absolute: impl Fn(&Piece, usize) -> i32) -> bool {
+        let begin = self.begin.max(above.begin + width as u32) as usize;
+        let end = self.end.min(above.end + width as u32) as usize;
+        let places = [1, 2, 3].map(|quarter| begin + (end - begin) * quarter / 4);
+        let near = |&&pixel: &&usize| (absolute(self, pixel) - absolute(above, pixel - width)).abs() <= HALF_TURN;
+        places.iter().filter(near).count() >= 2
+    }
+
     /// Columns of the pixels that are asked where one of so many is; the row begins with such a pixel.
     pub(super) fn asked(&self, row: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
         let (begin, end) = (self.begin as usize - row, self.end as usize - row);
@@ -119,20 +153,20 @@ pub(super) struct Nodes {
     begins: Vec<usize>,
     /// Where the nodes of each tile row begin, and where those of the last one end.
     pub(super) tile_rows: Vec<usize>,
-    /// First node of each tile, of this row of tiles and of that above.
-    tiles: [Vec<u32>; 2],
     bases: Vec<i32>,
 }
 
 /// No order yet.
 const NO_BASE: i32 = i32::MIN;
+/// Half a turn of absolute phase.
+const HALF_TURN: i32 = 1 << 15;
 
 impl Nodes {
     /// Divides surfaces into nodes.
     pub(super) fn find(&mut self, view: View<'_>, space: &Space, runs: &Runs) {
         self.tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
         let tile_px = self.tile_px;
-        let Self { nodes, pieces, begins, tile_rows, tiles, bases, .. } = self;
+        let Self { nodes, pieces, begins, tile_rows, bases, .. } = self;
         nodes.clear();
         pieces.clear();
         begins.clear();
@@ -140,18 +174,19 @@ impl Nodes {
         bases.clear();
         bases.resize(runs.surfaces, NO_BASE);
         let cam1 = view.cam1;
-        let (width, columns) = (cam1.width.max(1), cam1.width.div_ceil(tile_px));
-        tiles.iter_mut().for_each(|tiles| {
-            tiles.clear();
-            tiles.resize(columns, NONE);
-        });
+        let width = cam1.width.max(1);
+        let absolute = |piece: &Piece, pixel: usize| {
+            let order = piece.offset + i32::from(runs.relative[pixel]);
+            (order << 16) + i32::from(cam1.phase[pixel])
+        };
         for v in 0..cam1.height {
+            let above = begins.last().map_or(0..0, |&begin| begin..pieces.len());
             begins.push(pieces.len());
-            if v % tile_px == 0 {
+            let is_first_row = v % tile_px == 0;
+            if is_first_row {
                 tile_rows.push(nodes.len());
-                tiles.swap(0, 1);
-                tiles[0].fill(NONE);
             }
+            let mut first_met = above.start;
             for run in runs.of_row(v) {
                 let pixels = run.pixels();
                 let base = &mut bases[run.surface as usize];
@@ -160,15 +195,31 @@ impl Nodes {
                     let own = run.offset + i32::from(runs.relative[pixel]);
                     *base = base_of(view, space, pixel) - own;
                 }
-                let mut begin = pixels.start;
+                let (mut begin, mut left) = (pixels.start, None);
                 while begin < pixels.end {
                     let tile = (begin - v * width) / tile_px;
                     let end = pixels.end.min(v * width + (tile + 1) * tile_px);
-                    let relative = run.offset + i32::from(runs.relative[begin]);
-                    let node = node_of(nodes, tiles, tile, (run.surface, *base), (begin as u32, relative));
+                    let piece = Piece { begin: begin as u32, end: end as u32, node: NONE, offset: run.offset };
+                    while first_met < above.end && pieces[first_met].end as usize + width <= begin {
+                        first_met += 1;
+                    }
+                    let met = pieces[first_met..above.end].iter();
+                    let met = met.take_while(|other| (other.begin as usize + width) < end);
+                    let of_surface = met.filter(|other| nodes[other.node as usize].surface == run.surface);
+                    let continued = of_surface.clone().find(|other| piece.continues(other, width, absolute));
+                    let continued = continued.map(|other| other.node);
+                    let node = continued.filter(|_| !is_first_row).unwrap_or_else(|| {
+                        let relative = run.offset + i32::from(runs.relative[begin]);
+                        nodes.push(Node::new((run.surface, *base), (begin as u32, relative)));
+                        nodes.len() as u32 - 1
+                    });
+                    bind(nodes, left, node, LEFT);
+                    if is_first_row {
+                        bind(nodes, continued, node, ABOVE);
+                    }
                     nodes[node as usize].size_px += (end - begin) as u32;
-                    pieces.push(Piece { begin: begin as u32, end: end as u32, node, offset: run.offset });
-                    begin = end;
+                    pieces.push(Piece { node, ..piece });
+                    (begin, left) = (end, Some(node));
                 }
             }
         }
@@ -226,51 +277,11 @@ impl Nodes {
     }
 }
 
-/// The node of a surface in a tile, made if there is none yet, and bound to those beside it.
-fn node_of(
-    nodes: &mut Vec<Node>,
-    [tiles, above]: &mut [Vec<u32>; 2],
-    tile: usize,
-    (surface, base): (u32, i32),
-    (pixel, relative): (u32, i32),
-) -> u32 {
-    let find = |nodes: &[Node], mut node: u32| {
-        while node != NONE && nodes[node as usize].surface != surface {
-            node = nodes[node as usize].next;
-        }
-        node
-    };
-    let own = find(nodes, tiles[tile]);
-    if own != NONE {
-        return own;
-    }
-    let node = nodes.len() as u32;
-    let left = if tile > 0 { find(nodes, tiles[tile - 1]) } else { NONE };
-    let right = tiles.get(tile + 1).map_or(NONE, |&first| find(nodes, first));
-    let up = find(nodes, above[tile]);
-    for (side, other) in [left, right, up].into_iter().enumerate().filter(|(_, other)| *other != NONE) {
+/// Binds a node to the one on a side, if there is one, where neither is bound yet.
+fn bind(nodes: &mut [Node], other: Option<u32>, node: u32, side: usize) {
+    let Some(other) = other else { return };
+    if nodes[node as usize].beside[side] == NONE && nodes[other as usize].beside[side ^ 1] == NONE {
+        nodes[node as usize].beside[side] = other;
         nodes[other as usize].beside[side ^ 1] = node;
     }
-    let beside = [left, right, up, NONE];
-    nodes.push(Node {
-        surface,
-        pixel,
-        relative,
-        next: tiles[tile],
-        beside,
-        size_px: 0,
-        base,
-        label: 0,
-        lead: 0.0,
-        asked: 0,
-        fitting: 0.0,
-        best_fitting: 0.0,
-        rival: 0.0,
-        is_doubtful: true,
-        is_within: false,
-        sees_beyond: false,
-        within_beside: None,
-    });
-    tiles[tile] = node;
-    node
 }

@@ -30,8 +30,8 @@ const REACH_TURNS: f32 = 0.06;
 const CLOSE_TURNS: f32 = 0.02;
 /// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
 const WITHIN_SD: f64 = 4.5;
-/// Share of the pixels of a node that must fit its order, fewer where all nodes beside it have the same; or, where it leads to what
-/// C2 cannot see, share of them that may fit any other. Nodes that hold something else too are decided pixel by pixel.
+/// Share of the pixels of a node that must fit its order, fewer where nodes on all sides have the same, and no other order better;
+/// or, where it leads to what C2 cannot see, share of them that may fit any other. Nodes that hold something else too are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
 const MIN_FITTING_WITHIN: f32 = 0.48;
 const MAX_RIVAL: f32 = 0.3;
@@ -129,9 +129,9 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     if node.is_within || !node.is_clear() || agreeing < MIN_AGREEING {
         return false;
     }
-    let is_within = agreeing == nodes.beside(node).count();
+    let is_within = agreeing == node.beside.len();
     let is_founded = node.fitting >= asked * if is_within { MIN_FITTING_WITHIN } else { MIN_FITTING };
-    is_founded || (node.is_unseen() && node.rival <= MAX_RIVAL * asked)
+    (is_founded && node.fitting >= node.rival) || (node.is_unseen() && node.rival <= MAX_RIVAL * asked)
 }
 
 /// Marks the pixels of a row.

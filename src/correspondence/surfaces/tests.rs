@@ -44,3 +44,37 @@ fn nothing_of_a_plane_in_the_volume_sees_outside() {
     assert!(!room.mark_outside(view(&scene), &drift, 50.0, &mut outside));
     assert!(outside.iter().all(|outside| !outside));
 }
+
+#[test]
+fn no_node_lies_across_a_seam() {
+    let scene = TestScene::new();
+    let mut cam1 = scene.cam1.clone();
+    let (width, height) = (cam1.width, cam1.height);
+    // Around its middle the order of this surface rises by three: rows are united on one side, and contradict each other on the other.
+    for (pixel, phase) in cam1.phase.iter_mut().enumerate() {
+        let [x, y] = [(pixel % width) as f64 - width as f64 / 2.0, (pixel / width) as f64 - height as f64 / 2.0];
+        *phase = (3.0 * y.atan2(x) / std::f64::consts::TAU * 65536.0).round() as i64 as u16;
+    }
+    cam1.valid.fill(true);
+    let mut room = Room::default();
+    room.divide(View { cam1: &cam1, ..view(&scene) });
+    let (nodes, runs) = (&room.nodes, &room.runs);
+    let absolute = |piece: &nodes::Piece, pixel: usize| {
+        (piece.offset + i32::from(runs.relative[pixel])) * 65536 + i32::from(cam1.phase[pixel])
+    };
+    let (mut met, mut seams) = (0, 0);
+    for v in 1..height {
+        for (above, below) in nodes.of_row(v - 1).iter().flat_map(|a| nodes.of_row(v).iter().map(move |b| (a, b))) {
+            let begin = (above.begin as usize + width).max(below.begin as usize);
+            let end = (above.end as usize + width).min(below.end as usize);
+            for pixel in begin..end.max(begin) {
+                let contradicts = (absolute(below, pixel) - absolute(above, pixel - width)).abs() > 40_000;
+                let is_middle = (pixel % width).abs_diff(width / 2) < 16 && v.abs_diff(height / 2) < 16;
+                assert!(!contradicts || above.node != below.node || is_middle, "{v} {pixel}");
+                met += 1;
+                seams += usize::from(contradicts);
+            }
+        }
+    }
+    assert!(met > 20_000 && seams > 20, "{met} {seams}");
+}
