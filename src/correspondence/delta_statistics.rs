@@ -135,7 +135,7 @@ impl DeltaRoom {
                 break;
             }
             let sd_before_rad = statistics.sd_rad;
-            (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(deltas.iter().copied());
+            (statistics.mean_rad, statistics.sd_rad) = mean_and_sd_rad(deltas);
             statistics.noise_sd_rad = sd_of_differences_rad(differences) / 2.0_f64.sqrt();
             if (statistics.sd_rad / sd_before_rad - 1.0).abs() < REFINED_CHANGE {
                 break;
@@ -194,16 +194,38 @@ fn stack(map: &PhaseMap, rows: &[Option<usize>], stack: &mut PhaseMap) {
     }
 }
 
-/// Mean and standard deviation of δ given in turns · 65536, rad.
-pub(super) fn mean_and_sd_rad(deltas: impl Iterator<Item = i16>) -> (f64, f64) {
-    let (mut count, mut sum, mut squares) = (0_u32, 0_i64, 0_i64);
-    for delta in deltas.map(i64::from) {
-        (count, sum, squares) = (count + 1, sum + delta, squares + delta * delta);
+/// Sums of δ, turns · 65536.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DeltaSums {
+    count: u32,
+    sum: i64,
+    squares: u64,
+}
+
+impl DeltaSums {
+    /// Takes so many δ with such a sum, and such a sum of their squares.
+    pub(super) fn add(&mut self, count: u32, sum: i64, squares: u64) {
+        self.count += count;
+        self.sum += sum;
+        self.squares += squares;
     }
-    let count = f64::from(count.max(1));
-    let mean = sum as f64 / count;
-    let variance = (squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
-    (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)
+
+    /// Mean and standard deviation, rad.
+    pub(super) fn mean_and_sd_rad(&self) -> (f64, f64) {
+        let count = f64::from(self.count.max(1));
+        let mean = self.sum as f64 / count;
+        let variance = (self.squares as f64 / count - mean * mean).max((MIN_SD_TURNS * 65536.0).powi(2));
+        (mean * TAU / 65536.0, variance.sqrt() * TAU / 65536.0)
+    }
+}
+
+/// Mean and standard deviation of δ given in turns · 65536, rad.
+fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
+    let mut sums = DeltaSums::default();
+    for delta in deltas.iter().map(|&delta| i64::from(delta)) {
+        sums.add(1, delta, delta.unsigned_abs().pow(2));
+    }
+    sums.mean_and_sd_rad()
 }
 
 /// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it. They are put

@@ -1,12 +1,13 @@
 //! The whole chain of the proposed method (PA), from two phase maps to a decision about every pixel of C1.
 
 use crate::phase::PhaseMap;
+use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::{DeltaHistogram, HistogramRoom};
-use super::delta_statistics::{DeltaRoom, DeltaStatistics, mean_and_sd_rad, measure_delta};
+use super::delta_statistics::{DeltaRoom, DeltaStatistics, DeltaSums, measure_delta};
 use super::drift::{Drift, DriftRoom};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
@@ -335,6 +336,34 @@ impl Matching<'_> {
 
 /// Mean and sd of δ of the chosen candidates, rad.
 fn delta_rad(outcomes: &[Outcome], chosen: &ChosenCandidates) -> (f64, f64) {
-    let found = outcomes.iter().zip(&chosen.delta).filter(|(outcome, _)| outcome.is_found());
-    mean_and_sd_rad(found.map(|(_, &delta)| delta))
+    simd::run(Level::in_use(), ChosenDelta { outcomes, delta: &chosen.delta }).mean_and_sd_rad()
+}
+
+/// Adds up δ of the chosen candidates.
+struct ChosenDelta<'a> {
+    outcomes: &'a [Outcome],
+    delta: &'a [i16],
+}
+
+impl Kernel for ChosenDelta<'_> {
+    type Output = DeltaSums;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> DeltaSums {
+        /// Pixels whose sums 32 bits hold.
+        const PIXELS: usize = 1 << 15;
+        let mut sums = DeltaSums::default();
+        for (outcomes, delta) in self.outcomes.chunks(PIXELS).zip(self.delta.chunks(PIXELS)) {
+            let (mut count, mut sum, mut squares) = (0_u32, 0_i32, 0_u64);
+            let delta = &delta[..outcomes.len()];
+            for i in 0..outcomes.len() {
+                let own = if outcomes[i].is_found() { i32::from(delta[i]) } else { 0 };
+                count += u32::from(outcomes[i].is_found());
+                sum += own;
+                squares += u64::from((own * own) as u32);
+            }
+            sums.add(count, i64::from(sum), squares);
+        }
+        sums
+    }
 }

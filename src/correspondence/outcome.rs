@@ -54,6 +54,7 @@ impl Outcome {
 
     /// Whether the pixel has a point.
     #[must_use]
+    #[inline(always)]
     pub fn is_found(self) -> bool {
         (self as u8) < Self::Invalid as u8
     }

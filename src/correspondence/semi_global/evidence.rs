@@ -71,7 +71,7 @@ impl DeltaScale {
 /// Median modulation of the valid pixels of some rows.
 fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) -> Option<Modulation> {
     /// Rows of which one is asked.
-    const PITCH: usize = 4;
+    const PITCH: usize = 16;
     // The upper byte of the median first, then the lower one. Neighbours are alike, so that each counts in a row of its own:
     // none waits for the one before.
     const WAYS: usize = 4;

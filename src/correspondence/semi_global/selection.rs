@@ -70,7 +70,6 @@ impl Selection {
 
     /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
     pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
-        if let Some(f) = std::env::var_os("DBGMAP") { let m: Vec<u8> = windows.count.iter().zip(&self.is_decided).map(|(c,d)| if *c==0 {0} else if *d {1} else {2}).collect(); std::fs::write(f, m).unwrap(); }
         let width = scene.cam1.width.max(1);
         let mut rooms = std::mem::take(&mut self.rooms);
         bands::resize(&mut rooms, scene.cam1.height);
@@ -90,7 +89,7 @@ impl Selection {
             }
         });
         self.rooms = rooms;
-        self.normalize();
+        self.normalize(width);
     }
 
     /// Bands of so many pixels.
@@ -123,23 +122,26 @@ impl Selection {
 
     /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has. What lies
     /// outside the volume says nothing of that: there the drift is not known.
-    fn normalize(&mut self) {
+    fn normalize(&mut self, width: usize) {
         const MEDIAN_OF_UNIT_NORMAL: f32 = 0.6745;
         /// Least scale that is believed.
         const MIN_SCALE: f32 = 0.2;
         /// Largest scale that is believed: beyond it most of what is selected is wrong.
         const MAX_SCALE: f32 = 1.5;
-        let Some(median) = self.median_magnitude_of_z() else { return };
+        let Some(median) = self.median_magnitude_of_z(width) else { return };
         let scale = (median / MEDIAN_OF_UNIT_NORMAL).clamp(MIN_SCALE, MAX_SCALE);
         self.z.par_iter_mut().for_each(|z| *z /= scale);
     }
 
-    /// Median of |z| of all selected candidates in the volume.
-    fn median_magnitude_of_z(&mut self) -> Option<f32> {
+    /// Median of |z| of selected candidates in the volume.
+    fn median_magnitude_of_z(&mut self, width: usize) -> Option<f32> {
         // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
         let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
+        /// Rows of which one is asked.
+        const PITCH: usize = 4;
         let Self { z, absolute, in_volume, counts, near, .. } = self;
-        let all = || z.iter().zip(&*absolute).zip(&*in_volume);
+        let rows = || z.chunks(width).zip(absolute.chunks(width)).zip(in_volume.chunks(width)).step_by(PITCH);
+        let all = || rows().flat_map(|((z, absolute), in_volume)| z.iter().zip(absolute).zip(in_volume));
         let selected =
             || all().filter(|((_, absolute), in_volume)| **absolute != ABSENT && **in_volume).map(|((z, _), _)| *z);
         counts.clear();

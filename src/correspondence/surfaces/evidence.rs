@@ -13,9 +13,11 @@ use super::{FULL_SCORE, LABELS, belief};
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
-/// Share of the pixels of a node that must fit its order where it tells that of them all.
+/// Share of the pixels of a node that must fit its order where it tells that of them all; or share of these that may fit any other:
+/// the rest is hidden from C2.
 const MIN_FITTING: f32 = 0.6;
-/// By how many of them it must lead there.
+const MAX_RIVAL: f32 = 0.8;
+/// By how many pixels it must lead there.
 const MIN_LEAD: f32 = 0.2;
 
 /// Pixels along either axis of a tile that are asked: their number need not grow with the image.
@@ -53,7 +55,7 @@ pub(super) struct Gate {
 pub(in super::super) struct Room {
     pub(super) runs: Runs,
     pub(super) nodes: Nodes,
-    evidence: Vec<[i16; LABELS]>,
+    pub(super) evidence: Vec<[i16; LABELS]>,
     messages: Vec<[[i16; LABELS]; 4]>,
     /// Room for each row of tiles.
     pub(super) rows: Vec<RowRoom>,
@@ -115,7 +117,7 @@ impl Room {
     pub(in super::super) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
             let asked = node.asked as f32;
-            let tells = node.is_clear() && node.fitting >= MIN_FITTING * asked && node.lead >= MIN_LEAD * asked;
+            let tells = node.is_clear() && (node.fitting >= MIN_FITTING * asked || node.rival <= MAX_RIVAL * node.fitting) && node.lead >= MIN_LEAD * asked;
             tells.then_some(node.label)
         };
         self.nodes.fill_orders(&self.runs, row, label, orders)

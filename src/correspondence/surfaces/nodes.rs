@@ -5,7 +5,7 @@
 use super::evidence::{View, base_of};
 use super::runs::Runs;
 use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE};
-use super::{FULL_SCORE, NO_ORDER};
+use super::{FULL_SCORE, LABELS, NO_ORDER};
 use crate::simd::LANES;
 
 /// Pixels along the side of a tile, and of one of a large image: what images show grows with them.
@@ -52,6 +52,8 @@ pub(super) struct Node {
     pub(super) is_doubtful: bool,
     /// Whether its first pixel sees something in the volume, or near it.
     pub(super) is_within: bool,
+    /// Whether its order leads beyond the volume, and none within fits its pixels.
+    pub(super) is_beyond: bool,
     /// Whether its pixels may see something outside the volume; and the label of a node beside it that does not, if there is one.
     pub(super) sees_beyond: bool,
     pub(super) within_beside: Option<u8>,
@@ -86,6 +88,7 @@ impl Node {
             best_fitting: 0.0,
             rival: 0.0,
             is_doubtful: true,
+            is_beyond: false,
             is_within: false,
             sees_beyond: false,
             within_beside: None,
@@ -110,6 +113,18 @@ impl Node {
         (segment.begin_px - column_px).max(column_px - segment.end_px)
     }
 
+    /// How many pixels fit the best label in the volume as one that fits fully; segments are so long at least on either side.
+    pub(super) fn fitting_within(&self, view: View<'_>, half_px: f32, evidence: &[i16; LABELS]) -> f32 {
+        let segment = view.table.segment(self.pixel as usize);
+        let (begin_px, end_px) = (segment.reference_px - half_px, segment.reference_px + half_px);
+        let phase_turns = f32::from(view.cam1.phase[self.pixel as usize]) / 65536.0;
+        let label_at = |px: f32| segment.phase_turns(px) - phase_turns - (self.base + self.relative) as f32;
+        let ends = [label_at(begin_px.min(segment.begin_px)), label_at(end_px.max(segment.end_px))];
+        let label = |at: f32| at.clamp(0.0, (LABELS - 1) as f32) as usize;
+        let (first, last) = (label(ends[0].min(ends[1]).floor()), label(ends[0].max(ends[1]).ceil()));
+        f32::from(evidence[first..=last].iter().copied().fold(0, i16::max)) / f32::from(FULL_SCORE)
+    }
+
     /// Whether its order leads to what C2 cannot see.
     pub(super) fn is_unseen(&self) -> bool {
         self.fitting == self.asked as f32 * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE)
@@ -119,7 +134,12 @@ impl Node {
     pub(super) fn is_clear(&self) -> bool {
         let asked = self.asked as f32;
         let is_own = self.fitting >= (MIN_FITTING * asked).max(self.best_fitting - MAX_OUTVOTED * asked);
-        self.asked >= MIN_ASKED && self.lead >= CLEAR_LEAD && is_own
+        self.leads() && is_own
+    }
+
+    /// Whether its order leads clearly, on its own pixels and on those beside them.
+    pub(super) fn leads(&self) -> bool {
+        self.asked >= MIN_ASKED && self.lead >= CLEAR_LEAD
     }
 }
 

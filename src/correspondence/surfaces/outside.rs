@@ -6,6 +6,7 @@
 //!     it sees something outside if x lies beyond the volume, and either beside the image of C2,
 //!     or C2 has the phase near x, so that δ is off the drift by no more than a limit;
 //!     but not if it fits the order of a node beside its own that sees into the volume, and this one less closely
+//! all pixels of a node that leads beyond the volume, and of which none fits any order within
 //! ```
 
 use std::f64::consts::TAU;
@@ -30,11 +31,16 @@ const REACH_TURNS: f32 = 0.06;
 const CLOSE_TURNS: f32 = 0.02;
 /// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
 const WITHIN_SD: f64 = 4.5;
-/// Share of the pixels of a node that must fit its order, fewer where nodes on all sides have the same, and no other order better;
-/// or, where it leads to what C2 cannot see, share of them that may fit any other. Nodes that hold something else too are decided pixel by pixel.
+/// Share of the pixels of a node that must fit its order, fewer where nodes on all sides have the same, and no other order better.
+/// Nodes that hold something else too are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
-const MIN_FITTING_WITHIN: f32 = 0.48;
+const MIN_FITTING_AMONG: f32 = 0.48;
+/// Where it leads to what C2 cannot see, share of them that may fit any other order, more where all nodes beside it have the same: what
+/// C2 sees instead fits here and there.
 const MAX_RIVAL: f32 = 0.3;
+const MAX_OUTVOTED: f32 = 0.85;
+/// Share of the pixels of a node of half a tile that may fit an order in the volume where it is held to see nothing there.
+const MAX_WITHIN: f32 = 0.025;
 /// Nodes beside it that must have its order.
 const MIN_AGREEING: usize = 2;
 /// Share of the distance up to which orders are asked pixel by pixel that is far.
@@ -68,7 +74,7 @@ impl Room {
     ) -> bool {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
-        let Self { runs, nodes, rows, .. } = self;
+        let Self { runs, nodes, rows, evidence, .. } = self;
         let half_px = Space::of(view.table).half_px;
         for i in 0..nodes.nodes.len() {
             // Pole and infinity are beyond too.
@@ -79,6 +85,11 @@ impl Room {
             let within_beside = nodes.beside(node).find(|other| other.is_within && other.is_clear());
             let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
             (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
+        }
+        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
+            let fitting = || node.fitting_within(view, half_px, evidence);
+            let is_large = 2 * node.size_px as usize >= nodes.tile_px * nodes.tile_px;
+            node.is_beyond = is_large && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
         }
         let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
@@ -109,6 +120,9 @@ impl Room {
         if !is_good_part(|row| row.far[0]) {
             outside.fill(false);
         }
+        for piece in self.nodes.pieces.iter().filter(|piece| self.nodes.nodes[piece.node as usize].is_beyond) {
+            outside[piece.begin as usize..piece.end as usize].fill(true);
+        }
         is_good_part(|row| row.far[1])
     }
 }
@@ -125,13 +139,21 @@ struct Limits {
 /// Whether the pixels of a node may see something outside by its order.
 fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     let asked = node.asked as f32;
-    let agreeing = nodes.beside(node).filter(|other| other.label == node.label && other.is_clear()).count();
-    if node.is_within || !node.is_clear() || agreeing < MIN_AGREEING {
+    let goes_on = |node: &Node| {
+        let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_OUTVOTED * node.asked as f32;
+        is_led || node.is_clear()
+    };
+    let agreeing = nodes.beside(node).filter(|other| other.label == node.label && goes_on(other)).count();
+    if node.is_within || !goes_on(node) || agreeing < MIN_AGREEING {
         return false;
     }
-    let is_within = agreeing == node.beside.len();
-    let is_founded = node.fitting >= asked * if is_within { MIN_FITTING_WITHIN } else { MIN_FITTING };
-    (is_founded && node.fitting >= node.rival) || (node.is_unseen() && node.rival <= MAX_RIVAL * asked)
+    if node.is_unseen() {
+        let is_among = agreeing == nodes.beside(node).count();
+        return is_among || node.rival <= MAX_RIVAL * asked;
+    }
+    let is_among = agreeing == node.beside.len();
+    let least = if is_among { MIN_FITTING_AMONG } else { MIN_FITTING };
+    node.fitting >= (least * asked).max(node.rival)
 }
 
 /// Marks the pixels of a row.
