@@ -23,7 +23,7 @@ const FIRST_STEPS: usize = 15;
 const STEPS: usize = 60;
 const LAST_STEPS: usize = 60;
 /// Decided pixels that are looked at, about.
-const DECIDED_PIXELS: usize = 2000;
+const DECIDED_PIXELS: usize = 1000;
 /// Starts that are followed to their end.
 const BEST_STARTS: usize = 4;
 /// Starts that are drawn when the one without drift leads nowhere, and those that are followed.

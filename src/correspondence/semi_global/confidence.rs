@@ -177,9 +177,6 @@ pub(super) struct OfRegion {
     pub(super) hidden_share: f32,
 }
 
-/// What each region of some pixels adds to the logarithm of the odds: by its size, its lead and its hidden share.
-pub(super) type RegionOdds = [f32; 3];
-
 /// The model, made ready once.
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
 
@@ -206,11 +203,11 @@ impl Tables {
         }
     }
 
-    /// What a region adds.
-    pub(super) fn of_region(&self, of_region: OfRegion) -> RegionOdds {
+    /// What a region adds to the logarithm of the odds of its pixels.
+    pub(super) fn of_region(&self, of_region: OfRegion) -> f32 {
         let OfRegion { region_px, lead_nats, hidden_share } = of_region;
         let grounds = Grounds { region_px, region_lead_nats: lead_nats, hidden_share, ..Grounds::default() };
-        [REGION_PX, REGION_LEAD, HIDDEN_SHARE].map(|curve| MODEL[curve].log_odds(&grounds))
+        [REGION_PX, REGION_LEAD, HIDDEN_SHARE].iter().map(|&curve| MODEL[curve].log_odds(&grounds)).sum()
     }
 }
 
@@ -226,8 +223,8 @@ pub(super) struct GroundsRow<'a> {
     pub(super) beside: &'a [u8],
     pub(super) around: &'a [u8],
     pub(super) is_hidden: &'a [bool],
-    /// By size, lead and hidden share of the regions.
-    pub(super) of_regions: [&'a [f32]; 3],
+    /// What their regions add.
+    pub(super) of_regions: &'a [f32],
 }
 
 /// The confidence of the selected candidates of a row, to be told apart from pixels without by whoever asks; `log_odds` is
@@ -254,13 +251,12 @@ impl Kernel for ConfidenceRow<'_> {
         let width = log_odds.len();
         let (margin, z, is_hidden) = (&g.margin[..width], &g.z[..width], &g.is_hidden[..width]);
         let (beside, around) = (&g.beside[..width], &g.around[..width]);
-        let [by_size, by_lead, by_share] =
-            [&g.of_regions[0][..width], &g.of_regions[1][..width], &g.of_regions[2][..width]];
+        let of_regions = &g.of_regions[..width];
         for u in 0..width {
             log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
         }
         for u in 0..width {
-            log_odds[u] = log_odds[u] + of_z(z[u].abs()) + by_size[u] + by_lead[u];
+            log_odds[u] = log_odds[u] + of_z(z[u].abs()) + of_regions[u];
         }
         for u in 0..width {
             let around = usize::from(around[u]).min(MOST_AROUND);
@@ -270,7 +266,7 @@ impl Kernel for ConfidenceRow<'_> {
         }
         let out = &mut out[..width];
         for u in 0..width {
-            out[u] = Confidence(stated(log_odds[u] + by_share[u]));
+            out[u] = Confidence(stated(log_odds[u]));
         }
     }
 }
@@ -312,7 +308,10 @@ mod tests {
 
     /// All curves, one by one: the oracle.
     fn log_odds(grounds: &Grounds) -> f32 {
-        MODEL.iter().map(|curve| curve.log_odds(grounds)).sum()
+        let sum = |curves: &[usize]| curves.iter().map(|&curve| MODEL[curve].log_odds(grounds)).sum::<f32>();
+        let by_support = sum(&[BESIDE]);
+        let of_region = sum(&[REGION_PX, REGION_LEAD, HIDDEN_SHARE]);
+        sum(&[MARGIN, ABS_Z]) + of_region + by_support + sum(&[AROUND]) + sum(&[HIDDEN])
     }
 
     #[test]
@@ -336,8 +335,7 @@ mod tests {
                     hidden_share: random(100) as f32 / 99.0,
                 })
                 .collect();
-            let odds = regions.iter().map(|&region| tables.of_region(region));
-            let of_regions: [Vec<f32>; 3] = std::array::from_fn(|i| odds.clone().map(|odds| odds[i]).collect());
+            let of_regions: Vec<f32> = regions.iter().map(|&region| tables.of_region(region)).collect();
             let mut found = vec![Confidence::NONE; count];
             let row = GroundsRow {
                 margin: &margin,
@@ -345,7 +343,7 @@ mod tests {
                 beside: &beside,
                 around: &around,
                 is_hidden: &is_hidden,
-                of_regions: of_regions.each_ref().map(Vec::as_slice),
+                of_regions: &of_regions,
             };
             confidences(&tables, &row, &mut Vec::new(), &mut found);
             for i in 0..count {

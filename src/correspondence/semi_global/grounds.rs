@@ -32,12 +32,21 @@ pub struct Grounds {
     pub hidden_share: f32,
 }
 
+/// Columns that are told apart together.
+const BLOCK: usize = 32;
+/// Support of a pixel that all others around it run on to.
+const ALL_BESIDE: u8 = 8;
+const ALL_AROUND: u8 = (SIDE * SIDE - 1) as u8;
+
 /// Absolute phases of the pixels that stand, in a frame of absent ones as wide as support reaches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surroundings {
     absolute: Vec<i32>,
     /// Width of the image and of the frame on both sides.
     stride: usize,
+    /// Of each block of each row whether each of its pixels stands and runs on to those to the right, below, and beside that: 1 or 0.
+    /// Where all around a pixel do, all support it.
+    runs_on: Vec<u8>,
 }
 
 /// How far the absolute phase of a pixel may differ that is so many rows and columns away.
@@ -62,20 +71,62 @@ impl Surroundings {
         let inside = &mut self.absolute[self.stride * REACH_PX..][..self.stride * height];
         let rows = inside.par_chunks_exact_mut(self.stride);
         rows.enumerate().for_each(|(v, row)| fill(v, &mut row[REACH_PX..REACH_PX + width]));
+        let blocks = self.stride.div_ceil(BLOCK);
+        self.runs_on.resize(blocks * (height + 2 * REACH_PX), 0);
+        let (absolute, stride) = (&self.absolute, self.stride);
+        self.runs_on.par_chunks_mut(blocks).enumerate().for_each(|(v, runs_on)| {
+            let row = &absolute[v * stride..][..stride];
+            let below = absolute.get((v + 1) * stride..(v + 2) * stride).unwrap_or(row);
+            simd::run(Level::in_use(), RunsOnRow { row, below, runs_on });
+        });
     }
 
     /// How many pixels beside and around those of row `v` from a column on stand with an absolute phase that runs on to their
     /// `own`.
     pub(super) fn support(&self, v: usize, column: usize, own: &[i32], beside: &mut [u8], around: &mut [u8]) {
         let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][column..self.stride]);
-        simd::run(Level::in_use(), SupportRow { rows, own, beside, around });
+        let blocks = self.stride.div_ceil(BLOCK);
+        let runs_on = std::array::from_fn(|row| &self.runs_on[(v + row) * blocks..][..blocks]);
+        simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, beside, around });
     }
 }
 
-/// Counts the support of a row.
+/// Finds where a row runs on.
+struct RunsOnRow<'a> {
+    row: &'a [i32],
+    below: &'a [i32],
+    /// Of each block.
+    runs_on: &'a mut [u8],
+}
+
+impl Kernel for RunsOnRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { row, below, runs_on } = self;
+        let differs = |a: i32, b: i32| i32::from(a.wrapping_sub(b).unsigned_abs() > MAX_STEP as u32);
+        for (block, runs_on) in runs_on.iter_mut().enumerate() {
+            let begin = block * BLOCK;
+            let count = BLOCK.min(row.len() - 1 - begin);
+            let (here, right) = (&row[begin..][..count], &row[begin + 1..][..count]);
+            let (under, beside) = (&below[begin..][..count], &below[begin + 1..][..count]);
+            let mut ends = 0;
+            for i in 0..count {
+                ends |= i32::from(here[i] == ABSENT) | differs(here[i], right[i]) | differs(here[i], under[i]);
+                ends |= differs(here[i], beside[i]) | differs(right[i], under[i]);
+            }
+            *runs_on = u8::from(ends == 0);
+        }
+    }
+}
+
+/// Counts the support of a row from a column on.
 struct SupportRow<'a> {
-    /// The rows around it, with their frames.
+    column: usize,
+    /// The rows around it, with their frames, and where they run on.
     rows: [&'a [i32]; SIDE],
+    runs_on: [&'a [u8]; SIDE],
     own: &'a [i32],
     beside: &'a mut [u8],
     around: &'a mut [u8],
@@ -86,34 +137,61 @@ impl Kernel for SupportRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { rows, own, beside, around } = self;
-        beside.fill(0);
-        around.fill(0);
-        for row in 0..SIDE {
-            for column in 0..SIDE {
-                // The pixel itself is no support.
-                if row == REACH_PX && column == REACH_PX {
-                    continue;
-                }
-                let is_near = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
-                let counts = if is_near { &mut *beside } else { &mut *around };
-                count(own, &rows[row][column..], MAX_DIFFERENCE[row][column], counts);
+        let Self { column, rows, runs_on, own, beside, around } = self;
+        for begin in (0..own.len()).step_by(BLOCK) {
+            let count = BLOCK.min(own.len() - begin);
+            let (first, last) = ((column + begin) / BLOCK, (column + begin + count + 2 * REACH_PX - 1) / BLOCK);
+            let (beside, around) = (&mut beside[begin..][..count], &mut around[begin..][..count]);
+            if runs_on.iter().all(|row| row[first..=last].iter().all(|&runs_on| runs_on == 1)) {
+                beside.fill(ALL_BESIDE);
+                around.fill(ALL_AROUND);
+                continue;
             }
-        }
-        for (around, beside) in around.iter_mut().zip(beside) {
-            *around = around.wrapping_add(*beside);
+            let mut phases = [ABSENT; BLOCK];
+            phases[..count].copy_from_slice(&own[begin..][..count]);
+            // At the end of a row nothing stands.
+            let mut padded = [[ABSENT; BLOCK + 2 * REACH_PX]; SIDE];
+            let around_block = std::array::from_fn(|row| rows[row][begin..].first_chunk());
+            let [near, all] = match around_block {
+                [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g)] => {
+                    support(&phases, [a, b, c, d, e, f, g])
+                }
+                _ => {
+                    for (padded, row) in padded.iter_mut().zip(&rows) {
+                        padded[..count + 2 * REACH_PX].copy_from_slice(&row[begin..][..count + 2 * REACH_PX]);
+                    }
+                    support(&phases, padded.each_ref())
+                }
+            };
+            beside.copy_from_slice(&near[..count]);
+            around.copy_from_slice(&all[..count]);
         }
     }
 }
 
-/// Counts those whose absolute phases differ by no more than a limit.
+/// The support of a block of pixels with such absolute phases among the rows around them: of those beside them, and of all.
 #[inline(always)]
-fn count(own: &[i32], others: &[i32], limit: u32, counts: &mut [u8]) {
-    let (own, others) = (&own[..counts.len()], &others[..counts.len()]);
-    for i in 0..counts.len() {
-        let runs_on = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
-        counts[i] = counts[i].wrapping_add(u8::from(runs_on));
+fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[u8; BLOCK]; 2] {
+    let (mut beside, mut around) = ([0_u8; BLOCK], [0_u8; BLOCK]);
+    for row in 0..SIDE {
+        for column in 0..SIDE {
+            // The pixel itself is no support.
+            if row == REACH_PX && column == REACH_PX {
+                continue;
+            }
+            let (limit, others) = (MAX_DIFFERENCE[row][column], &rows[row][column..][..BLOCK]);
+            let is_beside = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
+            let counts = if is_beside { &mut beside } else { &mut around };
+            for i in 0..BLOCK {
+                let runs_on = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
+                counts[i] = counts[i].wrapping_add(u8::from(runs_on));
+            }
+        }
     }
+    for i in 0..BLOCK {
+        around[i] = around[i].wrapping_add(beside[i]);
+    }
+    [beside, around]
 }
 
 #[cfg(test)]
@@ -141,14 +219,20 @@ mod tests {
 
     #[test]
     fn support_is_that_of_counting_one_by_one() {
-        let (width, height) = (37, 12);
+        let (width, height) = (157, 24);
         let mut state = 9_u32;
         let mut random = || {
             state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
             (state >> 16) as i32
         };
-        let absolute: Vec<i32> =
-            (0..width * height).map(|_| if random() % 6 == 0 { ABSENT } else { random() * 2 - 60_000 }).collect();
+        // On the left anything, on the right a surface with a few holes.
+        let anything = |random: i32, value: i32| if random % 6 == 0 { ABSENT } else { value * 2 - 60_000 };
+        let surface = |i: usize, random: i32| if random % 1000 == 0 { ABSENT } else { (i % width) as i32 * 9000 };
+        let of = |i: usize, random: [i32; 2]| match i % width {
+            0..37 => anything(random[0], random[1]),
+            _ => surface(i, random[0]),
+        };
+        let absolute: Vec<i32> = (0..width * height).map(|i| of(i, [random(), random()])).collect();
         let mut surroundings = Surroundings::default();
         surroundings.fill([width, height], |v, row| row.copy_from_slice(&absolute[width * v..][..width]));
         let (mut beside, mut around) = (vec![0; width], vec![0; width]);

@@ -18,7 +18,7 @@ use super::super::outcome::Outcome;
 use super::super::surfaces;
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
-use super::confidence::{Confidence, GroundsRow, OfRegion, RegionOdds, TABLES, confidences, margin_nats};
+use super::confidence::{Confidence, GroundsRow, OfRegion, TABLES, confidences, margin_nats};
 use super::evidence::PASSING_Z;
 use super::grounds::{Grounds, Surroundings};
 use super::paths::{PATHS, Verdicts};
@@ -69,14 +69,15 @@ struct RegionRoom {
     /// Why it does not stand; `None` if it does.
     verdicts: Vec<Option<Outcome>>,
     says: Vec<OfRegion>,
-    odds: Vec<RegionOdds>,
+    /// What it adds to the logarithm of the odds of its pixels.
+    odds: Vec<f32>,
     sums: Vec<u64>,
 }
 
 /// Room for the confidences of a row.
 #[derive(Clone, Debug, Default)]
 struct ConfidenceRoom {
-    of_regions: [Vec<f32>; 3],
+    of_regions: Vec<f32>,
     log_odds: Vec<f32>,
 }
 
@@ -243,10 +244,7 @@ impl Verification<'_> {
         says.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(of_region));
         odds.clear();
         let doubt_nats = if self.scene.drift.is_of_most_pixels() { 0.0 } else { DOUBT_NATS };
-        odds.extend(says.iter().map(|&of_region| {
-            let [by_size, by_lead, by_share] = TABLES.of_region(of_region);
-            [by_size - doubt_nats, by_lead, by_share]
-        }));
+        odds.extend(says.iter().map(|&of_region| TABLES.of_region(of_region) - doubt_nats));
     }
 
     /// How likely each selected candidate is true; without meaning elsewhere.
@@ -262,12 +260,10 @@ impl Verification<'_> {
                 let v = band * BAND_ROWS + i;
                 let columns = regions.columns_of_row(v, width);
                 let first = v * width + columns.start;
-                for (i, of_pixels) in of_regions.iter_mut().enumerate() {
-                    of_pixels.resize(width, 0.0);
-                    for run in regions.of_row(v) {
-                        of_pixels[run.pixels().start - first..run.pixels().end - first]
-                            .fill(odds[run.region as usize][i]);
-                    }
+                of_regions.resize(width, 0.0);
+                for run in regions.of_row(v) {
+                    let of_run = run.pixels().start - first..run.pixels().end - first;
+                    of_regions[of_run].fill(odds[run.region as usize]);
                 }
                 let pixels = first..first + columns.len();
                 let row = GroundsRow {
@@ -276,7 +272,7 @@ impl Verification<'_> {
                     beside: &beside[pixels.clone()],
                     around: &around[pixels.clone()],
                     is_hidden: &is_hidden[pixels],
-                    of_regions: of_regions.each_ref().map(Vec::as_slice),
+                    of_regions,
                 };
                 confidences(&TABLES, &row, log_odds, &mut confidence[columns]);
             }

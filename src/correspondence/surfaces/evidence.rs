@@ -117,7 +117,9 @@ impl Room {
     pub(in super::super) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
             let asked = node.asked as f32;
-            let tells = node.is_clear() && (node.fitting >= MIN_FITTING * asked || node.rival <= MAX_RIVAL * node.fitting) && node.lead >= MIN_LEAD * asked;
+            let tells = node.is_clear()
+                && (node.fitting >= MIN_FITTING * asked || node.rival <= MAX_RIVAL * node.fitting)
+                && node.lead >= MIN_LEAD * asked;
             tells.then_some(node.label)
         };
         self.nodes.fill_orders(&self.runs, row, label, orders)
