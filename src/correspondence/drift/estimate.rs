@@ -153,7 +153,8 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    DriftRoom::default().estimate((cam1, cam2), table, delta)
+    let [first, _] = DriftRoom::default().estimates((cam1, cam2), table, delta);
+    first.unwrap_or_else(|| Drift::constant(delta))
 }
 
 /// Memory in which the drift is estimated, to be used from window to window.
@@ -194,15 +195,15 @@ impl DriftRoom {
         Some(Drift::new(modes, &self.found))
     }
 
-    /// As [`estimate_drift`].
-    pub(in super::super) fn estimate(
+    /// As [`estimate_drift`], and second, where the best drift was another, what would be true if the scene lay beyond the volume.
+    pub(in super::super) fn estimates(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,
         delta: &DeltaStatistics,
-    ) -> Drift {
+    ) -> [Option<Drift>; 2] {
         let Self { usable, sample, thinned, solver, .. } = self;
-        let Some(modes) = table.drift_modes() else { return Drift::constant(delta) };
+        let Some(modes) = table.drift_modes() else { return [Some(Drift::constant(delta)), None] };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
             // Pixels have as many more candidates as their segments are longer: all together stay about as many.
@@ -210,22 +211,30 @@ impl DriftRoom {
             sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
         };
         if !take(sample, 0.0) {
-            return Drift::constant(delta);
+            return [Some(Drift::constant(delta)), None];
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
-        let mut best = best_start(thinned, modes, delta, solver);
-        if !(best.is_plausible() && best.share >= MOST_PIXELS) {
-            let wider = SEGMENTS_BEYOND.map(|share| {
-                let mut wide = Sample::default();
-                take(&mut wide, share).then_some(wide)
-            });
-            if let Some((beyond, wide)) = better_beyond(wider, modes, delta, &best) {
-                (best, *sample) = (beyond, wide);
+        let best = best_start(thinned, modes, delta, solver);
+        let wider = SEGMENTS_BEYOND.map(|share| {
+            let mut wide = Sample::default();
+            take(&mut wide, share).then_some(wide)
+        });
+        let beyond = best_beyond(wider, modes, delta);
+        let mut refined = |sample: &Sample, mut guess: Guess| {
+            guess.sd_turns *= LAST_WIDENING;
+            sample.refine(&mut guess, LAST_STEPS, solver);
+            Drift::new(modes, &guess)
+        };
+        let within_is_usual = best.is_plausible() && best.share >= MOST_PIXELS;
+        match beyond {
+            Some((beyond, wide)) => {
+                let is_first = !within_is_usual && wide.score(&beyond) > wide.score(&best);
+                let (within, beyond) = (refined(sample, best), refined(&wide, beyond));
+                let [first, second] = if is_first { [beyond, within] } else { [within, beyond] };
+                [Some(first), Some(second)]
             }
+            None => [Some(refined(sample, best)), None],
         }
-        best.sd_turns *= LAST_WIDENING;
-        sample.refine(&mut best, LAST_STEPS, solver);
-        Drift::new(modes, &best)
     }
 }
 
@@ -253,13 +262,12 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
     by_score(sample, promising).swap_remove(0)
 }
 
-/// The best guess of those that begin with wider samples, with the widest, if it explains that better than the guess within
-/// the volume does. What was measured of δ may rest on wrong orders: its mean is not used.
-fn better_beyond<const N: usize>(
+/// The best guess of those that begin with wider samples, with the widest. What was measured of δ may rest on wrong orders: its mean
+/// is not used.
+fn best_beyond<const N: usize>(
     wider: [Option<Sample>; N],
     modes: &DriftModes,
     delta: &DeltaStatistics,
-    within: &Guess,
 ) -> Option<(Guess, Sample)> {
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
@@ -274,8 +282,7 @@ fn better_beyond<const N: usize>(
     let guesses = thinned.iter().flatten().flat_map(starts).collect();
     let judge = thinned.iter().flatten().last()?;
     let best = by_score(judge, guesses).into_iter().next()?;
-    let is_better = judge.score(&best) > judge.score(within);
-    wider.into_iter().flatten().last().filter(|_| is_better).map(|sample| (best, sample))
+    wider.into_iter().flatten().last().map(|sample| (best, sample))
 }
 
 /// Guesses, the best first.

@@ -4,9 +4,9 @@
 //! nodes decided by δ of few pixels about 0 within wide limits
 //! the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
 //! the drift that these candidates show, and all of pixels whose nodes are not clear; doubtful nodes decided by more pixels about it
-//! where few pixels are clear then or few fit, or δ scatters widely and the error is unusual: the drift by expectation
-//!     maximization over all candidates of some pixels, which finds fields beyond the wide limits; nodes decided about that, unless
-//!     it explains far fewer pixels
+//! where few pixels are clear then or few fit, or δ scatters widely and the error is unusual: also the drifts by expectation
+//!     maximization over all candidates of some pixels, within the volume and beyond it, which finds fields beyond the wide limits;
+//!     nodes decided about each of these, and about that which makes δ of all pixels likeliest
 //! ```
 
 use std::f64::consts::TAU;
@@ -36,18 +36,11 @@ const REFINED_PART_SHARE: f32 = 0.4;
 const REFINED_SPREAD: f32 = 8.0;
 /// Share of clear pixels below which the drift of surfaces is not believed.
 const MIN_CLEAR_SHARE: f64 = 0.5;
-/// How many times as many pixels near the volume it must explain as one that likely errors of the calibration cause, where δ scatters
-/// more widely than on calibrated rigs.
-const CLEARLY_MORE: f64 = 1.5;
 /// Share of all pixels that must fit where δ scatters more widely than on calibrated rigs: half do by chance.
 const MIN_FITTING_SHARE: f32 = 0.6;
 /// Calibration error, pixels, and sd about it, rad, below which nothing else is asked even there: the larger the error, the less may
 /// be left.
 const USUAL_ERRORS: [[f64; 2]; 2] = [[0.5, 0.03], [1.2, 0.012]];
-/// Calibration error that it may tell of there, pixels, and sd about it, rad: images of another rig agree within wide limits alone.
-const MAX_ERROR_PX: f64 = 1.0;
-const MAX_SD_RAD: f64 = 0.05;
-
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
 pub(in super::super) fn explain(
     view: View<'_>,
@@ -75,25 +68,26 @@ pub(in super::super) fn explain(
         // What scattered lies outside the volume.
         Some(found) if !delta.is_suspicious() || is_usual(&found) => found,
         found => {
-            let cap_turns = narrow(found.as_ref().unwrap_or(&level)).cap_turns;
-            let explained = found.as_ref().map_or(0.0, |found| room.explained_share(view, found, cap_turns));
-            let estimated = drift_room.estimate((view.cam1, view.cam2), view.table, delta);
-            room.decide(view, &estimated, narrow(&estimated), Asked::Many);
-            let enough = CLEARLY_MORE * room.explained_share(view, &estimated, cap_turns);
-            let better = found.filter(|found| is_close(found) && explained > enough);
-            if let Some(found) = &better {
-                room.decide(view, found, narrow(found), Asked::Many);
-            }
-            better.unwrap_or(estimated)
+            let estimated = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
+            let likely =
+                estimated.into_iter().chain([found]).flatten().map(|drift| (room.told_nats(view, &drift), drift));
+            let best = likely.reduce(|best, other| if other.0 > best.0 { other } else { best });
+            let drift = best.map_or(level, |(_, drift)| drift);
+            room.decide(view, &drift, narrow(&drift), Asked::Many);
+            drift
         }
     }
 }
 
 impl Room {
-    /// Share of the image near the volume that a drift explains by δ within such limits.
-    fn explained_share(&mut self, view: View<'_>, drift: &Drift, cap_turns: f32) -> f64 {
-        let max_sd_turns = REFINED_PART_SHARE * cap_turns;
-        self.find_decided(view, drift, Wanted { cap_turns, max_sd_turns, with_open: false })
+    /// How much more likely a drift makes δ of a pixel than chance, by the orders that are decided about it: the logarithm, nats. What
+    /// lies beyond the volume must fit as closely as what lies within: where more is allowed there, wrong orders within are ahead.
+    fn told_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
+        let Gate { cap_turns, .. } = narrow(drift);
+        self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Asked::Few);
+        // A normal distribution has the entropy ln(sd·√(2πe)), a turn that of ln 2π.
+        let of_fitting = (TAU / (drift.residual_sd_rad * (TAU * std::f64::consts::E).sqrt())).ln();
+        f64::from(self.fitting_share()) * of_fitting
     }
 
     /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
@@ -109,11 +103,6 @@ impl Room {
         let share = self.find_decided(view, known, wanted);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
-}
-
-/// Whether a likely error of the calibration explains decided candidates closely.
-fn is_close(drift: &Drift) -> bool {
-    drift.error_px < MAX_ERROR_PX && drift.residual_sd_rad < MAX_SD_RAD
 }
 
 /// Whether an error explains decided candidates as calibrated rigs have it.

@@ -19,8 +19,9 @@ const CLEAR_LEAD: f32 = 6.0;
 const MIN_ASKED: u32 = 4;
 /// Share of a node's own pixels that must fit: neighbours alone say nothing.
 const MIN_FITTING: f32 = 0.3;
-/// Share of them by which neighbours may outvote them.
+/// Share of them by which neighbours may outvote them, where not most fit anyway: a wrong order may fit a narrow strip better.
 const MAX_OUTVOTED: f32 = 0.1;
+const MOST_FITTING: f32 = 0.75;
 /// Stands for no node.
 pub(super) const NONE: u32 = u32::MAX;
 /// Sides of a node; the one after each lies opposite.
@@ -133,7 +134,8 @@ impl Node {
     /// Whether its order leads clearly, and its own pixels say nothing else.
     pub(super) fn is_clear(&self) -> bool {
         let asked = self.asked as f32;
-        let is_own = self.fitting >= (MIN_FITTING * asked).max(self.best_fitting - MAX_OUTVOTED * asked);
+        let own = (self.best_fitting - MAX_OUTVOTED * asked).min(MOST_FITTING * asked);
+        let is_own = self.fitting >= own.max(MIN_FITTING * asked);
         self.leads() && is_own
     }
 
