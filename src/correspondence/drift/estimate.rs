@@ -41,7 +41,7 @@ const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
 const USUAL_SD_RAD: f64 = 0.06;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
-const MODEL_SD_TURNS: f64 = 0.0012;
+pub(in super::super) const MODEL_SD_TURNS: f64 = 0.0012;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;

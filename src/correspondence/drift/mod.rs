@@ -20,8 +20,8 @@ mod mixture;
 mod modes;
 mod place;
 
-pub(super) use estimate::DriftRoom;
 pub use estimate::{Drift, estimate_drift};
+pub(super) use estimate::{DriftRoom, MODEL_SD_TURNS};
 pub use map::DriftMap;
 pub use modes::DriftModes;
 pub(super) use place::{DepthBlock, DepthPolynomial, DepthRow};

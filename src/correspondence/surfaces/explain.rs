@@ -4,15 +4,15 @@
 //! nodes decided by δ of few pixels about 0 within wide limits
 //! the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
 //! the drift that these candidates show, and all of pixels whose nodes are not clear; doubtful nodes decided by more pixels about it
-//! where few pixels are clear then or few fit, or δ scatters widely and the error is unusual: also the drifts by expectation
-//!     maximization over all candidates of some pixels, within the volume and beyond it, which finds fields beyond the wide limits;
-//!     nodes decided about each of these, and about that which makes δ of all pixels likeliest
+//! where few pixels are clear then or few fit, or δ scatters about it by more than noise, or widely and the error is unusual: also
+//!     the drifts by expectation maximization over all candidates of some pixels, within the volume and beyond it, which finds
+//!     fields beyond the wide limits; nodes decided about each of these, and about that which makes δ of all pixels likeliest
 //! ```
 
 use std::f64::consts::TAU;
 
 use super::super::delta_statistics::DeltaStatistics;
-use super::super::drift::{Drift, DriftRoom};
+use super::super::drift::{Drift, DriftRoom, MODEL_SD_TURNS};
 use super::decided::Wanted;
 use super::evidence::{Asked, Gate, Room, View};
 
@@ -41,6 +41,9 @@ const MIN_FITTING_SHARE: f32 = 0.6;
 /// Calibration error, pixels, and sd about it, rad, below which nothing else is asked even there: the larger the error, the less may
 /// be left.
 const USUAL_ERRORS: [[f64; 2]; 2] = [[0.5, 0.03], [1.2, 0.012]];
+/// sd of δ about a drift, in that of noise and of what drifts do not follow, up to which it is not doubted.
+const MAX_NOISE: f64 = 1.8;
+
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
 pub(in super::super) fn explain(
     view: View<'_>,
@@ -66,7 +69,7 @@ pub(in super::super) fn explain(
     let found = found.filter(|_| fits && room.clear_share() >= MIN_CLEAR_SHARE);
     match found {
         // What scattered lies outside the volume.
-        Some(found) if !delta.is_suspicious() || is_usual(&found) => found,
+        Some(found) if is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
         found => {
             let estimated = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
             let likely =
@@ -103,6 +106,11 @@ impl Room {
         let share = self.find_decided(view, known, wanted);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
+}
+
+/// Whether δ scatters about a drift by little more than noise does.
+fn is_as_noise(drift: &Drift, delta: &DeltaStatistics) -> bool {
+    drift.residual_sd_rad < MAX_NOISE * delta.noise_sd_rad.hypot(MODEL_SD_TURNS * TAU)
 }
 
 /// Whether an error explains decided candidates as calibrated rigs have it.
