@@ -41,6 +41,8 @@ const MIN_FITTING_SHARE: f32 = 0.6;
 /// Calibration error, pixels, and sd about it, rad, below which nothing else is asked even there: the larger the error, the less may
 /// be left.
 const USUAL_ERRORS: [[f64; 2]; 2] = [[0.5, 0.03], [1.2, 0.012]];
+/// sd about a drift, rad, above which it is not preferred to another: images of another rig agree within wide limits alone.
+const MAX_SD_RAD: f64 = 0.05;
 /// sd of δ about a drift, in that of noise and of what drifts do not follow, up to which it is not doubted.
 const MAX_NOISE: f64 = 1.8;
 
@@ -71,11 +73,15 @@ pub(in super::super) fn explain(
         // What scattered lies outside the volume.
         Some(found) if is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
         found => {
-            let estimated = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
-            let likely =
-                estimated.into_iter().chain([found]).flatten().map(|drift| (room.told_nats(view, &drift), drift));
-            let best = likely.reduce(|best, other| if other.0 > best.0 { other } else { best });
-            let drift = best.map_or(level, |(_, drift)| drift);
+            let [usual, beyond] = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
+            let mut drift = usual.unwrap_or(level);
+            let mut most = room.told_nats(view, &drift);
+            for other in [beyond, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
+                let told = room.told_nats(view, &other);
+                if told > most && room.fitting_share() > MIN_FITTING_SHARE {
+                    (most, drift) = (told, other);
+                }
+            }
             room.decide(view, &drift, narrow(&drift), Asked::Many);
             drift
         }
