@@ -151,7 +151,8 @@ impl Piece {
         let begin = self.begin.max(above.begin + width as u32) as usize;
         let end = self.end.min(above.end + width as u32) as usize;
         let places = [1, 2, 3].map(|quarter| begin + (end - begin) * quarter / 4);
-        let near = |&&pixel: &&usize| (absolute(self, pixel) - absolute(above, pixel - width)).abs() <= HALF_TURN;
+        let step = |pixel: usize| absolute(self, pixel).wrapping_sub(absolute(above, pixel - width));
+        let near = |&&pixel: &&usize| step(pixel).unsigned_abs() <= HALF_TURN;
         places.iter().filter(near).count() >= 2
     }
 
@@ -181,7 +182,7 @@ pub(super) struct Nodes {
 /// No order yet.
 const NO_BASE: i32 = i32::MIN;
 /// Half a turn of absolute phase.
-const HALF_TURN: i32 = 1 << 15;
+const HALF_TURN: u32 = 1 << 15;
 
 impl Nodes {
     /// Divides surfaces into nodes.
