@@ -314,11 +314,12 @@ impl Matching<'_> {
     /// volume, δ within it may scatter more widely than that of wrong candidates.
     fn fits_exchanged(&self, explained: &surfaces::Room) -> bool {
         let ([cam1, cam2], mut room) = (self.raw, surfaces::Room::default());
-        let (Some(image), Some(delta)) = (EpipolarImage::resample(cam1, self.table), self.exchanged()) else {
+        if [cam2.width, cam2.height] != self.table.size_px() {
             return false;
-        };
+        }
+        let Some(image) = EpipolarImage::resample(cam1, self.table) else { return false };
         let view = surfaces::View { cam1: cam2, cam2: &image, table: self.table };
-        surfaces::explain(view, &delta, &mut room, &mut DriftRoom::default());
+        surfaces::explain_by_surfaces(view, &mut room, &mut DriftRoom::default());
         room.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 

@@ -46,6 +46,27 @@ const MAX_SD_RAD: f64 = 0.05;
 /// sd of δ about a drift, in that of noise and of what drifts do not follow, up to which it is not doubted.
 const MAX_NOISE: f64 = 1.8;
 
+/// Decides the nodes of all surfaces about the drift that they show themselves; `None` if they show none.
+pub(in super::super) fn explain_by_surfaces(
+    view: View<'_>,
+    room: &mut Room,
+    drift_room: &mut DriftRoom,
+) -> Option<Drift> {
+    room.divide(view);
+    let level = Drift::level(0.0, WIDE_SD_RAD);
+    room.decide(view, &level, WIDE, Asked::Few);
+    let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
+    let first = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room)?;
+    let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
+    room.decide(view, &first, gate, Asked::Few);
+    let Gate { cap_turns, .. } = gate;
+    let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
+    let sd_rad = first.residual_sd_rad;
+    let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
+    room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
+    Some(found)
+}
+
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
 pub(in super::super) fn explain(
     view: View<'_>,
@@ -53,20 +74,7 @@ pub(in super::super) fn explain(
     room: &mut Room,
     drift_room: &mut DriftRoom,
 ) -> Drift {
-    room.divide(view);
-    let level = Drift::level(0.0, WIDE_SD_RAD);
-    room.decide(view, &level, WIDE, Asked::Few);
-    let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
-    let found = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room).map(|first| {
-        let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
-        room.decide(view, &first, gate, Asked::Few);
-        let Gate { cap_turns, .. } = gate;
-        let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
-        let sd_rad = first.residual_sd_rad;
-        let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
-        room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
-        found
-    });
+    let found = explain_by_surfaces(view, room, drift_room);
     let fits = !delta.is_suspicious() || room.fitting_share() > MIN_FITTING_SHARE;
     let found = found.filter(|_| fits && room.clear_share() >= MIN_CLEAR_SHARE);
     match found {
@@ -74,7 +82,7 @@ pub(in super::super) fn explain(
         Some(found) if is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
         found => {
             let [usual, beyond] = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
-            let mut drift = usual.unwrap_or(level);
+            let mut drift = usual.unwrap_or_else(|| Drift::level(0.0, WIDE_SD_RAD));
             let mut most = room.told_nats(view, &drift);
             for other in [beyond, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
                 let told = room.told_nats(view, &other);
