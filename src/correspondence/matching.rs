@@ -313,11 +313,8 @@ impl Matching<'_> {
     /// Whether surfaces are explained better with the images exchanged: where most of an image sees what lies outside the
     /// volume, δ within it may scatter more widely than that of wrong candidates.
     fn fits_exchanged(&self, explained: &surfaces::Room) -> bool {
-        let ([cam1, cam2], mut room) = (self.raw, surfaces::Room::default());
-        if [cam2.width, cam2.height] != self.table.size_px() {
-            return false;
-        }
-        let Some(image) = EpipolarImage::resample(cam1, self.table) else { return false };
+        let ([_, cam2], mut room) = (self.raw, surfaces::Room::default());
+        let Some(image) = self.exchanged_image() else { return false };
         let view = surfaces::View { cam1: cam2, cam2: &image, table: self.table };
         surfaces::explain_by_surfaces(view, &mut room, &mut DriftRoom::default());
         room.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
@@ -325,13 +322,16 @@ impl Matching<'_> {
 
     /// δ with the images of the cameras exchanged, if they are of one size.
     fn exchanged(&self) -> Option<DeltaStatistics> {
+        let ([_, cam2], image) = (self.raw, self.exchanged_image()?);
+        let histogram = DeltaHistogram::of_all_candidates(cam2, &image, self.table, 0);
+        measure_delta(cam2, &image, self.table, &histogram, &self.settings.resolution)
+    }
+
+    /// The phase of C1 in the epipolar frame, as if it were that of C2, if the images are of one size.
+    fn exchanged_image(&self) -> Option<EpipolarImage> {
         let [cam1, cam2] = self.raw;
-        let image = EpipolarImage::resample(cam1, self.table)?;
         let is_of_size = [cam2.width, cam2.height] == self.table.size_px();
-        is_of_size.then(|| {
-            let histogram = DeltaHistogram::of_all_candidates(cam2, &image, self.table, 0);
-            measure_delta(cam2, &image, self.table, &histogram, &self.settings.resolution)
-        })?
+        is_of_size.then(|| EpipolarImage::resample(cam1, self.table))?
     }
 }
 

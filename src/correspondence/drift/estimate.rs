@@ -153,8 +153,7 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    let [first, _] = DriftRoom::default().estimates((cam1, cam2), table, delta);
-    first.unwrap_or_else(|| Drift::constant(delta))
+    DriftRoom::default().estimates((cam1, cam2), table, delta).0
 }
 
 /// Memory in which the drift is estimated, to be used from window to window.
@@ -195,15 +194,15 @@ impl DriftRoom {
         Some(Drift::new(modes, &self.found))
     }
 
-    /// As [`estimate_drift`], and second, where the best drift was another, what would be true if the scene lay beyond the volume.
+    /// As [`estimate_drift`], and the other of the best drifts within the volume and beyond it, if candidates were found there.
     pub(in super::super) fn estimates(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,
         delta: &DeltaStatistics,
-    ) -> [Option<Drift>; 2] {
+    ) -> (Drift, Option<Drift>) {
         let Self { usable, sample, thinned, solver, .. } = self;
-        let Some(modes) = table.drift_modes() else { return [Some(Drift::constant(delta)), None] };
+        let Some(modes) = table.drift_modes() else { return (Drift::constant(delta), None) };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
             // Pixels have as many more candidates as their segments are longer: all together stay about as many.
@@ -211,7 +210,7 @@ impl DriftRoom {
             sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
         };
         if !take(sample, 0.0) {
-            return [Some(Drift::constant(delta)), None];
+            return (Drift::constant(delta), None);
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
         let best = best_start(thinned, modes, delta, solver);
@@ -230,10 +229,9 @@ impl DriftRoom {
             Some((beyond, wide)) => {
                 let is_first = !within_is_usual && wide.score(&beyond) > wide.score(&best);
                 let (within, beyond) = (refined(sample, best), refined(&wide, beyond));
-                let [first, second] = if is_first { [beyond, within] } else { [within, beyond] };
-                [Some(first), Some(second)]
+                if is_first { (beyond, Some(within)) } else { (within, Some(beyond)) }
             }
-            None => [Some(refined(sample, best)), None],
+            None => (refined(sample, best), None),
         }
     }
 }

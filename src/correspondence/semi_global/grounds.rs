@@ -149,14 +149,14 @@ impl Kernel for SupportRow<'_> {
             }
             let mut phases = [ABSENT; BLOCK];
             phases[..count].copy_from_slice(&own[begin..][..count]);
-            // At the end of a row nothing stands.
-            let mut padded = [[ABSENT; BLOCK + 2 * REACH_PX]; SIDE];
             let around_block = std::array::from_fn(|row| rows[row][begin..].first_chunk());
             let [near, all] = match around_block {
                 [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g)] => {
                     support(&phases, [a, b, c, d, e, f, g])
                 }
                 _ => {
+                    // At the end of a row nothing stands.
+                    let mut padded = [[ABSENT; BLOCK + 2 * REACH_PX]; SIDE];
                     for (padded, row) in padded.iter_mut().zip(&rows) {
                         padded[..count + 2 * REACH_PX].copy_from_slice(&row[begin..][..count + 2 * REACH_PX]);
                     }

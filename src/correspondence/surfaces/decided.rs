@@ -98,12 +98,13 @@ impl Room {
                 let pixel = v * width + u;
                 let order = of_node.order(offset + i32::from(runs.relative[pixel]));
                 let segment = row.segments.segment(u);
-                let reach_halves = if is_clear { NEAR_HALVES } else { 1.0 };
-                let limits_px = space.near_px(&segment, reach_halves);
-                if limits_px[0] >= limits_px[1] {
+                let reach_px = if is_clear { NEAR_HALVES } else { 1.0 } * space.half_px;
+                let first_px = (segment.reference_px - reach_px).max(0.0);
+                let last_px = (segment.reference_px + reach_px).min((view.cam2.width - 2) as f32);
+                if first_px >= last_px {
                     continue;
                 }
-                let drift = row.drift.segment(u);
+                let (drift, limits_px) = (row.drift.segment(u), [first_px, last_px]);
                 let outlook = Outlook::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
                 let mut take = |rest_turns: f32, column_px: f32| {
                     let delta_turns = rest_turns + outlook.drift.at(column_px);

@@ -81,10 +81,9 @@ pub(in super::super) fn explain(
         // What scattered lies outside the volume.
         Some(found) if is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
         found => {
-            let [usual, beyond] = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
-            let mut drift = usual.unwrap_or_else(|| Drift::level(0.0, WIDE_SD_RAD));
+            let (mut drift, other) = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
             let mut most = room.told_nats(view, &drift);
-            for other in [beyond, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
+            for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
                 let told = room.told_nats(view, &other);
                 if told > most && room.fitting_share() > MIN_FITTING_SHARE {
                     (most, drift) = (told, other);

@@ -38,7 +38,7 @@ const MIN_FITTING_AMONG: f32 = 0.48;
 /// Where it leads to what C2 cannot see, share of them that may fit any other order, more where all nodes beside it have the same: what
 /// C2 sees instead fits here and there.
 const MAX_RIVAL: f32 = 0.3;
-const MAX_OUTVOTED: f32 = 0.85;
+const MAX_BEST: f32 = 0.85;
 /// Share of the pixels of a node of half a tile that may fit an order in the volume where it is held to see nothing there.
 const MAX_WITHIN: f32 = 0.025;
 /// Nodes beside it that must have its order.
@@ -76,20 +76,18 @@ impl Room {
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, evidence, .. } = self;
         let half_px = Space::of(view.table).half_px;
-        for i in 0..nodes.nodes.len() {
+        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
             // Pole and infinity are beyond too.
-            nodes.nodes[i].is_within = nodes.nodes[i].beyond_px(view) < WITHIN_HALVES * half_px;
+            node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
+            let fitting = || node.fitting_within(view, half_px, evidence);
+            let is_large = 2 * node.size_px as usize >= nodes.tile_px * nodes.tile_px;
+            node.is_beyond = is_large && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
         }
         for i in 0..nodes.nodes.len() {
             let node = &nodes.nodes[i];
             let within_beside = nodes.beside(node).find(|other| other.is_within && other.is_clear());
             let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
             (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
-        }
-        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
-            let fitting = || node.fitting_within(view, half_px, evidence);
-            let is_large = 2 * node.size_px as usize >= nodes.tile_px * nodes.tile_px;
-            node.is_beyond = is_large && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
         }
         let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
@@ -140,7 +138,7 @@ struct Limits {
 fn is_asked(nodes: &Nodes, node: &Node) -> bool {
     let asked = node.asked as f32;
     let goes_on = |node: &Node| {
-        let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_OUTVOTED * node.asked as f32;
+        let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_BEST * node.asked as f32;
         is_led || node.is_clear()
     };
     let agreeing = nodes.beside(node).filter(|other| other.label == node.label && goes_on(other)).count();

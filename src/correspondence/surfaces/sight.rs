@@ -50,13 +50,6 @@ impl Space {
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
     }
 
-    /// First and last column up to so many half segments from the middle of a segment.
-    #[inline]
-    pub(super) fn near_px(&self, segment: &Segment, halves: f32) -> [f32; 2] {
-        let reach_px = halves * self.half_px;
-        [(segment.reference_px - reach_px).max(0.0), (segment.reference_px + reach_px).min(self.last_px - 1.0)]
-    }
-
     /// First and last column of the pixel in a column and row of C1.
     #[inline]
     pub(super) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
