@@ -176,6 +176,8 @@ pub(super) struct Evidence {
     /// Energies of all orders, those of pixel `i` from `i · lanes` on. Those of a pixel without window have no meaning.
     pub(super) energies: Vec<u8>,
     pub(super) best: Best,
+    /// Whether some order fits a pixel, or surfaces tell one: 1 or 0.
+    pub(super) is_explained: Vec<u8>,
     rooms: Vec<BandRoom>,
 }
 
@@ -241,6 +243,7 @@ impl Evidence {
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
         }
+        self.is_explained.resize(pixels, 0);
         selection.resize(pixels);
         loop {
             let most = self.gather_into(asked, windows, selection, &energies, passing);
@@ -268,8 +271,9 @@ impl Evidence {
         let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
         let windows = windows.first.par_chunks_mut(of_band).zip(windows.count.par_chunks_mut(of_band));
         let out = self.energies.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
-        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(&mut self.rooms).enumerate();
-        bands.for_each(|(band, (((out, (first, count)), mut selected), room))| {
+        let rooms = self.is_explained.par_chunks_mut(of_band).zip(&mut self.rooms);
+        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(rooms).enumerate();
+        bands.for_each(|(band, (((out, (first, count)), mut selected), (is_explained, room)))| {
             let ((tile, passing), ((place, least), second)) = out;
             room.most = 0;
             for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
@@ -307,6 +311,7 @@ impl Evidence {
                     second: &mut second[pixels.clone()],
                 };
                 simd::run(Level::in_use(), evidence);
+                tell_explained(asked, orders, &least[pixels.clone()], &mut is_explained[pixels.clone()]);
                 let best = [&mut passing[pixels.clone()], &mut place[pixels.clone()], &mut least[pixels.clone()]];
                 tell_decided(first, &selected, best, &mut second[pixels]);
             }
@@ -323,6 +328,16 @@ fn keep_to_windows(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) 
     for u in 0..width {
         let place = (absolute[u] >> 16).wrapping_sub(i32::from(first[u]));
         is_decided[u] &= (place >= 0) & (place < i32::from(count[u]));
+    }
+}
+
+/// Tells which pixels of a row are explained: surfaces tell their orders, or some order fits.
+fn tell_explained(asked: &[u8], orders: &[i16], least: &[u8], is_explained: &mut [u8]) {
+    let width = asked.len();
+    let (orders, least, is_explained) = (&orders[..width], &least[..width], &mut is_explained[..width]);
+    for u in 0..width {
+        let fits = (asked[u] > 0) & (least[u] != MISSING);
+        is_explained[u] = u8::from((orders[u] != NO_LOOK) | fits);
     }
 }
 
@@ -481,7 +496,7 @@ impl Evidence {
             best.least.push(own.first().copied().unwrap_or(0));
             best.second.push(own.get(1).or(own.first()).copied().unwrap_or(0));
         }
-        Self { energies, best, rooms: Vec::new() }
+        Self { energies, best, ..Self::default() }
     }
 }
 

@@ -12,6 +12,7 @@
 //!    explained by a wrong order within;
 //! 2. *look*: whether the pixel has a candidate at the order of its surface: then it is decided;
 //!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift;
+//!    where none of a whole neighbourhood does, nothing more is asked (*unexplained*);
 //! 3. *paths*: sums of the least energies along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
 //! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; δ that runs through
@@ -32,6 +33,7 @@ mod selection;
 mod strips;
 #[cfg(test)]
 pub(super) mod test_scene;
+mod unexplained;
 mod verification;
 mod wide;
 mod windows;
@@ -119,6 +121,7 @@ impl Room {
         windows.ready(scene, surfaces.mark_outside(view, scene.drift, near_px, outside));
         let asked = evidence::Asked { scene, scale: &scale, surfaces, outside };
         evidence.gather(&asked, windows, selection, decisions.passing);
+        unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut windows.count);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
         selection.select(scene, windows, &scale, &verdicts.order);
         let decided = verification::Decided { verdicts, surfaces };

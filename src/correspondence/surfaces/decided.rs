@@ -17,7 +17,7 @@ use super::sight::Space;
 /// Pixels that are asked, about.
 const PIXELS: usize = 6000;
 /// How far from the middle of the volume a candidate may lie, half segments.
-const NEAR_HALVES: f32 = 2.0;
+const NEAR_HALVES: f32 = 4.0;
 /// Fewest candidates of a part.
 const MIN_COUNT: f32 = 8.0;
 /// Share of all candidates from which a part tells of the drift whatever its sd: that of a large body changes by more.

@@ -1,0 +1,89 @@
+//! Pixels around which nothing is explained: they see what C2 does not, or noise, and no path can tell them an order.
+//!
+//! ```text
+//! for each pixel p: its window is closed where, for all q with |q − p| ≤ 2 along both axes,
+//!     no surface tells the order of q, and none of its orders fits
+//! ```
+//!
+//! A pixel beside one that is explained may still be a rim, or a dark speck that paths bridge; and the candidates of a surface may
+//! all lie farther off the drift than evidence reaches.
+
+use rayon::prelude::*;
+
+use crate::simd::{self, Kernel, Lanes, Level};
+
+/// How far around a pixel something must be explained, pixels.
+const REACH_PX: usize = 2;
+/// Rows in reach of a pixel.
+const ROWS: usize = 2 * REACH_PX + 1;
+/// Pixels that are handled together.
+const BLOCK: usize = 32;
+
+/// Closes the windows of those pixels, in an image so many pixels wide: no order of theirs counts.
+pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
+    let height = is_explained.len() / width;
+    count.par_chunks_mut(width).enumerate().for_each(|(v, count)| {
+        let rows = std::array::from_fn(|i| {
+            let row = (v + i).saturating_sub(REACH_PX).min(height - 1);
+            &is_explained[row * width..(row + 1) * width]
+        });
+        simd::run(Level::in_use(), Closing { rows, count });
+    });
+}
+
+/// Closes the windows of a row.
+struct Closing<'a> {
+    /// What is explained in the rows in reach; beyond the image those of its border again.
+    rows: [&'a [u8]; ROWS],
+    count: &'a mut [u8],
+}
+
+impl Kernel for Closing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { rows, count } = self;
+        let width = count.len();
+        for begin in (0..width).step_by(BLOCK) {
+            // Whether anything is explained in the columns in reach of the block.
+            let mut columns = [0; BLOCK + 2 * REACH_PX];
+            let (from, to) = (begin.saturating_sub(REACH_PX), (begin + BLOCK + REACH_PX).min(width));
+            let within = &mut columns[from + REACH_PX - begin..][..to - from];
+            for row in rows {
+                for (any, is_explained) in within.iter_mut().zip(&row[from..to]) {
+                    *any |= is_explained;
+                }
+            }
+            for (k, count) in count[begin..].iter_mut().take(BLOCK).enumerate() {
+                let mut any = 0;
+                for i in 0..ROWS {
+                    any |= columns[k + i];
+                }
+                *count = if any == 0 { 0 } else { *count };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_stay_open_around_what_is_explained() {
+        for (width, height) in [(1, 1), (3, 2), (33, 7), (70, 40)] {
+            let places = [[0, 0], [width - 1, height / 2], [width / 2, height - 1], [31 % width, 4 % height]];
+            let mut is_explained = vec![0; width * height];
+            places.iter().for_each(|[u, v]| is_explained[v * width + u] = 1);
+            let mut counts = vec![9; width * height];
+            close(width, &is_explained, &mut counts);
+            for (pixel, &count) in counts.iter().enumerate() {
+                let is_near = |[u, v]: &[usize; 2]| {
+                    (pixel % width).abs_diff(*u) <= REACH_PX && (pixel / width).abs_diff(*v) <= REACH_PX
+                };
+                assert_eq!(count, if places.iter().any(is_near) { 9 } else { 0 }, "{width} {height} {pixel}");
+            }
+        }
+    }
+}
