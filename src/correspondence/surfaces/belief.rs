@@ -3,7 +3,7 @@
 //! ```text
 //! for some rounds, nodes forwards and backwards in turn, for each side with a neighbour:
 //!     t(k) = evidence(k) + messages from all sides but that one
-//!     message(k) = max( t(k), max t − price ) − max t
+//!     message(k) = max( t(k), max t − PRICE ) − max t
 //! decided: the label with the greatest belief, evidence and all messages; its lead over the next best
 //! ```
 
@@ -11,21 +11,21 @@ use super::nodes::{NONE, Node};
 use super::{FULL_SCORE, LABELS};
 use crate::simd::{self, Kernel, Lanes, Level};
 
+/// Price of a change of order along a surface, pixels that fit.
+const PRICE: i16 = 10 * FULL_SCORE;
 /// Rounds.
 const ROUNDS: usize = 6;
 
 type Labels = [i16; LABELS];
 
-/// Decides all nodes from the evidence of each label, in memory for messages. A change of order along a surface has a price: that
-/// of so many pixels that fit.
-pub(super) fn decide(price_px: i16, nodes: &mut [Node], evidence: &[Labels], messages: &mut Vec<[Labels; 4]>) {
+/// Decides all nodes from the evidence of each label, in memory for messages.
+pub(super) fn decide(nodes: &mut [Node], evidence: &[Labels], messages: &mut Vec<[Labels; 4]>) {
     messages.clear();
     messages.resize(nodes.len(), [[0; LABELS]; 4]);
-    simd::run(Level::in_use(), Propagation { price: price_px * FULL_SCORE, nodes, evidence, messages });
+    simd::run(Level::in_use(), Propagation { nodes, evidence, messages });
 }
 
 struct Propagation<'a> {
-    price: i16,
     nodes: &'a mut [Node],
     evidence: &'a [Labels],
     messages: &'a mut [[Labels; 4]],
@@ -36,7 +36,7 @@ impl Kernel for Propagation<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { price, nodes, evidence, messages } = self;
+        let Self { nodes, evidence, messages } = self;
         for round in 0..ROUNDS {
             for i in 0..nodes.len() {
                 let node = if round % 2 == 0 { i } else { nodes.len() - 1 - i };
@@ -44,7 +44,7 @@ impl Kernel for Propagation<'_> {
                 for side in 0..4 {
                     let other = nodes[node].beside[side];
                     if other != NONE {
-                        let sent = message(&belief, &messages[node][side], price);
+                        let sent = message(&belief, &messages[node][side]);
                         messages[other as usize][side ^ 1] = sent;
                     }
                 }
@@ -80,7 +80,7 @@ fn belief(evidence: &Labels, messages: &[Labels; 4]) -> Labels {
 }
 
 #[inline(always)]
-fn message(belief: &Labels, received: &Labels, price: i16) -> Labels {
+fn message(belief: &Labels, received: &Labels) -> Labels {
     let mut sent = [0; LABELS];
     let mut most = i16::MIN;
     for k in 0..LABELS {
@@ -88,7 +88,7 @@ fn message(belief: &Labels, received: &Labels, price: i16) -> Labels {
         most = most.max(sent[k]);
     }
     for k in 0..LABELS {
-        sent[k] = (sent[k] - most).max(-price);
+        sent[k] = (sent[k] - most).max(-PRICE);
     }
     sent
 }

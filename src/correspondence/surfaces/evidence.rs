@@ -25,8 +25,6 @@ const FEW_OF_TILE: usize = 3;
 const MANY_OF_TILE: usize = 6;
 /// How many times as many these are at least.
 const FEW_FOR_MANY: i16 = 4;
-/// Pixels that must fit for a change of order, where few are asked.
-const FEW_FOR_CHANGE: i16 = 10;
 /// Share of the pixels of a clear node that fit from which its order is not doubted.
 const DOUBTLESS: f32 = 0.95;
 
@@ -39,14 +37,6 @@ pub(super) enum Asked {
     Many,
     /// More pixels of nodes of which few did not decide.
     ManyOfDoubtful,
-}
-
-impl Asked {
-    /// Pixels that must fit for a change of order along a surface: about as many as a node has. Where the phase runs on, the order
-    /// seldom changes; and a wrong one may fit a few nodes closely where the drift is not well known.
-    fn change_px(self) -> i16 {
-        if self == Self::Few { FEW_FOR_CHANGE } else { FEW_FOR_MANY * FEW_FOR_CHANGE }
-    }
 }
 
 /// How far δ may be off the drift where an order still fits.
@@ -114,7 +104,7 @@ impl Room {
         rows.resize(view.cam1.height.div_ceil(tile_px), RowRoom::default());
         let asking = Asking { view, space: Space::of(view.table), drift, gate, stride, runs, nodes };
         asking.ask(0, rows, evidence);
-        belief::decide(asked.change_px(), &mut nodes.nodes, evidence, messages);
+        belief::decide(&mut nodes.nodes, evidence, messages);
         nodes.count_asked(view.cam1.width, stride);
         for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
             let unseen = node.asked as i16 * UNSEEN_SCORE;
