@@ -1,4 +1,4 @@
-//! How time grows with pixels and with the length of segments.
+//! How time grows with pixels, with the length of segments and the fringe orders on them, and with what stands behind the volume.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -12,6 +12,9 @@ use super::scenes::{Geometry, Workers};
 /// Four times the pixels, and segments of twice the length.
 const FOUR_TIMES_THE_PIXELS: f64 = 4.8;
 const TWICE_THE_LENGTH: f64 = 1.15;
+/// Four times as many orders, and a board behind the volume in the time without.
+const FOUR_TIMES_THE_ORDERS: f64 = 1.3;
+const BOARD_BEHIND: f64 = 1.0;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
@@ -39,6 +42,30 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let name = "match time a pixel, segments twice as long";
     let sides = [(spent[0].as_slice(), pixels[0]), (spent[1].as_slice(), pixels[1])];
     report.scaled_ratio(name, sides, Time::Cpu, Wanted::AtMost(TWICE_THE_LENGTH));
+    orders_and_boards(bench, report, &easy);
+}
+
+/// What more fringe orders on a segment cost, and a board behind the volume.
+fn orders_and_boards(bench: &Bench, report: &mut Report, easy: &Measured) {
+    let of = |geometry: Geometry| Measured::new(geometry, bench.size_px);
+    let many = of(Geometry::ManyOrders);
+    let periods = [&many, easy].map(|measured| measured.scene.rig.mean_periods());
+    let name = format!("match time with {:.0} orders on a segment ÷ with {:.0}", periods[0], periods[1]);
+    match_times(bench, report, &name, [&many, easy], FOUR_TIMES_THE_ORDERS);
+    drop(many);
+    let (behind, none) = (of(Geometry::BoardBehind), of(Geometry::NoBoard));
+    match_times(bench, report, "match time with a board behind the volume ÷ without", [&behind, &none], BOARD_BEHIND);
+}
+
+/// What matching takes of one scene, in that of another.
+fn match_times(bench: &Bench, report: &mut Report, name: &str, scenes: [&Measured; 2], at_most: f64) {
+    let mut workers = scenes.map(|m| Workers::with_table(&m.scene, Arc::clone(&m.table), STEPS));
+    for (workers, measured) in workers.iter_mut().zip(scenes) {
+        workers.decode(0, &measured.images.levels());
+    }
+    let [over, under] = &mut workers;
+    let spent = interleave(bench.repetitions, &mut [contender(|| over.search()), contender(|| under.search())]);
+    report.ratio(name, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(at_most));
 }
 
 /// Decodes the window; the pixels of C1 with a phase and a segment.

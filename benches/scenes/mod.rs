@@ -12,8 +12,8 @@ use fringeflow::dataset::{CameraId, GreyImage, SetupText};
 use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::simulation::{
-    Arrangement, Direction, ImageSeed, NoiseLevel, Object, PoseImages, Projected, RigOptions, Sensor, Simulation,
-    SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
+    Arrangement, Board, BoardApart, Direction, ImageSeed, NoiseLevel, Object, PoseImages, Projected, RigOptions,
+    Sensor, Simulation, SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
 };
 
 pub(crate) use workers::Workers;
@@ -35,6 +35,12 @@ pub(crate) enum Geometry {
     /// As `Easy` in a volume of twice the depth, with twice the fringe period: segments of twice the length with as many periods
     /// on them; the same of the object is hidden, and as many pixels have several candidates.
     DeepVolume,
+    /// As `Easy` in a volume of four times the depth, with the same fringe period: four times as many fringe orders on a segment.
+    ManyOrders,
+    /// As `Easy` with nothing under the object.
+    NoBoard,
+    /// As `Easy` with a board far behind the volume instead of the one under the object.
+    BoardBehind,
 }
 
 /// A scene as one size of cameras sees it.
@@ -65,7 +71,7 @@ impl Geometry {
             ..RigOptions::usual(depth_m)
         };
         match self {
-            Self::Easy => easy,
+            Self::Easy | Self::NoBoard | Self::BoardBehind => easy,
             Self::Hard => RigOptions {
                 arrangement: Arrangement { projector_place: HARD_PLACE, ..table_top },
                 sd_rad: HARD_SD_RAD,
@@ -77,11 +83,25 @@ impl Geometry {
                 period_px: 2.0 * PERIOD_PX,
                 ..easy
             },
+            Self::ManyOrders => RigOptions { depth_m: 4.0 * depth_m, ..easy },
+        }
+    }
+
+    fn board(self) -> Board {
+        match self {
+            Self::NoBoard => Board::None,
+            Self::BoardBehind => {
+                Board::Apart(BoardApart { distance_mm: BEHIND_MM, albedo: BEHIND_ALBEDO, tilt_deg: 0.0 })
+            }
+            Self::Easy | Self::Hard | Self::DeepVolume | Self::ManyOrders => OBJECT.usual_board(),
         }
     }
 }
 
 const OBJECT: Object = Object::Teeth;
+/// A board behind the volume.
+const BEHIND_MM: f64 = 85.0;
+const BEHIND_ALBEDO: f64 = 0.3;
 const NOISE: NoiseLevel = NoiseLevel::Low;
 const PERIOD_PX: f64 = 16.0;
 /// sd of δ from the calibration error alone, rad.
@@ -108,7 +128,8 @@ impl Scene {
 
     /// One cycle of `steps` images of the scene at rest.
     pub(crate) fn images(&self, steps: usize, format: PixelFormat) -> Images {
-        let key = format!("{:?} {OBJECT:?} {NOISE:?} N{steps} {format:?}", self.geometry.rig_options(self.size_px));
+        let (rig, board) = (self.geometry.rig_options(self.size_px), self.geometry.board());
+        let key = format!("{rig:?} {OBJECT:?} {board:?} {NOISE:?} N{steps} {format:?}");
         cache::images(&key, self.size_px, format, steps, || self.take(steps, format))
     }
 
@@ -149,7 +170,8 @@ impl Scene {
         let simulation = self.traced.get_or_init(|| {
             let usual = SimulationOptions::usual(OBJECT);
             let rig = self.geometry.rig_options(self.size_px);
-            Simulation::new(SimulationOptions { rig, noise: NOISE, gray: false, ..usual }).unwrap()
+            let board = self.geometry.board();
+            Simulation::new(SimulationOptions { rig, board, noise: NOISE, gray: false, ..usual }).unwrap()
         });
         let sensor = Sensor { format, ..Sensor::exposed(NOISE.noise(), 1.0) };
         CameraId::BOTH.map(|camera| {
