@@ -164,6 +164,8 @@ impl OutlookRow {
 /// What is asked, and what is known of it.
 pub(super) struct Asked<'a> {
     pub(super) scene: &'a Scene<'a>,
+    /// The same without what C2 is known to see outside the volume.
+    pub(super) open: &'a Scene<'a>,
     pub(super) scale: &'a DeltaScale,
     pub(super) surfaces: &'a surfaces::Room,
     /// Pixels that are known to see something outside the volume.
@@ -257,7 +259,7 @@ impl Evidence {
     /// The same with such room for the orders of a pixel, where that is enough; yields how many orders there are at most.
     fn gather_into(
         &mut self,
-        &Asked { scene, scale, surfaces, outside }: &Asked<'_>,
+        &Asked { scene, open, scale, surfaces, outside }: &Asked<'_>,
         windows: &mut Windows,
         selection: &mut Selection,
         energies: &Energies,
@@ -297,7 +299,7 @@ impl Evidence {
                 keep_to_windows(first, count, &mut selected);
                 selected.fill_open(count, asked);
                 let evidence = EvidenceRow {
-                    scene,
+                    scene: open,
                     reach,
                     row,
                     first,

@@ -11,7 +11,8 @@
 //! 1. *windows*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
 //!    explained by a wrong order within;
 //! 2. *look*: whether the pixel has a candidate at the order of its surface: then it is decided;
-//!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift;
+//!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift, in
+//!    places of C2 that are not known to show what lies outside the volume;
 //!    where none of a whole neighbourhood does, nothing more is asked (*unexplained*);
 //! 3. *paths*: sums of the least energies along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
@@ -96,6 +97,8 @@ pub(super) struct Room {
     pub(super) surfaces: surfaces::Room,
     /// Whether a pixel is known to see something outside the volume.
     outside: Vec<bool>,
+    /// C2 without what it is known to see there.
+    open: EpipolarImage,
     windows: Windows,
     evidence: Evidence,
     paths: PathRoom,
@@ -114,16 +117,20 @@ impl Room {
         decisions: &mut Decisions<'_>,
         grounds: Option<&mut Vec<Grounds>>,
     ) {
-        let Self { surfaces, outside, windows, evidence, paths, verdicts, selection, verification, segments } = self;
+        let Self { surfaces, outside, open, windows, evidence, paths, verdicts, selection, verification, segments } =
+            self;
         let scale = DeltaScale::of(scene);
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
         let near_px = windows.near_px(scene.table);
-        windows.ready(scene, surfaces.mark_outside(view, scene.drift, near_px, outside));
-        let asked = evidence::Asked { scene, scale: &scale, surfaces, outside };
+        let far = surfaces.mark_outside(view, scene.drift, near_px, outside);
+        let is_taken = far.is_far && surfaces.leave_open(view, scene.drift, outside, open);
+        let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
+        windows.ready(scene, far.is_very_far);
+        let asked = evidence::Asked { scene, open: &open, scale: &scale, surfaces, outside };
         evidence.gather(&asked, windows, selection, decisions.passing);
         unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut windows.count);
         paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
-        selection.select(scene, windows, &scale, &verdicts.order);
+        selection.select(&open, windows, &scale, &verdicts.order);
         let decided = verification::Decided { verdicts, surfaces };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {

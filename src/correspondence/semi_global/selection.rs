@@ -445,7 +445,7 @@ mod tests {
         let outside = vec![false; scene.cam1.phase.len()];
         windows.ready(&scene, false);
         let surfaces = &test_scene.surfaces();
-        let asked = Asked { scene: &scene, scale: &scale, surfaces, outside: &outside };
+        let asked = Asked { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
         evidence.gather(&asked, &mut windows, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (windows.reach, 0);
         for v in 0..scene.cam1.height {

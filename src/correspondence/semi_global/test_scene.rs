@@ -24,8 +24,18 @@ pub(in super::super) struct TestScene {
 
 impl TestScene {
     pub(in super::super) fn new() -> Self {
+        Self::of_volume([0.26, 0.34])
+    }
+
+    /// The plane far behind the volume.
+    pub(in super::super) fn behind() -> Self {
+        Self::of_volume([0.2, 0.24])
+    }
+
+    /// Distances of the volume, metres; that of the plane is 0.3.
+    fn of_volume([near_m, far_m]: [f64; 2]) -> Self {
         let plane = Plane::new();
-        let (min, max) = (Point3::new(-0.1, -0.1, 0.26), Point3::new(0.1, 0.1, 0.34));
+        let (min, max) = (Point3::new(-0.1, -0.1, near_m), Point3::new(0.1, 0.1, far_m));
         let volume = MeasurementVolume::new(Pose::identity(), min, max).unwrap();
         let table = SegmentTable::build(&plane.rig, &volume, &PATTERN).unwrap();
         let (cam1, cam2) = (seen(&plane.cam1_columns(), 3), seen(&plane.cam2_columns(), 5));

@@ -9,6 +9,7 @@ use super::nodes::{Node, Nodes, Piece};
 use super::outside::OutsideRow;
 use super::runs::Runs;
 use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
+use super::taken::TakenRow;
 use super::{FULL_SCORE, LABELS, belief};
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
@@ -60,6 +61,8 @@ pub(in super::super) struct Room {
     /// Room for each row of tiles.
     pub(super) rows: Vec<RowRoom>,
     pub(super) decided: DecidedRoom,
+    /// Which places of C2 are taken by what lies outside.
+    pub(super) taken: Vec<u8>,
 }
 
 /// A row of pixels, and the drift along their segments.
@@ -68,6 +71,7 @@ pub(super) struct RowRoom {
     pub(super) segments: SegmentRow,
     pub(super) drift: DepthRow,
     pub(super) outside: OutsideRow,
+    pub(super) taken: TakenRow,
 }
 
 /// What is read.

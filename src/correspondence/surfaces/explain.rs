@@ -76,10 +76,10 @@ pub(in super::super) fn explain(
 ) -> Drift {
     let found = explain_by_surfaces(view, room, drift_room);
     let fits = !delta.is_suspicious() || room.fitting_share() > MIN_FITTING_SHARE;
-    let found = found.filter(|_| fits && room.clear_share() >= MIN_CLEAR_SHARE);
+    let is_clear = fits && room.clear_share() >= MIN_CLEAR_SHARE;
     match found {
         // What scattered lies outside the volume.
-        Some(found) if is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
+        Some(found) if is_clear && is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
         found => {
             let (mut drift, other) = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
             let mut most = room.told_nats(view, &drift);

@@ -12,10 +12,11 @@
 //! belief:    along a surface the order goes on freely from node to node, and changes at a price
 //! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift
 //! outside:   pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
+//! taken:     the places of C2 that these are seen in: no point in the volume has its correspondence there
 //! ```
 //!
 //! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration, which pixels see something outside
-//! the measurement volume, and the orders of pixels whose nodes tell them.
+//! the measurement volume, C2 without the places that this is seen in, and the orders of pixels whose nodes tell them.
 
 mod belief;
 mod decided;
@@ -25,6 +26,7 @@ mod nodes;
 mod outside;
 mod runs;
 mod sight;
+mod taken;
 #[cfg(test)]
 mod tests;
 

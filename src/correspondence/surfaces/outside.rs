@@ -31,8 +31,8 @@ const REACH_TURNS: f32 = 0.06;
 const CLOSE_TURNS: f32 = 0.02;
 /// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
 const WITHIN_SD: f64 = 4.5;
-/// Share of the pixels of a node that must fit its order, fewer where nodes on all sides have the same, and no other order better.
-/// Nodes that hold something else too are decided pixel by pixel.
+/// Share of the pixels of a node that must fit its order, and no other order better; one of the two where nodes on all sides have the
+/// same, then fewer of them. Nodes that hold something else too are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
 const MIN_FITTING_AMONG: f32 = 0.48;
 /// Where it leads to what C2 cannot see, share of them that may fit any other order, more where all nodes beside it have the same: what
@@ -63,15 +63,14 @@ pub(super) struct OutsideRow {
 
 impl Room {
     /// Marks the pixels that see something outside, if a good part of the image sees what is farther beyond the volume than so many
-    /// pixels, where orders are asked pixel by pixel; whether it sees what is very far. A few nodes err where a surface is hidden or
-    /// dark.
+    /// pixels, where orders are asked pixel by pixel. A few nodes err where a surface is hidden or dark.
     pub(in super::super) fn mark_outside(
         &mut self,
         view: View<'_>,
         drift: &Drift,
         far_px: f32,
         outside: &mut Vec<bool>,
-    ) -> bool {
+    ) -> Far {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, evidence, .. } = self;
@@ -115,14 +114,22 @@ impl Room {
             let sum: u32 = self.rows.iter().map(|room| count(&room.outside)).sum();
             sum as f32 >= MIN_SHARE * view.cam1.phase.len() as f32
         };
-        if !is_good_part(|row| row.far[0]) {
+        let found = Far { is_far: is_good_part(|row| row.far[0]), is_very_far: is_good_part(|row| row.far[1]) };
+        if !found.is_far {
             outside.fill(false);
         }
         for piece in self.nodes.pieces.iter().filter(|piece| self.nodes.nodes[piece.node as usize].is_beyond) {
             outside[piece.begin as usize..piece.end as usize].fill(true);
         }
-        is_good_part(|row| row.far[1])
+        found
     }
+}
+
+/// Whether a good part of the image sees what is far beyond the volume, and very far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) struct Far {
+    pub(in super::super) is_far: bool,
+    pub(in super::super) is_very_far: bool,
 }
 
 /// What pixels see outside.
@@ -149,9 +156,10 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
         let is_among = agreeing == nodes.beside(node).count();
         return is_among || node.rival <= MAX_RIVAL * asked;
     }
+    let fits = node.fitting >= MIN_FITTING * asked;
+    let is_best = node.fitting >= node.rival;
     let is_among = agreeing == node.beside.len();
-    let least = if is_among { MIN_FITTING_AMONG } else { MIN_FITTING };
-    node.fitting >= (least * asked).max(node.rival)
+    if is_among { fits || (node.fitting >= MIN_FITTING_AMONG * asked && is_best) } else { fits && is_best }
 }
 
 /// Marks the pixels of a row.

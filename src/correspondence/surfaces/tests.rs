@@ -1,5 +1,7 @@
-use super::super::drift::DriftRoom;
+use super::super::drift::{Drift, DriftRoom};
+use super::super::epipolar_image::EpipolarImage;
 use super::super::semi_global::test_scene::TestScene;
+use super::evidence::{Asked, Gate};
 use super::*;
 use crate::simd::Level;
 
@@ -41,8 +43,31 @@ fn nothing_of_a_plane_in_the_volume_sees_outside() {
     let scene = TestScene::new();
     let (mut room, mut outside) = (Room::default(), Vec::new());
     let drift = explain(view(&scene), &scene.delta, &mut room, &mut DriftRoom::default());
-    assert!(!room.mark_outside(view(&scene), &drift, 50.0, &mut outside));
+    assert!(!room.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
     assert!(outside.iter().all(|outside| !outside));
+    assert!(!room.leave_open(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
+}
+
+#[test]
+fn a_plane_behind_the_volume_takes_the_places_that_it_is_seen_in() {
+    let scene = TestScene::behind();
+    let left = Level::ALL.map(|level| {
+        level.limit_to();
+        let (mut room, mut outside, mut open) = (Room::default(), Vec::new(), EpipolarImage::default());
+        let drift = Drift::level(0.0, 0.05);
+        room.divide(view(&scene));
+        let gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
+        room.decide(view(&scene), &drift, gate, Asked::Many);
+        assert!(room.mark_outside(view(&scene), &drift, 1.0, &mut outside).is_far);
+        assert!(room.leave_open(view(&scene), &drift, &outside, &mut open));
+        open.phase
+    });
+    let with_phase = |phase: &[u16]| phase.iter().filter(|&&phase| phase != EpipolarImage::NO_PHASE).count();
+    let (before, after) = (with_phase(&scene.cam2.phase), with_phase(&left[0]));
+    assert!(3 * after < 2 * before, "{after} of {before}");
+    let is_kept = |(&open, &phase): (&u16, &u16)| open == phase || open == EpipolarImage::NO_PHASE;
+    assert!(left[0].iter().zip(&scene.cam2.phase).all(is_kept));
+    assert!(left.iter().all(|phase| *phase == left[0]));
 }
 
 #[test]

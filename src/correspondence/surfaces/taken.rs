@@ -1,0 +1,222 @@
+//! Places of C2 in which surfaces outside the measurement volume are seen: no point within has its correspondence there.
+//!
+//! ```text
+//! for each node that sees something outside, and of which nearly all pixels fit its order: the places of its marked pixels
+//!     are taken, with what lies between neighbours
+//! for each node that sees into the volume by an order that is clear: its places are not, for what is hidden from C2 behind it
+//!     may fit there too
+//! open: C2 without the phase of the places which, with all around them, are taken: at borders it may see something else;
+//!     a row between two is taken as these are, for C2 may see a surface larger than C1 does
+//! ```
+//!
+//! A strip of a surface that lies elsewhere, and a part of one that is hidden from C2, find the phase of a wrong order in what C2 sees
+//! of the same surface. That has been explained already.
+
+use rayon::prelude::*;
+
+use super::super::drift::Drift;
+use super::super::epipolar_image::EpipolarImage;
+use super::super::wide::Segments;
+use super::NO_ORDER;
+use super::evidence::{Room, RowRoom, View};
+use super::nodes::{Node, Nodes};
+use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
+
+/// Share of the pixels of a node that must fit its order where it takes places.
+const MIN_FITTING: f32 = 0.78;
+/// Columns by which the places of neighbouring pixels may be apart where what lies between is taken too.
+const MAX_GAP_PX: u32 = 3;
+/// Taken, a byte a place; and not.
+const TAKEN: u8 = u8::MAX;
+const FREE: u8 = 0;
+/// Stands for no column.
+const NO_COLUMN_PX: f32 = -1.0;
+
+/// Room for a row of tiles.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TakenRow {
+    /// Orders of the pixels of a row, and their columns in C2.
+    orders: Vec<i16>,
+    columns_px: Vec<f32>,
+    spans: Vec<Span>,
+}
+
+/// Columns of a row of the epipolar frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Span {
+    row: u32,
+    begin: u32,
+    end: u32,
+}
+
+impl Span {
+    /// The place of one pixel.
+    fn of(row_px: f32, column_px: f32) -> Self {
+        let [row, begin] = [row_px, column_px].map(|px| (px + 0.5) as u32);
+        Self { row, begin, end: begin + 1 }
+    }
+
+    /// Takes in the place of the next pixel, if it lies right behind.
+    fn takes_in(&mut self, next: Self) -> bool {
+        let runs_on = next.row == self.row && next.begin >= self.begin && next.begin < self.end + MAX_GAP_PX;
+        if runs_on {
+            self.end = self.end.max(next.end);
+        }
+        runs_on
+    }
+}
+
+impl Room {
+    /// Leaves of C2 what is not known to lie outside, where pixels of C1 are known to see something there; whether there are such.
+    pub(in super::super) fn leave_open(
+        &mut self,
+        view: View<'_>,
+        drift: &Drift,
+        outside: &[bool],
+        open: &mut EpipolarImage,
+    ) -> bool {
+        let takes =
+            |node: &Node| node.sees_beyond && !node.is_unseen() && node.fitting >= MIN_FITTING * node.asked as f32;
+        if !self.nodes.nodes.iter().any(takes) {
+            return false;
+        }
+        self.taken.clear();
+        self.taken.resize(view.cam2.phase.len(), FREE);
+        self.set_places(view, drift, takes, |pixel| outside[pixel], TAKEN);
+        self.set_places(view, drift, |node| node.is_within && node.is_clear(), |_| true, FREE);
+        let width = view.cam2.width.max(1);
+        let last = (view.cam2.phase.len() / width).saturating_sub(1);
+        open.width = view.cam2.width;
+        open.phase.resize(view.cam2.phase.len(), EpipolarImage::NO_PHASE);
+        let rows = open.phase.par_chunks_mut(width).zip(view.cam2.phase.par_chunks(width)).enumerate();
+        rows.for_each(|(row, (open, phase))| {
+            let taken = std::array::from_fn(|i| {
+                let row = (row + i).saturating_sub(2).min(last);
+                &self.taken[row * width..(row + 1) * width]
+            });
+            simd::run(Level::in_use(), OpenRow { taken, phase, open });
+        });
+        true
+    }
+
+    /// Sets the places that pixels of some nodes have in C2 by the orders of these.
+    fn set_places(
+        &mut self,
+        view: View<'_>,
+        drift: &Drift,
+        of_node: impl Fn(&Node) -> bool + Sync,
+        of_pixel: impl Fn(usize) -> bool + Sync,
+        to: u8,
+    ) {
+        let Self { runs, nodes, rows, taken, .. } = self;
+        let (runs, nodes, width) = (&*runs, &*nodes, view.cam1.width);
+        rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
+            room.taken.spans.clear();
+            for v in tile_row * nodes.tile_px..((tile_row + 1) * nodes.tile_px).min(view.cam1.height) {
+                let label = |node: &Node| of_node(node).then_some(node.label);
+                if nodes.fill_orders(runs, (v, width), label, &mut room.taken.orders) {
+                    view.table.row(v, &mut room.segments);
+                    drift.along_row(v, width, &mut room.drift);
+                    room.find_spans(view, nodes, v, &of_pixel);
+                }
+            }
+        });
+        let width = view.cam2.width;
+        for span in rows.iter().flat_map(|room| &room.taken.spans) {
+            let [begin, end] = [span.begin, span.end].map(|column| span.row as usize * width + column as usize);
+            if let Some(places) = taken.get_mut(begin..end) {
+                places.fill(to);
+            }
+        }
+    }
+}
+
+impl RowRoom {
+    /// Finds the places of the pixels of a row that have an order.
+    fn find_spans(&mut self, view: View<'_>, nodes: &Nodes, v: usize, of_pixel: impl Fn(usize) -> bool) {
+        let first = v * view.cam1.width;
+        let mut columns_px = std::mem::take(&mut self.taken.columns_px);
+        columns_px.resize(self.taken.orders.len(), NO_COLUMN_PX);
+        let phase = &view.cam1.phase[first..first + view.cam1.width];
+        simd::run(Level::in_use(), ColumnRow { room: self, phase, columns_px: &mut columns_px });
+        let spans = &mut self.taken.spans;
+        let last_px = (view.cam2.width - 1) as f32;
+        for piece in nodes.of_row(v) {
+            for pixel in (piece.begin as usize..piece.end as usize).filter(|&pixel| of_pixel(pixel)) {
+                let (column_px, row_px) = (columns_px[pixel - first], self.segments.row_px[pixel - first]);
+                if !(0.0..=last_px).contains(&column_px) {
+                    continue;
+                }
+                let next = Span::of(row_px, column_px);
+                if !spans.last_mut().is_some_and(|span| span.takes_in(next)) {
+                    spans.push(next);
+                }
+            }
+        }
+        self.taken.columns_px = columns_px;
+    }
+}
+
+/// Finds the columns of C2 at which pixels of a row see their orders.
+struct ColumnRow<'a> {
+    room: &'a RowRoom,
+    phase: &'a [u16],
+    columns_px: &'a mut [f32],
+}
+
+impl Kernel for ColumnRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { room, phase, columns_px } = self;
+        let orders = room.taken.orders.as_chunks::<LANES>().0;
+        for (block, (orders, columns_px)) in orders.iter().zip(columns_px.as_chunks_mut::<LANES>().0).enumerate() {
+            *columns_px = [NO_COLUMN_PX; LANES];
+            if *orders == [NO_ORDER; LANES] {
+                continue;
+            }
+            let first = block * LANES;
+            let segments = Segments::of(lanes, &room.segments, first);
+            let phases = lanes.floats(lanes.widen_unsigned(lanes.load(&filled(&phase[first..], 0))));
+            let order = lanes.floats(lanes.widen(lanes.load_signed(orders)));
+            let turns = lanes.add_float(order, lanes.times_float(phases, lanes.float(1.0 / 65536.0)));
+            let ([column, per_turn], is_sound) = segments.columns_of(turns);
+            let drift = room.drift.block(lanes, first).at(lanes, column);
+            let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
+            let column = lanes.select_float(is_sound, column, lanes.float(NO_COLUMN_PX));
+            lanes.store_floats(column, columns_px);
+            for (column_px, order) in columns_px.iter_mut().zip(orders) {
+                *column_px = if *order == NO_ORDER { NO_COLUMN_PX } else { *column_px };
+            }
+        }
+    }
+}
+
+/// Leaves the phase of a row of C2 but where places are taken.
+struct OpenRow<'a> {
+    /// Which places of the row, and of two above and below, are.
+    taken: [&'a [u8]; 5],
+    phase: &'a [u16],
+    open: &'a mut [u16],
+}
+
+impl Kernel for OpenRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { taken: [a, b, c, d, e], phase, open } = self;
+        let width = open.len();
+        let ([a, b, c, d, e], phase) =
+            ([&a[..width], &b[..width], &c[..width], &d[..width], &e[..width]], &phase[..width]);
+        open.copy_from_slice(phase);
+        for u in 1..width.saturating_sub(1) {
+            let mut taken = TAKEN;
+            for u in [u - 1, u, u + 1] {
+                taken &= (b[u] | a[u] & c[u]) & (c[u] | b[u] & d[u]) & (d[u] | c[u] & e[u]);
+            }
+            open[u] |= if taken == TAKEN { EpipolarImage::NO_PHASE } else { 0 };
+        }
+    }
+}
