@@ -19,6 +19,7 @@
 //! the measurement volume, C2 without the places that this is seen in, and the orders of pixels whose nodes tell them.
 
 mod belief;
+mod block;
 mod decided;
 mod evidence;
 mod explain;

@@ -13,13 +13,13 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::super::drift::{DepthBlock, Drift};
-use super::super::wide::Segments;
+use super::super::drift::Drift;
 use super::NO_ORDER;
+use super::block::{Block, Place};
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{Node, Nodes};
 use super::sight::{Space, columns_around_each, rest_turns};
-use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;
@@ -186,9 +186,8 @@ impl Kernel for MarkRow<'_> {
             if *orders == [NO_ORDER; LANES] {
                 continue;
             }
-            let phases = filled(&phase[block * LANES..], 0);
-            let sight = Sight::of(lanes, view, room, block * LANES, &phases);
-            let [found, far @ ..] = sight.marks(limits, orders, within);
+            let block = Block::of(lanes, &room.segments, &room.drift, phase, block * LANES);
+            let [found, far @ ..] = Sight { lanes, view, block }.marks(limits, orders, within);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
             all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());
         }
@@ -200,46 +199,18 @@ impl Kernel for MarkRow<'_> {
 struct Sight<'a, L: Lanes> {
     lanes: L,
     view: View<'a>,
-    segments: Segments<L>,
-    drift: DepthBlock<L>,
-    phases: L::Words,
-    phase_turns: L::Floats,
+    block: Block<L>,
 }
 
-/// The columns at which pixels see their orders, and how many columns a turn takes there.
-struct Place<L: Lanes> {
-    asked: L::Mask,
-    column: L::Floats,
-    per_turn: L::Floats,
-}
-
-impl<'a, L: Lanes> Sight<'a, L> {
-    #[inline(always)]
-    fn of(lanes: L, view: View<'a>, room: &RowRoom, first: usize, phases: &[u16; LANES]) -> Self {
-        let phases = lanes.load(phases);
-        let phase_turns = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), lanes.float(1.0 / 65536.0));
-        let segments = Segments::of(lanes, &room.segments, first);
-        Self { lanes, view, segments, drift: room.drift.block(lanes, first), phases, phase_turns }
-    }
-
-    #[inline(always)]
-    fn place(&self, orders: &[i16; LANES]) -> Place<L> {
-        let (lanes, order) = (self.lanes, self.lanes.load_signed(orders));
-        let turns = lanes.add_float(lanes.floats(lanes.widen(order)), self.phase_turns);
-        let ([column, per_turn], is_sound) = self.segments.columns_of(turns);
-        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
-        Place { asked, column, per_turn }
-    }
-
+impl<L: Lanes> Sight<'_, L> {
     /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
     #[inline(always)]
     fn fits(&self, place: &Place<L>, reach_turns: f32) -> L::Mask {
         let lanes = self.lanes;
-        let drift = self.drift.at(lanes, place.column);
-        let column = lanes.add_float(place.column, lanes.times_float(drift, place.per_turn));
         let last_px = lanes.float((self.view.cam2.width - 2) as f32);
-        let column = lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px);
-        let around = columns_around_each(lanes, self.view.cam2, self.segments.row, self.phases, column);
+        let column = lanes.min_float(lanes.max_float(self.block.seen_at(place), lanes.float(0.0)), last_px);
+        let Block { segments, phases, .. } = &self.block;
+        let around = columns_around_each(lanes, self.view.cam2, segments.row, *phases, column);
         let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
         lanes.and(lanes.and(around.known, place.asked), lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off)))
     }
@@ -247,16 +218,16 @@ impl<'a, L: Lanes> Sight<'a, L> {
     /// Pixels whose places are farther beyond the volume than so many pixels.
     #[inline(always)]
     fn beyond(&self, place: &Place<L>, px: f32) -> L::Mask {
-        let (lanes, px) = (self.lanes, self.lanes.float(px));
-        let before = lanes.mask_of(lanes.exceeds(lanes.sub_float(self.segments.begin, px), place.column));
-        let behind = lanes.mask_of(lanes.exceeds(place.column, lanes.add_float(self.segments.end, px)));
+        let (lanes, px, segments) = (self.lanes, self.lanes.float(px), &self.block.segments);
+        let before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, px), place.column));
+        let behind = lanes.mask_of(lanes.exceeds(place.column, lanes.add_float(segments.end, px)));
         lanes.and(place.asked, lanes.or(before, behind))
     }
 
     /// Which pixels see something outside, and which of them far beyond the volume and very far, a bit each.
     #[inline(always)]
     fn marks(&self, limits: Limits, orders: &[i16; LANES], within: &[i16; LANES]) -> [u32; 3] {
-        let (lanes, place) = (self.lanes, self.place(orders));
+        let (lanes, place) = (self.lanes, self.block.place(orders));
         let [beyond_px, far_px, very_far_px] = limits.beyond_px;
         let beyond = self.beyond(&place, beyond_px);
         if !lanes.any(beyond) {
@@ -268,7 +239,7 @@ impl<'a, L: Lanes> Sight<'a, L> {
         let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&place, REACH_TURNS)));
         if *within != [NO_ORDER; LANES] {
             let closely = lanes.and_not(self.fits(&place, CLOSE_TURNS), unseen);
-            let seen_within = lanes.and_not(self.fits(&self.place(within), limits.within_turns), closely);
+            let seen_within = lanes.and_not(self.fits(&self.block.place(within), limits.within_turns), closely);
             marked = lanes.and_not(marked, seen_within);
         }
         let far = lanes.and(marked, self.beyond(&place, far_px));

@@ -14,13 +14,14 @@
 
 use rayon::prelude::*;
 
-use super::super::drift::Drift;
+use super::super::drift::{DepthRow, Drift};
 use super::super::epipolar_image::EpipolarImage;
-use super::super::wide::Segments;
+use super::super::segment::SegmentRow;
 use super::NO_ORDER;
+use super::block::Block;
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{Node, Nodes};
-use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// Share of the pixels of a node that must fit its order where it takes places.
 const MIN_FITTING: f32 = 0.78;
@@ -135,15 +136,14 @@ impl RowRoom {
     /// Finds the places of the pixels of a row that have an order.
     fn find_spans(&mut self, view: View<'_>, nodes: &Nodes, v: usize, of_pixel: impl Fn(usize) -> bool) {
         let first = v * view.cam1.width;
-        let mut columns_px = std::mem::take(&mut self.taken.columns_px);
-        columns_px.resize(self.taken.orders.len(), NO_COLUMN_PX);
+        let Self { segments, drift, taken: TakenRow { orders, columns_px, spans }, .. } = self;
+        columns_px.resize(orders.len(), NO_COLUMN_PX);
         let phase = &view.cam1.phase[first..first + view.cam1.width];
-        simd::run(Level::in_use(), ColumnRow { room: self, phase, columns_px: &mut columns_px });
-        let spans = &mut self.taken.spans;
+        simd::run(Level::in_use(), ColumnRow { segments, drift, phase, orders, columns_px });
         let last_px = (view.cam2.width - 1) as f32;
         for piece in nodes.of_row(v) {
             for pixel in (piece.begin as usize..piece.end as usize).filter(|&pixel| of_pixel(pixel)) {
-                let (column_px, row_px) = (columns_px[pixel - first], self.segments.row_px[pixel - first]);
+                let (column_px, row_px) = (columns_px[pixel - first], segments.row_px[pixel - first]);
                 if !(0.0..=last_px).contains(&column_px) {
                     continue;
                 }
@@ -153,14 +153,15 @@ impl RowRoom {
                 }
             }
         }
-        self.taken.columns_px = columns_px;
     }
 }
 
 /// Finds the columns of C2 at which pixels of a row see their orders.
 struct ColumnRow<'a> {
-    room: &'a RowRoom,
+    segments: &'a SegmentRow,
+    drift: &'a DepthRow,
     phase: &'a [u16],
+    orders: &'a [i16],
     columns_px: &'a mut [f32],
 }
 
@@ -169,25 +170,19 @@ impl Kernel for ColumnRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { room, phase, columns_px } = self;
-        let orders = room.taken.orders.as_chunks::<LANES>().0;
-        for (block, (orders, columns_px)) in orders.iter().zip(columns_px.as_chunks_mut::<LANES>().0).enumerate() {
-            *columns_px = [NO_COLUMN_PX; LANES];
+        let Self { segments, drift, phase, orders, columns_px } = self;
+        let blocks = orders.as_chunks::<LANES>().0.iter().zip(columns_px.as_chunks_mut::<LANES>().0);
+        for (i, (orders, columns_px)) in blocks.enumerate() {
             if *orders == [NO_ORDER; LANES] {
+                *columns_px = [NO_COLUMN_PX; LANES];
                 continue;
             }
-            let first = block * LANES;
-            let segments = Segments::of(lanes, &room.segments, first);
-            let phases = lanes.floats(lanes.widen_unsigned(lanes.load(&filled(&phase[first..], 0))));
-            let order = lanes.floats(lanes.widen(lanes.load_signed(orders)));
-            let turns = lanes.add_float(order, lanes.times_float(phases, lanes.float(1.0 / 65536.0)));
-            let ([column, per_turn], is_sound) = segments.columns_of(turns);
-            let drift = room.drift.block(lanes, first).at(lanes, column);
-            let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
-            let column = lanes.select_float(is_sound, column, lanes.float(NO_COLUMN_PX));
-            lanes.store_floats(column, columns_px);
-            for (column_px, order) in columns_px.iter_mut().zip(orders) {
-                *column_px = if *order == NO_ORDER { NO_COLUMN_PX } else { *column_px };
+            let block = Block::of(lanes, segments, drift, phase, i * LANES);
+            let place = block.place(orders);
+            lanes.store_floats(block.seen_at(&place), columns_px);
+            let asked = lanes.bits(place.asked);
+            for (k, column_px) in columns_px.iter_mut().enumerate() {
+                *column_px = if asked >> k & 1 == 1 { *column_px } else { NO_COLUMN_PX };
             }
         }
     }

@@ -1,0 +1,53 @@
+//! Pixels of a block, and where in C2 they see their orders.
+
+use super::super::drift::{DepthBlock, DepthRow};
+use super::super::segment::SegmentRow;
+use super::super::wide::Segments;
+use super::NO_ORDER;
+use crate::simd::{LANES, Lanes, filled};
+
+/// Pixels of a block, and what they look into.
+pub(super) struct Block<L: Lanes> {
+    lanes: L,
+    pub(super) segments: Segments<L>,
+    drift: DepthBlock<L>,
+    /// Wrapped phases, 1/65536 turns.
+    pub(super) phases: L::Words,
+    phase_turns: L::Floats,
+}
+
+/// The columns at which Φ is the order and the phase of the pixels, and how many columns a turn takes there.
+pub(super) struct Place<L: Lanes> {
+    /// Pixels that have an order, and such a column.
+    pub(super) asked: L::Mask,
+    pub(super) column: L::Floats,
+    pub(super) per_turn: L::Floats,
+}
+
+impl<L: Lanes> Block<L> {
+    /// That of a row from a pixel on.
+    #[inline(always)]
+    pub(super) fn of(lanes: L, segments: &SegmentRow, drift: &DepthRow, phase: &[u16], first: usize) -> Self {
+        let phases = lanes.load(&filled(&phase[first..], 0));
+        let phase_turns = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), lanes.float(1.0 / 65536.0));
+        let segments = Segments::of(lanes, segments, first);
+        Self { lanes, segments, drift: drift.block(lanes, first), phases, phase_turns }
+    }
+
+    /// Where the pixels have their orders without the drift.
+    #[inline(always)]
+    pub(super) fn place(&self, orders: &[i16; LANES]) -> Place<L> {
+        let (lanes, order) = (self.lanes, self.lanes.load_signed(orders));
+        let turns = lanes.add_float(lanes.floats(lanes.widen(order)), self.phase_turns);
+        let ([column, per_turn], is_sound) = self.segments.columns_of(turns);
+        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        Place { asked, column, per_turn }
+    }
+
+    /// Where C2 sees them: the columns at which δ is that of the drift.
+    #[inline(always)]
+    pub(super) fn seen_at(&self, place: &Place<L>) -> L::Floats {
+        let lanes = self.lanes;
+        lanes.add_float(place.column, lanes.times_float(self.drift.at(lanes, place.column), place.per_turn))
+    }
+}
