@@ -14,7 +14,7 @@ use super::outcome::Outcome;
 use super::reference_methods::{ResolutionSettings, paper};
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
-use super::slip::{find_slip, phase_of_steps};
+use super::slip::correct_slip;
 use super::surfaces;
 
 /// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
@@ -200,14 +200,11 @@ impl Matcher {
         let mut slip_steps = [0; 2];
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
-            slip_steps = find_slip(cam1, cam2, table, &histogram, steps);
-            if slip_steps != [0; 2] {
-                let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
-                let mut map = cam1.clone();
-                map.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
-                cam2.turn_back(of_cam2);
-                histogram = of_histogram.count(&map, cam2, table, 0);
-                corrected = Some(map);
+            let view = surfaces::View { cam1, cam2, table };
+            if let Some(found) = correct_slip(view, &histogram, steps, (&mut semi_global.surfaces, drift)) {
+                (slip_steps, *cam2) = (found.slip_steps, found.cam2);
+                histogram = of_histogram.count(&found.cam1, cam2, table, 0);
+                corrected = Some(found.cam1);
             }
         }
         let cam1 = corrected.as_ref().unwrap_or(cam1);

@@ -5,15 +5,17 @@
 //! and δ by about 2π/N times the place of the projector along the base: a slip of the camera that the projector stands at
 //! cannot be seen, nor can it be told from a scene elsewhere.
 //!
-//! Motion is no slip: what it leaves in δ is far below 2π/N.
+//! Motion is no slip: what it leaves in δ is far below 2π/N. Nor is a surface outside the volume, which may agree with a slip in the
+//! volume: a slip is believed only where surfaces, asked about all of space, are explained better with it than without.
 
 use std::f64::consts::TAU;
 
 use crate::phase::PhaseMap;
 
 use super::delta_histogram::DeltaHistogram;
+use super::drift::DriftRoom;
 use super::epipolar_image::EpipolarImage;
-use super::segment_table::SegmentTable;
+use super::surfaces::{self, View};
 
 /// Standard deviation of the weight with which a candidate near δ = 0 agrees, rad: twice that of calibrated rigs.
 const AGREEMENT_SD_RAD: f64 = 0.08;
@@ -26,19 +28,40 @@ const LEAST: f64 = 0.6;
 const BETTER: f64 = 2.0;
 /// How much better than every other slip.
 const BEST: f64 = 1.15;
+/// How much better surfaces must be explained with a slip: 1.5 times and more where there is one (bodies alone and before boards), 1.0
+/// times where a board 5 mm beyond the volume agreed with one.
+const EXPLAINED: f64 = 1.25;
 
-/// Steps by which the patterns of C1 and of C2 are ahead of what is said of them, 0 to N − 1; zero where nothing else agrees
-/// clearly better.
-pub(super) fn find_slip(
-    cam1: &PhaseMap,
-    cam2: &EpipolarImage,
-    table: &SegmentTable,
+/// Phases from which a slip was taken off.
+pub(super) struct Corrected {
+    /// Steps by which the patterns of C1 and of C2 were ahead of what was said of them, 0 to N − 1.
+    pub(super) slip_steps: [usize; 2],
+    pub(super) cam1: PhaseMap,
+    pub(super) cam2: EpipolarImage,
+}
+
+/// Takes a slip off, of which there are so many steps; `None` where nothing agrees clearly better than what is said.
+pub(super) fn correct_slip(
+    view: View<'_>,
     as_said: &DeltaHistogram,
     steps: usize,
-) -> [usize; 2] {
+    (room, drift): (&mut surfaces::Room, &mut DriftRoom),
+) -> Option<Corrected> {
+    let slip_steps = find_slip(view, as_said, steps)?;
+    let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
+    let (mut cam1, mut cam2) = (view.cam1.clone(), view.cam2.clone());
+    cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
+    cam2.turn_back(of_cam2);
+    let as_said_nats = surfaces::clear_nats(view, room, drift);
+    let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, room, drift);
+    (corrected_nats > EXPLAINED * as_said_nats).then_some(Corrected { slip_steps, cam1, cam2 })
+}
+
+/// The slip that agrees clearly better in the volume than what is said, and than every other.
+fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, steps: usize) -> Option<[usize; 2]> {
     let nominal = as_said.agreement(0.0, AGREEMENT_SD_RAD);
     if nominal >= PLENTY {
-        return [0; 2];
+        return None;
     }
     let mut agreements: Vec<(f64, [usize; 2])> = Vec::with_capacity(steps * steps);
     for apart in 0..steps {
@@ -49,13 +72,12 @@ pub(super) fn find_slip(
         }
     }
     agreements.sort_by(|a, b| b.0.total_cmp(&a.0));
-    match agreements[..] {
-        [(best, slip), (second, _), ..] if best >= LEAST && best >= BETTER * nominal && best >= BEST * second => slip,
-        _ => [0; 2],
-    }
+    let [(best, slip), (second, _), ..] = agreements[..] else { return None };
+    let is_clear = best >= LEAST && best >= BETTER * nominal && best >= BEST * second;
+    (is_clear && slip != [0; 2]).then_some(slip)
 }
 
 /// Phase that so many steps ahead of N add, turns · 65536.
-pub(super) fn phase_of_steps(ahead: usize, steps: usize) -> u16 {
+fn phase_of_steps(ahead: usize, steps: usize) -> u16 {
     ((ahead << 16) / steps.max(1)) as u16
 }

@@ -67,6 +67,12 @@ pub(in super::super) fn explain_by_surfaces(
     Some(found)
 }
 
+/// How much more likely than by chance the orders and the drift that surfaces show make δ of a pixel, nats, of pixels whose nodes lead
+/// clearly; 0 if they show none.
+pub(in super::super) fn clear_nats(view: View<'_>, room: &mut Room, drift_room: &mut DriftRoom) -> f64 {
+    explain_by_surfaces(view, room, drift_room).map_or(0.0, |drift| room.clear_share() * fit_nats(&drift))
+}
+
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
 pub(in super::super) fn explain(
     view: View<'_>,
@@ -101,9 +107,7 @@ impl Room {
     fn told_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
         let Gate { cap_turns, .. } = narrow(drift);
         self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Asked::Few);
-        // A normal distribution has the entropy ln(sd·√(2πe)), a turn that of ln 2π.
-        let of_fitting = (TAU / (drift.residual_sd_rad * (TAU * std::f64::consts::E).sqrt())).ln();
-        f64::from(self.fitting_share()) * of_fitting
+        f64::from(self.fitting_share()) * fit_nats(drift)
     }
 
     /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
@@ -119,6 +123,12 @@ impl Room {
         let share = self.find_decided(view, known, wanted);
         drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
+}
+
+/// How much more likely a drift makes δ of a true candidate than chance, nats: a normal distribution has the entropy ln(sd·√(2πe)), a
+/// turn that of ln 2π.
+fn fit_nats(drift: &Drift) -> f64 {
+    (TAU / (drift.residual_sd_rad * (TAU * std::f64::consts::E).sqrt())).ln()
 }
 
 /// Whether δ scatters about a drift by little more than noise does.

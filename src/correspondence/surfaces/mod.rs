@@ -33,7 +33,7 @@ mod tests;
 
 pub(super) use decided::Decided;
 pub(super) use evidence::{Room, View};
-pub(super) use explain::{explain, explain_by_surfaces};
+pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
 pub(super) use sight::columns_around_each;
 
 /// Orders of a node, counted from the base of its surface.
