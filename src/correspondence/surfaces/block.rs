@@ -1,9 +1,11 @@
 //! Pixels of a block, and where in C2 they see their orders.
 
 use super::super::drift::{DepthBlock, DepthRow};
+use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
 use super::super::wide::Segments;
 use super::NO_ORDER;
+use super::sight::{columns_around_each, rest_turns};
 use crate::simd::{LANES, Lanes, filled};
 
 /// Pixels of a block, and what they look into.
@@ -12,7 +14,7 @@ pub(super) struct Block<L: Lanes> {
     pub(super) segments: Segments<L>,
     drift: DepthBlock<L>,
     /// Wrapped phases, 1/65536 turns.
-    pub(super) phases: L::Words,
+    phases: L::Words,
     phase_turns: L::Floats,
 }
 
@@ -21,7 +23,7 @@ pub(super) struct Place<L: Lanes> {
     /// Pixels that have an order, and such a column.
     pub(super) asked: L::Mask,
     pub(super) column: L::Floats,
-    pub(super) per_turn: L::Floats,
+    per_turn: L::Floats,
 }
 
 impl<L: Lanes> Block<L> {
@@ -49,5 +51,24 @@ impl<L: Lanes> Block<L> {
     pub(super) fn seen_at(&self, place: &Place<L>) -> L::Floats {
         let lanes = self.lanes;
         lanes.add_float(place.column, lanes.times_float(self.drift.at(lanes, place.column), place.per_turn))
+    }
+
+    /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
+    #[inline(always)]
+    pub(super) fn fits(&self, cam2: &EpipolarImage, place: &Place<L>, reach_turns: f32) -> L::Mask {
+        let lanes = self.lanes;
+        let (known, off) = self.off_turns(cam2, place);
+        lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off)))
+    }
+
+    /// By how much δ is off the drift there, turns, and where C2 tells it.
+    #[inline(always)]
+    pub(super) fn off_turns(&self, cam2: &EpipolarImage, place: &Place<L>) -> (L::Mask, L::Floats) {
+        let lanes = self.lanes;
+        let last_px = lanes.float((cam2.width - 2) as f32);
+        let column = lanes.min_float(lanes.max_float(self.seen_at(place), lanes.float(0.0)), last_px);
+        let around = columns_around_each(lanes, cam2, self.segments.row, self.phases, column);
+        let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
+        (lanes.and(around.known, place.asked), off)
     }
 }

@@ -4,6 +4,7 @@ use super::super::drift::{DepthPolynomial, DepthRow, Drift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
 use super::super::segment_table::SegmentTable;
+use super::bodies::BodyRow;
 use super::decided::DecidedRoom;
 use super::nodes::{Node, Nodes, Piece};
 use super::outside::OutsideRow;
@@ -70,6 +71,7 @@ pub(in super::super) struct Room {
 pub(super) struct RowRoom {
     pub(super) segments: SegmentRow,
     pub(super) drift: DepthRow,
+    pub(super) bodies: BodyRow,
     pub(super) outside: OutsideRow,
     pub(super) taken: TakenRow,
 }

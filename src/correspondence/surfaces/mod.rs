@@ -20,6 +20,7 @@
 
 mod belief;
 mod block;
+mod bodies;
 mod decided;
 mod evidence;
 mod explain;

@@ -58,6 +58,8 @@ pub(super) struct Node {
     /// Whether its pixels may see something outside the volume; and the label of a node beside it that does not, if there is one.
     pub(super) sees_beyond: bool,
     pub(super) within_beside: Option<u8>,
+    /// Whether some of its pixels see a part of the same body as that node.
+    pub(super) holds_body: bool,
     /// The same of the best of the other labels at which C2 sees some of them.
     pub(super) rival: f32,
 }
@@ -93,6 +95,7 @@ impl Node {
             is_within: false,
             sees_beyond: false,
             within_beside: None,
+            holds_body: false,
         }
     }
 

@@ -5,7 +5,8 @@
 //!     x = the column at which Φ is the order and the phase of the pixel
 //!     it sees something outside if x lies beyond the volume, and either beside the image of C2,
 //!     or C2 has the phase near x, so that δ is off the drift by no more than a limit;
-//!     but not if it fits the order of a node beside its own that sees into the volume, and this one less closely
+//!     but not if it fits the order of a node beside its own that sees into the volume, and this one less closely,
+//!     or if its node holds a part of a body there (see bodies)
 //! all pixels of a node that leads beyond the volume, and of which none fits any order within
 //! ```
 
@@ -16,9 +17,10 @@ use rayon::prelude::*;
 use super::super::drift::Drift;
 use super::NO_ORDER;
 use super::block::{Block, Place};
+use super::bodies;
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{Node, Nodes};
-use super::sight::{Space, columns_around_each, rest_turns};
+use super::sight::Space;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
@@ -30,7 +32,7 @@ const REACH_TURNS: f32 = 0.06;
 /// δ by which it is not, although the pixel may see something in the volume too, turns.
 const CLOSE_TURNS: f32 = 0.02;
 /// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
-const WITHIN_SD: f64 = 4.5;
+pub(super) const WITHIN_SD: f64 = 4.5;
 /// Share of the pixels of a node that must fit its order, and no other order better; one of the two where nodes on all sides have the
 /// same, then fewer of them. Nodes that hold something else too are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
@@ -57,6 +59,8 @@ pub(super) struct OutsideRow {
     orders: Vec<i16>,
     /// The orders that they would have by a node beside theirs that sees into the volume.
     within: Vec<i16>,
+    /// The same where their nodes hold a part of a body there.
+    of_bodies: Vec<i16>,
     /// Marked pixels of all rows that see far beyond the volume, and very far.
     far: [u32; 2],
 }
@@ -88,6 +92,7 @@ impl Room {
             let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
             (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
         }
+        bodies::find(view, drift, runs, nodes, rows);
         let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
         let within_turns = (WITHIN_SD * drift.residual_sd_rad / TAU) as f32;
@@ -98,12 +103,15 @@ impl Room {
             for (i, outside) in outside.chunks_mut(width).enumerate() {
                 let v = tile_row * nodes.tile_px + i;
                 outside.fill(false);
-                let OutsideRow { orders, within, .. } = &mut room.outside;
+                let OutsideRow { orders, within, of_bodies, .. } = &mut room.outside;
                 if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond.then_some(node.label), orders) {
                     continue;
                 }
-                let label = |node: &Node| node.within_beside.filter(|_| node.sees_beyond);
-                nodes.fill_orders(runs, (v, width), label, within);
+                let beside = |holds_body: bool| {
+                    move |node: &Node| node.within_beside.filter(|_| node.sees_beyond && node.holds_body == holds_body)
+                };
+                nodes.fill_orders(runs, (v, width), beside(false), within);
+                nodes.fill_orders(runs, (v, width), beside(true), of_bodies);
                 view.table.row(v, &mut room.segments);
                 drift.along_row(v, width, &mut room.drift);
                 let far = simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
@@ -180,14 +188,15 @@ impl Kernel for MarkRow<'_> {
         let Self { view, limits, room, v, outside } = self;
         let mut all_far = [0; 2];
         let phase = &view.cam1.phase[v * view.cam1.width..];
-        let [orders, within] = [&room.outside.orders, &room.outside.within].map(|row| row.as_chunks::<LANES>().0);
-        for (block, ((orders, within), outside)) in orders.iter().zip(within).zip(outside.chunks_mut(LANES)).enumerate()
-        {
+        let OutsideRow { orders, within, of_bodies, .. } = &room.outside;
+        let [orders, within, of_bodies] = [orders, within, of_bodies].map(|row| row.as_chunks::<LANES>().0);
+        let all = orders.iter().zip(within.iter().zip(of_bodies)).zip(outside.chunks_mut(LANES));
+        for (block, ((orders, (within, of_bodies)), outside)) in all.enumerate() {
             if *orders == [NO_ORDER; LANES] {
                 continue;
             }
             let block = Block::of(lanes, &room.segments, &room.drift, phase, block * LANES);
-            let [found, far @ ..] = Sight { lanes, view, block }.marks(limits, orders, within);
+            let [found, far @ ..] = Sight { lanes, view, block }.marks(limits, orders, [within, of_bodies]);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
             all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());
         }
@@ -203,16 +212,9 @@ struct Sight<'a, L: Lanes> {
 }
 
 impl<L: Lanes> Sight<'_, L> {
-    /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
     #[inline(always)]
     fn fits(&self, place: &Place<L>, reach_turns: f32) -> L::Mask {
-        let lanes = self.lanes;
-        let last_px = lanes.float((self.view.cam2.width - 2) as f32);
-        let column = lanes.min_float(lanes.max_float(self.block.seen_at(place), lanes.float(0.0)), last_px);
-        let Block { segments, phases, .. } = &self.block;
-        let around = columns_around_each(lanes, self.view.cam2, segments.row, *phases, column);
-        let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
-        lanes.and(lanes.and(around.known, place.asked), lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off)))
+        self.block.fits(self.view.cam2, place, reach_turns)
     }
 
     /// Pixels whose places are farther beyond the volume than so many pixels.
@@ -226,7 +228,7 @@ impl<L: Lanes> Sight<'_, L> {
 
     /// Which pixels see something outside, and which of them far beyond the volume and very far, a bit each.
     #[inline(always)]
-    fn marks(&self, limits: Limits, orders: &[i16; LANES], within: &[i16; LANES]) -> [u32; 3] {
+    fn marks(&self, limits: Limits, orders: &[i16; LANES], [within, of_bodies]: [&[i16; LANES]; 2]) -> [u32; 3] {
         let (lanes, place) = (self.lanes, self.block.place(orders));
         let [beyond_px, far_px, very_far_px] = limits.beyond_px;
         let beyond = self.beyond(&place, beyond_px);
@@ -241,6 +243,9 @@ impl<L: Lanes> Sight<'_, L> {
             let closely = lanes.and_not(self.fits(&place, CLOSE_TURNS), unseen);
             let seen_within = lanes.and_not(self.fits(&self.block.place(within), limits.within_turns), closely);
             marked = lanes.and_not(marked, seen_within);
+        }
+        if *of_bodies != [NO_ORDER; LANES] {
+            marked = lanes.and_not(marked, self.fits(&self.block.place(of_bodies), limits.within_turns));
         }
         let far = lanes.and(marked, self.beyond(&place, far_px));
         let very_far = lanes.and(marked, self.beyond(&place, very_far_px));

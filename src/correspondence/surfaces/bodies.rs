@@ -1,0 +1,124 @@
+//! Which nodes that lead beyond the measurement volume hold a part of a body within it.
+//!
+//! ```text
+//! for each node that may see something outside, into which the phase runs on from one that sees into the volume clearly:
+//!     δ of its pixels about the drift by the order of that one, 32 at once
+//!     it holds a part of that body if most of the pixels that fit this order at all fit it closely
+//! ```
+//!
+//! A body may have just the phase of a board behind it along its border: then the board explains both. Over the body δ by the order of
+//! the body is that of noise. Over a board it runs through, and is as often far off as near.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use super::super::drift::{DepthRow, Drift};
+use super::super::epipolar_image::EpipolarImage;
+use super::super::segment::SegmentRow;
+use super::NO_ORDER;
+use super::block::Block;
+use super::evidence::{RowRoom, View};
+use super::nodes::{Node, Nodes};
+use super::outside::WITHIN_SD;
+use super::runs::Runs;
+use crate::simd::{self, Kernel, LANES, Lanes, Level};
+
+/// δ about the drift by which most pixels of a surface within fit, sd.
+const CLOSE_SD: f64 = 1.5;
+/// Share of those that fit at all which must: 0.87 of a surface do, and 0.33 where δ runs through.
+const MIN_CLOSE: f32 = 0.6;
+/// Fewest pixels that tell it.
+const MIN_PIXELS: u32 = 24;
+
+/// Room for a row of tiles.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BodyRow {
+    /// The orders of the pixels of a row.
+    orders: Vec<i16>,
+    /// Pixels of each block that fit them, and closely, a bit each.
+    fitting: Vec<[u32; 2]>,
+    /// Pieces of nodes in all rows, and how many of their pixels do.
+    counts: Vec<(u32, [u32; 2])>,
+}
+
+/// Tells which nodes hold a part of a body.
+pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes, rows: &mut [RowRoom]) {
+    let (width, all) = (view.cam1.width, &*nodes);
+    let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
+    rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
+        room.bodies.counts.clear();
+        for v in tile_row * all.tile_px..((tile_row + 1) * all.tile_px).min(view.cam1.height) {
+            let label = |node: &Node| node.within_beside.filter(|_| node.sees_beyond);
+            if all.fill_orders(runs, (v, width), label, &mut room.bodies.orders) {
+                view.table.row(v, &mut room.segments);
+                drift.along_row(v, width, &mut room.drift);
+                room.count_fitting(view, reach_turns, all, v);
+            }
+        }
+    });
+    for room in rows {
+        // All pieces of a node lie in one row of tiles.
+        room.bodies.counts.sort_unstable();
+        for counts in room.bodies.counts.chunk_by(|(a, _), (b, _)| a == b) {
+            let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
+            nodes.nodes[counts[0].0 as usize].holds_body =
+                fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32;
+        }
+    }
+}
+
+impl RowRoom {
+    fn count_fitting(&mut self, view: View<'_>, reach_turns: [f32; 2], nodes: &Nodes, v: usize) {
+        let first = v * view.cam1.width;
+        let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
+        let phase = &view.cam1.phase[first..first + view.cam1.width];
+        let cam2 = view.cam2;
+        simd::run(Level::in_use(), FittingRow { cam2, segments, drift, phase, orders, reach_turns, fitting });
+        for piece in nodes.of_row(v) {
+            let node = &nodes.nodes[piece.node as usize];
+            if !node.sees_beyond || node.within_beside.is_none() {
+                continue;
+            }
+            let mut sum = [0; 2];
+            for pixel in piece.begin as usize - first..piece.end as usize - first {
+                let bits = fitting[pixel / LANES];
+                sum.iter_mut().zip(bits).for_each(|(sum, bits)| *sum += bits >> (pixel % LANES) & 1);
+            }
+            counts.push((piece.node, sum));
+        }
+    }
+}
+
+/// Tells which pixels of a row fit their orders.
+struct FittingRow<'a> {
+    cam2: &'a EpipolarImage,
+    segments: &'a SegmentRow,
+    drift: &'a DepthRow,
+    phase: &'a [u16],
+    orders: &'a [i16],
+    reach_turns: [f32; 2],
+    fitting: &'a mut Vec<[u32; 2]>,
+}
+
+impl Kernel for FittingRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { cam2, segments, drift, phase, orders, reach_turns, fitting } = self;
+        fitting.clear();
+        for (i, orders) in orders.as_chunks::<LANES>().0.iter().enumerate() {
+            if *orders == [NO_ORDER; LANES] {
+                fitting.push([0; 2]);
+                continue;
+            }
+            let block = Block::of(lanes, segments, drift, phase, i * LANES);
+            let (known, off) = block.off_turns(cam2, &block.place(orders));
+            let [wide, close] = reach_turns;
+            let wide = lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(wide), off)));
+            let close = lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(close), off)));
+            fitting.push([lanes.bits(wide), lanes.bits(close)]);
+        }
+    }
+}
