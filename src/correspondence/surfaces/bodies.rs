@@ -1,9 +1,10 @@
 //! Which nodes that lead beyond the measurement volume hold a part of a body within it.
 //!
 //! ```text
-//! for each node that may see something outside, into which the phase runs on from one that sees into the volume clearly:
+//! for each node that leads beyond the volume, into which the phase runs on from one that sees into the volume clearly:
 //!     δ of its pixels about the drift by the order of that one, 32 at once
 //!     it holds a part of that body if most of the pixels that fit this order at all fit it closely
+//! the same of those into which the phase runs on from these, until no more are found
 //! ```
 //!
 //! A body may have just the phase of a board behind it along its border: then the board explains both. Over the body δ by the order of
@@ -19,7 +20,7 @@ use super::super::segment::SegmentRow;
 use super::NO_ORDER;
 use super::block::Block;
 use super::evidence::{RowRoom, View};
-use super::nodes::{Node, Nodes};
+use super::nodes::{NONE, Node, Nodes};
 use super::outside::WITHIN_SD;
 use super::runs::Runs;
 use crate::simd::{self, Kernel, LANES, Lanes, Level};
@@ -42,42 +43,75 @@ pub(super) struct BodyRow {
     counts: Vec<(u32, [u32; 2])>,
 }
 
-/// Tells which nodes hold a part of a body.
+/// Tells which nodes hold a part of a body, where those beside it that see into the volume are known.
 pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes, rows: &mut [RowRoom]) {
-    let (width, all) = (view.cam1.width, &*nodes);
     let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
-    rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
-        room.bodies.counts.clear();
-        for v in tile_row * all.tile_px..((tile_row + 1) * all.tile_px).min(view.cam1.height) {
-            let label = |node: &Node| node.within_beside.filter(|_| node.sees_beyond);
-            if all.fill_orders(runs, (v, width), label, &mut room.bodies.orders) {
-                view.table.row(v, &mut room.segments);
-                drift.along_row(v, width, &mut room.drift);
-                room.count_fitting(view, reach_turns, all, v);
+    for node in &mut nodes.nodes {
+        node.asks_for_body = !node.is_within && node.within_beside.is_some();
+    }
+    let mut goes_on = nodes.nodes.iter().any(|node| node.asks_for_body);
+    while goes_on {
+        let all = &*nodes;
+        rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
+            room.bodies.counts.clear();
+            for v in tile_row * all.tile_px..((tile_row + 1) * all.tile_px).min(view.cam1.height) {
+                room.count_fitting(view, drift, reach_turns, (runs, all), v);
             }
-        }
-    });
-    for room in rows {
-        // All pieces of a node lie in one row of tiles.
-        room.bodies.counts.sort_unstable();
-        for counts in room.bodies.counts.chunk_by(|(a, _), (b, _)| a == b) {
-            let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
-            nodes.nodes[counts[0].0 as usize].holds_body =
-                fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32;
+        });
+        nodes.nodes.iter_mut().for_each(|node| node.asks_for_body = false);
+        goes_on = false;
+        for room in &mut *rows {
+            // All pieces of a node lie in one row of tiles.
+            room.bodies.counts.sort_unstable();
+            for counts in room.bodies.counts.chunk_by(|(a, _), (b, _)| a == b) {
+                let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
+                if fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32 {
+                    nodes.nodes[counts[0].0 as usize].holds_body = true;
+                    goes_on |= nodes.ask_beside(counts[0].0);
+                }
+            }
         }
     }
 }
 
+impl Nodes {
+    /// Has the nodes beside one that holds a part of a body asked for it too, those that were not yet; whether there are any.
+    fn ask_beside(&mut self, node: u32) -> bool {
+        let Node { beside, within_beside, .. } = self.nodes[node as usize];
+        let mut any = false;
+        for other in beside.into_iter().filter(|&other| other != NONE) {
+            let other = &mut self.nodes[other as usize];
+            if !other.is_within && other.within_beside.is_none() {
+                (other.within_beside, other.asks_for_body, any) = (within_beside, true, true);
+            }
+        }
+        any
+    }
+}
+
 impl RowRoom {
-    fn count_fitting(&mut self, view: View<'_>, reach_turns: [f32; 2], nodes: &Nodes, v: usize) {
-        let first = v * view.cam1.width;
+    /// Counts the pixels of a row that fit the orders that are asked about.
+    fn count_fitting(
+        &mut self,
+        view: View<'_>,
+        of_image: &Drift,
+        reach_turns: [f32; 2],
+        (runs, nodes): (&Runs, &Nodes),
+        v: usize,
+    ) {
+        let (width, first) = (view.cam1.width, v * view.cam1.width);
+        let label = |node: &Node| node.within_beside.filter(|_| node.asks_for_body);
+        if !nodes.fill_orders(runs, (v, width), label, &mut self.bodies.orders) {
+            return;
+        }
+        view.table.row(v, &mut self.segments);
+        of_image.along_row(v, width, &mut self.drift);
         let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
-        let phase = &view.cam1.phase[first..first + view.cam1.width];
+        let phase = &view.cam1.phase[first..first + width];
         let cam2 = view.cam2;
         simd::run(Level::in_use(), FittingRow { cam2, segments, drift, phase, orders, reach_turns, fitting });
         for piece in nodes.of_row(v) {
-            let node = &nodes.nodes[piece.node as usize];
-            if !node.sees_beyond || node.within_beside.is_none() {
+            if !nodes.nodes[piece.node as usize].asks_for_body {
                 continue;
             }
             let mut sum = [0; 2];

@@ -124,6 +124,7 @@ impl Room {
         let label = |node: &Node| {
             let asked = node.asked as f32;
             let tells = node.is_clear()
+                && !node.holds_body
                 && (node.fitting >= MIN_FITTING * asked || node.rival <= MAX_RIVAL * node.fitting)
                 && node.lead >= MIN_LEAD * asked;
             tells.then_some(node.label)

@@ -55,10 +55,12 @@ pub(super) struct Node {
     pub(super) is_within: bool,
     /// Whether its order leads beyond the volume, and none within fits its pixels.
     pub(super) is_beyond: bool,
-    /// Whether its pixels may see something outside the volume; and the label of a node beside it that does not, if there is one.
+    /// Whether its pixels may see something outside the volume.
     pub(super) sees_beyond: bool,
+    /// The label of a node beside it that sees into the volume, if there is one; whether its pixels are to be asked if they see a part
+    /// of the same body; and whether some do.
     pub(super) within_beside: Option<u8>,
-    /// Whether some of its pixels see a part of the same body as that node.
+    pub(super) asks_for_body: bool,
     pub(super) holds_body: bool,
     /// The same of the best of the other labels at which C2 sees some of them.
     pub(super) rival: f32,
@@ -95,6 +97,7 @@ impl Node {
             is_within: false,
             sees_beyond: false,
             within_beside: None,
+            asks_for_body: false,
             holds_body: false,
         }
     }
