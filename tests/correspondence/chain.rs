@@ -11,8 +11,8 @@ use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
 use fringeflow::simd::Level;
 use fringeflow::simulation::{
-    Arrangement, Board, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation, SimulationOptions,
-    Staging, VirtualRig,
+    Arrangement, Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation,
+    SimulationOptions, Staging, VirtualRig,
 };
 
 /// Width and height of the images, pixels.
@@ -117,6 +117,30 @@ fn slips_of_one_or_both_cameras_are_found_and_corrected() {
         assert!(made.cloud.points.len().abs_diff(points) <= points / 500, "{ahead:?}: {}", made.cloud.points.len());
         assert!(scores(&simulation, &made).com_percent > com_percent - 0.1, "{ahead:?}");
     }
+}
+
+/// A scene before a dim board so far behind the measurement volume, of a rig with such a seed.
+fn before_board(object: Object, distance_mm: f64, seed: u64) -> Simulation {
+    let usual = options(object, Arrangement::TABLE_TOP);
+    let board = Board::Apart(BoardApart { distance_mm, albedo: 0.3, tilt_deg: 0.0 });
+    Simulation::new(SimulationOptions { board, rig: RigOptions { seed, ..usual.rig }, ..usual }).unwrap()
+}
+
+#[test]
+fn a_board_just_behind_the_volume_is_not_taken_for_a_slip() {
+    // With the patterns 2 and 1 steps ahead, all of this board would lie within.
+    let simulation = before_board(Object::Tooth, 5.0, 2);
+    let made = slipped(&simulation, [0, 0]);
+    assert_eq!(made.matches.slip_steps, [0, 0]);
+    let Scores { com_percent, fpc_percent, .. } = scores(&simulation, &made);
+    assert!(com_percent > 90.0 && fpc_percent < 0.5, "com {com_percent} %, fpc {fpc_percent} %");
+}
+
+#[test]
+fn a_body_whose_border_has_the_phase_of_a_board_behind_it_keeps_its_border() {
+    let simulation = before_board(Object::Machine, 85.0, 2);
+    let interior_percent = scores(&simulation, &reconstruct(&simulation)).interior_percent.unwrap();
+    assert!(interior_percent > 99.9, "{interior_percent} %");
 }
 
 /// com and fpc against the simulation's exact truth.

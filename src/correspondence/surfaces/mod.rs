@@ -11,6 +11,7 @@
 //! evidence:  of some pixels of each node how well every order fits, summed over the node
 //! belief:    along a surface the order goes on freely from node to node, and changes at a price
 //! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift
+//! bodies:    nodes that lead beyond the volume but hold the border of a body within
 //! outside:   pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
 //! taken:     the places of C2 that these are seen in: no point in the volume has its correspondence there
 //! ```
