@@ -49,6 +49,8 @@ pub(super) struct Node {
     pub(super) fitting: f32,
     /// The same of the label that fits best without regard to neighbours.
     pub(super) best_fitting: f32,
+    /// The same of the best of the other labels at which C2 sees some of them.
+    pub(super) rival: f32,
     /// Whether it is to be asked.
     pub(super) is_doubtful: bool,
     /// Whether its first pixel sees something in the volume, or near it.
@@ -62,8 +64,6 @@ pub(super) struct Node {
     pub(super) within_beside: Option<u8>,
     pub(super) asks_for_body: bool,
     pub(super) holds_body: bool,
-    /// The same of the best of the other labels at which C2 sees some of them.
-    pub(super) rival: f32,
 }
 
 /// Pixels of a run in one tile.
