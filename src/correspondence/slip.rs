@@ -28,7 +28,7 @@ const LEAST: f64 = 0.6;
 const BETTER: f64 = 2.0;
 /// How much better than every other slip.
 const BEST: f64 = 1.15;
-/// How much better surfaces must be explained with a slip: 1.5 times and more where there is one (bodies alone and before boards), 1.0
+/// How much better surfaces must be explained with a slip: 2.5 times and more where there is one (bodies alone and before boards), 0.95
 /// times where a board 5 mm beyond the volume agreed with one.
 const EXPLAINED: f64 = 1.25;
 
