@@ -26,6 +26,12 @@ pub(super) struct Place<L: Lanes> {
     per_turn: L::Floats,
 }
 
+/// By how much δ is off the drift, turns, and of which pixels C2 tells it.
+pub(super) struct Off<L: Lanes> {
+    known: L::Mask,
+    turns: L::Floats,
+}
+
 impl<L: Lanes> Block<L> {
     /// That of a row from a pixel on.
     #[inline(always)]
@@ -56,19 +62,24 @@ impl<L: Lanes> Block<L> {
     /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
     #[inline(always)]
     pub(super) fn fits(&self, cam2: &EpipolarImage, place: &Place<L>, reach_turns: f32) -> L::Mask {
-        let lanes = self.lanes;
-        let (known, off) = self.off_turns(cam2, place);
-        lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off)))
+        self.is_nearer(&self.off_turns(cam2, place), reach_turns)
     }
 
-    /// By how much δ is off the drift there, turns, and where C2 tells it.
+    /// By how much δ is off the drift there.
     #[inline(always)]
-    pub(super) fn off_turns(&self, cam2: &EpipolarImage, place: &Place<L>) -> (L::Mask, L::Floats) {
+    pub(super) fn off_turns(&self, cam2: &EpipolarImage, place: &Place<L>) -> Off<L> {
         let lanes = self.lanes;
         let last_px = lanes.float((cam2.width - 2) as f32);
         let column = lanes.min_float(lanes.max_float(self.seen_at(place), lanes.float(0.0)), last_px);
         let around = columns_around_each(lanes, cam2, self.segments.row, self.phases, column);
         let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
-        (lanes.and(around.known, place.asked), off)
+        Off { known: lanes.and(around.known, place.asked), turns: off }
+    }
+
+    /// Where that is known, and less than so many turns.
+    #[inline(always)]
+    pub(super) fn is_nearer(&self, off: &Off<L>, reach_turns: f32) -> L::Mask {
+        let lanes = self.lanes;
+        lanes.and(off.known, lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off.turns)))
     }
 }

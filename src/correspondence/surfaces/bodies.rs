@@ -54,7 +54,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes
         let all = &*nodes;
         rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
             room.bodies.counts.clear();
-            for v in tile_row * all.tile_px..((tile_row + 1) * all.tile_px).min(view.cam1.height) {
+            for v in all.rows_of_tiles(tile_row) {
                 room.count_fitting(view, drift, reach_turns, (runs, all), v);
             }
         });
@@ -104,8 +104,7 @@ impl RowRoom {
         if !nodes.fill_orders(runs, (v, width), label, &mut self.bodies.orders) {
             return;
         }
-        view.table.row(v, &mut self.segments);
-        of_image.along_row(v, width, &mut self.drift);
+        self.turn_to(view, of_image, v);
         let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
         let phase = &view.cam1.phase[first..first + width];
         let cam2 = view.cam2;
@@ -148,11 +147,9 @@ impl Kernel for FittingRow<'_> {
                 continue;
             }
             let block = Block::of(lanes, segments, drift, phase, i * LANES);
-            let (known, off) = block.off_turns(cam2, &block.place(orders));
+            let off = block.off_turns(cam2, &block.place(orders));
             let [wide, close] = reach_turns;
-            let wide = lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(wide), off)));
-            let close = lanes.and(known, lanes.mask_of(lanes.exceeds(lanes.float(close), off)));
-            fitting.push([lanes.bits(wide), lanes.bits(close)]);
+            fitting.push([lanes.bits(block.is_nearer(&off, wide)), lanes.bits(block.is_nearer(&off, close))]);
         }
     }
 }

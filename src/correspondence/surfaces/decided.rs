@@ -85,8 +85,7 @@ impl Room {
         let Wanted { cap_turns, with_open, .. } = wanted;
         let Self { runs, nodes, decided: DecidedRoom { candidates, row, .. }, .. } = self;
         let (width, space) = (view.cam1.width, Space::of(view.table));
-        view.table.row(v, &mut row.segments);
-        drift.along_row(v, width, &mut row.drift);
+        row.turn_to(view, drift, v);
         for piece in nodes.of_row(v) {
             let &Piece { node, offset, .. } = piece;
             let of_node = &nodes.nodes[node as usize];

@@ -76,6 +76,14 @@ pub(super) struct RowRoom {
     pub(super) taken: TakenRow,
 }
 
+impl RowRoom {
+    /// Turns to the segments and the drift of a row.
+    pub(super) fn turn_to(&mut self, view: View<'_>, drift: &Drift, v: usize) {
+        view.table.row(v, &mut self.segments);
+        drift.along_row(v, view.cam1.width, &mut self.drift);
+    }
+}
+
 /// What is read.
 #[derive(Clone, Copy)]
 pub(in super::super) struct View<'a> {
@@ -195,12 +203,8 @@ impl Asking<'_> {
 
     fn ask_tiles(self, tile_row: usize, room: &mut RowRoom, evidence: &mut [[i16; LABELS]]) {
         let Self { view, drift, stride, .. } = self;
-        let [width, height] = [view.cam1.width, view.cam1.height];
-        let tile_px = self.nodes.tile_px;
-        let rows = tile_row * tile_px..((tile_row + 1) * tile_px).min(height);
-        for v in rows.filter(|v| v % stride == stride / 2) {
-            view.table.row(v, &mut room.segments);
-            drift.along_row(v, width, &mut room.drift);
+        for v in self.nodes.rows_of_tiles(tile_row).filter(|v| v % stride == stride / 2) {
+            room.turn_to(view, drift, v);
             let first = self.nodes.tile_rows[tile_row];
             simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
         }

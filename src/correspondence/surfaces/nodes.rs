@@ -2,6 +2,8 @@
 //!
 //! Where a surface is united with itself around another one, its orders may contradict each other at a seam: there nodes end too.
 
+use std::ops::Range;
+
 use super::evidence::{View, base_of};
 use super::runs::Runs;
 use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE};
@@ -293,6 +295,11 @@ impl Nodes {
             }
         }
         any
+    }
+
+    /// The rows of pixels of a row of tiles.
+    pub(super) fn rows_of_tiles(&self, tile_row: usize) -> Range<usize> {
+        tile_row * self.tile_px..((tile_row + 1) * self.tile_px).min(self.begins.len() - 1)
     }
 
     /// The nodes beside one.

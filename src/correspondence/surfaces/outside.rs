@@ -112,8 +112,7 @@ impl Room {
                 };
                 nodes.fill_orders(runs, (v, width), beside(false), within);
                 nodes.fill_orders(runs, (v, width), beside(true), of_bodies);
-                view.table.row(v, &mut room.segments);
-                drift.along_row(v, width, &mut room.drift);
+                room.turn_to(view, drift, v);
                 let far = simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
                 room.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }

@@ -113,11 +113,10 @@ impl Room {
         let (runs, nodes, width) = (&*runs, &*nodes, view.cam1.width);
         rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
             room.taken.spans.clear();
-            for v in tile_row * nodes.tile_px..((tile_row + 1) * nodes.tile_px).min(view.cam1.height) {
+            for v in nodes.rows_of_tiles(tile_row) {
                 let label = |node: &Node| of_node(node).then_some(node.label);
                 if nodes.fill_orders(runs, (v, width), label, &mut room.taken.orders) {
-                    view.table.row(v, &mut room.segments);
-                    drift.along_row(v, width, &mut room.drift);
+                    room.turn_to(view, drift, v);
                     room.find_spans(view, nodes, v, &of_pixel);
                 }
             }
