@@ -37,6 +37,7 @@
 //! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
 //! | [`registration`] | how a scanner has moved between two clouds of one surface |
+//! | [`prior`] | what the stream knows of a window before its images are looked at |
 //! | [`fusion`] | the clouds of a moving scanner in one model of surfels |
 //! | [`health`] | whether the scanner measures as it should, watched from window to window |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
@@ -69,6 +70,7 @@ pub mod phase;
 pub mod pixels;
 mod png_encoding;
 pub mod preview;
+pub mod prior;
 pub mod reconstruction;
 pub mod recording;
 pub mod registration;

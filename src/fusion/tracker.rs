@@ -9,6 +9,7 @@
 
 use crate::cloud::Cloud;
 use crate::geometry::{Camera, Point3, Pose};
+use crate::prior::{Prior, Relief, RigidMotion};
 use crate::registration::{Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register};
 
 use super::closure::Closure;
@@ -93,6 +94,22 @@ struct View {
     surface: OrganizedSurface,
 }
 
+/// Where the scanner was last known to be.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    model_from_cam1: Pose,
+    time_ns: u64,
+    /// How it moved then; `None` after it was lost.
+    motion: Option<RigidMotion>,
+}
+
+impl Known {
+    /// From then to a time, seconds; 0 if that is earlier.
+    fn seconds_to(&self, time_ns: u64) -> f64 {
+        time_ns.saturating_sub(self.time_ns) as f64 * 1e-9
+    }
+}
+
 /// A view serves as long as places move in the image by less than this, as a share of their distance: about 6 pixels of 640.
 /// What comes into the image at its border has no partner until then.
 const VIEW_SHARE: f64 = 0.01;
@@ -112,8 +129,8 @@ pub struct Tracker {
     /// Middle of the model, and the covariance of where it stands.
     centre: Point3,
     standing: PoseCovariance,
-    /// Last known pose of C1, and the pose before that.
-    known: Option<[Pose; 2]>,
+    /// Last known pose of C1.
+    known: Option<Known>,
     covariance: PoseCovariance,
 }
 
@@ -148,26 +165,36 @@ impl Tracker {
         &self.centre
     }
 
-    /// The next cloud, in the order they were taken.
-    pub fn step(&mut self, cloud: &Cloud) -> Tracked {
-        let Some([pose, before]) = self.known else { return self.begin(self.surface(cloud)) };
+    /// The next cloud, in the order they were taken, and its time.
+    pub fn step(&mut self, cloud: &Cloud, time_ns: u64) -> Tracked {
+        let Some(known) = self.known else { return self.begin(self.surface(cloud), time_ns) };
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
-        match self.locate(&sampled, &pose, &before) {
-            Ok((tracking, reference, registration)) => self.take(cloud, sampled, tracking, &reference, &registration),
+        match self.locate(&sampled, &known, time_ns) {
+            Ok((tracking, reference, registration)) => {
+                self.take(cloud, sampled, tracking, &reference, &registration, time_ns)
+            }
             Err(lost) => {
                 // What the scanner did meanwhile, nobody knows.
-                self.known = Some([pose, pose]);
-                let (model_from_cam1, covariance) = (pose, self.covariance);
+                self.known = Some(Known { motion: None, ..known });
+                let (model_from_cam1, covariance) = (known.model_from_cam1, self.covariance);
                 Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() }
             }
         }
+    }
+
+    /// What the last cloud tells of the next windows; `None` where it was lost, or is the first one.
+    #[must_use]
+    pub fn prior(&self) -> Option<Prior> {
+        let motion = self.known?.motion?;
+        let points = self.last.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
+        Some(Prior { motion, relief: Relief::of_points(self.size_px(), points) })
     }
 
     /// How the last merged cloud lies to the first, by themselves and by the tracking; `None` where they have too little
     /// in common.
     #[must_use]
     pub fn closure(&self) -> Option<Closure> {
-        let [pose, _] = self.known?;
+        let pose = self.known?.model_from_cam1;
         let is_first = self.model.clouds() < 2;
         if is_first {
             None
@@ -184,7 +211,7 @@ impl Tracker {
         OrganizedSurface::of_cloud(cloud, self.size_px())
     }
 
-    fn begin(&mut self, surface: OrganizedSurface) -> Tracked {
+    fn begin(&mut self, surface: OrganizedSurface, time_ns: u64) -> Tracked {
         let with_normal = surface.points().iter().filter(|point| point.normal.is_some()).count();
         let least = self.settings.registration.min_associated;
         let (model_from_cam1, covariance) = (Pose::identity(), PoseCovariance::zero());
@@ -195,7 +222,7 @@ impl Tracker {
         let merged = self.merge(&surface, &model_from_cam1, covariance, 1.0);
         self.first = surface.clone();
         self.last = surface;
-        self.known = Some([model_from_cam1; 2]);
+        self.known = Some(Known { model_from_cam1, time_ns, motion: None });
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
@@ -204,10 +231,11 @@ impl Tracker {
     fn locate(
         &mut self,
         surface: &OrganizedSurface,
-        pose: &Pose,
-        before: &Pose,
+        known: &Known,
+        time_ns: u64,
     ) -> Result<(Tracking, Pose, Registration), Lost> {
-        let predicted = pose * before.inverse() * pose;
+        let Known { model_from_cam1: pose, motion, .. } = known;
+        let predicted = pose * motion.map_or_else(Pose::identity, |motion| motion.pose_after(known.seconds_to(time_ns)));
         let settings = self.settings.registration;
         if let Ok((reference, found)) = self.register_at(surface, &predicted, &settings) {
             return Ok((Tracking::Tracked(found), reference, found));
@@ -247,6 +275,7 @@ impl Tracker {
         tracking: Tracking,
         model_from_reference: &Pose,
         registration: &Registration,
+        time_ns: u64,
     ) -> Tracked {
         let mut model_from_cam1 = model_from_reference * registration.reference_from_moved;
         // A prediction is a product of three poses, and the next pose is one of that: the rounding of the quaternions'
@@ -261,8 +290,10 @@ impl Tracker {
         } else {
             Merged::default()
         };
-        let before = self.known.map_or(model_from_cam1, |[pose, _]| pose);
-        self.known = Some([model_from_cam1, before]);
+        let motion = self.known.and_then(|before| {
+            RigidMotion::between(&before.model_from_cam1, &model_from_cam1, before.seconds_to(time_ns))
+        });
+        self.known = Some(Known { model_from_cam1, time_ns, motion });
         self.covariance = covariance;
         self.last = sampled;
         Tracked { tracking, model_from_cam1, covariance, merged }

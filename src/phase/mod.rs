@@ -19,6 +19,9 @@ mod shifts;
 pub use decode::{Validity, decode, decode_into};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
 pub use map::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
-pub use motion::{MAX_IMAGES, MotionFit, MotionRoom, decode_moving, decode_moving_into, usual_extra_images};
+pub use motion::{
+    FLOW_TILE_PX, Flow, MAX_IMAGES, MotionFit, MotionFits, MotionRoom, SurfaceMotion, decode_following_into, decode_moving,
+    decode_moving_into, usual_extra_images,
+};
 pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceRoom};
 pub use shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts, ShiftError};

@@ -22,6 +22,9 @@ pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {
     /// Stored values as unsigned words, from those with their bias.
     fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words;
 
+    /// Stored values of reals between 0 and the largest one, without their fractions.
+    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES];
+
     /// The stored value.
     fn value(self) -> u16;
 
@@ -58,6 +61,13 @@ impl Sample for u8 {
     #[inline(always)]
     fn unsigned<L: Lanes>(_: L, words: L::Words) -> L::Words {
         words
+    }
+
+    #[inline(always)]
+    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
+        let mut bytes = [0; LANES];
+        lanes.store_real_bytes(reals, &mut bytes);
+        bytes
     }
 
     fn value(self) -> u16 {
@@ -102,6 +112,13 @@ impl Sample for [u8; 2] {
     #[inline(always)]
     fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words {
         lanes.sub(words, lanes.word(Self::BIAS))
+    }
+
+    #[inline(always)]
+    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
+        let mut words = [0; LANES];
+        lanes.store_real_words(reals, &mut words);
+        words.map(u16::to_le_bytes)
     }
 
     fn value(self) -> u16 {

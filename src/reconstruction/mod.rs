@@ -3,14 +3,19 @@
 //! In: N images a camera. Out: the cloud, the decision about every pixel of C1, and the figures behind it. What depends
 //! on the rig alone (segment table, epipolar frame) is held; the images come and go.
 
+mod stream;
+
 use std::sync::Arc;
 
 use crate::cloud::Cloud;
 use crate::correspondence::{Confidence, MatchError, MatchSettings, Matches, Outcome, SegmentTable};
-use crate::geometry::{EpipolarError, Rig};
+use crate::geometry::{EpipolarError, FringePattern, Rig};
 use crate::grey::GreyLevels;
 use crate::phase::{MAX_IMAGES, PhaseMap, PhaseShifts, Validity, usual_extra_images};
+use crate::prior::{Moment, Prior};
 use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
+
+pub use stream::{TrackedStream, WindowTimes};
 
 /// How images become a cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,19 +70,20 @@ pub enum ReconstructionError {
 }
 
 impl Reconstructor {
-    /// A reconstructor for a rig, its segment table, and one cycle of shifts.
+    /// A reconstructor for a rig, its pattern and segment table, and one cycle of shifts.
     ///
     /// # Errors
     /// The rig has no epipolar frame.
     pub fn new(
         rig: &Rig,
+        pattern: &FringePattern,
         table: SegmentTable,
         shifts: &PhaseShifts,
         settings: Settings,
     ) -> Result<Self, EpipolarError> {
         let table = Arc::new(table);
         Ok(Self {
-            phase: PhaseWorker::new(rig, shifts, settings.validity),
+            phase: PhaseWorker::new(rig, pattern, shifts, settings.validity),
             correspondence: CorrespondenceWorker::new(Arc::clone(&table), shifts, settings.matching),
             cloud: CloudWorker::new(rig, table)?,
         })
@@ -91,7 +97,7 @@ impl Reconstructor {
 
     /// Reconstructs one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the
     /// first shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated, and the cloud is
-    /// that of the centre of the window.
+    /// that of the centre of the window; what is known of it beforehand helps.
     ///
     /// # Errors
     /// Images that do not fit, or that have nothing in common.
@@ -100,9 +106,10 @@ impl Reconstructor {
         first_step: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
+        known: Option<(&Prior, Moment)>,
     ) -> Result<Reconstruction, ReconstructionError> {
         let (mut maps, mut found, mut cloud) = (PhasePair::default(), Correspondences::default(), Cloud::default());
-        self.phase.step(first_step, cam1, cam2, &mut maps)?;
+        self.phase.step(first_step, cam1, cam2, known, &mut maps)?;
         self.correspondence.step(&maps, &mut found)?;
         self.cloud.step(&found, &mut cloud);
         let mut matches = found.matches;

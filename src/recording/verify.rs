@@ -64,7 +64,7 @@ impl Recording {
         let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern);
         let table = table.map_err(|e| fail(e.to_string()))?;
         let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| fail(e.to_string()))?;
-        let reconstructor = Reconstructor::new(&setup.rig, table, &shifts, configuration.settings);
+        let reconstructor = Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &shifts, configuration.settings);
         reconstructor.map_err(|e| fail(e.to_string()))
     }
 
@@ -101,7 +101,7 @@ impl Recording {
             Err(error) => return Err(error),
         };
         let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2) {
+        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, None) {
             Ok(made) => compare(records, &made.cloud),
             Err(error) => VerifyOutcome::NoCloud(error.to_string()),
         })

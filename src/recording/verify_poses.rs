@@ -84,7 +84,7 @@ impl Recording {
     fn is_same(&self, model: &mut Remade, report: &PoseReport, place: usize) -> Result<bool, RecordingError> {
         let Some((header, cloud)) = self.cloud_headers().nth(place).zip(self.cloud(place)?) else { return Ok(false) };
         model.next += 1;
-        let tracked = model.tracker.step(&cloud);
+        let tracked = model.tracker.step(&cloud, header.window.centre_ns);
         let made = pose_report(&model.tracker, &tracked, header, model.first_cloud);
         Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..made } == *report)
     }

@@ -1,11 +1,12 @@
 //! From the images of both cameras to their phase maps.
 
-use crate::geometry::Rig;
+use crate::geometry::{FringePattern, Rig};
 use crate::grey::GreyLevels;
 use crate::phase::{
-    MotionFit, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity, decode_into,
-    decode_moving_into,
+    Flow, MotionFits, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity, decode_following_into,
+    decode_into, decode_moving_into,
 };
+use crate::prior::{Moment, Prior};
 
 use super::sequence::SequenceFaults;
 
@@ -21,6 +22,8 @@ pub struct PhasePair {
 /// Decodes the images of one rig and one cycle of shifts.
 #[derive(Clone, Debug)]
 pub struct PhaseWorker {
+    rig: Rig,
+    pattern: FringePattern,
     cycle_rad: Vec<f64>,
     validity: Validity,
     cam1_px: [usize; 2],
@@ -46,7 +49,7 @@ enum WindowFit {
     /// One cycle: the phase of a scene at rest.
     Resting(Box<PhaseShifts>),
     /// More: the phase of a moving scene at the centre of the window.
-    Moving(Box<MotionFit>),
+    Moving(Box<MotionFits>),
 }
 
 /// Images that no phase comes of.
@@ -80,13 +83,15 @@ pub enum ImagesError {
 }
 
 impl PhaseWorker {
-    /// A worker for the images of `rig` with one cycle of shifts.
+    /// A worker for the images of `rig`, lit by a pattern with one cycle of shifts.
     #[must_use]
-    pub fn new(rig: &Rig, cycle: &PhaseShifts, validity: Validity) -> Self {
+    pub fn new(rig: &Rig, pattern: &FringePattern, cycle: &PhaseShifts, validity: Validity) -> Self {
         let [cam1_px, cam2_px] = [&rig.cam1, &rig.cam2].map(|camera| [camera.width_px(), camera.height_px()]);
         let cycle_rad = cycle.shifts_rad().to_vec();
         let steps = vec![None; cycle_rad.len()];
         Self {
+            rig: rig.clone(),
+            pattern: *pattern,
             cycle_rad,
             validity,
             cam1_px,
@@ -99,7 +104,8 @@ impl PhaseWorker {
     }
 
     /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
-    /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated.
+    /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated: by what is known of it
+    /// beforehand, and by what the images tell.
     ///
     /// # Errors
     /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has; images that
@@ -109,6 +115,7 @@ impl PhaseWorker {
         first_step: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
+        known: Option<(&Prior, Moment)>,
         out: &mut PhasePair,
     ) -> Result<(), ImagesError> {
         let images = cam1.len().max(self.cycle_rad.len());
@@ -117,14 +124,19 @@ impl PhaseWorker {
             self.window_images = images;
         }
         let begin = first_step % self.cycle_rad.len();
-        let steps = match self.steps[begin].take() {
+        let mut steps = match self.steps[begin].take() {
             Some(steps) => steps,
             None => self.window_steps(begin, images)?,
         };
         let mut decode = || {
             self.check_sequence(&steps.check, images, cam1, cam2)?;
-            self.decode(1, &steps.fit, images, cam1, self.cam1_px, &mut out.cam1)?;
-            self.decode(2, &steps.fit, images, cam2, self.cam2_px, &mut out.cam2)
+            let flows = match &steps.fit {
+                WindowFit::Resting(_) => None,
+                WindowFit::Moving(_) => known.and_then(|(prior, moment)| prior.flows(&self.rig, &self.pattern, moment)),
+            };
+            let [flow1, flow2] = flows.map_or([None, None], |flows| flows.map(Some));
+            self.decode(1, (&mut steps.fit, flow1), images, cam1, self.cam1_px, &mut out.cam1)?;
+            self.decode(2, (&mut steps.fit, flow2), images, cam2, self.cam2_px, &mut out.cam2)
         };
         let decoded = decode();
         self.steps[begin] = Some(steps);
@@ -153,7 +165,7 @@ impl PhaseWorker {
         let fit = if images == self.cycle_rad.len() {
             WindowFit::Resting(Box::new(PhaseShifts::new(&shifts_rad)?))
         } else {
-            WindowFit::Moving(Box::new(MotionFit::new(&shifts_rad)?))
+            WindowFit::Moving(Box::new(MotionFits::new(&shifts_rad)?))
         };
         Ok(WindowSteps { fit, check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
     }
@@ -161,7 +173,7 @@ impl PhaseWorker {
     fn decode(
         &mut self,
         camera: u8,
-        fit: &WindowFit,
+        (fit, flow): (&mut WindowFit, Option<Flow>),
         expected_images: usize,
         images: &[GreyLevels<'_>],
         size_px: [usize; 2],
@@ -170,9 +182,16 @@ impl PhaseWorker {
         let [width, height] = size_px;
         let decoded = match fit {
             WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, &self.validity),
-            WindowFit::Moving(fit) => {
-                decode_moving_into(out, &mut self.motion_room, images, width, height, fit, &self.validity)
-            }
+            WindowFit::Moving(fits) => match flow {
+                Some(flow) => {
+                    let room = &mut self.motion_room;
+                    decode_following_into(out, room, images, size_px, (fits, &flow), &self.validity)
+                }
+                None => {
+                    let fit = fits.resting();
+                    decode_moving_into(out, &mut self.motion_room, images, width, height, fit, &self.validity)
+                }
+            },
         };
         decoded.ok_or_else(|| ImagesError::Camera {
             camera,

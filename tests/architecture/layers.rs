@@ -20,13 +20,14 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("correspondence", &["geometry", "simd", "phase", "atomic_file"]),
     ("cloud", &["geometry", "simd", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
     ("registration", &["geometry", "cloud::Cloud"]),
-    ("fusion", &["geometry", "registration", "cloud", "atomic_file"]),
+    ("prior", &["geometry", "phase"]),
+    ("fusion", &["geometry", "registration", "prior", "cloud", "atomic_file"]),
     ("evaluation", &["grey::GreyLevels", "geometry", "phase", "dataset", "correspondence", "cloud"]),
     ("simulation", &["grey", "geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
-    ("worker", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud"]),
+    ("worker", &["grey::GreyLevels", "geometry", "phase", "prior", "correspondence", "cloud"]),
     ("telemetry", &["health", "message", "correspondence::Outcome"]),
     ("wire", &["geometry::Pose", "health", "message", "phase", "correspondence", "fusion", "registration", "worker"]),
-    ("reconstruction", &["grey::GreyLevels", "geometry", "phase", "correspondence", "cloud", "worker"]),
+    ("reconstruction", &["grey::GreyLevels", "geometry", "phase", "prior", "fusion", "correspondence", "cloud", "worker"]),
     (
         "config",
         &[

@@ -6,9 +6,13 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
+use fringeflow::reconstruction::WindowTimes;
 use fringeflow::recording::{ImagePair, Recording, TruthPoses, cycles, windows};
 
 use crate::failure::Failure;
+
+/// From one image of a folder to the next, where only their order matters.
+const FOLDER_SPACING_NS: u64 = 10_000_000;
 
 /// An opened input.
 pub(crate) enum Input {
@@ -140,8 +144,16 @@ impl Input {
         }
     }
 
+    /// When image pairs were taken; those of a folder as if [`FOLDER_SPACING_NS`] apart.
+    pub(crate) fn times(&self, numbers: &[usize]) -> WindowTimes {
+        let time = |number: usize| self.exposure_ns(number).unwrap_or(number as u64 * FOLDER_SPACING_NS);
+        let times = || numbers.iter().map(|&number| time(number));
+        let exposures_ns = [times().min().unwrap_or_default(), times().max().unwrap_or_default()];
+        WindowTimes { exposures_ns, images: numbers.len() }
+    }
+
     /// Whether an image pair comes right behind the one before it.
-    fn follows(&self, number: usize) -> bool {
+    pub(crate) fn follows(&self, number: usize) -> bool {
         let (steps, Some(before)) = (self.setup().steps, number.checked_sub(1)) else { return false };
         match self {
             Self::Folder(dataset) => {

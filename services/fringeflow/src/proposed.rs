@@ -9,7 +9,8 @@ use fringeflow::dataset::GreyImage;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::health::HealthLimits;
 use fringeflow::phase::PhaseShifts;
-use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
+use fringeflow::fusion::{FusionSettings, Tracker};
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, TrackedStream};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -30,6 +31,10 @@ pub(crate) struct ProposedArgs {
     measuring: MeasuringArgs,
 }
 
+/// Windows before the one that is asked for, of which it knows: two clouds tell a motion, four more of its noise than of what it
+/// changed by.
+const WINDOWS_BEFORE: usize = 4;
+
 /// Arguments of how images are measured.
 #[derive(clap::Args, Default)]
 pub(crate) struct MeasuringArgs {
@@ -39,6 +44,9 @@ pub(crate) struct MeasuringArgs {
     /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Make nothing of what the windows before tell of the motion and the scene.
+    #[arg(long)]
+    pub(crate) no_prior: bool,
     /// How pixels with several candidates are decided, semi-global or paper (a slow reference); by default as configured, else
     /// semi-global.
     #[arg(long, value_name = "METHOD", value_parser = resolution)]
@@ -77,13 +85,37 @@ impl ProposedArgs {
         let configuration = self.measuring.configuration(input)?;
         let chosen = self.images(input, &configuration)?;
         let bar = progress::bar("segment table", 2);
-        let mut reconstructor = self.measuring.reconstructor(input, &chosen, &configuration)?;
+        let reconstructor = self.measuring.reconstructor(input, &chosen, &configuration)?;
         bar.inc(1);
         bar.set_message("correspondences");
-        let reconstruction = reconstruct(input, &mut reconstructor, &chosen);
+        let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());
+        let mut stream = TrackedStream::new(reconstructor, tracker);
+        for images in self.windows_before(input, &chosen, &configuration) {
+            let times = input.times(&images.numbers);
+            if let Ok(made) = try_reconstruct_next(input, &mut stream, &images)? {
+                stream.track(&made, &times);
+            }
+        }
+        let reconstruction = try_reconstruct_next(input, &mut stream, &chosen)?.map_err(|e| input.unusable(&e));
         bar.finish_and_clear();
         let image = input.middle(&chosen.numbers);
         Ok(Proposed { reconstruction: reconstruction?, image, limits: configuration.health })
+    }
+
+    /// The windows that tell what is known of the images beforehand: those just before, each an image pair behind the last; none
+    /// where nothing is to be known.
+    fn windows_before(&self, input: &Input, chosen: &Images, configuration: &Configuration) -> Vec<Images> {
+        let (count, first) = (chosen.numbers.len(), chosen.numbers.first().copied().unwrap_or_default());
+        if !self.measuring.takes_prior(input, configuration) || count <= chosen.cycle_rad.len() {
+            return Vec::new();
+        }
+        let starts = (1..=WINDOWS_BEFORE).map_while(|back| {
+            let start = first.checked_sub(back)?;
+            input.follows(start + 1).then_some(start)
+        });
+        let mut windows: Vec<Images> = starts.filter_map(|start| Images::in_turn(input, start..start + count).ok()).collect();
+        windows.reverse();
+        windows
     }
 
     /// The phase images to use.
@@ -169,6 +201,11 @@ impl MeasuringArgs {
         Ok(configuration)
     }
 
+    /// Whether a window is given what those before it tell: as the recording was made, and of dataset folders.
+    pub(crate) fn takes_prior(&self, input: &Input, configuration: &Configuration) -> bool {
+        !self.no_prior && (configuration.tracking.is_enabled || matches!(input, Input::Folder(_)))
+    }
+
     /// What reconstructs images that show the same steps as these.
     pub(crate) fn reconstructor(
         &self,
@@ -211,7 +248,7 @@ pub(crate) fn reconstructor(
         SegmentFileError::Table(problem) => input.unusable(&problem),
         e => Failure::SegmentFile(e),
     })?;
-    Reconstructor::new(rig, table, &shifts, configuration.settings).map_err(|e| input.unusable(&e))
+    Reconstructor::new(rig, pattern, table, &shifts, configuration.settings).map_err(|e| input.unusable(&e))
 }
 
 /// Reconstructs these images.
@@ -231,7 +268,18 @@ pub(crate) fn try_reconstruct(
 ) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
     let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2))
+    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, None))
+}
+
+/// Reconstructs the next images of a stream; that they yield no cloud is a result.
+pub(crate) fn try_reconstruct_next(
+    input: &Input,
+    stream: &mut TrackedStream,
+    images: &Images,
+) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
+    let [cam1, cam2] = input.images(&images.numbers)?;
+    let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+    Ok(stream.reconstruct(images.first_step, &cam1, &cam2, &input.times(&images.numbers)))
 }
 
 /// A resolution by its name.

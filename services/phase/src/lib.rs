@@ -70,7 +70,7 @@ impl Decoding {
         Ok(Self {
             account,
             output: Publisher::open(&host.node, PHASE_MAPS, &host.sizes)?,
-            worker: PhaseWorker::new(&host.setup.rig, &shifts, host.configuration.measurement.settings.validity),
+            worker: PhaseWorker::new(&host.setup.rig, &host.setup.sequence.pattern, &shifts, host.configuration.measurement.settings.validity),
             maps: PhasePair::default(),
             newest: None,
         })
@@ -97,7 +97,7 @@ impl Decoding {
         }
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
-        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, &mut self.maps) {
+        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, None, &mut self.maps) {
             let window = &images.window;
             let [cam1, cam2] = [window.cam1_sequence[0], window.cam2_sequence[0]];
             tracing::warn!(first_image_of_camera1 = cam1, first_image_of_camera2 = cam2, "{error}");

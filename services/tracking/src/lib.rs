@@ -109,7 +109,7 @@ impl TrackingStage {
             host.report(Stage::Tracking, self.account.counts(), None);
             return Ok(());
         };
-        let tracked = self.tracker.step(&Cloud { points });
+        let tracked = self.tracker.step(&Cloud { points }, header.window.centre_ns);
         let first_cloud = self.first_cloud.unwrap_or(header.published);
         let report = pose_report(&self.tracker, &tracked, &header, first_cloud);
         let published = messages(Stage::Tracking, self.account.counts());

@@ -15,7 +15,7 @@ use crate::simd::{Kernel, LANES, Lanes};
 
 use super::MAX_IMAGES;
 use super::estimate::{ColumnSums, MotionParts, REACH};
-use super::fit::MotionFit;
+use super::follow::Fits;
 use super::images::Images;
 use super::linear::Fitted;
 use super::moved::{Turns, everywhere, without_ripple};
@@ -64,7 +64,7 @@ pub(super) struct Planes<'a> {
 /// What is known of 32 pixels of a row beside their phase.
 #[derive(Clone, Debug)]
 pub(super) struct Beside {
-    /// Motion, rad an image; NaN where it is not known.
+    /// Motion at the place that is followed, rad an image; NaN where it is not known.
     pub(super) motion_rad: [f32; LANES],
     /// Standard deviation of the samples about the moving sinusoid, grey levels.
     pub(super) residual: [f32; LANES],
@@ -81,7 +81,7 @@ impl Default for Beside {
 /// Decodes some rows.
 pub(super) struct Band<'a, 'b, S> {
     pub(super) images: &'a Images<'b, S>,
-    pub(super) fit: &'a MotionFit,
+    pub(super) fits: Fits<'a>,
     pub(super) validity: &'a Validity,
     pub(super) rows: Range<usize>,
     pub(super) room: &'a mut BandRoom,
@@ -116,9 +116,6 @@ impl<S: Sample> Band<'_, '_, S> {
     /// Fits a row, and finds the parts of its motion as if it had none.
     #[inline(always)]
     fn fit_row<L: Lanes>(&mut self, lanes: L, row: usize) {
-        let fit = self.fit;
-        let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
-        let [direct, ripple, slope_ripple] = resting.map(|of| everywhere(lanes, of.resting));
         let all = lanes.mask(u32::MAX);
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let fitted = &mut self.room.fitted[row % FITTED_ROWS * blocks..][..blocks];
@@ -126,9 +123,11 @@ impl<S: Sample> Band<'_, '_, S> {
         for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
             let count = (width - b * LANES).min(LANES);
             let place = [row * width + b * LANES, count];
+            let (fit, expected_rad) = self.fits.of([row, b]);
             fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.room.greys);
             if fitted.tells_motion {
-                parts.set(lanes, fitted, [direct, ripple, slope_ripple], all);
+                let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
+                parts.set(lanes, fitted, resting.map(|of| everywhere(lanes, of.resting)), all, expected_rad);
             } else {
                 *parts = MotionParts::default();
             }
@@ -141,7 +140,7 @@ impl<S: Sample> Band<'_, '_, S> {
         let blocks = self.images.width.div_ceil(LANES);
         self.add_up(lanes, row, round - 1);
         for block in 0..blocks {
-            let motion_rad = self.room.sums.motion_rad(lanes, self.fit, block);
+            let motion_rad = self.room.sums.motion_rad(lanes, self.fits.of([row, block]), block);
             if round < ROUNDS {
                 self.find_parts(lanes, [row, block], round, motion_rad, turns);
             } else {
@@ -171,14 +170,14 @@ impl<S: Sample> Band<'_, '_, S> {
         motion_rad: L::Reals,
         turns: &mut Turns<L>,
     ) {
-        let (fit, blocks) = (self.fit, self.images.width.div_ceil(LANES));
+        let ((fit, expected_rad), blocks) = (self.fits.of([row, block]), self.images.width.div_ceil(LANES));
         let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
         let parts = &mut self.room.parts[round][row % PARTS_ROWS * blocks + block];
         if fitted.tells_motion {
             let (known, angle) = known(lanes, motion_rad);
             turns.set(lanes, fit.images(), angle);
             let sums = turns.sums(lanes, [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple]);
-            parts.set(lanes, fitted, sums, known);
+            parts.set(lanes, fitted, sums, known, expected_rad);
         } else {
             *parts = MotionParts::default();
         }
@@ -188,7 +187,8 @@ impl<S: Sample> Band<'_, '_, S> {
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2], motion_rad: L::Reals, turns: &mut Turns<L>) {
         let l = lanes;
-        let (fit, width, blocks) = (self.fit, self.images.width, self.images.width.div_ceil(LANES));
+        let ((fit, _), followed_rad) = (self.fits.of([row, block]), self.fits.followed_rad([row, block]));
+        let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let count = (width - block * LANES).min(LANES);
         let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
         let (known, angle) = known(l, motion_rad);
@@ -207,7 +207,7 @@ impl<S: Sample> Band<'_, '_, S> {
         let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
         let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
         let beside = &mut self.planes.beside[(row - self.rows.start) * blocks + block];
-        l.store_reals(motion_rad, &mut beside.motion_rad);
+        l.store_reals(l.add_real(motion_rad, l.real(followed_rad)), &mut beside.motion_rad);
         l.store_reals(residual, &mut beside.residual);
         beside.saturated = fitted.saturated;
         let mut decoded = DecodedBlock::default();

@@ -24,7 +24,8 @@ impl Default for MotionParts {
 }
 
 impl MotionParts {
-    /// Those of fitted pixels, by the responses H, G and that of z' to the conjugate of z at their motion.
+    /// Those of fitted pixels, by the responses H, G and that of z' to the conjugate of z at their motion, which comes on top of
+    /// the one that is followed.
     #[inline(always)]
     pub(super) fn set<L: Lanes>(
         &mut self,
@@ -32,6 +33,7 @@ impl MotionParts {
         fitted: &Fitted,
         [direct, ripple, slope_ripple]: [Complexes<L>; 3],
         known: L::Mask,
+        expected_rad: f32,
     ) {
         let l = lanes;
         let z = [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])];
@@ -46,6 +48,8 @@ impl MotionParts {
         let weight = l.select_real(l.and(known, has_contrast), l.load_reals(&fitted.weight), l.real(0.0));
         let power = l.times_real(weight, l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let slope = l.times_real(weight, l.sub_real(l.times_real(im_clean, re), l.times_real(re_clean, im)));
+        // Neighbours may follow another motion: what they have in common is by how much it is not the expected one.
+        let slope = l.sub_real(slope, l.times_real(power, l.real(expected_rad)));
         l.store_reals(power, &mut self.power);
         l.store_reals(slope, &mut self.slope);
     }
@@ -85,9 +89,10 @@ impl ColumnSums {
         }
     }
 
-    /// Motion of the pixels of a block, rad an image; NaN where nothing tells it, or where it is too fast.
+    /// Motion of the pixels of a block on top of the one that is followed, rad an image; NaN where nothing tells it, or where it
+    /// is too fast.
     #[inline(always)]
-    pub(super) fn motion_rad<L: Lanes>(&self, lanes: L, fit: &MotionFit, block: usize) -> L::Reals {
+    pub(super) fn motion_rad<L: Lanes>(&self, lanes: L, (fit, expected_rad): (&MotionFit, f32), block: usize) -> L::Reals {
         let l = lanes;
         let (slope, power) = (around(l, &self.slopes, block), around(l, &self.powers, block));
         let nothing = l.real(f32::NAN);
@@ -95,7 +100,7 @@ impl ColumnSums {
         if l.bits(is_told) == 0 {
             return nothing;
         }
-        let slope = l.over_real(slope, power);
+        let slope = l.add_real(l.over_real(slope, power), l.real(expected_rad));
         let is_ahead = l.is_at_least_real(slope, l.real(0.0));
         let limit = l.select_real(is_ahead, l.real(fit.limits[0]), l.real(fit.limits[1]));
         let place = l.times_real(l.over_real(l.abs_real(slope), limit), l.real(TABLE as f32));

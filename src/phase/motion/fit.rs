@@ -204,6 +204,11 @@ impl MotionFit {
         self.noise_gain
     }
 
+    /// The largest motion that is told in either sense, rad an image.
+    pub(super) fn least_limit_rad(&self) -> f32 {
+        self.motions.iter().map(|table| table.motion_rad[TABLE]).fold(f32::INFINITY, f32::min)
+    }
+
     /// The motion, rad an image, whose fit gives `Im(z'/z)`; NaN where it is too fast to be told.
     pub(super) fn motion_rad(&self, slope: f32) -> f32 {
         let [ahead, back] = &self.motions;

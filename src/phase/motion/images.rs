@@ -77,6 +77,24 @@ impl<'a, S: Sample> Images<'a, S> {
         !self.samples[image][pixel].is_below(self.saturation)
     }
 
+    /// Images of as many other samples, each `plane` behind the one before.
+    pub(super) fn others<'b>(&self, samples: &'b [S], plane: usize) -> Images<'b, S> {
+        let mut others = [[].as_slice(); MAX_IMAGES];
+        others.iter_mut().zip(samples.chunks_exact(plane.max(1))).take(self.count).for_each(|(to, from)| *to = from);
+        Images { samples: others, ..*self }
+    }
+
+    /// Value from which on a sample is saturated.
+    pub(super) fn saturation(&self) -> u16 {
+        self.saturation.value()
+    }
+
+    /// Samples of a row.
+    #[inline(always)]
+    pub(super) fn row(&self, image: usize, row: usize) -> &[S] {
+        &self.samples[image][row * self.width..][..self.width]
+    }
+
     /// Samples of an image from a pixel on.
     #[inline(always)]
     pub(super) fn samples_from(&self, image: usize, pixel: usize) -> &[S] {

@@ -22,6 +22,9 @@ mod band;
 mod brightness;
 mod estimate;
 mod fit;
+mod fits;
+mod flow;
+mod follow;
 mod images;
 mod linear;
 mod moved;
@@ -39,8 +42,11 @@ use super::Validity;
 use super::map::PhaseMap;
 
 use images::Stack;
+use window::Scene;
 
 pub use fit::MotionFit;
+pub use fits::MotionFits;
+pub use flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 pub use window::MotionRoom;
 
 /// Most images of one window.
@@ -83,25 +89,42 @@ pub fn decode_moving_into(
     fit: &MotionFit,
     validity: &Validity,
 ) -> Option<()> {
-    decode_at(Level::in_use(), map, room, images, [width, height], fit, validity)
+    decode_at(Level::in_use(), map, room, images, [width, height], Scene::Unknown(fit), validity)
 }
 
-/// As [`decode_moving_into`], at a level.
+/// As [`decode_moving_into`], of a scene whose motion is known beforehand, as exactly as may be: each pixel follows its surface
+/// where that fits better than staying where it is.
+#[must_use]
+pub fn decode_following_into(
+    map: &mut PhaseMap,
+    room: &mut MotionRoom,
+    images: &[GreyLevels<'_>],
+    [width, height]: [usize; 2],
+    (fits, flow): (&mut MotionFits, &Flow),
+    validity: &Validity,
+) -> Option<()> {
+    if Flow::tiles_of([width, height]) != flow.size() {
+        return None;
+    }
+    decode_at(Level::in_use(), map, room, images, [width, height], Scene::Followed(fits, flow), validity)
+}
+
+/// Decodes at a level.
 fn decode_at(
     level: Level,
     map: &mut PhaseMap,
     room: &mut MotionRoom,
     images: &[GreyLevels<'_>],
     [width, height]: [usize; 2],
-    fit: &MotionFit,
+    scene: Scene<'_>,
     validity: &Validity,
 ) -> Option<()> {
-    if images.len() != fit.images() {
+    if images.len() != scene.images() {
         return None;
     }
     match Stack::of(images, width, height, validity.saturation_grey)? {
-        Stack::Bytes(images) => window::decode(level, images, fit, validity, room, map),
-        Stack::Words(images) => window::decode(level, images, fit, validity, room, map),
+        Stack::Bytes(images) => window::decode(level, images, scene, validity, room, map),
+        Stack::Words(images) => window::decode(level, images, scene, validity, room, map),
     }
     Some(())
 }

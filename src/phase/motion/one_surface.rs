@@ -12,7 +12,8 @@ use crate::phase::sample::Sample;
 use crate::simd::{Kernel, LANES, Lanes};
 
 use super::band::{Beside, Planes};
-use super::fit::{LEAST_FITTED, MotionFit};
+use super::fit::LEAST_FITTED;
+use super::follow::Fits;
 use super::images::Images;
 use super::solve::{BATCH, Batch, Solutions};
 use super::speeds::Speeds;
@@ -26,7 +27,7 @@ const UNKNOWN_SHARE: f32 = 0.02;
 pub(super) struct OneSurface<'a, S> {
     images: &'a Images<'a, S>,
     validity: &'a Validity,
-    fit: &'a MotionFit,
+    fits: Fits<'a>,
     /// Largest residual that is usual: grey levels, and a share of the modulation.
     usual: [f32; 2],
 }
@@ -68,12 +69,12 @@ pub(super) struct RepairRoom {
 impl<'a, S: Sample> OneSurface<'a, S> {
     pub(super) fn new(
         images: &'a Images<'a, S>,
-        fit: &'a MotionFit,
+        fits: Fits<'a>,
         validity: &'a Validity,
         statistics: &FitStatistics,
     ) -> Self {
         let share = statistics.residual_share.unwrap_or(UNKNOWN_SHARE);
-        Self { images, validity, fit, usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share] }
+        Self { images, validity, fits, usual: [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share] }
     }
 
     /// Largest residual of images that belong together.
@@ -157,7 +158,8 @@ impl<S: Sample> Repair<'_, S> {
         for (p, &u) in asked.iter().enumerate() {
             let u = u as usize;
             let motion = self.planes.beside[row * blocks + u / LANES].motion_rad[u % LANES];
-            motion_rad[p] = if motion.is_finite() { motion } else { 0.0 };
+            let followed_rad = of.fits.followed_rad([self.rows.start + row, u / LANES]);
+            motion_rad[p] = if motion.is_finite() { motion } else { followed_rad };
             let pixel = (self.rows.start + row) * width + u;
             for image in 0..images.count {
                 let saturated = images.is_saturated(image, pixel);
@@ -165,11 +167,11 @@ impl<S: Sample> Repair<'_, S> {
                 batch.set(image, p, images.grey(image, pixel), !saturated);
             }
         }
-        for (image, &moment) in of.fit.moments.iter().enumerate() {
+        for (image, &moment) in of.fits.any().moments.iter().enumerate() {
             batch.turn(image, moment, &motion_rad);
         }
         let mut best = Best::default();
-        for &run in &of.fit.runs {
+        for &run in &of.fits.any().runs {
             best.try_others(&batch.solve(run), of);
         }
         for (p, &u) in asked.iter().enumerate() {
@@ -177,7 +179,9 @@ impl<S: Sample> Repair<'_, S> {
             let found = best.share[p] < f32::INFINITY;
             let was_valid = std::mem::replace(&mut self.planes.valid[pixel], found);
             let beside = &self.planes.beside[row * blocks + u as usize / LANES];
-            self.room.repaired.speeds.change(beside.motion_rad[u as usize % LANES], was_valid, found);
+            let followed_rad = of.fits.followed_rad([self.rows.start + row, u as usize / LANES]);
+            let unfollowed_rad = beside.motion_rad[u as usize % LANES] - followed_rad;
+            self.room.repaired.speeds.change(unfollowed_rad, was_valid, found);
             self.room.repaired.valid_pixels += u64::from(found);
             if found {
                 let [re, im] = [best.z[0][p], best.z[1][p]];

@@ -14,6 +14,9 @@ use crate::simd::{self, LANES, Level};
 use super::band::{Band, BandRoom, Beside, Planes};
 use super::brightness;
 use super::fit::{MotionFit, time};
+use super::fits::MotionFits;
+use super::flow::Flow;
+use super::follow::{Fits, FollowRoom, follow};
 use super::images::Images;
 use super::one_surface::{OneSurface, Repair, RepairRoom, Repaired};
 use super::speeds::Speeds;
@@ -21,40 +24,89 @@ use super::speeds::Speeds;
 /// Fewest rows of a band: those around it are fitted once more.
 const LEAST_ROWS: usize = 64;
 
-/// Memory for the decoding of windows, about nine bytes a pixel and some rows of each thread.
+/// Memory for the decoding of windows, about nine bytes a pixel and some rows of each thread; where what is seen is followed, as
+/// many bytes as the images have besides.
 #[derive(Clone, Debug, Default)]
 pub struct MotionRoom {
     brightness: Vec<brightness::Sums>,
+    follow: FollowRoom,
     beside: Vec<Beside>,
     bands: Vec<(BandRoom, RepairRoom)>,
     samples: Samples,
+}
+
+/// What is known of the scene beforehand.
+pub(super) enum Scene<'a> {
+    /// Nothing.
+    Unknown(&'a MotionFit),
+    /// How it moves.
+    Followed(&'a mut MotionFits, &'a Flow),
+}
+
+impl Scene<'_> {
+    /// Images of the window.
+    pub(super) fn images(&self) -> usize {
+        self.fit().images()
+    }
+
+    /// The fit of a scene of which nothing is known.
+    fn fit(&self) -> &MotionFit {
+        match self {
+            Self::Unknown(fit) => fit,
+            Self::Followed(fits, _) => fits.resting(),
+        }
+    }
 }
 
 /// Decodes a window at a level.
 pub(super) fn decode<S: Sample>(
     level: Level,
     mut images: Images<'_, S>,
-    fit: &MotionFit,
+    scene: Scene<'_>,
+    validity: &Validity,
+    room: &mut MotionRoom,
+    map: &mut PhaseMap,
+) {
+    let fit = scene.fit();
+    let brightness_share = brightness::compensate(level, &mut images, fit, validity, &mut room.brightness);
+    match scene {
+        Scene::Unknown(fit) => decode_sampled(level, &images, Fits::resting(fit), validity, room, map),
+        Scene::Followed(fits, flow) => {
+            let mut follow_room = std::mem::take(&mut room.follow);
+            let (images, fits) = follow(level, &images, flow, fits, validity, &mut follow_room);
+            decode_sampled(level, &images, fits, validity, room, map);
+            room.follow = follow_room;
+        }
+    }
+    if let Some(motion) = &mut map.motion {
+        motion.brightness_share = brightness_share;
+    }
+}
+
+/// Decodes images whose brightness is the same.
+fn decode_sampled<S: Sample>(
+    level: Level,
+    images: &Images<'_, S>,
+    fits: Fits<'_>,
     validity: &Validity,
     room: &mut MotionRoom,
     map: &mut PhaseMap,
 ) {
     let (width, height) = (images.width, images.height);
     map.resize(width, height);
-    let brightness_share = brightness::compensate(level, &mut images, fit, validity, &mut room.brightness);
     let rows = rows_of_band(height);
     room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
     room.bands.resize_with(height.div_ceil(rows), Default::default);
     bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
-        simd::run(level, Band { images: &images, fit, validity, rows, room, planes });
+        simd::run(level, Band { images, fits, validity, rows, room, planes });
     });
     let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
     for (band, _) in &room.bands {
         residuals.merge(&band.residuals);
         speeds.merge(&band.speeds);
     }
-    let statistics = residuals.statistics(fit.freedom(), images.format, fit.noise_gain());
-    let one_surface = OneSurface::new(&images, fit, validity, &statistics);
+    let statistics = residuals.statistics(fits.any().freedom(), images.format, fits.noise_gain());
+    let one_surface = OneSurface::new(images, fits, validity, &statistics);
     bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
         simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
     });
@@ -64,9 +116,9 @@ pub(super) fn decode<S: Sample>(
     let [median_rad, fast_rad] = speeds.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
-    map.harmonics = harmonics(&images, fit, map, &room.beside, &mut room.samples);
+    map.harmonics = harmonics(images, fits.any(), map, &room.beside, &mut room.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
-    map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
+    map.motion = Some(Motion { median_rad, fast_rad, brightness_share: 0.0, one_surface_pixels, lost_pixels });
 }
 
 /// Rows of a band: all for a single thread, else two bands a thread, so that no thread waits long for the last one.

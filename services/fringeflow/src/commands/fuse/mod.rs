@@ -14,6 +14,7 @@ use fringeflow::calibration::Unit;
 use fringeflow::cloud::CloudExport;
 use fringeflow::config::Configuration;
 use fringeflow::fusion::{FusionSettings, Tracker, write_model};
+use fringeflow::reconstruction::TrackedStream;
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -60,9 +61,11 @@ impl Args {
         let configuration = self.measuring.configuration(&input)?;
         let windows = self.windows(&input, &configuration)?;
         let settings = FusionSettings { min_support: self.min_support, ..FusionSettings::default() };
-        let mut tracker = Tracker::new(input.setup().rig.cam1.clone(), settings);
+        let tracker = Tracker::new(input.setup().rig.cam1.clone(), settings);
         let reconstructor = self.measuring.reconstructor(&input, &windows[0], &configuration)?;
-        let scan = Scan::run(&input, &windows, reconstructor, &mut tracker)?;
+        let mut stream = TrackedStream::new(reconstructor, tracker).with_priors(!self.measuring.no_prior);
+        let scan = Scan::run(&input, &windows, &mut stream)?;
+        let tracker = stream.tracker();
         if tracker.model().clouds() == 0 {
             let why = scan.looked.iter().find_map(scan::Looked::lost).unwrap_or_default();
             return Err(input.unusable(&format!("none of its {} clouds shows a surface: {why}", scan.looked.len())));
@@ -72,8 +75,8 @@ impl Args {
         }
         let export = CloudExport { unit: self.units, dataset: &input.setup().name };
         let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
-        let truth = drift::against_truth(&input, &scan, &tracker)?;
-        let summary = Summary::of(&self.output, &scan, &tracker, surfels, truth.as_ref());
+        let truth = drift::against_truth(&input, &scan, tracker)?;
+        let summary = Summary::of(&self.output, &scan, tracker, surfels, truth.as_ref());
         if self.json {
             json::print(&summary)?;
         } else {

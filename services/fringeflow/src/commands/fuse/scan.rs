@@ -2,13 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::fusion::{Tracked, Tracker, Tracking};
-use fringeflow::reconstruction::Reconstructor;
+use fringeflow::fusion::{Tracked, Tracking};
+use fringeflow::reconstruction::TrackedStream;
 
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::progress;
-use crate::proposed::{Images, try_reconstruct};
+use crate::proposed::{Images, try_reconstruct_next};
 
 /// One window of images, and what became of it.
 pub(crate) struct Looked {
@@ -59,33 +59,27 @@ impl Scan {
     pub(crate) fn run(
         input: &Input,
         windows: &[Images],
-        mut reconstructor: Reconstructor,
-        tracker: &mut Tracker,
+        stream: &mut TrackedStream,
     ) -> Result<Self, Failure> {
         let mut scan = Self { looked: Vec::with_capacity(windows.len()), tracking: Duration::ZERO };
         let bar = progress::bar("clouds", windows.len() as u64);
         for images in windows {
-            let tracked = match try_reconstruct(input, &mut reconstructor, images)? {
+            let times = input.times(&images.numbers);
+            let tracked = match try_reconstruct_next(input, stream, images)? {
                 Ok(made) => {
                     let begun = Instant::now();
-                    let tracked = tracker.step(&made.cloud);
+                    let tracked = stream.track(&made, &times);
                     scan.tracking += begun.elapsed();
                     Ok(tracked)
                 }
                 Err(error) => Err(error.to_string()),
             };
             let first_pair = images.numbers.first().copied().unwrap_or_default();
-            let time_ns = middle_ns(input, &images.numbers);
+            let time_ns = times.centre_ns();
             scan.looked.push(Looked { first_pair, time_s: input.seconds_since_first(time_ns), time_ns, tracked });
             bar.inc(1);
         }
         bar.finish_and_clear();
         Ok(scan)
     }
-}
-
-/// Middle between the first and the last exposure.
-fn middle_ns(input: &Input, numbers: &[usize]) -> u64 {
-    let times = || numbers.iter().filter_map(|&n| input.exposure_ns(n));
-    times().min().unwrap_or_default().midpoint(times().max().unwrap_or_default())
 }

@@ -1,0 +1,116 @@
+//! How what the cameras see moves through their images.
+
+use std::f64::consts::TAU;
+
+use crate::geometry::{Camera, FringePattern, Pixel, Point3, Rig};
+use crate::phase::{FLOW_TILE_PX, Flow, SurfaceMotion};
+
+use super::{CELL_PX, Prior};
+
+/// When the images of a window are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// From the time of the prior to the middle of the window, seconds.
+    pub age_s: f64,
+    /// From one image to the next, seconds.
+    pub spacing_s: f64,
+}
+
+/// Oldest prior that says something: what a hand does in a second nobody knows.
+const OLDEST_S: f64 = 1.0;
+/// Tiles with nothing in them take what their neighbours do, so often at most: what a camera sees hangs together.
+const ROUNDS: usize = 64;
+
+impl Prior {
+    /// The flows of cameras 1 and 2 during a window. `None` where nothing is known: the prior is too old, later than the window, or
+    /// shows nothing that a camera sees.
+    #[must_use]
+    pub fn flows(&self, rig: &Rig, pattern: &FringePattern, moment: Moment) -> Option<[Flow; 2]> {
+        let Moment { age_s, spacing_s } = moment;
+        let is_of_use = self.motion.is_finite() && (0.0..=OLDEST_S).contains(&age_s) && spacing_s > 0.0;
+        let seen_size_px = [rig.cam1.width_px(), rig.cam1.height_px()];
+        if !is_of_use || self.relief.size_px() != seen_size_px {
+            return None;
+        }
+        // Frame of C1 at half an image before the middle of the window, in it, and half an image behind.
+        let moments = [-0.5, 0.0, 0.5].map(|images| self.motion.pose_after(age_s + images * spacing_s).inverse());
+        let mut tiles = [&rig.cam1, &rig.cam2].map(Tiles::of);
+        for ([u, v], depth_m) in self.relief.places(FLOW_TILE_PX / CELL_PX) {
+            let Some(ray) = rig.cam1.ray(&Pixel::new(u, v)) else { continue };
+            let point = Point3::from(ray / ray.z * depth_m);
+            let [before, middle, after] = moments.map(|now_from_then| now_from_then * point);
+            let phase_rad =
+                |point: &Point3| Some(TAU * pattern.phase_turns(rig.project_projector(point)?.x));
+            let Some(motion_rad) = phase_rad(&after).zip(phase_rad(&before)).map(|(after, before)| after - before) else {
+                continue;
+            };
+            let into = [|_: &Rig, p: &Point3| *p, |rig: &Rig, p: &Point3| rig.cam2_from_cam1 * p];
+            for ((tiles, camera), into) in tiles.iter_mut().zip([&rig.cam1, &rig.cam2]).zip(into) {
+                let seen = [before, middle, after].map(|point| camera.project(&into(rig, &point)));
+                if let [Some(before), Some(middle), Some(after)] = seen {
+                    let velocity = after - before;
+                    tiles.add(&middle, [velocity.x, velocity.y, motion_rad]);
+                }
+            }
+        }
+        let [cam1, cam2] = tiles;
+        Some([cam1.flow()?, cam2.flow()?])
+    }
+}
+
+/// Sums of the motions in each tile of an image.
+struct Tiles {
+    size_px: [usize; 2],
+    columns: usize,
+    sums: Vec<Option<([f64; 3], f64)>>,
+}
+
+impl Tiles {
+    fn of(camera: &Camera) -> Self {
+        let size_px = [camera.width_px(), camera.height_px()];
+        let [columns, rows] = Flow::tiles_of(size_px);
+        Self { size_px, columns, sums: vec![None; columns * rows] }
+    }
+
+    fn add(&mut self, pixel: &Pixel, motion: [f64; 3]) {
+        let tile = |x: f64, length: usize| {
+            let x = x + 0.5;
+            (x >= 0.0 && x < length as f64).then_some(x as usize / FLOW_TILE_PX)
+        };
+        if let (Some(u), Some(v)) = (tile(pixel.x, self.size_px[0]), tile(pixel.y, self.size_px[1])) {
+            let (sums, count) = self.sums[v * self.columns + u].get_or_insert(([0.0; 3], 0.0));
+            sums.iter_mut().zip(motion).for_each(|(sum, value)| *sum += value);
+            *count += 1.0;
+        }
+    }
+
+    /// The means, and in tiles without any those of their neighbours.
+    fn flow(self) -> Option<Flow> {
+        let Self { size_px, columns, sums } = self;
+        let mean = |sum: &([f64; 3], f64)| sum.0.map(|value| value / sum.1);
+        let mut tiles: Vec<Option<[f64; 3]>> = sums.iter().map(|sum| sum.as_ref().map(mean)).collect();
+        for _ in 0..ROUNDS {
+            if tiles.iter().all(Option::is_some) {
+                break;
+            }
+            let known = tiles.clone();
+            let at = |place: Option<usize>| place.and_then(|place| *known.get(place)?);
+            for (place, tile) in tiles.iter_mut().enumerate().filter(|(_, tile)| tile.is_none()) {
+                let column = place % columns;
+                let left = (column > 0).then(|| place - 1);
+                let right = (column + 1 < columns).then_some(place + 1);
+                let neighbours = [at(left), at(right), at(place.checked_sub(columns)), at(Some(place + columns))];
+                let found: Vec<[f64; 3]> = neighbours.into_iter().flatten().collect();
+                if !found.is_empty() {
+                    let sum = |k: usize| found.iter().map(|motion| motion[k]).sum::<f64>() / found.len() as f64;
+                    *tile = Some(std::array::from_fn(sum));
+                }
+            }
+        }
+        let tile = |motion: Option<[f64; 3]>| {
+            let [x, y, motion_rad] = motion?.map(|value| value as f32);
+            Some(SurfaceMotion { velocity_px: [x, y], motion_rad })
+        };
+        Flow::new(size_px, tiles.into_iter().map(tile).collect::<Option<_>>()?)
+    }
+}

@@ -1,0 +1,80 @@
+//! Roughly what camera 1 saw: an inverse depth for each square of its image.
+
+/// Side of a cell, pixels.
+pub const CELL_PX: usize = 16;
+/// Inverse depth of a unit of a cell, 1/m: depths from 33 mm on, 0.3 m to 0.04 mm.
+const UNIT_PER_M: f64 = 30.0 / 65535.0;
+
+/// Mean inverse depths by cells of [`CELL_PX`] pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Relief {
+    size_px: [usize; 2],
+    /// Units of [`UNIT_PER_M`], row by row; 0 where nothing was seen.
+    cells: Vec<u16>,
+}
+
+impl Relief {
+    /// Columns and rows of cells of an image.
+    #[must_use]
+    pub fn cells_of(size_px: [usize; 2]) -> [usize; 2] {
+        size_px.map(|length| length.div_ceil(CELL_PX))
+    }
+
+    /// The relief of points by their pixel of C1 (column, row) and depth, metres.
+    #[must_use]
+    pub fn of_points(size_px: [usize; 2], points: impl Iterator<Item = ([u16; 2], f32)>) -> Self {
+        let [columns, rows] = Self::cells_of(size_px);
+        let mut sums = vec![(0.0, 0u32); columns * rows];
+        for ([u, v], depth_m) in points {
+            let [u, v] = [u, v].map(usize::from);
+            let is_seen = u < size_px[0] && v < size_px[1] && depth_m > 0.0;
+            if let Some((sum, count)) = sums.get_mut(v / CELL_PX * columns + u / CELL_PX).filter(|_| is_seen) {
+                *sum += 1.0 / f64::from(depth_m);
+                *count += 1;
+            }
+        }
+        let cell = |(sum, count): (f64, u32)| (sum / f64::from(count.max(1)) / UNIT_PER_M).round() as u16;
+        Self { size_px, cells: sums.into_iter().map(cell).collect() }
+    }
+
+    /// A relief of cells as [`Self::cells`] gives them; `None` where an image of that size has another number.
+    #[must_use]
+    pub fn of_cells(size_px: [usize; 2], cells: Vec<u16>) -> Option<Self> {
+        let [columns, rows] = Self::cells_of(size_px);
+        (cells.len() == columns * rows).then_some(Self { size_px, cells })
+    }
+
+    /// Width and height of the image, pixels.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
+    }
+
+    /// All cells, row by row.
+    #[must_use]
+    pub fn cells(&self) -> &[u16] {
+        &self.cells
+    }
+
+    /// Middle (column, row; pixels) and depth (metres) of squares of `side` cells of which something was seen.
+    pub(super) fn places(&self, side: usize) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
+        let [columns, rows] = Self::cells_of(self.size_px);
+        let squares = (0..rows).step_by(side).flat_map(move |row| (0..columns).step_by(side).map(move |c| [c, row]));
+        squares.filter_map(move |[column, row]| {
+            let (mut sum, mut middle, mut count) = (0.0, [0.0; 2], 0.0);
+            for v in row..(row + side).min(rows) {
+                for u in column..(column + side).min(columns) {
+                    let cell = self.cells[v * columns + u];
+                    if cell > 0 {
+                        sum += f64::from(cell);
+                        count += 1.0;
+                        for (middle, place) in middle.iter_mut().zip([u, v]) {
+                            *middle += (place * CELL_PX) as f64 + 0.5 * (CELL_PX as f64 - 1.0);
+                        }
+                    }
+                }
+            }
+            (count > 0.0).then(|| (middle.map(|sum| sum / count), count / (sum * UNIT_PER_M)))
+        })
+    }
+}

@@ -1,0 +1,89 @@
+//! Windows one after the other, each with what those before it tell of it.
+
+use crate::fusion::{Tracked, Tracker};
+use crate::grey::GreyLevels;
+use crate::prior::{Moment, Prior};
+
+use super::{Reconstruction, ReconstructionError, Reconstructor};
+
+/// When the images of a window were taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WindowTimes {
+    /// Starts of the first and of the last exposure, nanoseconds.
+    pub exposures_ns: [u64; 2],
+    /// Images of the window.
+    pub images: usize,
+}
+
+impl WindowTimes {
+    /// Its middle: the time of its cloud, nanoseconds.
+    #[must_use]
+    pub fn centre_ns(&self) -> u64 {
+        let [first, last] = self.exposures_ns;
+        first.midpoint(last)
+    }
+
+    /// When it was taken, seen from an earlier moment.
+    #[must_use]
+    pub fn moment_after(&self, time_ns: u64) -> Moment {
+        let [first, last] = self.exposures_ns;
+        Moment {
+            age_s: (self.centre_ns() as f64 - time_ns as f64) * 1e-9,
+            spacing_s: last.saturating_sub(first) as f64 * 1e-9 / self.images.saturating_sub(1).max(1) as f64,
+        }
+    }
+}
+
+/// Reconstructs the windows of a moving scanner and tracks it: what each cloud tells, the next window is given.
+#[derive(Clone, Debug)]
+pub struct TrackedStream {
+    reconstructor: Reconstructor,
+    tracker: Tracker,
+    /// What the last cloud told, and its time.
+    prior: Option<(Prior, u64)>,
+    takes_prior: bool,
+}
+
+impl TrackedStream {
+    /// A stream of which nothing is known.
+    #[must_use]
+    pub fn new(reconstructor: Reconstructor, tracker: Tracker) -> Self {
+        Self { reconstructor, tracker, prior: None, takes_prior: true }
+    }
+
+    /// The stream, whose windows are given nothing of those before them where that is not wanted.
+    #[must_use]
+    pub fn with_priors(self, takes_prior: bool) -> Self {
+        Self { takes_prior, ..self }
+    }
+
+    /// What tracks the clouds.
+    #[must_use]
+    pub fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    /// Reconstructs the next window, as [`Reconstructor::reconstruct`] does. What the tracking says of its cloud comes from
+    /// [`Self::track`], which the next window waits for.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::reconstruct`]; then the next window knows nothing either.
+    pub fn reconstruct(
+        &mut self,
+        first_step: usize,
+        cam1: &[GreyLevels<'_>],
+        cam2: &[GreyLevels<'_>],
+        times: &WindowTimes,
+    ) -> Result<Reconstruction, ReconstructionError> {
+        let prior = self.prior.take().filter(|_| self.takes_prior);
+        let known = prior.as_ref().map(|(prior, time_ns)| (prior, times.moment_after(*time_ns)));
+        self.reconstructor.reconstruct(first_step, cam1, cam2, known)
+    }
+
+    /// Registers the cloud of a window to those before it.
+    pub fn track(&mut self, made: &Reconstruction, times: &WindowTimes) -> Tracked {
+        let tracked = self.tracker.step(&made.cloud, times.centre_ns());
+        self.prior = self.tracker.prior().map(|prior| (prior, times.centre_ns()));
+        tracked
+    }
+}
