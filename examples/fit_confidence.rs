@@ -84,9 +84,10 @@ fn take(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dyn Error
     let mut settings = Settings::default();
     settings.matching.min_confidence = 0.0;
     let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern)?;
-    let mut reconstructor = Reconstructor::new(&setup.rig, table, &PhaseShifts::new(shifts_rad)?, settings)?;
+    let mut reconstructor =
+        Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &PhaseShifts::new(shifts_rad)?, settings)?;
     let [cam1, cam2] = CameraId::BOTH.map(|camera| dataset.phase_images(camera, &numbers));
-    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1?), &GreyImage::levels_of(&cam2?))?;
+    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1?), &GreyImage::levels_of(&cam2?), None)?;
     let (_, grounds) = match_phases_with_grounds(&made.cam1, &made.cam2, reconstructor.table(), &settings.matching)?;
 
     let judgements = against_rendered(&made.cloud, setup.image_size_px, &truth, &Frames::of(setup))?.judgements;

@@ -44,13 +44,14 @@ fn clouds(scanner: &VirtualScanner) -> Vec<Cloud> {
     let shifts_rad: Vec<f64> = (0..STEPS).map(|k| std::f64::consts::TAU * k as f64 / STEPS as f64).collect();
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
     let shifts = PhaseShifts::new(&shifts_rad).unwrap();
-    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, &shifts, Settings::default()).unwrap();
+    let mut reconstructor =
+        Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, Settings::default()).unwrap();
     let mut cloud = |start: usize| {
         let window = |camera| {
             let image = |step: usize| images.image(camera, (start + step) as u64, step as u32).unwrap();
             (0..STEPS).map(image).collect::<Vec<_>>()
         };
-        reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2)).unwrap().cloud
+        reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2), None).unwrap().cloud
     };
     (0..=POSES).step_by(STEPS).map(&mut cloud).collect()
 }
@@ -104,7 +105,7 @@ fn a_sweep_is_tracked_and_its_model_is_true() {
     let mut tracker = Tracker::new(rig.calibrated.cam1.clone(), FusionSettings::default());
     let mut poses = Vec::new();
     for (k, cloud) in clouds.iter().enumerate() {
-        let tracked = tracker.step(cloud);
+        let tracked = tracker.step(cloud, k as u64 * 100_000_000);
         assert_eq!(tracked.tracking.name(), if k == 0 { "first" } else { "tracked" }, "cloud {k}: {tracked:?}");
         poses.push(StatedPose { first_from_cam1: tracked.model_from_cam1, covariance: tracked.covariance.0 });
     }

@@ -125,9 +125,10 @@ fn judged(dataset: &Dataset, start: usize) -> Evaluation {
     let shifts: Vec<f64> = numbers.iter().map(|&n| setup.sequence.shifts_rad[n]).collect();
     let table = SegmentTable::build(&setup.rig, setup.volume.as_ref().unwrap(), &setup.sequence.pattern).unwrap();
     let shifts = PhaseShifts::new(&shifts).unwrap();
-    let mut reconstructor = Reconstructor::new(&setup.rig, table, &shifts, Settings::default()).unwrap();
+    let mut reconstructor =
+        Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &shifts, Settings::default()).unwrap();
     let [cam1, cam2] = CameraId::BOTH.map(|camera| dataset.phase_images(camera, &numbers).unwrap());
-    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2)).unwrap();
+    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None).unwrap();
     let Some(Truth::Rendered(truth)) = dataset.truth().unwrap() else { panic!("no truth of a rendered scene") };
     let middle = start as f64 + (STEPS as f64 - 1.0) / 2.0;
     let judged = against_rendered_at(&made.cloud, setup, &truth, middle).unwrap();

@@ -45,8 +45,9 @@ fn scores(scanner: &VirtualScanner) -> Scores {
     let shifts_rad: Vec<f64> = (0..STEPS).map(|k| std::f64::consts::TAU * k as f64 / STEPS as f64).collect();
     let shifts = PhaseShifts::new(&shifts_rad).unwrap();
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
-    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, &shifts, Settings::default()).unwrap();
-    let made = reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2)).unwrap();
+    let mut reconstructor =
+        Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, Settings::default()).unwrap();
+    let made = reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2), None).unwrap();
 
     let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
     let scene = scene.at(scanner.cam1_from_object(STEPS / 2));

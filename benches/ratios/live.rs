@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use fringeflow::dataset::GreyImage;
-use fringeflow::recording::Recording;
+use fringeflow::recording::{Known, Recording};
 use serde_json::Value;
 
 use super::bench::Bench;
@@ -120,13 +120,15 @@ fn in_process_ns(recording: &Path) -> Result<f64, String> {
     rayon::ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?.install(|| {
         let recording = Recording::open(recording).map_err(|e| e.to_string())?;
         let mut reconstructor = recording.reconstructor().map_err(|e| e.to_string())?;
+        let priors = recording.priors().map_err(|e| e.to_string())?;
         let mut taken_ns = Vec::new();
         for header in recording.cloud_headers() {
             // The first windows may have begun before the recording.
             let Ok(images) = recording.images(&header.window) else { continue };
             let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
+            let Known::Prior(known) = priors.of(&header.window) else { continue };
             let start = Instant::now();
-            let made = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2);
+            let made = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known);
             taken_ns.push(start.elapsed().as_nanos() as f64);
             made.map_err(|e| e.to_string())?;
         }

@@ -40,7 +40,7 @@ impl Workers {
     ) -> Self {
         let (rig, shifts) = (&scene.rig.calibrated, shifts(steps));
         Self {
-            phase: PhaseWorker::new(rig, &shifts, Validity::default()),
+            phase: PhaseWorker::new(rig, &scene.rig.columns, &shifts, Validity::default()),
             correspondence: CorrespondenceWorker::new(Arc::clone(&table), &shifts, settings),
             cloud: CloudWorker::new(rig, table).unwrap(),
             maps: PhasePair::default(),
@@ -58,7 +58,7 @@ impl Workers {
 
     /// Images to phase maps.
     pub(crate) fn decode(&mut self, first_step: usize, [cam1, cam2]: &[Vec<GreyLevels<'_>>; 2]) {
-        self.phase.step(first_step, cam1, cam2, &mut self.maps).unwrap();
+        self.phase.step(first_step, cam1, cam2, None, &mut self.maps).unwrap();
     }
 
     /// Phase maps to correspondences.

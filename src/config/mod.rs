@@ -31,7 +31,7 @@ pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
 pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
-pub use tracking::TrackingConfiguration;
+pub use tracking::{PriorSource, TrackingConfiguration};
 pub use virtual_scanner::VirtualScannerConfiguration;
 
 /// Most images of a window beyond a cycle: 16 steps and these are the longest window.

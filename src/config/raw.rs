@@ -226,6 +226,7 @@ pub(super) struct RawMonitor {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawTracking {
     pub(super) enabled: Option<bool>,
+    pub(super) prior: Option<String>,
     pub(super) merge_every: Option<u32>,
     pub(super) shown_points: Option<usize>,
     pub(super) shown_every_s: Option<f64>,

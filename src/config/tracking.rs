@@ -3,13 +3,15 @@
 use crate::fusion::FusionSettings;
 
 use super::ConfigurationProblem;
-use super::raw::{RawTracking, checked};
+use super::raw::{RawTracking, checked, one_of};
 
 /// Configuration of the tracking.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackingConfiguration {
     /// Whether clouds are tracked while they are made.
     pub is_enabled: bool,
+    /// What windows are told of those before them.
+    pub prior: PriorSource,
     /// Tracked clouds of which one goes into the model.
     pub merge_every: u32,
     /// Most points of the model that are shown.
@@ -18,9 +20,40 @@ pub struct TrackingConfiguration {
     pub shown_every_ns: u64,
 }
 
+/// Who tells windows of those before them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorSource {
+    /// The tracking, where it is enabled.
+    Tracking,
+    /// Another program, on the channel `tracking/prior`.
+    External,
+    /// Nobody: each window is decoded by itself.
+    Off,
+}
+
+impl PriorSource {
+    const ALL: [Self; 3] = [Self::Tracking, Self::External, Self::Off];
+
+    /// Name in configurations.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tracking => "tracking",
+            Self::External => "external",
+            Self::Off => "off",
+        }
+    }
+}
+
 impl Default for TrackingConfiguration {
     fn default() -> Self {
-        Self { is_enabled: false, merge_every: 4, shown_points: 50_000, shown_every_ns: 1_000_000_000 }
+        Self {
+            is_enabled: false,
+            prior: PriorSource::Tracking,
+            merge_every: 4,
+            shown_points: 50_000,
+            shown_every_ns: 1_000_000_000,
+        }
     }
 }
 
@@ -29,6 +62,18 @@ impl TrackingConfiguration {
     #[must_use]
     pub fn fusion(&self) -> FusionSettings {
         FusionSettings { merge_every: self.merge_every, ..FusionSettings::default() }
+    }
+
+    /// Whether the tracking tells the next windows what it knows.
+    #[must_use]
+    pub fn makes_priors(&self) -> bool {
+        self.is_enabled && self.prior == PriorSource::Tracking
+    }
+
+    /// Whether windows may be told of those before them.
+    #[must_use]
+    pub fn takes_priors(&self) -> bool {
+        self.makes_priors() || self.prior == PriorSource::External
     }
 
     /// Points that the channel of the model holds: none where nothing is tracked.
@@ -45,6 +90,11 @@ pub(super) fn configuration(raw: &RawTracking) -> Result<TrackingConfiguration, 
         checked("tracking.shown_every_s", every_s, |v| (0.1..=60.0).contains(v), "it must lie between 0.1 and 60 s")?;
     Ok(TrackingConfiguration {
         is_enabled: raw.enabled.unwrap_or(default.is_enabled),
+        prior: one_of(
+            "tracking.prior",
+            raw.prior.as_deref().unwrap_or(default.prior.name()),
+            &PriorSource::ALL.map(|source| (source.name(), source)),
+        )?,
         merge_every: checked(
             "tracking.merge_every",
             raw.merge_every.unwrap_or(default.merge_every),

@@ -27,7 +27,7 @@ fn cloud(world_from_cam1: &Pose, seed: u64) -> Cloud {
 
 fn fused(clouds: usize) -> (Tracker, Vec<Tracked>) {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
-    let steps = (0..=clouds).map(|k| tracker.step(&cloud(&pose(k, clouds), k as u64))).collect();
+    let steps = (0..=clouds).map(|k| tracker.step(&cloud(&pose(k, clouds), k as u64), at(k as u64))).collect();
     (tracker, steps)
 }
 
@@ -40,6 +40,11 @@ fn off_m(found: &Pose, truth: &Pose) -> f64 {
 fn off_hills_m(place: &Point3) -> f64 {
     let ray = place.coords / place.z;
     (hills(&Pose::identity(), 0.004, &ray).unwrap() - place).norm()
+}
+
+/// Time of a cloud, nanoseconds.
+fn at(cloud: u64) -> u64 {
+    cloud * 50_000_000
 }
 
 #[test]
@@ -75,7 +80,7 @@ fn turns_stay_turns_however_long_the_scan() {
     for k in 0..80 {
         let pose = pose(k, 40);
         let cloud = cloud_of(&camera_of([60, 48]), SIGMA_M, k as u64, |ray| hills(&pose, 0.004, ray));
-        let found = tracker.step(&cloud).model_from_cam1;
+        let found = tracker.step(&cloud, at(k as u64)).model_from_cam1;
         assert!((found.rotation.norm() - 1.0).abs() < 1e-14, "cloud {k}: length {}", found.rotation.norm());
     }
 }
@@ -92,16 +97,16 @@ fn a_closed_way_closes() {
 fn a_jump_is_lost_merges_nothing_and_is_found_back() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     for k in 0..3 {
-        tracker.step(&cloud(&Pose::identity(), k));
+        tracker.step(&cloud(&Pose::identity(), k), at(k));
     }
     let before = tracker.model().clone();
     let away = Pose::translation(0.0, 0.0, -0.06);
-    let lost = tracker.step(&cloud(&away, 9));
+    let lost = tracker.step(&cloud(&away, 9), at(9));
     assert!(matches!(lost.tracking, Tracking::Lost(Lost::TooFewInCommon { .. })), "{lost:?}");
     assert_eq!(tracker.model(), &before);
     // 6 mm nearer: beyond the reach of tracking, within that of relocalization.
     let near = Pose::translation(0.0, 0.0, 0.006);
-    let found = tracker.step(&cloud(&near, 10));
+    let found = tracker.step(&cloud(&near, 10), at(10));
     assert_eq!(found.tracking.name(), "relocalized", "{found:?}");
     assert!(off_m(&found.model_from_cam1, &near) < 2e-5, "{found:?}");
 }
@@ -109,9 +114,9 @@ fn a_jump_is_lost_merges_nothing_and_is_found_back() {
 #[test]
 fn an_empty_scan_begins_with_the_first_cloud_that_shows_something() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
-    let nothing = tracker.step(&Cloud::default());
+    let nothing = tracker.step(&Cloud::default(), at(0));
     assert_eq!(nothing.tracking.name(), "lost");
-    assert_eq!(tracker.step(&cloud(&Pose::identity(), 1)).tracking, Tracking::First);
+    assert_eq!(tracker.step(&cloud(&Pose::identity(), 1), at(1)).tracking, Tracking::First);
     assert!(tracker.closure().is_none());
 }
 
@@ -134,11 +139,11 @@ fn what_is_seen_through_and_what_is_never_confirmed_goes() {
     };
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     for seed in 0..4 {
-        tracker.step(&with(seed, true));
+        tracker.step(&with(seed, true), at(seed));
     }
     assert!(on_plate(&tracker) > 200, "{}", on_plate(&tracker));
     for seed in 4..8 {
-        tracker.step(&with(seed, false));
+        tracker.step(&with(seed, false), at(seed));
     }
     assert_eq!(on_plate(&tracker), 0);
 }
@@ -171,4 +176,25 @@ fn threads_change_no_byte() {
     let ((a, steps_a), (b, steps_b)) = (of_threads(1), of_threads(3));
     assert_eq!(steps_a, steps_b);
     assert_eq!(a.model(), b.model());
+}
+
+#[test]
+fn what_the_tracker_tells_the_next_windows_is_how_it_moved() {
+    let mut tracker = Tracker::new(camera(), FusionSettings::default());
+    let step = Pose::new(nalgebra::Vector3::new(2e-4, -1e-4, 1e-4), nalgebra::Vector3::new(1e-3, 2e-3, -5e-4));
+    let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);
+    tracker.step(&cloud(&pose(0), 0), at(0));
+    assert!(tracker.prior().is_none(), "one cloud tells no motion");
+    for k in 1..4 {
+        tracker.step(&cloud(&pose(k), k as u64), at(k as u64));
+    }
+    let prior = tracker.prior().unwrap();
+    let next = prior.motion.pose_after(0.05);
+    assert!((next.translation.vector - step.translation.vector).norm() < 2e-5, "{next:?}");
+    assert!(next.rotation.angle_to(&step.rotation) < 1e-4, "{next:?}");
+    let seen = prior.relief.cells().iter().filter(|&&cell| cell > 0).count();
+    assert!(seen * 2 > prior.relief.cells().len(), "{seen} cells");
+    // Nobody knows how a scanner that is lost moves.
+    let lost = tracker.step(&cloud(&Pose::translation(0.0, 0.0, -0.06), 9), at(9));
+    assert_eq!((lost.tracking.name(), tracker.prior()), ("lost", None));
 }

@@ -235,7 +235,8 @@ impl Tracker {
         time_ns: u64,
     ) -> Result<(Tracking, Pose, Registration), Lost> {
         let Known { model_from_cam1: pose, motion, .. } = known;
-        let predicted = pose * motion.map_or_else(Pose::identity, |motion| motion.pose_after(known.seconds_to(time_ns)));
+        let predicted =
+            pose * motion.map_or_else(Pose::identity, |motion| motion.pose_after(known.seconds_to(time_ns)));
         let settings = self.settings.registration;
         if let Ok((reference, found)) = self.register_at(surface, &predicted, &settings) {
             return Ok((Tracking::Tracked(found), reference, found));

@@ -54,7 +54,7 @@ pub struct Fit {
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.4")]
+#[type_name("fringeflow.MapsHeader.5")]
 pub struct MapsHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -75,7 +75,7 @@ pub struct MapsHeader {
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.5")]
+#[type_name("fringeflow.CorrespondenceHeader.6")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -108,7 +108,7 @@ pub struct CorrespondenceHeader {
 /// Describes a cloud.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CloudHeader.3")]
+#[type_name("fringeflow.CloudHeader.4")]
 pub struct CloudHeader {
     /// Clouds this channel has carried before.
     pub published: u64,

@@ -14,6 +14,7 @@
 //! | [`StageReport`] | `report/stage` | – |
 //! | [`WindowReport`] | `report/window` | – |
 //! | [`PoseReport`] | `tracking/pose` | – |
+//! | [`PriorHeader`] | `tracking/prior` | inverse depths, see [`crate::wire`] |
 //! | [`ModelHeader`] | `tracking/model` | points of [`MODEL_POINT_BYTES`] |
 //! | [`ScanState`] | `control/state` | – |
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
@@ -41,7 +42,7 @@ pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
-pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
+pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, PriorHeader, TrackingState};
 pub use window::Window;
 pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
 

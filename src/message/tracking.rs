@@ -39,7 +39,7 @@ pub enum LostReason {
 /// The fields of the pose are 0 where the cloud was lost.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.PoseReport.1")]
+#[type_name("fringeflow.PoseReport.2")]
 pub struct PoseReport {
     /// Reports that this channel has carried before.
     pub published: u64,
@@ -78,6 +78,31 @@ pub struct PoseReport {
     pub state: u32,
     /// [`LostReason`]; 0 for a cloud that has a pose.
     pub reason: u32,
+}
+
+/// What is known of the next windows after a cloud: how the scanner moves, and roughly what it sees, see [`crate::prior`]. The
+/// payload is the relief: an inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera 1, row by row, in
+/// units of 30/65535 of 1/m, 0 where nothing was seen. Where nothing is known it is empty, and the numbers of the motion are 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.PriorHeader.1")]
+pub struct PriorHeader {
+    /// Messages that this channel has carried before: one with each pose report.
+    pub published: u64,
+    /// Number of the cloud in its channel.
+    pub cloud: u64,
+    /// Time of the cloud: the middle of its exposures.
+    pub centre_ns: u64,
+    /// When it was published. Windows take the last one that was published before their last image came.
+    pub published_ns: u64,
+    /// Velocity of camera 1 in its own frame, metres a second.
+    pub velocity_m_s: [f64; 3],
+    /// Its turn about an axis, in its own frame, rad a second.
+    pub rate_rad_s: [f64; 3],
+    /// Width of the images of camera 1, pixels; 0 where nothing is known.
+    pub width_px: u32,
+    /// Height, pixels.
+    pub height_px: u32,
 }
 
 /// Describes the points of the model that are shown: some, so that they are few enough.
@@ -134,6 +159,17 @@ impl LostReason {
             Self::Degenerate => "degenerate",
             Self::NotConverged => "not_converged",
         }
+    }
+}
+
+impl PriorHeader {
+    /// Time that a message may take to its receiver, nanoseconds.
+    const WAY_NS: u64 = 1_000_000;
+
+    /// Whether a window whose last image came at a time may take it: every receiver had it by then, live as in a replay.
+    #[must_use]
+    pub fn is_settled_at(&self, received_ns: u64) -> bool {
+        self.published_ns.saturating_add(Self::WAY_NS) <= received_ns
     }
 }
 

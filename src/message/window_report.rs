@@ -38,7 +38,7 @@ impl DriftReport {
 /// Figures of one window: fringes, δ, and what became of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.WindowReport.4")]
+#[type_name("fringeflow.WindowReport.5")]
 pub struct WindowReport {
     /// Number of the correspondences in their channel.
     pub published: u64,

@@ -39,9 +39,9 @@ impl Prior {
             let Some(ray) = rig.cam1.ray(&Pixel::new(u, v)) else { continue };
             let point = Point3::from(ray / ray.z * depth_m);
             let [before, middle, after] = moments.map(|now_from_then| now_from_then * point);
-            let phase_rad =
-                |point: &Point3| Some(TAU * pattern.phase_turns(rig.project_projector(point)?.x));
-            let Some(motion_rad) = phase_rad(&after).zip(phase_rad(&before)).map(|(after, before)| after - before) else {
+            let phase_rad = |point: &Point3| Some(TAU * pattern.phase_turns(rig.project_projector(point)?.x));
+            let Some(motion_rad) = phase_rad(&after).zip(phase_rad(&before)).map(|(after, before)| after - before)
+            else {
                 continue;
             };
             let into = [|_: &Rig, p: &Point3| *p, |rig: &Rig, p: &Point3| rig.cam2_from_cam1 * p];

@@ -1,0 +1,104 @@
+use nalgebra::Vector3;
+
+use super::*;
+use crate::geometry::{Pixel, Point3, Pose};
+use crate::simulation::{RigOptions, VirtualRig};
+
+fn rig() -> VirtualRig {
+    VirtualRig::new(&RigOptions { size_px: [160, 128], ..RigOptions::usual(0.025) }).unwrap()
+}
+
+/// A plane at right angles to the view of C1.
+fn relief(depth_m: f32) -> Relief {
+    let pixels = (0..128).flat_map(|v| (0..160).map(move |u| [u, v]));
+    Relief::of_points([160, 128], pixels.map(|pixel| (pixel, depth_m)))
+}
+
+const MOTION: RigidMotion =
+    RigidMotion { velocity_m_s: Vector3::new(0.02, -0.01, 0.015), rate_rad_s: Vector3::new(0.05, 0.08, -0.04) };
+const MOMENT: Moment = Moment { age_s: 0.05, spacing_s: 0.01 };
+
+#[test]
+fn the_motion_between_two_poses_leads_on_from_the_second() {
+    let step = MOTION.pose_after(0.02);
+    let before = Pose::new(Vector3::new(0.1, 0.2, -0.3), Vector3::new(0.4, -0.2, 0.1));
+    let after = before * step;
+    let motion = RigidMotion::between(&before, &after, 0.02).unwrap();
+    // The way is told in the frame of the later pose.
+    let velocity = step.rotation.inverse() * MOTION.velocity_m_s;
+    assert!((motion.velocity_m_s - velocity).norm() < 1e-12 && (motion.rate_rad_s - MOTION.rate_rad_s).norm() < 1e-12);
+    assert_eq!(RigidMotion::between(&before, &after, 0.0), None);
+    let nowhere = Pose::translation(f64::NAN, 0.0, 0.0);
+    assert_eq!(RigidMotion::between(&before, &nowhere, 0.02), None);
+}
+
+#[test]
+fn flows_are_the_ways_of_the_points_that_the_cameras_see() {
+    let rig = rig();
+    let [flow1, flow2] =
+        Prior { motion: MOTION, relief: relief(0.3) }.flows(&rig.calibrated, &rig.columns, MOMENT).unwrap();
+    // The middle tiles of both.
+    let pixel = Pixel::new(79.5, 63.5);
+    let at = |images: f64| {
+        let ray = rig.calibrated.cam1.ray(&pixel).unwrap();
+        let now_from_then = MOTION.pose_after(MOMENT.age_s + images * MOMENT.spacing_s).inverse();
+        now_from_then * Point3::from(ray * 0.3)
+    };
+    let phase = |point: &Point3| {
+        std::f64::consts::TAU * rig.columns.phase_turns(rig.calibrated.project_projector(point).unwrap().x)
+    };
+    let (before, after) = (at(-0.5), at(0.5));
+    let motion_rad = (phase(&after) - phase(&before)) as f32;
+    let ways = [
+        rig.calibrated.cam1.project(&after).unwrap() - rig.calibrated.cam1.project(&before).unwrap(),
+        rig.calibrated.project_cam2(&after).unwrap() - rig.calibrated.project_cam2(&before).unwrap(),
+    ];
+    for (flow, way) in [flow1, flow2].iter().zip(ways) {
+        let tile = flow.motion_at([80, 64]).unwrap();
+        let [u, v] = tile.velocity_px;
+        assert!((u - way.x as f32).abs() < 0.02 && (v - way.y as f32).abs() < 0.02, "{tile:?}; {way}");
+        assert!((tile.motion_rad - motion_rad).abs() < 0.02, "{tile:?}; {motion_rad} rad");
+    }
+}
+
+#[test]
+fn what_tells_nothing_gives_no_flow() {
+    let rig = rig();
+    let flows = |prior: &Prior, moment| prior.flows(&rig.calibrated, &rig.columns, moment);
+    let prior = Prior { motion: MOTION, relief: relief(0.3) };
+    assert!(flows(&prior, MOMENT).is_some());
+    for moment in [
+        Moment { age_s: -0.01, ..MOMENT },
+        Moment { age_s: 5.0, ..MOMENT },
+        Moment { age_s: f64::NAN, ..MOMENT },
+        Moment { spacing_s: 0.0, ..MOMENT },
+        Moment { spacing_s: f64::NAN, ..MOMENT },
+    ] {
+        assert!(flows(&prior, moment).is_none(), "{moment:?}");
+    }
+    let hostile = |velocity: f64| Prior {
+        motion: RigidMotion { velocity_m_s: Vector3::repeat(velocity), ..MOTION },
+        ..prior.clone()
+    };
+    // What is metres away by then is seen by nobody, or moves by finite numbers.
+    for velocity in [f64::NAN, f64::INFINITY, 1e3, -1e3, 1e300] {
+        let _ = flows(&hostile(velocity), MOMENT);
+    }
+    assert!(flows(&hostile(f64::NAN), MOMENT).is_none());
+    let nothing = Relief::of_points([160, 128], std::iter::empty());
+    assert!(flows(&Prior { relief: nothing, ..prior.clone() }, MOMENT).is_none());
+    let other = Relief::of_points([64, 64], std::iter::once(([0, 0], 0.3)));
+    assert!(flows(&Prior { relief: other, ..prior }, MOMENT).is_none());
+}
+
+#[test]
+fn a_relief_is_the_mean_of_its_cells() {
+    let relief =
+        Relief::of_points([40, 20], [([0, 0], 0.25), ([15, 15], 0.5), ([16, 0], 0.3), ([99, 0], 0.3)].into_iter());
+    assert_eq!(Relief::cells_of([40, 20]), [3, 2]);
+    let cells = relief.cells().to_vec();
+    // 3 1/m is the mean of 4 and 2.
+    assert_eq!(cells, [(3.0f64 * 65535.0 / 30.0).round() as u16, (65535.0f64 / 9.0).round() as u16, 0, 0, 0, 0]);
+    assert_eq!(Relief::of_cells([40, 20], cells.clone()), Some(relief));
+    assert_eq!(Relief::of_cells([80, 20], cells), None);
+}

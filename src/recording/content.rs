@@ -7,7 +7,8 @@ use prost::bytes::Bytes;
 use crate::cloud::RECORD_BYTES;
 use crate::geometry::Pose;
 use crate::message::{
-    CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, StageReport, WindowReport,
+    CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader, StageReport,
+    WindowReport,
 };
 
 use super::recordable::{least_stride_bytes, raw_encoding};
@@ -47,6 +48,8 @@ pub enum Content {
     TruthPose(Pose),
     /// Where the scanner was at a cloud.
     Pose(Box<PoseReport>),
+    /// What is known of the windows behind a cloud: payload of the channel.
+    Prior(Box<PriorHeader>, Bytes),
     /// A mark that a person set.
     Mark(String),
     /// What the recorder said about its own losses.
@@ -117,6 +120,11 @@ impl Content {
                 Ok(Self::Pose(Box::new(
                     report.ok_or("field window, state, reason or pose is missing or contradicts itself")?,
                 )))
+            }
+            (Topic::Prior, _) => {
+                let (header, relief) = decode::<schema::Prior>(data)?.into_message();
+                let header = header.ok_or("field velocity_m_s, rate_rad_s or relief contradicts itself")?;
+                Ok(Self::Prior(Box::new(header), relief))
             }
             (Topic::Log, _) => {
                 let log = decode::<Log>(data)?;

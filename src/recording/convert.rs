@@ -123,6 +123,7 @@ impl Window {
             centre_ns: window.centre_ns,
             received_ns: window.received_ns,
             first_step: window.first_step,
+            prior: window.prior,
         })
     }
 
@@ -142,6 +143,7 @@ impl Window {
             last_exposure_ns: self.last_exposure_ns,
             centre_ns: self.centre_ns,
             received_ns: self.received_ns,
+            prior: self.prior,
             images: images as u32,
             first_step: self.first_step,
         })

@@ -13,6 +13,7 @@
 //! | `/report/window` | fringeflow.WindowReport | how well each window was measured |
 //! | `/log` | foxglove.Log | marks, and what the recorder lost |
 //! | `/tracking/pose` | fringeflow.PoseReport | where the scanner was at each cloud that was tracked, or that it was lost |
+//! | `/tracking/prior` | fringeflow.Prior | what each cloud told of the windows behind it: motion and coarse depth |
 //! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once; `cam1` in `model`, each pose |
 //! | `/truth/pose` | foxglove.FrameTransform | of the virtual scanner: `object` in `cam1_exact`, at every exposure |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
@@ -40,6 +41,7 @@ mod mcap_writer;
 mod offline;
 mod opening;
 mod pairs;
+mod priors;
 mod queue;
 mod reader;
 mod recordable;
@@ -65,6 +67,7 @@ pub use import::{ImportError, ImportOptions, import};
 pub use offline::OfflineRecorder;
 pub use opening::{Origin, standing_messages};
 pub use pairs::{ImagePair, cycles, windows};
+pub use priors::{Known, Priors};
 pub use reader::Recording;
 pub use recordable::{Encoded, Recordable};
 pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, MOST_HELD, Recorded, Recorder};

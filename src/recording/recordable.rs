@@ -8,10 +8,12 @@ use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, 
 use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
 use crate::message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MODEL_POINT_BYTES, MapsHeader, ModelHeader,
-    PatternEvent, PixelFormat, PoseReport, Stage, StageReport, Window, WindowReport,
+    PatternEvent, PixelFormat, PoseReport, PriorHeader, Stage, StageReport, Window, WindowReport,
 };
 
 use super::held::Held;
+use crate::wire;
+
 use super::{Topic, TruthPose, schema, tracking, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.
@@ -62,6 +64,13 @@ pub enum Recordable<'a> {
     TruthPose(&'a TruthPose),
     /// Where the scanner was at a cloud, or that it is not known.
     Pose(&'a PoseReport),
+    /// What is known of the windows behind a cloud.
+    Prior {
+        /// How the scanner moves.
+        header: &'a PriorHeader,
+        /// Payload of the channel: what it sees.
+        relief: &'a [u8],
+    },
     /// The same pose as a transform, for viewers; of a cloud that has one.
     PoseTransform(&'a PoseReport),
     /// The model as it is shown.
@@ -166,6 +175,7 @@ impl Recordable<'_> {
             Self::TruthPose(_) => Some(Topic::TruthPose),
             Self::Pose(report) => (has_steps(&report.window) && report.state().is_some()).then_some(Topic::Pose),
             Self::PoseTransform(report) => report.has_pose().then_some(Topic::Transforms),
+            Self::Prior { header, relief } => wire::prior::is_whole(header, relief).then_some(Topic::Prior),
             Self::Model { header, points } => {
                 let expected = header.points.checked_mul(MODEL_POINT_BYTES as u64);
                 (Some(points.len() as u64) == expected).then_some(Topic::Model)
@@ -196,6 +206,7 @@ impl Recordable<'_> {
                 times(report.published_ns, report.window.first_exposure_ns)
             }
             Self::Model { header, .. } => times(header.published_ns, header.centre_ns),
+            Self::Prior { header, .. } => times(header.published_ns, header.centre_ns),
             Self::Mark { time_ns, .. } | Self::Event { time_ns, .. } => times(*time_ns, *time_ns),
         }
     }
@@ -207,6 +218,7 @@ impl Recordable<'_> {
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),
             Self::Cloud { records, .. } => records.len(),
             Self::Model { points, .. } => points.len(),
+            Self::Prior { relief, .. } => relief.len(),
             Self::Mark { text, .. } | Self::Event { text, .. } => text.len(),
             Self::Pattern(_)
             | Self::Report(_)
@@ -252,6 +264,7 @@ impl Recordable<'_> {
             Self::TruthPose(pose) => append(bytes, &truth_poses::encoded(pose)),
             Self::Pose(report) => append(bytes, &schema::PoseReport::of(report).unwrap_or_default()),
             Self::PoseTransform(report) => append(bytes, &tracking::transforms(report)),
+            Self::Prior { header, relief } => append(bytes, &schema::Prior::of(header, relief)),
             Self::Model { header, points } => {
                 append(bytes, &tracking::model_cloud(header));
                 append_bytes(bytes, DATA_KEY, points);

@@ -44,11 +44,13 @@ pub enum Topic {
     Pose,
     /// The model that grows; live alone, since clouds make it again.
     Model,
+    /// What is known of the next windows, after every cloud.
+    Prior,
 }
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Cam1Frame,
         Self::Cam1Header,
         Self::Cam2Frame,
@@ -67,6 +69,7 @@ impl Topic {
         Self::TruthPose,
         Self::Pose,
         Self::Model,
+        Self::Prior,
     ];
 
     /// Its name in the file.
@@ -91,6 +94,7 @@ impl Topic {
             Self::TruthPose => "/truth/pose",
             Self::Pose => "/tracking/pose",
             Self::Model => "/tracking/model",
+            Self::Prior => "/tracking/prior",
         }
     }
 
@@ -141,6 +145,7 @@ impl Topic {
             Self::Report => own("StageReport"),
             Self::WindowReport => own("WindowReport"),
             Self::Pose => own("PoseReport"),
+            Self::Prior => own("Prior"),
             Self::Log => Log::get_schema(),
             Self::Transforms => FrameTransforms::get_schema(),
             Self::TruthPose => FrameTransform::get_schema(),

@@ -6,7 +6,11 @@ use crate::cloud::Scalar;
 use crate::message::{self, LostReason, MODEL_POINT_BYTES, ModelHeader, TrackingState};
 
 use super::recordable::{identity, numeric_type, timestamp};
-use super::schema::{PoseReport, TrackedPose, Window};
+use prost::bytes::Bytes;
+
+use crate::wire;
+
+use super::schema::{PoseReport, Prior, TrackedPose, Window};
 
 /// Frame of the model: that of camera 1 at its first cloud.
 const MODEL: &str = "model";
@@ -112,6 +116,40 @@ impl PoseReport {
             state: state as u32,
             reason: reason.map_or(0, |reason| reason as u32),
         })
+    }
+}
+
+impl Prior {
+    pub(super) fn of(header: &message::PriorHeader, relief: &[u8]) -> Self {
+        Self {
+            published: header.published,
+            cloud: header.cloud,
+            centre_ns: header.centre_ns,
+            published_ns: header.published_ns,
+            velocity_m_s: header.velocity_m_s.to_vec(),
+            rate_rad_s: header.rate_rad_s.to_vec(),
+            width_px: header.width_px,
+            height_px: header.height_px,
+            relief: Bytes::copy_from_slice(relief),
+        }
+    }
+
+    /// The message of the channel and its payload; no message where these contradict each other.
+    pub(super) fn into_message(self) -> (Option<message::PriorHeader>, Bytes) {
+        let vector = |numbers: &[f64]| <[f64; 3]>::try_from(numbers).ok();
+        let header = vector(&self.velocity_m_s).zip(vector(&self.rate_rad_s)).map(|(velocity_m_s, rate_rad_s)| {
+            message::PriorHeader {
+                published: self.published,
+                cloud: self.cloud,
+                centre_ns: self.centre_ns,
+                published_ns: self.published_ns,
+                velocity_m_s,
+                rate_rad_s,
+                width_px: self.width_px,
+                height_px: self.height_px,
+            }
+        });
+        (header.filter(|header| wire::prior::is_whole(header, &self.relief)), self.relief)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::reconstruction::Reconstructor;
 
 use super::content::Content;
 use super::error::{RecordingError, RecordingProblem};
-use super::{Recording, Topic};
+use super::{Known, Priors, Recording, Topic};
 
 /// A recorded cloud, made again.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,6 +44,8 @@ pub enum VerifyOutcome {
     },
     /// An image of its window is not in the recording.
     ImagesMissing,
+    /// The prior that its images were decoded with is not in the recording.
+    PriorMissing,
     /// The recording began in the middle of its window.
     BeforeRecording,
     /// Its images yield no cloud; the reason.
@@ -64,7 +66,8 @@ impl Recording {
         let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern);
         let table = table.map_err(|e| fail(e.to_string()))?;
         let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| fail(e.to_string()))?;
-        let reconstructor = Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &shifts, configuration.settings);
+        let reconstructor =
+            Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &shifts, configuration.settings);
         reconstructor.map_err(|e| fail(e.to_string()))
     }
 
@@ -74,10 +77,11 @@ impl Recording {
     /// As [`Self::reconstructor`], or the file cannot be read.
     pub fn verify(&self, mut each: impl FnMut(&VerifiedCloud)) -> Result<Vec<VerifiedCloud>, RecordingError> {
         let mut reconstructor = self.reconstructor()?;
+        let priors = self.priors()?;
         let mut verified = Vec::new();
         for message in self.messages_of(Topic::Cloud) {
             let Content::Cloud(header, records) = message?.content else { continue };
-            let outcome = self.verify_cloud(&mut reconstructor, &header, &records)?;
+            let outcome = self.verify_cloud(&mut reconstructor, &priors, &header, &records)?;
             let CloudHeader { published, window, points, .. } = *header;
             let cloud = VerifiedCloud { published, centre_ns: window.centre_ns, points, outcome };
             each(&cloud);
@@ -89,6 +93,7 @@ impl Recording {
     fn verify_cloud(
         &self,
         reconstructor: &mut Reconstructor,
+        priors: &Priors,
         header: &CloudHeader,
         records: &[u8],
     ) -> Result<VerifyOutcome, RecordingError> {
@@ -101,7 +106,8 @@ impl Recording {
             Err(error) => return Err(error),
         };
         let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, None) {
+        let Known::Prior(known) = priors.of(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
+        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known) {
             Ok(made) => compare(records, &made.cloud),
             Err(error) => VerifyOutcome::NoCloud(error.to_string()),
         })

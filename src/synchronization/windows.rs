@@ -87,6 +87,8 @@ impl<F: Clone> Windows<F> {
             (exposures_ns().min().unwrap_or(0), exposures_ns().max().unwrap_or(0));
         let received_ns = |image: &Image<F>| image.header.received_ns;
         let window = Window {
+            // Who decodes it says so.
+            prior: 0,
             cam1_session: session(0),
             cam2_session: session(1),
             cam1_sequence: sequences(0),

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use crate::message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader, PatternEvent,
-    PoseReport, ScanState, StageReport, WindowReport,
+    PoseReport, PriorHeader, ScanState, StageReport, WindowReport,
 };
 
 /// Images of camera 1.
@@ -28,6 +28,8 @@ pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::Rep
 pub const TRACKING_POSE: Channel<(), PoseReport> = Channel::new(ChannelId::TrackingPose);
 /// The model that grows, thinned out.
 pub const TRACKING_MODEL: Channel<ModelHeader, [u8]> = Channel::new(ChannelId::TrackingModel);
+/// What is known of the next windows.
+pub const TRACKING_PRIOR: Channel<PriorHeader, [u8]> = Channel::new(ChannelId::TrackingPrior);
 /// What the instance is to do; a new subscriber gets the last one.
 pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
 
@@ -37,13 +39,14 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// |---|---|---|---|
 /// | `Cam1Frame`, `Cam2Frame` | `cam1/frame`, `cam2/frame` | slice of `u8` | `fringeflow.FrameHeader.1` |
 /// | `ProjectorPattern` | `projector/pattern` | `fringeflow.PatternEvent.1` | none |
-/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.4` |
-/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.5` |
-/// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.2` |
+/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.5` |
+/// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.6` |
+/// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.4` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.3` | none |
-/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.4` | none |
-/// | `TrackingPose` | `tracking/pose` | `fringeflow.PoseReport.1` | none |
+/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.5` | none |
+/// | `TrackingPose` | `tracking/pose` | `fringeflow.PoseReport.2` | none |
 /// | `TrackingModel` | `tracking/model` | slice of `u8` | `fringeflow.ModelHeader.1` |
+/// | `TrackingPrior` | `tracking/prior` | slice of `u8` | `fringeflow.PriorHeader.1` |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
 /// Beside these, `control` is a request–response service, see [`super::ControlServer`].
@@ -69,6 +72,8 @@ pub enum ChannelId {
     TrackingPose,
     /// The model that grows, thinned out.
     TrackingModel,
+    /// What is known of the next windows.
+    TrackingPrior,
     /// What the instance is to do.
     ScanState,
 }
@@ -94,6 +99,8 @@ pub struct ChannelSizes {
     pub cloud_bytes: usize,
     /// Most points of the model that are shown; 0 where none is made.
     pub model_points: usize,
+    /// Bytes of the largest prior; 0 where none is made.
+    pub prior_bytes: usize,
 }
 
 /// How much a channel holds.
@@ -119,7 +126,7 @@ pub struct Quality {
 
 impl ChannelId {
     /// All channels.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Cam1Frame,
         Self::Cam2Frame,
         Self::ProjectorPattern,
@@ -130,6 +137,7 @@ impl ChannelId {
         Self::ReportWindow,
         Self::TrackingPose,
         Self::TrackingModel,
+        Self::TrackingPrior,
         Self::ScanState,
     ];
 
@@ -147,6 +155,7 @@ impl ChannelId {
             Self::ReportWindow => "report/window",
             Self::TrackingPose => "tracking/pose",
             Self::TrackingModel => "tracking/model",
+            Self::TrackingPrior => "tracking/prior",
             Self::ScanState => "control/state",
         }
     }
@@ -170,6 +179,10 @@ impl ChannelId {
             Self::TrackingModel => {
                 let bytes = sizes.model_points.max(1) * MODEL_POINT_BYTES;
                 Quality { history: 1, ..Quality::of::<ModelHeader, u8>(bytes, 2) }
+            }
+            // A service that begins anew is told what is known.
+            Self::TrackingPrior => {
+                Quality { history: 1, ..Quality::of::<PriorHeader, u8>(sizes.prior_bytes.max(1), 16) }
             }
             Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 64) },
         }

@@ -6,7 +6,8 @@ use super::attached::{Attached, Files};
 use super::node::Member;
 use super::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelSizes, Header, Node, PHASE_MAPS,
-    PROJECTOR_PATTERN, Payload, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE, TransportError,
+    PROJECTOR_PATTERN, Payload, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE, TRACKING_PRIOR,
+    TransportError,
 };
 
 /// Keeps every channel in being while no port is open, so that drivers in other languages find them, with the limits
@@ -63,6 +64,7 @@ fn open(node: &Node, sizes: &ChannelSizes) -> Result<Attached<Services>, Transpo
     keep(&mut kept, &member, REPORT_WINDOW, sizes)?;
     keep(&mut kept, &member, TRACKING_POSE, sizes)?;
     keep(&mut kept, &member, TRACKING_MODEL, sizes)?;
+    keep(&mut kept, &member, TRACKING_PRIOR, sizes)?;
     keep(&mut kept, &member, SCAN_STATE, sizes)?;
     Ok(Attached::new(kept.0, kept.1))
 }

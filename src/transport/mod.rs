@@ -40,7 +40,7 @@ mod tests;
 
 pub use channels::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelId, ChannelSizes, PHASE_MAPS, PROJECTOR_PATTERN,
-    Quality, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE,
+    Quality, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE, TRACKING_PRIOR,
 };
 pub use control::{ControlServer, request};
 pub use error::TransportError;

@@ -132,6 +132,7 @@ mod tests {
             correspondence_blocks: 1,
             cloud_bytes: 1,
             model_points: 1,
+            prior_bytes: 1,
         };
         let more = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
         // Two cameras, four subscribers, three images each, with their headers.

@@ -24,6 +24,7 @@ const SIZES: ChannelSizes = ChannelSizes {
     correspondence_blocks: 8,
     cloud_bytes: 1000,
     model_points: 1,
+    prior_bytes: 1,
 };
 
 /// An instance of its own in a folder of its own.
@@ -436,6 +437,7 @@ fn what_is_required_is_what_is_allocated() {
         correspondence_blocks: 174_080,
         cloud_bytes: 12_124_160,
         model_points: 50_000,
+        prior_bytes: 2560,
     };
     let node = place.node();
     let ports = (

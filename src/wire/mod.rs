@@ -8,6 +8,7 @@ pub mod correspondences;
 pub mod health;
 pub mod maps;
 mod planes;
+pub mod prior;
 pub mod tracking;
 pub mod window_report;
 

@@ -3,8 +3,8 @@
 use crate::geometry::{FringePattern, Rig};
 use crate::grey::GreyLevels;
 use crate::phase::{
-    Flow, MotionFits, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity, decode_following_into,
-    decode_into, decode_moving_into,
+    Flow, MotionFits, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity,
+    decode_following_into, decode_into, decode_moving_into,
 };
 use crate::prior::{Moment, Prior};
 

@@ -26,8 +26,14 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("simulation", &["grey", "geometry", "phase::GrayCode", "calibration", "dataset", "evaluation", "atomic_file"]),
     ("worker", &["grey::GreyLevels", "geometry", "phase", "prior", "correspondence", "cloud"]),
     ("telemetry", &["health", "message", "correspondence::Outcome"]),
-    ("wire", &["geometry::Pose", "health", "message", "phase", "correspondence", "fusion", "registration", "worker"]),
-    ("reconstruction", &["grey::GreyLevels", "geometry", "phase", "prior", "fusion", "correspondence", "cloud", "worker"]),
+    (
+        "wire",
+        &["geometry", "prior", "health", "message", "phase", "correspondence", "fusion", "registration", "worker"],
+    ),
+    (
+        "reconstruction",
+        &["grey::GreyLevels", "geometry", "phase", "prior", "fusion", "correspondence", "cloud", "worker"],
+    ),
     (
         "config",
         &[

@@ -77,8 +77,8 @@ fn reconstruct_by(
         fringes.iter().enumerate().map(image).collect::<Vec<_>>()
     });
     let shifts = PhaseShifts::new(&fringes.iter().map(|(s, _)| *s).collect::<Vec<_>>()).unwrap();
-    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, &shifts, settings).unwrap();
-    reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2))
+    let mut reconstructor = Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, settings).unwrap();
+    reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None)
 }
 
 /// What the images of a simulation yield whose patterns are so many steps ahead of what is said of them.
@@ -100,8 +100,9 @@ fn slipped(simulation: &Simulation, ahead: [usize; 2]) -> Reconstruction {
         (0..patterns.len()).map(image).collect::<Vec<_>>()
     });
     let shifts = PhaseShifts::new(&shifts).unwrap();
-    let mut reconstructor = Reconstructor::new(&rig.calibrated, table, &shifts, Settings::default()).unwrap();
-    reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2)).unwrap()
+    let mut reconstructor =
+        Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, Settings::default()).unwrap();
+    reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None).unwrap()
 }
 
 #[test]

@@ -19,6 +19,7 @@ const SIZES: ChannelSizes = ChannelSizes {
     correspondence_blocks: 1,
     cloud_bytes: 64,
     model_points: 0,
+    prior_bytes: 0,
 };
 
 /// What a supervisor holds, as far as a driver sees it.

@@ -82,11 +82,11 @@ fn a_window_whose_images_are_all_ahead_alike_shows_nothing() {
 fn the_worker_refuses_the_window_and_names_camera_fault_and_image() {
     let scene = MovingScene::new(Object::Nose, SIZE_PX, 0.1, POSES, NoiseLevel::Normal);
     let shifts = PhaseShifts::new(&shifts_rad(4)).unwrap();
-    let mut worker = PhaseWorker::new(&scene.rig.calibrated, &shifts, Validity::default());
+    let mut worker = PhaseWorker::new(&scene.rig.calibrated, &scene.rig.columns, &shifts, Validity::default());
     let mut step = |injections: [Injection; 2]| {
         let windows = [0, 1].map(|camera| scene.window(camera, 4, 1, injections[camera], 7));
         let [cam1, cam2]: [Vec<GreyLevels<'_>>; 2] = [0, 1].map(|camera: usize| GreyImage::levels_of(&windows[camera]));
-        worker.step(1, &cam1, &cam2, &mut PhasePair::default())
+        worker.step(1, &cam1, &cam2, None, &mut PhasePair::default())
     };
     assert_eq!(step([Injection::None; 2]), Ok(()));
     let error = step([Injection::None, Injection::Lost(3, 1)]).unwrap_err();

@@ -7,7 +7,7 @@ use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
 use fringeflow::reconstruction::WindowTimes;
-use fringeflow::recording::{ImagePair, Recording, TruthPoses, cycles, windows};
+use fringeflow::recording::{ImagePair, Priors, Recording, TruthPoses, cycles, windows};
 
 use crate::failure::Failure;
 
@@ -142,6 +142,21 @@ impl Input {
                 end += 1;
             }
         }
+    }
+
+    /// What windows of a recording were told of those before them; nothing of a folder.
+    pub(crate) fn priors(&self) -> Result<Priors, Failure> {
+        match self {
+            Self::Folder(_) => Ok(Priors::default()),
+            Self::Recording(recording, _) => Ok(recording.priors()?),
+        }
+    }
+
+    /// When the last of some image pairs came, nanoseconds.
+    pub(crate) fn received_ns(&self, numbers: &[usize]) -> u64 {
+        let Self::Recording(_, pairs) = self else { return 0 };
+        let pairs = numbers.iter().filter_map(|&number| pairs.get(number));
+        pairs.map(|pair| pair.cam1.received_ns.max(pair.cam2.received_ns)).max().unwrap_or_default()
     }
 
     /// When image pairs were taken; those of a folder as if [`FOLDER_SPACING_NS`] apart.

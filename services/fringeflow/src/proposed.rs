@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use fringeflow::config::Configuration;
 use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::dataset::GreyImage;
+use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::health::HealthLimits;
 use fringeflow::phase::PhaseShifts;
-use fringeflow::fusion::{FusionSettings, Tracker};
+use fringeflow::prior::{Moment, Prior};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, TrackedStream};
 
 use crate::failure::Failure;
@@ -88,32 +89,53 @@ impl ProposedArgs {
         let reconstructor = self.measuring.reconstructor(input, &chosen, &configuration)?;
         bar.inc(1);
         bar.set_message("correspondences");
-        let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());
-        let mut stream = TrackedStream::new(reconstructor, tracker);
-        for images in self.windows_before(input, &chosen, &configuration) {
-            let times = input.times(&images.numbers);
-            if let Ok(made) = try_reconstruct_next(input, &mut stream, &images)? {
-                stream.track(&made, &times);
-            }
-        }
-        let reconstruction = try_reconstruct_next(input, &mut stream, &chosen)?.map_err(|e| input.unusable(&e));
+        let reconstruction = self.reconstruct_knowing(input, &chosen, &configuration, reconstructor)?;
+        let reconstruction = reconstruction.map_err(|e| input.unusable(&e));
         bar.finish_and_clear();
         let image = input.middle(&chosen.numbers);
         Ok(Proposed { reconstruction: reconstruction?, image, limits: configuration.health })
     }
 
+    /// Reconstructs images with what is known of them beforehand: what the recording says, or else what the windows before them
+    /// tell.
+    fn reconstruct_knowing(
+        &self,
+        input: &Input,
+        chosen: &Images,
+        configuration: &Configuration,
+        mut reconstructor: Reconstructor,
+    ) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
+        if !self.measuring.takes_prior(input, configuration) {
+            return try_reconstruct(input, &mut reconstructor, chosen, None);
+        }
+        let priors = input.priors()?;
+        if !priors.is_empty() {
+            let known = priors.at(input.received_ns(&chosen.numbers), &input.times(&chosen.numbers));
+            return try_reconstruct(input, &mut reconstructor, chosen, known);
+        }
+        let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());
+        let mut stream = TrackedStream::new(reconstructor, tracker);
+        for images in self.windows_before(input, chosen) {
+            if let Ok(made) = try_reconstruct_next(input, &mut stream, &images)? {
+                stream.track(&made, &input.times(&images.numbers));
+            }
+        }
+        try_reconstruct_next(input, &mut stream, chosen)
+    }
+
     /// The windows that tell what is known of the images beforehand: those just before, each an image pair behind the last; none
-    /// where nothing is to be known.
-    fn windows_before(&self, input: &Input, chosen: &Images, configuration: &Configuration) -> Vec<Images> {
+    /// where images compensate no motion.
+    fn windows_before(&self, input: &Input, chosen: &Images) -> Vec<Images> {
         let (count, first) = (chosen.numbers.len(), chosen.numbers.first().copied().unwrap_or_default());
-        if !self.measuring.takes_prior(input, configuration) || count <= chosen.cycle_rad.len() {
+        if count <= chosen.cycle_rad.len() {
             return Vec::new();
         }
         let starts = (1..=WINDOWS_BEFORE).map_while(|back| {
             let start = first.checked_sub(back)?;
             input.follows(start + 1).then_some(start)
         });
-        let mut windows: Vec<Images> = starts.filter_map(|start| Images::in_turn(input, start..start + count).ok()).collect();
+        let mut windows: Vec<Images> =
+            starts.filter_map(|start| Images::in_turn(input, start..start + count).ok()).collect();
         windows.reverse();
         windows
     }
@@ -203,7 +225,7 @@ impl MeasuringArgs {
 
     /// Whether a window is given what those before it tell: as the recording was made, and of dataset folders.
     pub(crate) fn takes_prior(&self, input: &Input, configuration: &Configuration) -> bool {
-        !self.no_prior && (configuration.tracking.is_enabled || matches!(input, Input::Folder(_)))
+        !self.no_prior && (configuration.tracking.takes_priors() || matches!(input, Input::Folder(_)))
     }
 
     /// What reconstructs images that show the same steps as these.
@@ -257,18 +279,19 @@ pub(crate) fn reconstruct(
     reconstructor: &mut Reconstructor,
     images: &Images,
 ) -> Result<Reconstruction, Failure> {
-    try_reconstruct(input, reconstructor, images)?.map_err(|e| input.unusable(&e))
+    try_reconstruct(input, reconstructor, images, None)?.map_err(|e| input.unusable(&e))
 }
 
 /// Reconstructs these images; that they yield no cloud is a result.
-pub(crate) fn try_reconstruct(
+fn try_reconstruct(
     input: &Input,
     reconstructor: &mut Reconstructor,
     images: &Images,
+    known: Option<(&Prior, Moment)>,
 ) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
     let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, None))
+    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, known))
 }
 
 /// Reconstructs the next images of a stream; that they yield no cloud is a result.

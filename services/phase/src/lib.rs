@@ -4,6 +4,7 @@
 
 mod image;
 mod intake;
+mod priors;
 
 use fringeflow::message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow::phase::{PhaseShifts, SequenceFaultKind};
@@ -15,6 +16,7 @@ use fringeflow_runtime::{Account, Host, ItemTimes, ServiceArgs, ServiceError, cl
 
 use image::Image;
 use intake::Intake;
+use priors::Priors;
 
 /// Runs the service until it is to end.
 ///
@@ -39,6 +41,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         host.tend(|host, now_ns| {
             intake.forgive_silence(host);
             decoding.output.ensure_connected()?;
+            decoding.priors.ensure_connected(now_ns)?;
             intake.ensure_connected(now_ns)
         });
         intake.wait()?;
@@ -57,6 +60,7 @@ struct Decoding {
     output: Publisher<MapsHeader, [Block]>,
     worker: PhaseWorker,
     maps: PhasePair,
+    priors: Priors,
     /// The newest window, not decoded yet.
     newest: Option<(WindowImages<Image>, u64)>,
 }
@@ -70,8 +74,14 @@ impl Decoding {
         Ok(Self {
             account,
             output: Publisher::open(&host.node, PHASE_MAPS, &host.sizes)?,
-            worker: PhaseWorker::new(&host.setup.rig, &host.setup.sequence.pattern, &shifts, host.configuration.measurement.settings.validity),
+            worker: PhaseWorker::new(
+                &host.setup.rig,
+                &host.setup.sequence.pattern,
+                &shifts,
+                host.configuration.measurement.settings.validity,
+            ),
             maps: PhasePair::default(),
+            priors: Priors::open(host)?,
             newest: None,
         })
     }
@@ -91,13 +101,14 @@ impl Decoding {
 
     /// Decodes the newest window if the next stage has time for it.
     fn work(&mut self, host: &mut Host) -> Result<(), ServiceError> {
-        let Some((images, taken_ns)) = self.newest.take() else { return Ok(()) };
+        let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
         if !host.is_free(Stage::Correspondence, &self.account) {
             return Ok(self.account.drop_one(DropReason::NextStageBusy)?);
         }
+        let known = self.priors.tell(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
-        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, None, &mut self.maps) {
+        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, known, &mut self.maps) {
             let window = &images.window;
             let [cam1, cam2] = [window.cam1_sequence[0], window.cam2_sequence[0]];
             tracing::warn!(first_image_of_camera1 = cam1, first_image_of_camera2 = cam2, "{error}");

@@ -1,13 +1,14 @@
 //! All channels that are recorded, and the numbers of their messages.
 
 use fringeflow::message::{
-    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, ScanState, Stage,
-    StageReport, WindowReport,
+    Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader,
+    ScanState, Stage, StageReport, WindowReport,
 };
 use fringeflow::recording::Recordable;
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
-    REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TransportError, WaitSource, wait_for,
+    REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, TransportError, WaitSource,
+    wait_for,
 };
 use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
@@ -21,6 +22,7 @@ pub(crate) struct Channels {
     reports: Subscriber<(), StageReport>,
     window_reports: Numbered<(), WindowReport>,
     poses: Option<Numbered<(), PoseReport>>,
+    priors: Option<Numbered<PriorHeader, [u8]>>,
 }
 
 /// A channel whose messages are numbered.
@@ -58,7 +60,7 @@ impl AsRef<[u8]> for Image {
 impl Channels {
     pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
         let settings = &host.configuration.recorder;
-        let is_tracked = host.configuration.measurement.tracking.is_enabled;
+        let tracking = &host.configuration.measurement.tracking;
         Ok(Self {
             cameras: [
                 Numbered::open(host, CAM1_FRAME, Stage::Camera1)?,
@@ -73,7 +75,11 @@ impl Channels {
             clouds: Numbered::open(host, CLOUD, Stage::Cloud)?,
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
             window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
-            poses: is_tracked.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
+            poses: tracking.is_enabled.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
+            priors: tracking
+                .takes_priors()
+                .then(|| Numbered::open(host, TRACKING_PRIOR, Stage::Tracking))
+                .transpose()?,
         })
     }
 
@@ -91,6 +97,7 @@ impl Channels {
         ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WaitSource));
         ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WaitSource));
         ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WaitSource));
+        ports.extend(self.priors.as_ref().map(|priors| &priors.port as &dyn WaitSource));
         wait_for(&ports, BEAT)
     }
 
@@ -157,6 +164,12 @@ impl Channels {
                     },
                 );
             }
+            if let Some(priors) = &mut self.priors {
+                any |= priors.next(
+                    |header, _| header.published,
+                    |header, relief, missing| take(Taken::Message(Recordable::Prior { header, relief }), missing),
+                );
+            }
             // Of many senders, whose messages have no common number.
             if let Some(report) = receive(&mut self.reports) {
                 take(Taken::Message(Recordable::Report(&report)), 0);
@@ -177,6 +190,7 @@ impl Channels {
         self.clouds.ensure_connected(host, now_ns)?;
         self.window_reports.ensure_connected(host, now_ns)?;
         self.poses.iter_mut().try_for_each(|poses| poses.ensure_connected(host, now_ns))?;
+        self.priors.iter_mut().try_for_each(|priors| priors.ensure_connected(host, now_ns))?;
         self.reports.ensure_connected(now_ns).map(|_| ())
     }
 }

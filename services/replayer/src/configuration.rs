@@ -1,6 +1,6 @@
 //! The configuration of a replay: the recorded one, with the recording in the place of cameras and projector.
 
-use fringeflow::config::rename_former_keys;
+use fringeflow::config::{PriorSource, rename_former_keys};
 use fringeflow::message::FrameHeader;
 use fringeflow::recording::{Recording, Topic};
 use toml::{Table, Value};
@@ -40,6 +40,9 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
     set(&mut table, "cameras", "rate_hz", rate_hz(recording).into());
     set(&mut table, "projector", "driver", driver.into());
     set(&mut table, "window", "when_busy", when_busy.into());
+    // Windows are told what they were told then.
+    let prior = if recording.count(Topic::Prior) > 0 { PriorSource::External } else { PriorSource::Off };
+    set(&mut table, "tracking", "prior", prior.name().into());
     Ok(toml::to_string(&table)?)
 }
 

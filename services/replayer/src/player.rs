@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
-use fringeflow::message::{CloudHeader, FrameHeader, PatternEvent, Stage, flags};
+use fringeflow::message::{CloudHeader, FrameHeader, PatternEvent, PriorHeader, Stage, flags};
 use fringeflow::recording::{Content, Message, Recording, RecordingError};
 use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber,
+    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TRACKING_PRIOR,
 };
 use fringeflow_runtime::{Account, AccountError, clock, receive};
 use fringeflow_supervisor::{Progress, Source, SourceError};
@@ -33,6 +33,7 @@ pub struct Player<'a> {
 struct Ports {
     cameras: [Publisher<FrameHeader, [u8]>; 2],
     events: Publisher<(), PatternEvent>,
+    priors: Publisher<PriorHeader, [u8]>,
     clouds: Subscriber<CloudHeader, [u8]>,
     /// Of both cameras.
     image_accounts: [Account; 2],
@@ -54,7 +55,9 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn new(recording: &'a Recording, pace: Pace, comparison: Comparison) -> Self {
         let is_played = |message: &Result<Message, RecordingError>| {
-            message.as_ref().map_or(true, |m| matches!(m.content, Content::Frame(..) | Content::Pattern(_)))
+            let is_input =
+                |m: &Message| matches!(m.content, Content::Frame(..) | Content::Pattern(_) | Content::Prior(..));
+            message.as_ref().map_or(true, is_input)
         };
         let messages: Box<dyn Iterator<Item = _>> = Box::new(recording.messages().filter(is_played));
         Self { messages: messages.peekable(), pace, comparison, ports: None, begun_ns: None }
@@ -105,6 +108,7 @@ impl Ports {
         Ok(Self {
             cameras: [Publisher::open(node, CAM1_FRAME, sizes)?, Publisher::open(node, CAM2_FRAME, sizes)?],
             events: Publisher::open(node, PROJECTOR_PATTERN, sizes)?,
+            priors: Publisher::open(node, TRACKING_PRIOR, sizes)?,
             clouds: Subscriber::open(node, CLOUD, sizes)?,
             image_accounts: [Account::open(accounts, Stage::Camera1)?, Account::open(accounts, Stage::Camera2)?],
             event_account: Account::open(accounts, Stage::Projector)?,
@@ -156,6 +160,7 @@ impl Ports {
                 self.event_account.pass_as(event.session, sequence)?;
                 self.events.send_message(&PatternEvent { sequence, ..*event })
             }
+            Content::Prior(header, relief) => self.priors.send(header, relief),
             _ => Ok(()),
         };
         // What could not be sent is missing in the channel, and counted there.

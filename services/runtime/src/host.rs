@@ -255,6 +255,7 @@ pub fn channel_sizes(setup: &Setup, configuration: &ScannerConfiguration) -> Cha
         correspondence_blocks: wire::correspondences::blocks(pixels),
         cloud_bytes: pixels * RECORD_BYTES,
         model_points: configuration.measurement.tracking.channel_points(),
+        prior_bytes: wire::prior::payload_bytes(setup.image_size_px),
     }
 }
 

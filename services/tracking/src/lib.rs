@@ -7,9 +7,9 @@ mod shown;
 
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow::fusion::Tracker;
-use fringeflow::message::{CloudHeader, DropReason, PoseReport, Stage};
-use fringeflow::transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, wait_for};
-use fringeflow::wire::tracking::pose_report;
+use fringeflow::message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
+use fringeflow::transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, wait_for};
+use fringeflow::wire::{prior, tracking::pose_report};
 use fringeflow_runtime::{Account, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, messages, receive};
 
 use shown::Shown;
@@ -60,12 +60,20 @@ struct TrackingStage {
     account: Account,
     tracker: Tracker,
     poses: Publisher<(), PoseReport>,
+    /// What tells the next windows; none where another program does.
+    priors: Option<Priors>,
     shown: Shown,
     /// The last report on a cloud with a pose.
     last: PoseReport,
     /// Number of the first cloud of the model, once there is one.
     first_cloud: Option<u64>,
     is_lost: bool,
+}
+
+/// Tells the next windows what is known.
+struct Priors {
+    output: Publisher<PriorHeader, [u8]>,
+    relief: Vec<u8>,
 }
 
 impl TrackingStage {
@@ -75,6 +83,11 @@ impl TrackingStage {
             account: host.account(Stage::Tracking)?,
             tracker: Tracker::new(host.setup.rig.cam1.clone(), configuration.fusion()),
             poses: Publisher::open(&host.node, TRACKING_POSE, &host.sizes)?,
+            priors: if configuration.makes_priors() {
+                Some(Priors { output: Publisher::open(&host.node, TRACKING_PRIOR, &host.sizes)?, relief: Vec::new() })
+            } else {
+                None
+            },
             shown: Shown::open(host, configuration)?,
             last: PoseReport::default(),
             first_cloud: None,
@@ -125,6 +138,7 @@ impl TrackingStage {
         if let Err(error) = self.poses.send_message(&report) {
             tracing::warn!("{error}");
         }
+        self.tell_next_windows(&report);
         self.tell(&report);
         if is_tracked {
             self.last = report;
@@ -133,6 +147,16 @@ impl TrackingStage {
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: report.published_ns };
         host.report(Stage::Tracking, self.account.counts(), is_tracked.then_some(times));
         Ok(())
+    }
+
+    /// Says what the cloud of a report tells of the windows behind it: nothing where it was lost.
+    fn tell_next_windows(&mut self, report: &PoseReport) {
+        let Some(Priors { output, relief }) = &mut self.priors else { return };
+        let header = prior::prior(&self.tracker, report, relief);
+        let header = PriorHeader { published_ns: clock::now_ns(), ..header };
+        if let Err(error) = output.send(&header, relief) {
+            tracing::warn!("{error}");
+        }
     }
 
     /// Says when the scanner is lost, and when it is found again.
@@ -152,13 +176,14 @@ impl TrackingStage {
     /// Looks after the connections; whether the clouds were opened anew.
     fn tend(&mut self, host: &mut Host, clouds: &mut Subscriber<CloudHeader, [u8]>) -> bool {
         let mut is_renewed = false;
-        let Self { account, poses, shown, .. } = self;
+        let Self { account, poses, priors, shown, .. } = self;
         host.tend(|host, now_ns| {
             if !host.is_behind(account) {
                 clouds.forgive_silence();
             }
             is_renewed = clouds.ensure_connected(now_ns)?;
             poses.ensure_connected()?;
+            priors.iter_mut().try_for_each(|priors| priors.output.ensure_connected().map(|_| ()))?;
             shown.ensure_connected()
         });
         is_renewed

@@ -16,6 +16,7 @@ use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 use super::MAX_IMAGES;
 use super::fit::{MotionFit, time, unexplained};
+use super::follow::Fits;
 use super::images::Images;
 
 /// Side of a block, pixels: some fringes, so that phases of all kinds occur; and distance from one to the next.
@@ -39,13 +40,13 @@ const ROUNDS: usize = 2;
 pub(super) fn compensate<S: Sample>(
     level: Level,
     images: &mut Images<'_, S>,
-    fit: &MotionFit,
+    fits: Fits<'_>,
     validity: &Validity,
     room: &mut Vec<Sums>,
 ) -> f32 {
     let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
-        let Some(departures) = departures(level, images, fit, validity, room) else { break };
+        let Some(departures) = departures(level, images, fits, validity, room) else { break };
         for (grey_per_value, departure) in images.grey_per_value.iter_mut().zip(&departures) {
             *grey_per_value /= (1.0 + departure) as f32;
         }
@@ -78,12 +79,12 @@ impl Sums {
 fn departures<S: Sample>(
     level: Level,
     images: &Images<'_, S>,
-    fit: &MotionFit,
+    fits: Fits<'_>,
     validity: &Validity,
     room: &mut Vec<Sums>,
 ) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
-    let Levelling { projector, told } = fit.levelling.as_ref()?;
+    let told = &fits.any().levelling.as_ref()?.told;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     room.clear();
     room.resize_with(starts(images.height).len(), Sums::default);
@@ -91,7 +92,10 @@ fn departures<S: Sample>(
     room.par_iter_mut().enumerate().for_each(|(row, sums)| {
         let mut samples = BlockSamples::default();
         for u in starts(images.width) {
-            let first = row * PITCH * images.width + u;
+            let (v, centre) = (row * PITCH, BLOCK / 2);
+            let (fit, _) = fits.of([v + centre, (u + centre) / LANES]);
+            let Some(Levelling { projector, .. }) = &fit.levelling else { continue };
+            let first = v * images.width + u;
             let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
             simd::run(level, block);
         }
@@ -125,7 +129,7 @@ fn departures<S: Sample>(
 /// What the levelling of images with some shifts needs to know of these.
 #[derive(Clone, Debug)]
 pub(super) struct Levelling {
-    projector: Vec<Vec<f64>>,
+    pub(super) projector: Vec<Vec<f64>>,
     /// Directions of γ that go not round with the shifts.
     told: Vec<Vec<f64>>,
 }

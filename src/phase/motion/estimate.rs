@@ -92,7 +92,12 @@ impl ColumnSums {
     /// Motion of the pixels of a block on top of the one that is followed, rad an image; NaN where nothing tells it, or where it
     /// is too fast.
     #[inline(always)]
-    pub(super) fn motion_rad<L: Lanes>(&self, lanes: L, (fit, expected_rad): (&MotionFit, f32), block: usize) -> L::Reals {
+    pub(super) fn motion_rad<L: Lanes>(
+        &self,
+        lanes: L,
+        (fit, expected_rad): (&MotionFit, f32),
+        block: usize,
+    ) -> L::Reals {
         let l = lanes;
         let (slope, power) = (around(l, &self.slopes, block), around(l, &self.powers, block));
         let nothing = l.real(f32::NAN);

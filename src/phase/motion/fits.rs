@@ -8,9 +8,10 @@ use super::fit::{MotionFit, time};
 const BIN_RAD: f32 = 0.1;
 /// Fits to either side of rest: up to half a turn an image.
 const BINS: usize = 31;
-/// Noise of the phase, compared with that of a resting scene, up to which a motion may be followed. Beyond, the surface moves so
-/// much with the fringes that its images hardly differ.
+/// Noise of the phase up to which a motion may be followed: compared with that of a resting scene, or per unit of noise ÷
+/// modulation, about what four images make of it. Beyond, the surface moves so much with the fringes that its images hardly differ.
 const MAX_NOISE: f32 = 1.25;
+const MAX_NOISE_GAIN: f32 = 0.75;
 /// Least motion, beyond what is followed, that a fit must tell, rad an image.
 const LEAST_LIMIT_RAD: f32 = 0.3;
 
@@ -78,7 +79,8 @@ impl Followable {
         let shifts = resting.shifts_rad().iter().enumerate();
         let turned: Vec<f64> = shifts.map(|(i, shift)| shift + motion_rad * time(i, images)).collect();
         let tells = |fit: &MotionFit| {
-            fit.noise_gain() <= MAX_NOISE * resting.noise_gain() && fit.least_limit_rad() >= LEAST_LIMIT_RAD
+            fit.noise_gain() <= MAX_NOISE_GAIN.max(MAX_NOISE * resting.noise_gain())
+                && fit.least_limit_rad() >= LEAST_LIMIT_RAD
         };
         Self(MotionFit::new(&turned).ok().filter(tells).map(Box::new))
     }

@@ -39,6 +39,13 @@ impl Flow {
         size_px.map(|length| length.div_ceil(FLOW_TILE_PX))
     }
 
+    /// The motion at a pixel: column, row.
+    #[must_use]
+    pub fn motion_at(&self, [u, v]: [usize; 2]) -> Option<&SurfaceMotion> {
+        let column = Some(u / FLOW_TILE_PX).filter(|&column| column < self.columns)?;
+        self.tiles.get(v / FLOW_TILE_PX * self.columns + column)
+    }
+
     /// Columns and rows of tiles.
     pub(super) fn size(&self) -> [usize; 2] {
         [self.columns, self.tiles.len().checked_div(self.columns).unwrap_or(0)]

@@ -89,6 +89,18 @@ impl<'a, S: Sample> Images<'a, S> {
         self.saturation.value()
     }
 
+    /// A sample that is saturated.
+    pub(super) fn saturated_sample(&self) -> S {
+        self.saturation
+    }
+
+    /// Whether images hold all of so many columns and rows from a place on.
+    #[inline(always)]
+    pub(super) fn holds(&self, [(u, columns), (v, rows)]: [(f32, usize); 2]) -> bool {
+        let within = |x: f32, count: usize, length: usize| x >= 0.0 && x + (count - 1) as f32 <= (length - 1) as f32;
+        within(u, columns, self.width) && within(v, rows, self.height)
+    }
+
     /// Samples of a row.
     #[inline(always)]
     pub(super) fn row(&self, image: usize, row: usize) -> &[S] {

@@ -15,6 +15,9 @@
 //! 1 rad an image for N = 4. Cost: seven sums of M images a pixel in the place of three of N, and three rounds of responses to the
 //! motion of each pixel.
 //!
+//! Where it is known beforehand how the scene moves ([`Flow`]), *follow* samples the images along the way of what they show first,
+//! and *fits* turns their shifts by as much as the phase is expected to grow: what is left for the steps above is small.
+//!
 //! *band*: rows one behind the other, by *linear* (the fit), *estimate* (the motion) and *moved* (what is left of z); *window*: what
 //! takes all of them; *one surface* and *solve*: the pixels that are decoded again.
 

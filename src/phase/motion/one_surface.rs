@@ -163,7 +163,7 @@ impl<S: Sample> Repair<'_, S> {
             let pixel = (self.rows.start + row) * width + u;
             for image in 0..images.count {
                 let saturated = images.is_saturated(image, pixel);
-                is_saturated[p] |= saturated;
+                is_saturated[p] |= saturated && of.fits.holds(images, image, [u, self.rows.start + row]);
                 batch.set(image, p, images.grey(image, pixel), !saturated);
             }
         }

@@ -2,6 +2,7 @@ use std::f64::consts::TAU;
 
 use crate::grey::PixelFormat;
 
+use super::window::Scene as Known;
 use super::*;
 
 const WIDTH: usize = 256;
@@ -167,6 +168,96 @@ fn windows_that_determine_nothing_are_refused() {
     assert!(decode_moving(&[GreyLevels::eight_bit(&bytes); 5], 3, 2, &fit, &Validity::default()).is_none());
 }
 
+fn flow_of(size_px: [usize; 2], way: impl Fn(usize) -> SurfaceMotion) -> Flow {
+    let [columns, rows] = Flow::tiles_of(size_px);
+    Flow::new(size_px, (0..columns * rows).map(way).collect()).unwrap()
+}
+
+/// A wall of dark and bright bars that moves along itself: the fringes stand still, the bars go by.
+struct Wall {
+    velocity_px: f64,
+}
+
+impl Wall {
+    const PERIOD_PX: f64 = 24.0;
+
+    fn phase_rad(u: usize) -> f64 {
+        TAU * u as f64 / Self::PERIOD_PX
+    }
+
+    fn images(&self, images: usize) -> Vec<Vec<u8>> {
+        let grey = |i: usize, u: usize| {
+            let bar = ((u as f64 - self.velocity_px * fit::time(i, images)) / 3.0).sin();
+            let albedo = 0.6 + 0.35 * bar;
+            albedo * (110.0 + 80.0 * (Self::phase_rad(u) + TAU * i as f64 / 4.0).cos())
+        };
+        (0..images).map(|i| (0..WIDTH * HEIGHT).map(|pixel| grey(i, pixel % WIDTH).round() as u8).collect()).collect()
+    }
+
+    /// Root mean square of what the phase is off by, the pixels whose way leads out of the image left out.
+    fn error_rad(&self, flow: Option<&Flow>) -> f64 {
+        let bytes = self.images(6);
+        let levels: Vec<GreyLevels<'_>> = bytes.iter().map(|bytes| GreyLevels::eight_bit(bytes)).collect();
+        let shifts: Vec<f64> = (0..6).map(|i| TAU * f64::from(i) / 4.0).collect();
+        let mut fits = MotionFits::new(&shifts).unwrap();
+        let (mut map, mut room, size) = (PhaseMap::default(), MotionRoom::default(), [WIDTH, HEIGHT]);
+        match flow {
+            Some(flow) => {
+                decode_following_into(&mut map, &mut room, &levels, size, (&mut fits, flow), &Validity::default())
+            }
+            None => {
+                decode_moving_into(&mut map, &mut room, &levels, WIDTH, HEIGHT, fits.resting(), &Validity::default())
+            }
+        }
+        .unwrap();
+        let inner = |pixel: &usize| map.valid[*pixel] && (32..WIDTH - 32).contains(&(pixel % WIDTH));
+        let square = |pixel: usize| {
+            let off = f64::from(map.phase[pixel]) / 65536.0 * TAU - Self::phase_rad(pixel % WIDTH);
+            ((off + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0).powi(2)
+        };
+        let pixels: Vec<usize> = (0..WIDTH * HEIGHT).filter(inner).collect();
+        assert!(pixels.len() * 10 > (WIDTH - 64) * HEIGHT * 9, "{} pixels", pixels.len());
+        (pixels.iter().map(|&pixel| square(pixel)).sum::<f64>() / pixels.len() as f64).sqrt()
+    }
+}
+
+#[test]
+fn a_surface_that_is_followed_keeps_its_texture_and_one_that_does_not_move_so_is_left_alone() {
+    let wall = Wall { velocity_px: 2.0 };
+    let way = |velocity_px: f32| {
+        let motion_rad = (TAU / Wall::PERIOD_PX) as f32 * velocity_px;
+        flow_of([WIDTH, HEIGHT], |_| SurfaceMotion { velocity_px: [velocity_px, 0.0], motion_rad })
+    };
+    let (alone, followed, half) =
+        (wall.error_rad(None), wall.error_rad(Some(&way(2.0))), wall.error_rad(Some(&way(1.0))));
+    assert!(followed < 0.007 && followed * 4.0 < alone, "{followed} rad where it is followed, {alone} rad alone");
+    assert!(half < 1.1 * alone, "{half} rad where half of it is followed, {alone} rad alone");
+    // As far the other way; so fast that no image shows it twice; and what would be seen if it moved with the fringes.
+    let wrong = |velocity_px: [f32; 2], motion_rad: f32| {
+        wall.error_rad(Some(&flow_of([WIDTH, HEIGHT], |_| SurfaceMotion { velocity_px, motion_rad })))
+    };
+    for (velocity_px, motion_rad) in [([0.0, 0.0], 0.9), ([9.0, -30.0], 0.4), ([500.0, 1e6], 1e9), ([3.0, 0.0], -1.57)]
+    {
+        let error_rad = wrong(velocity_px, motion_rad);
+        assert!(error_rad < 1.1 * alone, "{velocity_px:?} {motion_rad}: {error_rad} rad, {alone} rad alone");
+    }
+}
+
+#[test]
+fn a_flow_of_no_numbers_or_of_other_images_is_refused() {
+    let tile = SurfaceMotion { velocity_px: [0.0, f32::NAN], motion_rad: 0.0 };
+    assert_eq!(Flow::new([64, 32], vec![tile; 2]), None);
+    assert_eq!(Flow::new([64, 32], vec![SurfaceMotion::default(); 3]), None);
+    let flow = Flow::new([64, 32], vec![SurfaceMotion::default(); 2]).unwrap();
+    let bytes = [9; 96 * 32];
+    let mut fits = MotionFits::new(&[0.0, 1.5, 3.0, 4.5, 6.0]).unwrap();
+    let images = [GreyLevels::eight_bit(&bytes); 5];
+    let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
+    let decoded =
+        decode_following_into(&mut map, &mut room, &images, [96, 32], (&mut fits, &flow), &Validity::default());
+    assert!(decoded.is_none());
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let moving = Scene { motion_rad: |u, _| 0.01 * u as f64, changes_at: |u| (u % 7) as f64, ..RESTING };
@@ -189,6 +280,15 @@ fn all_levels_and_any_room_give_the_same_bits() {
         ..RESTING
     };
     let mut room = MotionRoom::default();
+    type Way = fn(usize) -> SurfaceMotion;
+    let ways: [Option<Way>; 2] = [
+        None,
+        // Ways of all lengths, some beyond the image, some that cannot be followed.
+        Some(|tile| SurfaceMotion {
+            velocity_px: [tile as f32 * 1.3 - 2.0, 0.7 - tile as f32 * 0.4],
+            motion_rad: tile as f32 * 0.3 - 1.0,
+        }),
+    ];
     for (steps, count, format) in [(4, 6, PixelFormat::Y16), (3, 6, PixelFormat::Grey), (8, 11, PixelFormat::Grey)] {
         let bytes = scene.images(steps, count, 0);
         let eighth = |image: &Vec<u8>| image.chunks_exact(2).map(|b| b[1]).collect::<Vec<u8>>();
@@ -199,16 +299,23 @@ fn all_levels_and_any_room_give_the_same_bits() {
             let used = width * height * format.bytes();
             let levels: Vec<GreyLevels<'_>> =
                 bytes.iter().map(|bytes| GreyLevels { format, bytes: &bytes[..used] }).collect();
-            let maps = Level::ALL.map(|level| {
-                let mut map = PhaseMap::default();
-                let size = [width, height];
-                decode_at(level, &mut map, &mut room, &levels, size, &fit, &Validity::default()).unwrap();
-                map
-            });
-            assert_eq!(maps[0], maps[1], "{steps} {count} {width}");
-            assert_eq!(maps[1], maps[2], "{steps} {count} {width}");
-            let fresh = decode_moving(&levels, width, height, &fit, &Validity::default());
-            assert_eq!(Some(&maps[2]), fresh.as_ref());
+            for way in ways {
+                let flow = way.map(|way| flow_of([width, height], way));
+                let decoded = |level, room: &mut MotionRoom| {
+                    let mut map = PhaseMap::default();
+                    let (size, mut fits) = ([width, height], MotionFits::new(&shifts).unwrap());
+                    let scene = match &flow {
+                        Some(flow) => Known::Followed(&mut fits, flow),
+                        None => Known::Unknown(&fit),
+                    };
+                    decode_at(level, &mut map, room, &levels, size, scene, &Validity::default()).unwrap();
+                    map
+                };
+                let maps = Level::ALL.map(|level| decoded(level, &mut room));
+                assert_eq!(maps[0], maps[1], "{steps} {count} {width}");
+                assert_eq!(maps[1], maps[2], "{steps} {count} {width}");
+                assert_eq!(maps[2], decoded(Level::in_use(), &mut MotionRoom::default()));
+            }
         }
     }
 }

@@ -61,32 +61,27 @@ impl Scene<'_> {
 /// Decodes a window at a level.
 pub(super) fn decode<S: Sample>(
     level: Level,
-    mut images: Images<'_, S>,
+    images: Images<'_, S>,
     scene: Scene<'_>,
     validity: &Validity,
     room: &mut MotionRoom,
     map: &mut PhaseMap,
 ) {
-    let fit = scene.fit();
-    let brightness_share = brightness::compensate(level, &mut images, fit, validity, &mut room.brightness);
     match scene {
-        Scene::Unknown(fit) => decode_sampled(level, &images, Fits::resting(fit), validity, room, map),
+        Scene::Unknown(fit) => decode_sampled(level, images, Fits::resting(fit), validity, room, map),
         Scene::Followed(fits, flow) => {
             let mut follow_room = std::mem::take(&mut room.follow);
             let (images, fits) = follow(level, &images, flow, fits, validity, &mut follow_room);
-            decode_sampled(level, &images, fits, validity, room, map);
+            decode_sampled(level, images, fits, validity, room, map);
             room.follow = follow_room;
         }
     }
-    if let Some(motion) = &mut map.motion {
-        motion.brightness_share = brightness_share;
-    }
 }
 
-/// Decodes images whose brightness is the same.
+/// Decodes images as they are sampled.
 fn decode_sampled<S: Sample>(
     level: Level,
-    images: &Images<'_, S>,
+    mut images: Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
     room: &mut MotionRoom,
@@ -94,6 +89,8 @@ fn decode_sampled<S: Sample>(
 ) {
     let (width, height) = (images.width, images.height);
     map.resize(width, height);
+    let brightness_share = brightness::compensate(level, &mut images, fits, validity, &mut room.brightness);
+    let images = &images;
     let rows = rows_of_band(height);
     room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
     room.bands.resize_with(height.div_ceil(rows), Default::default);
@@ -118,7 +115,7 @@ fn decode_sampled<S: Sample>(
     map.exposure = exposure;
     map.harmonics = harmonics(images, fits.any(), map, &room.beside, &mut room.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
-    map.motion = Some(Motion { median_rad, fast_rad, brightness_share: 0.0, one_surface_pixels, lost_pixels });
+    map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
 }
 
 /// Rows of a band: all for a single thread, else two bands a thread, so that no thread waits long for the last one.

@@ -65,6 +65,8 @@ pub struct Window {
     pub received_ns: u64,
     #[prost(uint32, tag = "9")]
     pub first_step: u32,
+    #[prost(uint64, tag = "10")]
+    pub prior: u64,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct CloudHeader {
@@ -328,4 +330,25 @@ pub struct PoseReport {
     pub model_points: u64,
     #[prost(uint64, tag = "16")]
     pub model_clouds: u64,
+}
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Prior {
+    #[prost(uint64, tag = "1")]
+    pub published: u64,
+    #[prost(uint64, tag = "2")]
+    pub cloud: u64,
+    #[prost(uint64, tag = "3")]
+    pub centre_ns: u64,
+    #[prost(uint64, tag = "4")]
+    pub published_ns: u64,
+    #[prost(double, repeated, tag = "5")]
+    pub velocity_m_s: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "6")]
+    pub rate_rad_s: ::prost::alloc::vec::Vec<f64>,
+    #[prost(uint32, tag = "7")]
+    pub width_px: u32,
+    #[prost(uint32, tag = "8")]
+    pub height_px: u32,
+    #[prost(bytes = "bytes", tag = "9")]
+    pub relief: ::prost::bytes::Bytes,
 }

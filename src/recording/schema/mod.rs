@@ -9,7 +9,7 @@ mod fringeflow;
 
 pub(super) use self::fringeflow::{
     CloudHeader, CorrespondenceHeader, CorrespondenceMap, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent,
-    PhaseMaps, PoseReport, StageReport, TrackedPose, Window, WindowReport,
+    PhaseMaps, PoseReport, Prior, StageReport, TrackedPose, Window, WindowReport,
 };
 
 /// Descriptor set of the schema.

@@ -11,7 +11,7 @@ fn with_cloud(folder: &Folder, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>
     let mut reconstructor: Reconstructor = imported.reconstructor().unwrap();
     let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
     let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
-    let made = reconstructor.reconstruct(0, &cam1, &cam2).unwrap();
+    let made = reconstructor.reconstruct(0, &cam1, &cam2, None).unwrap();
     assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
     let mut records = Vec::new();
     write_records(&mut records, &made.cloud.points, 1.0).unwrap();

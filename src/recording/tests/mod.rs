@@ -18,8 +18,8 @@ use crate::dataset::{Dataset, Setup};
 use crate::health::{HealthState, Quantity};
 use crate::message::{
     CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport,
-    Incident, MapsHeader, OUTCOMES, PatternEvent, PixelFormat, PoseReport, Skew, Stage, StageReport, TrackingState,
-    Window, WindowReport,
+    Incident, MapsHeader, OUTCOMES, PatternEvent, PixelFormat, PoseReport, PriorHeader, Skew, Stage, StageReport,
+    TrackingState, Window, WindowReport,
 };
 use crate::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
@@ -242,6 +242,22 @@ fn health_report() -> HealthReport {
     }
     report.gauges[1] = GaugeReport { level: 0.0, since_ns: 0, state: 0, is_known: 0, ..report.gauges[1] };
     report
+}
+
+/// Relief of a prior of images of 40 × 20 pixels.
+pub(super) const RELIEF: [u8; 12] = [1, 0, 0, 80, 2, 0, 0, 0, 0, 9, 9, 9];
+
+pub(super) fn prior_header() -> PriorHeader {
+    PriorHeader {
+        published: 8,
+        cloud: 12,
+        centre_ns: 250,
+        published_ns: 800,
+        velocity_m_s: [0.01, -0.02, 0.03],
+        rate_rad_s: [0.5, 0.25, -0.125],
+        width_px: 40,
+        height_px: 20,
+    }
 }
 
 pub(super) fn pose_report() -> PoseReport {

@@ -22,9 +22,10 @@ fn every_message_reads_back_as_it_was() {
     recorder.push(&Recordable::Report(&report()));
     recorder.push(&Recordable::WindowReport(&window_report()));
     recorder.push(&Recordable::Pose(&pose_report()));
+    recorder.push(&Recordable::Prior { header: &prior_header(), relief: &RELIEF });
     recorder.push(&Recordable::Mark { time_ns: 8000, text: "here ö" });
     let recorded = recorder.finish().unwrap();
-    assert_eq!((recorded.counts.total().passed, recorded.counts.total().in_work()), (10, Some(0)));
+    assert_eq!((recorded.counts.total().passed, recorded.counts.total().in_work()), (11, Some(0)));
 
     let recording = Recording::open(&recorded.file).unwrap();
     let read: Vec<Message> = recording.messages().map(Result::unwrap).collect();
@@ -43,6 +44,7 @@ fn every_message_reads_back_as_it_was() {
     assert!(matches!(&of(Topic::Cloud).content, Content::Cloud(h, b) if **h == cloud(3) && *b == records));
     assert!(matches!(&of(Topic::Report).content, Content::Report(r) if **r == report()));
     assert!(matches!(&of(Topic::Pose).content, Content::Pose(r) if **r == pose_report()));
+    assert!(matches!(&of(Topic::Prior).content, Content::Prior(h, b) if **h == prior_header() && *b == RELIEF[..]));
     assert!(matches!(&of(Topic::WindowReport).content, Content::WindowReport(r) if **r == window_report()));
     assert!(matches!(&of(Topic::Log).content, Content::Mark(text) if text == "here ö"));
     let times = |topic| (of(topic).log_ns, of(topic).publish_ns);
@@ -86,6 +88,7 @@ fn messages_come_in_the_order_of_their_times() {
     let folder = Folder::new();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
     for time_ns in [30, 10, 20, 10] {
+        recorder.push(&Recordable::Prior { header: &prior_header(), relief: &RELIEF });
         recorder.push(&Recordable::Mark { time_ns, text: "" });
     }
     let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();

@@ -95,7 +95,7 @@ fn the_structs_write_exactly_the_fields_of_the_descriptor() {
     let written = [
         ("FrameHeader", schema::FrameHeader::of(&header).encode_to_vec()),
         ("PatternEvent", schema::PatternEvent::of(&pattern()).encode_to_vec()),
-        ("Window", schema::Window::of(&window()).unwrap().encode_to_vec()),
+        ("Window", schema::Window::of(&Window { prior: 6, ..window() }).unwrap().encode_to_vec()),
         ("Fit", schema::MapsHeader::of(&maps()).cam1.unwrap().encode_to_vec()),
         ("MapsHeader", schema::MapsHeader::of(&maps()).encode_to_vec()),
         ("PhaseMaps", maps_message.encode_to_vec()),
@@ -107,6 +107,7 @@ fn the_structs_write_exactly_the_fields_of_the_descriptor() {
         ("WindowReport", schema::WindowReport::of(&window_report()).encode_to_vec()),
         ("TrackedPose", pose.pose.clone().unwrap().encode_to_vec()),
         ("PoseReport", pose.encode_to_vec()),
+        ("Prior", schema::Prior::of(&prior_header(), &RELIEF).encode_to_vec()),
         ("StageReport", schema::StageReport::of(&report()).unwrap().encode_to_vec()),
     ];
     let written: BTreeMap<&str, Vec<i32>> =

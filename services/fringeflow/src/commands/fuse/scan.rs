@@ -56,11 +56,7 @@ pub(crate) struct Scan {
 
 impl Scan {
     /// Reconstructs the windows and hands their clouds to the tracker.
-    pub(crate) fn run(
-        input: &Input,
-        windows: &[Images],
-        stream: &mut TrackedStream,
-    ) -> Result<Self, Failure> {
+    pub(crate) fn run(input: &Input, windows: &[Images], stream: &mut TrackedStream) -> Result<Self, Failure> {
         let mut scan = Self { looked: Vec::with_capacity(windows.len()), tracking: Duration::ZERO };
         let bar = progress::bar("clouds", windows.len() as u64);
         for images in windows {

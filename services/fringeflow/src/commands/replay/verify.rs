@@ -14,6 +14,7 @@ struct Report<'a> {
     same: usize,
     different: usize,
     images_missing: usize,
+    prior_missing: usize,
     before_recording: usize,
     no_cloud: usize,
     /// Poses of a scanner that was tracked, computed again from the recorded clouds.
@@ -40,6 +41,7 @@ impl Args {
             same: count(|outcome| *outcome == VerifyOutcome::Same),
             different: count(|outcome| matches!(outcome, VerifyOutcome::Different { .. })),
             images_missing: count(|outcome| *outcome == VerifyOutcome::ImagesMissing),
+            prior_missing: count(|outcome| *outcome == VerifyOutcome::PriorMissing),
             before_recording: count(|outcome| *outcome == VerifyOutcome::BeforeRecording),
             no_cloud: count(|outcome| matches!(outcome, VerifyOutcome::NoCloud(_))),
             poses: poses.transpose()?,
@@ -63,18 +65,22 @@ impl Args {
                     cloud.published, cloud.points
                 )?,
                 VerifyOutcome::NoCloud(why) => writeln!(out, "cloud {}: {why}", cloud.published)?,
-                VerifyOutcome::Same | VerifyOutcome::ImagesMissing | VerifyOutcome::BeforeRecording => {}
+                VerifyOutcome::Same
+                | VerifyOutcome::ImagesMissing
+                | VerifyOutcome::PriorMissing
+                | VerifyOutcome::BeforeRecording => {}
             }
         }
         writeln!(
             out,
-            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} began \
-             before the recording",
+            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} the prior \
+             that they were made with, {} began before the recording",
             self.input.display(),
             report.same,
             report.clouds,
             report.different + report.no_cloud,
             report.images_missing,
+            report.prior_missing,
             report.before_recording
         )?;
         if let Some(VerifiedPoses { poses, same, different, without_clouds, first_different }) = report.poses {
@@ -98,8 +104,11 @@ impl Args {
             return Err(Failure::Refuted(format!("{file}: {} poses are not those of their clouds", poses.different)));
         }
         match report.different + report.no_cloud {
-            0 if report.images_missing == 0 => Ok(()),
-            0 => Err(Failure::Losses(format!("{file}: {} clouds lack an image", report.images_missing))),
+            0 if report.images_missing + report.prior_missing == 0 => Ok(()),
+            0 => Err(Failure::Losses(format!(
+                "{file}: {} clouds lack an image, {} the prior that they were made with",
+                report.images_missing, report.prior_missing
+            ))),
             wrong => Err(Failure::Refuted(format!("{file}: {wrong} clouds are not those of their images"))),
         }
     }

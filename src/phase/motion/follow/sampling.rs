@@ -1,0 +1,126 @@
+//! Samples of images between their pixels: cubic along the rows, which cross the fringes, linear from row to row.
+
+use crate::phase::sample::Sample;
+use crate::simd::{Kernel, LANES, Lanes};
+
+use super::super::fit::time;
+use super::super::flow::FLOW_TILE_PX;
+use super::super::images::Images;
+use super::Path;
+
+/// Pixels either side of a sample that horizontal interpolation takes.
+const TAPS: usize = 4;
+
+/// Which tiles are sampled.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// All, along their ways.
+    Ways,
+    /// Those that have no way any more, as they are.
+    Left,
+}
+
+/// Samples an image in a row of tiles.
+pub(super) struct Sampling<'a, 'b, S> {
+    pub(super) images: &'a Images<'b, S>,
+    pub(super) paths: &'a [Path],
+    pub(super) image: usize,
+    pub(super) tile_row: usize,
+    pub(super) wanted: Wanted,
+    pub(super) to: &'a mut [S],
+}
+
+impl<S: Sample> Kernel for Sampling<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { images, paths, image, tile_row, wanted, to } = self;
+        let first = tile_row * FLOW_TILE_PX;
+        let rows = first..(first + FLOW_TILE_PX).min(images.height);
+        let t = time(image, images.count) as f32;
+        for (block, path) in paths.iter().enumerate() {
+            if wanted == Wanted::Left && path.bin.is_some() {
+                continue;
+            }
+            let (begin, count) = (block * LANES, (images.width - block * LANES).min(LANES));
+            let [x, y] = path.velocity_px.map(|v| v * t);
+            let [left, above] = [x.floor(), y.floor()];
+            let across = cubic(x - left);
+            let down = [1.0 - (y - above), y - above];
+            let is_still = x == 0.0 && y == 0.0;
+            for row in rows.clone() {
+                let to = &mut to[(row - first) * images.width + begin..][..count];
+                if is_still {
+                    to.copy_from_slice(&images.samples_from(image, row * images.width + begin)[..count]);
+                    continue;
+                }
+                let last = images.height as isize - 1;
+                let mut taps = [[S::default(); LANES + TAPS - 1]; 2];
+                for (k, taps) in taps.iter_mut().enumerate() {
+                    let from = (row as isize + above as isize + k as isize).clamp(0, last) as usize;
+                    *taps = around(images.row(image, from), begin as isize + left as isize - 1);
+                }
+                let mut sampled = between(lanes, images, &taps, across, down);
+                let place = [(begin as f32 + x, count), (row as f32 + y, 1)];
+                if !images.holds(place) {
+                    // What was not taken is as little known as what is too bright.
+                    let beyond = |k: usize| !images.holds([((begin + k) as f32 + x, 1), (row as f32 + y, 1)]);
+                    let saturated = images.saturated_sample();
+                    (0..count).filter(|&k| beyond(k)).for_each(|k| sampled[k] = saturated);
+                }
+                to.copy_from_slice(&sampled[..count]);
+            }
+        }
+    }
+}
+
+/// Samples of a row from a column on; beyond its ends those at the ends.
+#[inline(always)]
+fn around<S: Sample>(row: &[S], column: isize) -> [S; LANES + TAPS - 1] {
+    if let Some(all) = usize::try_from(column).ok().and_then(|column| row.get(column..)?.first_chunk()) {
+        return *all;
+    }
+    let last = row.len() as isize - 1;
+    std::array::from_fn(|k| row[(column + k as isize).clamp(0, last) as usize])
+}
+
+/// Weights of four samples for a place at a share of the way between the middle ones (Catmull and Rom).
+fn cubic(share: f32) -> [f32; TAPS] {
+    let [x, x2, x3] = [share, share * share, share * share * share];
+    [0.5 * (2.0 * x2 - x - x3), 0.5 * (2.0 - 5.0 * x2 + 3.0 * x3), 0.5 * (x + 4.0 * x2 - 3.0 * x3), 0.5 * (x3 - x2)]
+}
+
+/// Least weight of a saturated sample that makes what it is part of one: less clips no more than noise.
+const SATURATING_WEIGHT: f32 = 0.1;
+
+/// Samples between those of two rows; saturated where any of these is that counts.
+#[inline(always)]
+fn between<L: Lanes, S: Sample>(
+    lanes: L,
+    images: &Images<'_, S>,
+    taps: &[[S; LANES + TAPS - 1]; 2],
+    across: [f32; TAPS],
+    down: [f32; 2],
+) -> [S; LANES] {
+    let l = lanes;
+    let (mut sum, mut greatest) = (l.real(0.0), l.word(0));
+    for (taps, down) in taps.iter().zip(down) {
+        let mut of_row = l.real(0.0);
+        let mut k = 0;
+        while k < TAPS {
+            if let Some(samples) = taps[k..].first_chunk() {
+                if across[k] * down >= SATURATING_WEIGHT {
+                    greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, samples)));
+                }
+                of_row = l.add_real(of_row, l.times_real(l.real(across[k]), S::reals(l, samples)));
+            }
+            k += 1;
+        }
+        sum = l.add_real(sum, l.times_real(l.real(down), of_row));
+    }
+    let saturation = f32::from(images.saturation());
+    let rounded = l.max_real(l.add_real(sum, l.real(0.5)), l.real(0.0));
+    let unsaturated = l.min_real(rounded, l.real(saturation - 1.0));
+    S::of_reals(l, l.select_real(images.saturates(l, greatest), l.real(saturation), unsaturated))
+}

@@ -1,0 +1,76 @@
+//! What was known of each window beforehand.
+
+use std::collections::BTreeMap;
+
+use crate::message::{PriorHeader, Window};
+use crate::prior::{Moment, Prior};
+use crate::reconstruction::WindowTimes;
+use crate::wire;
+
+use super::content::Content;
+use super::error::RecordingError;
+use super::{Recording, Topic};
+
+/// The priors of a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Priors {
+    by_number: BTreeMap<u64, (PriorHeader, Option<Prior>)>,
+}
+
+/// What a window was decoded with.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Known<'a> {
+    /// A prior of this age; `None` for none.
+    Prior(Option<(&'a Prior, Moment)>),
+    /// A prior that the recording does not hold.
+    Missing,
+}
+
+impl Recording {
+    /// All priors.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn priors(&self) -> Result<Priors, RecordingError> {
+        let mut priors = Priors::default();
+        for message in self.messages_of(Topic::Prior) {
+            if let Content::Prior(header, relief) = message?.content {
+                priors.by_number.insert(header.published, (*header, wire::prior::read(&header, &relief)));
+            }
+        }
+        Ok(priors)
+    }
+}
+
+impl Priors {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.by_number.is_empty()
+    }
+
+    /// What a window says that it was decoded with.
+    #[must_use]
+    pub fn of(&self, window: &Window) -> Known<'_> {
+        let Some(number) = window.prior_number() else { return Known::Prior(None) };
+        let times = WindowTimes {
+            exposures_ns: [window.first_exposure_ns, window.last_exposure_ns],
+            images: window.images as usize,
+        };
+        match self.by_number.get(&number) {
+            Some((header, prior)) => {
+                let moment = times.moment_after(header.centre_ns);
+                Known::Prior(prior.as_ref().map(|prior| (prior, moment)))
+            }
+            None => Known::Missing,
+        }
+    }
+
+    /// What a window would be decoded with live, whose last image came at a time.
+    #[must_use]
+    pub fn at(&self, received_ns: u64, times: &WindowTimes) -> Option<(&Prior, Moment)> {
+        let is_settled = |(header, _): &&(PriorHeader, Option<Prior>)| header.is_settled_at(received_ns);
+        let (header, prior) = self.by_number.values().rev().find(is_settled)?;
+        prior.as_ref().map(|prior| (prior, times.moment_after(header.centre_ns)))
+    }
+}

@@ -1,0 +1,50 @@
+//! What is known of the next windows as a message.
+
+use crate::fusion::Tracker;
+use crate::geometry::Vector3;
+use crate::message::{PoseReport, PriorHeader};
+use crate::prior::{Prior, Relief, RigidMotion};
+
+/// What a tracker knows after the cloud of a report, its cells as the payload in `out`; nothing where the cloud tells nothing.
+#[must_use]
+pub fn prior(tracker: &Tracker, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
+    out.clear();
+    let header = PriorHeader {
+        published: report.published,
+        cloud: report.cloud,
+        centre_ns: report.window.centre_ns,
+        published_ns: report.published_ns,
+        ..PriorHeader::default()
+    };
+    let Some(Prior { motion, relief }) = tracker.prior() else { return header };
+    relief.cells().iter().for_each(|cell| out.extend_from_slice(&cell.to_le_bytes()));
+    let [width_px, height_px] = relief.size_px().map(|length| length as u32);
+    let RigidMotion { velocity_m_s, rate_rad_s } = motion;
+    PriorHeader { velocity_m_s: velocity_m_s.into(), rate_rad_s: rate_rad_s.into(), width_px, height_px, ..header }
+}
+
+/// The prior of a message; `None` where it tells nothing, or contradicts itself.
+#[must_use]
+pub fn read(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
+    if !is_whole(header, payload) || payload.is_empty() {
+        return None;
+    }
+    let size_px = [header.width_px, header.height_px].map(|length| length as usize);
+    let cells = payload.as_chunks().0.iter().map(|cell| u16::from_le_bytes(*cell)).collect();
+    let [velocity_m_s, rate_rad_s] = [header.velocity_m_s, header.rate_rad_s].map(Vector3::from);
+    Some(Prior { motion: RigidMotion { velocity_m_s, rate_rad_s }, relief: Relief::of_cells(size_px, cells)? })
+}
+
+/// Whether a payload has as many bytes as its header says, and all numbers are finite.
+#[must_use]
+pub fn is_whole(header: &PriorHeader, payload: &[u8]) -> bool {
+    let is_finite = header.velocity_m_s.iter().chain(&header.rate_rad_s).all(|value| value.is_finite());
+    is_finite && payload.len() == payload_bytes([header.width_px, header.height_px].map(|length| length as usize))
+}
+
+/// Bytes of the payload for images of a size.
+#[must_use]
+pub fn payload_bytes(size_px: [usize; 2]) -> usize {
+    let [columns, rows] = Relief::cells_of(size_px);
+    columns.saturating_mul(rows).saturating_mul(size_of::<u16>())
+}

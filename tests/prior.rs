@@ -1,0 +1,131 @@
+//! What the windows before tell: a moving scene is measured nearly as one at rest, and a wrong prior never makes a false point.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
+
+use fringeflow::correspondence::SegmentTable;
+use fringeflow::dataset::{CameraId, Dataset, GreyImage, Truth};
+use fringeflow::evaluation::{Frames, Scores, against_rendered};
+use fringeflow::fusion::{FusionSettings, Tracker};
+use fringeflow::geometry::Vector3;
+use fringeflow::phase::PhaseShifts;
+use fringeflow::prior::{Moment, Prior, Relief, RigidMotion};
+use fringeflow::reconstruction::{Reconstruction, Reconstructor, Settings, TrackedStream, WindowTimes};
+use fringeflow::simulation::{
+    Board, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, Staging,
+};
+
+const SIZE_PX: [usize; 2] = [320, 256];
+const STEPS: usize = 4;
+const WINDOW: usize = 6;
+/// First image of the window whose middle the truth belongs to.
+const MIDDLE: usize = 5;
+const SPACING_NS: u64 = 10_000_000;
+
+struct Scene {
+    _folder: tempfile::TempDir,
+    dataset: Dataset,
+}
+
+impl Scene {
+    /// A body that moves by half a millimetre and 0.1° from image to image.
+    fn new() -> Self {
+        let usual = SimulationOptions::usual(Object::Nose);
+        let rig = RigOptions { size_px: SIZE_PX, period_px: 24.0, ..usual.rig };
+        let options = SimulationOptions {
+            board: Board::Visible,
+            rig,
+            steps: STEPS,
+            noise: NoiseLevel::Normal,
+            supersampling: 1,
+            gray: false,
+            ..usual
+        };
+        let motion =
+            MotionOptions { mm_per_image: 0.5, deg_per_image: 0.1, cycles: 4, blur: 0.0, tremor: 0.02, seed: 1 };
+        let simulation = Simulation::staged(options, Staging { motion: Some(motion), ..Staging::default() }).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("set");
+        simulation.write(&target, || ()).unwrap();
+        Self { dataset: Dataset::open(&target, None).unwrap(), _folder: folder }
+    }
+
+    fn reconstructor(&self) -> Reconstructor {
+        let setup = &self.dataset.setup;
+        let pattern = &setup.sequence.pattern;
+        let table = SegmentTable::build(&setup.rig, setup.volume.as_ref().unwrap(), pattern).unwrap();
+        let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).unwrap();
+        Reconstructor::new(&setup.rig, pattern, table, &shifts, Settings::default()).unwrap()
+    }
+
+    fn images(&self, start: usize) -> [Vec<GreyImage>; 2] {
+        let numbers: Vec<usize> = (start..start + WINDOW).collect();
+        CameraId::BOTH.map(|camera| self.dataset.phase_images(camera, &numbers).unwrap())
+    }
+
+    /// The window in the middle, with what is said to be known of it.
+    fn middle(&self, known: Option<(&Prior, Moment)>) -> Reconstruction {
+        let [cam1, cam2] = self.images(MIDDLE);
+        let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+        self.reconstructor().reconstruct(MIDDLE % STEPS, &cam1, &cam2, known).unwrap()
+    }
+
+    fn scores(&self, made: &Reconstruction) -> Scores {
+        let Some(Truth::Rendered(truth)) = self.dataset.truth().unwrap() else {
+            panic!("no truth of a rendered scene")
+        };
+        against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::of(&self.dataset.setup)).unwrap().scores
+    }
+
+    /// The same window as the last of a stream, and what it was told.
+    fn streamed(&self) -> (Reconstruction, Prior) {
+        let tracker = Tracker::new(self.dataset.setup.rig.cam1.clone(), FusionSettings::default());
+        let mut stream = TrackedStream::new(self.reconstructor(), tracker);
+        let mut told = None;
+        for start in 0..=MIDDLE {
+            let [cam1, cam2] = self.images(start);
+            let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+            let first_ns = start as u64 * SPACING_NS;
+            let times =
+                WindowTimes { exposures_ns: [first_ns, first_ns + (WINDOW as u64 - 1) * SPACING_NS], images: WINDOW };
+            let made = stream.reconstruct(start % STEPS, &cam1, &cam2, &times).unwrap();
+            if start == MIDDLE {
+                return (made, told.unwrap());
+            }
+            stream.track(&made, &times);
+            told = stream.tracker().prior();
+        }
+        panic!("the window in the middle was not reached")
+    }
+}
+
+#[test]
+fn a_known_motion_makes_a_moving_scene_nearly_as_good_as_one_at_rest_and_a_wrong_one_harms_nothing() {
+    let scene = Scene::new();
+    let alone = scene.scores(&scene.middle(None));
+    let (streamed, told) = scene.streamed();
+    let known = scene.scores(&streamed);
+    assert!(known.com_percent > 96.5 && known.com_percent > alone.com_percent + 3.0, "{known:?}; alone {alone:?}");
+    assert!(known.fpc_percent < 0.1, "{known:?}");
+
+    let moment = Moment { age_s: 0.01, spacing_s: 0.01 };
+    let moving = |velocity_m_s: Vector3, rate_rad_s: Vector3| Prior {
+        motion: RigidMotion { velocity_m_s, rate_rad_s },
+        relief: told.relief.clone(),
+    };
+    let RigidMotion { velocity_m_s, rate_rad_s } = told.motion;
+    let still = Relief::of_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
+    let wrong = [
+        ("the other way", moving(-velocity_m_s, -rate_rad_s)),
+        ("across", moving(Vector3::new(velocity_m_s.y, -velocity_m_s.z, velocity_m_s.x), rate_rad_s)),
+        ("three times as fast", moving(3.0 * velocity_m_s, 3.0 * rate_rad_s)),
+        ("a metre an image", moving(Vector3::repeat(60.0), Vector3::zeros())),
+        ("spinning", moving(Vector3::zeros(), Vector3::repeat(40.0))),
+        ("nowhere", moving(Vector3::repeat(f64::NAN), rate_rad_s)),
+        ("of another thing", Prior { motion: told.motion, relief: still }),
+    ];
+    for (name, prior) in wrong {
+        let scores = scene.scores(&scene.middle(Some((&prior, moment))));
+        assert!(scores.fpc_percent < alone.fpc_percent.max(0.05) + 0.05, "{name}: {scores:?}; alone {alone:?}");
+        assert!(scores.com_percent > alone.com_percent - 1.0, "{name}: {scores:?}; alone {alone:?}");
+    }
+}
