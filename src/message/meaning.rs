@@ -37,6 +37,7 @@ impl DropReason {
             Self::UnexplainedImages => "its images fit no sequence of the pattern steps",
             Self::Thinned => "the stage worked on an earlier one and took a newer one afterwards",
             Self::NotTracked => "the cloud was not found on the model",
+            Self::Beginning => "its session has only begun, so its window is not complete",
         }
     }
 }

@@ -57,7 +57,7 @@ pub enum DropReason {
     BadImage = 8,
     /// Its time stamp cannot be.
     BadTime = 9,
-    /// An image before it is missing, so its window is not complete (the first N − 1 of a session too).
+    /// An image before it is missing, so its window is not complete.
     Incomplete = 10,
     /// Its window was not wanted: windows are further apart than image pairs.
     BetweenWindows = 11,
@@ -97,6 +97,8 @@ pub enum DropReason {
     Thinned = 28,
     /// A cloud that was not found on the model.
     NotTracked = 29,
+    /// Its session has only begun, so its window is not complete.
+    Beginning = 30,
 }
 
 /// Number of drop reasons that a report has room for.
@@ -295,7 +297,7 @@ impl Stage {
 
 impl DropReason {
     /// All reasons.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::Overrun,
         Self::CameraLost,
         Self::Duplicate,
@@ -326,6 +328,7 @@ impl DropReason {
         Self::UnexplainedImages,
         Self::Thinned,
         Self::NotTracked,
+        Self::Beginning,
     ];
 
     /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
@@ -342,7 +345,8 @@ impl DropReason {
             | Self::Stopped
             | Self::Injected
             | Self::Thinned
-            | Self::NotTracked => false,
+            | Self::NotTracked
+            | Self::Beginning => false,
             Self::Overrun
             | Self::CameraLost
             | Self::Late
@@ -399,6 +403,7 @@ impl DropReason {
             Self::UnexplainedImages => "unexplained_images",
             Self::Thinned => "thinned",
             Self::NotTracked => "not_tracked",
+            Self::Beginning => "beginning",
         }
     }
 }

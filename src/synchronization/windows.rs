@@ -19,19 +19,23 @@ pub(super) struct Windows<F> {
     run: VecDeque<SteppedPair<F>>,
     /// Place of the last pair in its run, counted so that step 0 has a multiple of N.
     place: usize,
+    /// Why the first pairs of the run complete no window.
+    incomplete: DropReason,
 }
 
 impl<F: Clone> Windows<F> {
     pub(super) fn new(settings: Settings) -> Self {
-        Self { settings, run: VecDeque::new(), place: 0 }
+        Self { settings, run: VecDeque::new(), place: 0, incomplete: DropReason::Beginning }
     }
 
     /// Takes a pair; the window that it completes, if that one is wanted.
     pub(super) fn add(&mut self, next: SteppedPair<F>, counts: &mut Counts) -> Option<WindowImages<F>> {
         counts.taken += 1;
         let broken = self.run.back().and_then(|last| self.break_between(last, &next));
-        if broken.is_some() {
+        if let Some(reason) = broken {
             self.run.clear();
+            let is_beginning = reason == DropReason::NewSession;
+            self.incomplete = if is_beginning { DropReason::Beginning } else { DropReason::Incomplete };
         }
         self.place = if self.run.is_empty() { next.step } else { self.place + 1 };
         while self.run.len() >= self.settings.images {
@@ -39,7 +43,7 @@ impl<F: Clone> Windows<F> {
         }
         self.run.push_back(next);
         if self.run.len() < self.settings.images {
-            counts.drop_one(broken.unwrap_or(DropReason::Incomplete));
+            counts.drop_one(broken.unwrap_or(self.incomplete));
             return None;
         }
         if !(self.place + 1).is_multiple_of(self.settings.every) {

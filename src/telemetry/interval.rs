@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::message::{Counts, Stage, StageReport, WindowReport};
 
-use super::{Journey, Latencies, Latency, Segment, WindowFigures};
+use super::{Journey, Latencies, Latency, Losses, Segment, WindowFigures};
 
 /// Reports of a span.
 #[derive(Clone, Debug, Default)]
@@ -44,6 +44,8 @@ pub struct Sample {
     pub rates: BTreeMap<&'static str, f64>,
     /// Items lost since the start of the instance, by stage.
     pub dropped: BTreeMap<&'static str, u64>,
+    /// Images lost at their source, and clouds that are missing, since the start of the instance.
+    pub lost: Losses,
     /// The last window.
     pub window: Option<WindowSample>,
 }
@@ -143,6 +145,7 @@ impl Interval {
             segments: (self.journeys > 0).then(|| self.segments_ns.map(|sum| sum as f64 * 1e-6 / self.journeys as f64)),
             rates: self.stages.iter().map(|(stage, span)| (stage.name(), rate(span))).collect(),
             dropped: self.stages.iter().map(|(stage, span)| (stage.name(), losses(&span.counts))).collect(),
+            lost: Losses::of(&self.stages.iter().map(|(stage, span)| (*stage, span.counts)).collect::<Vec<_>>()),
             window: self.window.as_ref().map(WindowSample::of),
         }
     }

@@ -7,19 +7,27 @@ use crate::worker::Correspondences;
 /// Each quantity has its place in a report.
 const _: () = assert!(Quantity::ALL.len() <= GAUGES);
 
+/// Motion of the phase, rad an image, beyond which δ tells more of the motion than of the calibration.
+const STEADY_RAD: f64 = 0.4;
+
 /// What a window tells: phase maps with this header, and what was found in them.
 #[must_use]
 pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
     let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
     // A drift that few pixels agree with tells of the scene.
     let drift = matches.drift.as_ref().filter(|drift| drift.is_of_most_pixels());
+    // After a slip the images of a pair are of different moments, and what moves fast is off between the cameras: neither is the
+    // calibration's fault.
+    let motion = cameras.iter().filter_map(|fit| moving(fit)).map(|fit| f64::from(fit.fast_motion_rad));
+    let is_steady = matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= STEADY_RAD;
+    let drift = drift.filter(|_| is_steady);
     let fit = |camera: usize, of: fn(&Fit) -> Option<f64>| of(cameras[camera]);
     let greater = |of: fn(&Fit) -> Option<f64>| Some(of(cameras[0])?.max(of(cameras[1])?));
     Quantity::ALL.map(|quantity| match quantity {
         Quantity::Drift => drift.map(|drift| drift.rms_rad),
-        Quantity::DeltaSd => Some(matches.delta.sd_rad),
+        Quantity::DeltaSd => is_steady.then_some(matches.delta.sd_rad),
         Quantity::DeltaNoise => drift.map(|drift| drift.residual_sd_rad),
-        Quantity::DeltaMean => Some(matches.delta.mean_rad.abs()),
+        Quantity::DeltaMean => is_steady.then_some(matches.delta.mean_rad.abs()),
         Quantity::ResidualCam1 => fit(0, residual),
         Quantity::ResidualCam2 => fit(1, residual),
         Quantity::HarmonicsCam1 => fit(0, harmonics),
@@ -36,7 +44,8 @@ pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
         Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
         Quantity::Unexplained => matches.drift.as_ref().map(|drift| 1.0 - drift.share),
         Quantity::FalseCandidates => {
-            matches.drift.as_ref().map(|drift| drift.rest(&matches.delta).expected_false_candidates())
+            let drift = matches.drift.as_ref().filter(|_| is_steady);
+            drift.map(|drift| drift.rest(&matches.delta).expected_false_candidates())
         }
     })
 }
@@ -109,13 +118,12 @@ mod tests {
 
     #[test]
     fn each_quantity_is_that_of_its_camera_or_the_greater() {
-        let cam2 = Fit { third_harmonic_share: 0.04, saturated_pixels: 0, fast_motion_rad: 0.5, ..fit() };
+        let cam2 = Fit { third_harmonic_share: 0.04, saturated_pixels: 0, fast_motion_rad: 0.375, ..fit() };
         let maps = MapsHeader { cam1: fit(), cam2, skew_ns: -2_500_000, ..MapsHeader::default() };
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.2, 0.01, 0.9));
         (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
         found.matches.delta.mean_periods = 6.0;
-        found.matches.slip_steps = [1, 1];
         let told = measures(&maps, &found);
         let of = |quantity: Quantity| (told[quantity as usize].unwrap() * 1e6).round() * 1e-6;
         for (quantity, expected) in [
@@ -130,15 +138,36 @@ mod tests {
             (Quantity::SaturatedCam2, 0.0),
             (Quantity::DimCam1, 0.4),
             (Quantity::Skew, 2.5),
-            (Quantity::Motion, 0.5),
+            (Quantity::Motion, 0.375),
             (Quantity::OneSurface, 0.05),
             (Quantity::Lost, 0.01),
-            (Quantity::Slipped, 1.0),
+            (Quantity::Slipped, 0.0),
             (Quantity::Unexplained, 0.1),
             (Quantity::FalseCandidates, 0.047_746),
         ] {
             assert!((of(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", of(quantity));
         }
+    }
+
+    #[test]
+    fn slips_and_fast_motion_are_no_drift_of_the_calibration() {
+        let of_calibration =
+            [Quantity::Drift, Quantity::DeltaSd, Quantity::DeltaNoise, Quantity::DeltaMean, Quantity::FalseCandidates];
+        let told = |fast_motion_rad: f32, slip_steps: [usize; 2]| {
+            let maps = MapsHeader { cam1: fit(), cam2: Fit { fast_motion_rad, ..fit() }, ..MapsHeader::default() };
+            let mut found = Correspondences::default();
+            found.matches.drift = Some(drift(0.5, 0.01, 0.9));
+            found.matches.slip_steps = slip_steps;
+            let told = measures(&maps, &found);
+            assert_eq!(told[Quantity::Slipped as usize], Some(f64::from(u8::from(slip_steps != [0; 2]))));
+            of_calibration.map(|quantity| told[quantity as usize].is_some())
+        };
+        assert_eq!(told(0.3, [0, 0]), [true; 5]);
+        assert_eq!(told(0.5, [0, 0]), [false; 5]);
+        assert_eq!(told(0.3, [0, 1]), [false; 5]);
+        assert_eq!(told(0.3, [2, 2]), [false; 5]);
+        // Images at rest tell nothing of motion.
+        assert_eq!(told(-1.0, [0, 0]), [true; 5]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, SkewFigures, StageFigures};
+use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, Losses, SkewFigures, StageFigures};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
 
@@ -24,6 +24,8 @@ pub(crate) struct Summary<'a> {
     /// Over all windows.
     #[serde(skip_serializing_if = "HealthRecord::is_empty")]
     health: &'a HealthRecord,
+    /// What was lost, each loss once.
+    lost: Losses,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
@@ -54,15 +56,10 @@ pub(crate) fn check_balance(outcome: &Outcome) -> Result<(), Failure> {
 /// Whether a run was well: its balance adds up, and nothing was lost.
 pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
     check_balance(outcome)?;
-    match losses(outcome) {
-        0 if outcome.ended_badly.is_empty() => Ok(()),
-        0 => Err(Failure::Losses(ended_badly(outcome))),
-        lost => Err(Failure::Losses(format!("{lost} items were lost, by the reasons above"))),
+    if outcome.balance.0.iter().any(|(_, counts)| counts.losses().next().is_some()) {
+        return Err(Failure::Losses(Losses::of(&outcome.balance.0).to_string()));
     }
-}
-
-fn losses(outcome: &Outcome) -> u64 {
-    outcome.balance.0.iter().flat_map(|(_, counts)| counts.losses()).map(|(_, n)| n).sum()
+    if outcome.ended_badly.is_empty() { Ok(()) } else { Err(Failure::Losses(ended_badly(outcome))) }
 }
 
 fn ended_badly(outcome: &Outcome) -> String {
@@ -86,6 +83,7 @@ impl<'a> Summary<'a> {
             exposure_to_cloud: None,
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             health: outcome.run.health(),
+            lost: Losses::of(&outcome.balance.0),
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             trace: outcome.trace.as_deref(),
@@ -126,6 +124,9 @@ impl fmt::Display for Summary<'_> {
         }
         if !self.health.is_empty() {
             writeln!(f, "{}", self.health)?;
+        }
+        if !self.lost.is_none() {
+            writeln!(f, "{}", self.lost)?;
         }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;

@@ -7,7 +7,7 @@ use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow::telemetry::{
-    DropLine, Interval, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures, TrackingWatch,
+    DropLine, Interval, Losses, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures, TrackingWatch,
     WindowFigures,
 };
 use fringeflow_runtime::{live_services, sources};
@@ -175,6 +175,7 @@ impl Board {
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::all_of(&counts),
+            "losses": Losses::of(&counts).to_string(),
             "skew": SkewFigures::of(&self.skew),
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),

@@ -73,7 +73,7 @@ fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once(
     let after_ns = |periods: u64| START_NS + periods * PERIOD_NS;
     assert_eq!((window.first_exposure_ns, window.last_exposure_ns), (after_ns(4), after_ns(7)));
     assert_eq!((window.centre_ns, window.received_ns), (after_ns(4) + PERIOD_NS * 3 / 2, after_ns(7) + 2));
-    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 3), (DropReason::BetweenWindows, 5)]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::BetweenWindows, 5), (DropReason::Beginning, 3)]);
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn a_longer_window_needs_more_pairs_in_a_row() {
     (0..8).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
     let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
     assert_eq!(images, [[0, 1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]]);
-    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 5)]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Beginning, 5)]);
 }
 
 #[test]
@@ -143,7 +143,7 @@ fn images_of_an_ended_session_never_join_the_next() {
     let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
     assert_eq!(images, [[0, 1, 2, 3], [4, 5, 6, 7], [5, 6, 7, 8]]);
     assert_eq!(dropped(&sync, Stage::Pairing), [(DropReason::NewSession, 1)]);
-    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::NewSession, 1), (DropReason::Incomplete, 5)]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::NewSession, 1), (DropReason::Beginning, 5)]);
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_number_that_both_cameras_skip_breaks_the_window_though_times_run_on() {
     (5..12).for_each(|exposure| expose(&mut sync, exposure, |header| header.sequence += 1));
     let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
     assert_eq!(images, [[0, 1, 2, 3], [1, 2, 3, 4], [5, 6, 7, 8], [6, 7, 8, 9], [7, 8, 9, 10], [8, 9, 10, 11]]);
-    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 6)]);
+    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::Incomplete, 3), (DropReason::Beginning, 3)]);
 }
 
 #[test]
@@ -176,7 +176,10 @@ fn a_step_out_of_turn_breaks_the_window() {
         sync.pattern(PatternEvent { step: (event(exposure).step + late) % 4, ..event(exposure) });
         [1, 2].into_iter().for_each(|camera| sync.frame(header(camera, exposure), exposure));
     }
-    assert_eq!(dropped(&sync, Stage::Windowing), [(DropReason::PatternConflict, 1), (DropReason::Incomplete, 5)]);
+    assert_eq!(
+        dropped(&sync, Stage::Windowing),
+        [(DropReason::PatternConflict, 1), (DropReason::Incomplete, 2), (DropReason::Beginning, 3)]
+    );
     assert_eq!(take_all(&mut sync).len(), 6);
 }
 

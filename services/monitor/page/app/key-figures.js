@@ -40,14 +40,12 @@ function describeCameras(rates) {
 }
 
 function showLosses(figures, history) {
-    if (!figures.sample?.dropped) {
+    if (!figures.sample?.lost) {
         set("lost", MISSING, "");
         return;
     }
-    const total = sum(figures.sample.dropped);
-    const recent = total - sum(history.ago(MINUTE_MS)?.dropped);
+    const total = figures.sample.lost.images;
+    const recent = total - (history.ago(MINUTE_MS)?.lost?.images ?? 0);
     set("lost", fixed(total), recent > 0 ? `${fixed(recent)} in the last minute` : "none in the last minute");
     setState(byId("tile-lost"), "level", recent > 0 ? "error" : total > 0 ? "warning" : "ok");
 }
-
-const sum = (counts) => Object.values(counts ?? {}).reduce((total, count) => total + (count ?? 0), 0);
