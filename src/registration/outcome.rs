@@ -30,7 +30,7 @@ impl Default for RegistrationSettings {
             min_associated: 150,
             min_share: 0.25,
             max_rms_share: 5e-4,
-            min_eigenvalue: 1e-4,
+            min_eigenvalue: 3e-4,
         }
     }
 }

@@ -71,12 +71,6 @@ impl Losses {
             clouds: windows + later,
         }
     }
-
-    /// Whether nothing was lost.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 impl fmt::Display for Losses {
@@ -150,7 +144,7 @@ mod tests {
         let losses = Losses::of(&hidden);
         assert_eq!((losses.images, losses.refused_windows, losses.clouds), (0, 9, 9));
         assert_eq!(losses.to_string(), "9 windows were refused, whose images tell of faults; 9 clouds missing for it");
-        assert!(Losses::of(&[(Stage::Windowing, counts(9, &[(DropReason::Beginning, 5)]))]).is_none());
+        assert_eq!(Losses::of(&[(Stage::Windowing, counts(9, &[(DropReason::Beginning, 5)]))]), Losses::default());
         assert_eq!(Losses::default().to_string(), "nothing was lost");
     }
 }

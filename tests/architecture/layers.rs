@@ -61,6 +61,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
             "dataset",
             "correspondence",
             "cloud",
+            "prior",
             "fusion",
             "wire",
             "reconstruction",

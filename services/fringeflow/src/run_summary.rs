@@ -125,9 +125,6 @@ impl fmt::Display for Summary<'_> {
         if !self.health.is_empty() {
             writeln!(f, "{}", self.health)?;
         }
-        if !self.lost.is_none() {
-            writeln!(f, "{}", self.lost)?;
-        }
         if self.restarts > 0 {
             writeln!(f, "services started again: {}", self.restarts)?;
         }

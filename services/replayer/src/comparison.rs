@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use fringeflow::message::{CloudHeader, Window};
-use fringeflow::recording::{Content, Recording, RecordingError, Topic};
+use fringeflow::recording::{Content, Known, Recording, RecordingError, Topic};
 
 /// Clouds of a recording, by their windows.
 #[derive(Debug, Default)]
@@ -33,16 +33,19 @@ fn key(window: &Window) -> Key {
 }
 
 impl Comparison {
-    /// Reads the clouds of a recording that can come again: their images are in it, and the announcements of these.
+    /// Reads the clouds of a recording that can come again: their images are in it, the announcements of these, and the priors that
+    /// they were made with.
     ///
     /// # Errors
     /// The recording cannot be read.
     pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
         let mut comparison = Self::default();
         let announced_ns = first_announced_ns(recording)?;
+        let priors = recording.priors()?;
         for message in recording.messages_of(Topic::Cloud) {
             if let Content::Cloud(header, records) = message?.content
                 && is_whole(recording, &header.window)
+                && priors.of(&header.window) != Known::Missing
                 && announced_ns.is_none_or(|time_ns| is_announced(&header.window, time_ns))
             {
                 comparison.recorded.insert(key(&header.window), records.to_vec());

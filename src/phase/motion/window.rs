@@ -71,8 +71,10 @@ pub(super) fn decode<S: Sample>(
         Scene::Unknown(fit) => decode_sampled(level, images, Fits::resting(fit), validity, room, map),
         Scene::Followed(fits, flow) => {
             let mut follow_room = std::mem::take(&mut room.follow);
-            let (images, fits) = follow(level, &images, flow, fits, validity, &mut follow_room);
-            decode_sampled(level, images, fits, validity, room, map);
+            match follow(level, &images, flow, fits, validity, &mut follow_room) {
+                Some((images, fits)) => decode_sampled(level, images, fits, validity, room, map),
+                None => decode_sampled(level, images, Fits::resting(fits.resting()), validity, room, map),
+            }
             room.follow = follow_room;
         }
     }

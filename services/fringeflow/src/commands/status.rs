@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use fringeflow::config::SERVICES;
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{GaugeFigures, HealthFigures, Latency, StageFigures, StageTally, TrackingFigures};
+use fringeflow::telemetry::{
+    GaugeFigures, HealthFigures, Latency, Losses, StageFigures, StageTally, Tally, TrackingFigures,
+};
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::processors::Standing;
 use fringeflow_runtime::{accounts_folder, clock, dashboard_file};
@@ -38,6 +40,8 @@ struct Report {
     recording: Option<String>,
     /// Where the dashboard is.
     dashboard: Option<String>,
+    /// What was lost since the start, each loss once.
+    lost: Losses,
     stages: Vec<StageReport>,
     /// What services were given of the machine, where the configuration says something of them.
     processors: BTreeMap<&'static str, Standing>,
@@ -86,6 +90,7 @@ impl Args {
         if let Some(url) = dashboard(&self.instance) {
             writeln!(out, "dashboard: {url}")?;
         }
+        writeln!(out, "{}", losses(&observed.tally))?;
         for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
@@ -112,6 +117,7 @@ impl Args {
             scanning: state.scanning != 0,
             dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
+            lost: losses(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(&self.instance),
             exposure_to_cloud: tally.total().brief(),
@@ -119,6 +125,10 @@ impl Args {
             tracking,
         }
     }
+}
+
+fn losses(tally: &Tally) -> Losses {
+    Losses::of(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
 }
 
 impl Health {

@@ -59,15 +59,21 @@ fn poses_are_recorded_add_up_and_come_again_to_the_bit() {
     let codes: &[i32] = if lost > 0 { &[0, 3] } else { &[0] };
     for threads in ["1", "2"] {
         let verified = bench.json(codes, &[&"--threads", &threads, &"replay", &recording, &"--verify", &"--json"]);
+        assert_eq!((&verified["different"], &verified["prior_missing"]), (&0.into(), &0.into()), "{verified}");
         let verified = &verified["poses"];
         assert_eq!((&verified["poses"], &verified["different"]), (&reports.into(), &0.into()), "{verified}");
         assert!(lost > 0 || verified["same"] == reports, "{verified}");
     }
+    // Windows behind the second cloud were told what the tracking knew.
+    let told = opened.cloud_headers().filter(|header| header.window.prior_number().is_some()).count();
+    assert!(told > 0 && opened.count(Topic::Prior) > 0, "{told} clouds, {} priors", opened.count(Topic::Prior));
     // A replay that waits for every stage tracks every cloud.
     let replayed = bench.replay(&[&"replay", &recording, &"--rate", &"max", &"--verify"]);
     replayed.assert_balanced();
     assert_eq!(replayed.stage("tracking").dropped(DropReason::Thinned), 0, "{replayed:?}");
     assert_eq!(replayed.stage("tracking").taken, replayed.stage("cloud").passed);
+    let compared = &replayed.summary["compared"];
+    assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{replayed:?}");
 }
 
 #[test]

@@ -106,7 +106,7 @@ impl<'a> Fits<'a> {
     }
 }
 
-/// Samples images along the way of what they show; the samples, and how they are decoded.
+/// Samples images along the way of what they show; the samples, and how they are decoded. `None` where nothing is followed.
 pub(super) fn follow<'a, S: Sample>(
     level: Level,
     images: &Images<'_, S>,
@@ -114,19 +114,22 @@ pub(super) fn follow<'a, S: Sample>(
     fits: &'a mut MotionFits,
     validity: &Validity,
     room: &'a mut FollowRoom,
-) -> (Images<'a, S>, Fits<'a>) {
+) -> Option<(Images<'a, S>, Fits<'a>)> {
     let FollowRoom { paths, samples, rows, verdicts } = room;
     let (columns, width) = (flow.columns(), images.width);
     let longest_px = LONGEST_SHARE * width as f32;
     paths.clear();
     paths.extend(flow.tiles().iter().map(|tile| Path::of(tile, longest_px, fits)));
+    let is_followed = |paths: &[Path]| paths.iter().any(|path| path.bin.is_some());
+    if !is_followed(paths) {
+        return None;
+    }
     let fits = &*fits;
     let tile_rows = paths.len().div_ceil(columns.max(1));
     // Planes of whole rows of tiles, so that each image has as many pieces.
     let (piece, plane) = (FLOW_TILE_PX * width, tile_rows * FLOW_TILE_PX * width);
     samples.resize(images.count * plane * size_of::<S>(), 0);
     let sampled: &mut [S] = bytemuck::cast_slice_mut(samples);
-    let is_moving = paths.iter().any(|path| path.bin.is_some());
     let each = |sampled: &mut [S], paths: &[Path], wanted: Wanted| {
         sampled.par_chunks_mut(piece).enumerate().for_each(|(place, to)| {
             let (image, tile_row) = (place / tile_rows, place % tile_rows);
@@ -135,19 +138,21 @@ pub(super) fn follow<'a, S: Sample>(
         });
     };
     each(sampled, paths, Wanted::Ways);
-    if is_moving {
-        rows.resize_with(tile_rows, JudgeRoom::default);
-        let followed = images.others(sampled, plane);
-        verdicts.clear();
-        verdicts.resize(paths.len(), Verdict::default());
-        let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
-        of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), room))| {
-            simd::run(level, Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, room });
-        });
-        judge(paths, verdicts, columns);
-        each(sampled, paths, Wanted::Left);
+    rows.resize_with(tile_rows, JudgeRoom::default);
+    let followed = images.others(sampled, plane);
+    verdicts.clear();
+    verdicts.resize(paths.len(), Verdict::default());
+    let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
+    of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), room))| {
+        simd::run(level, Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, room });
+    });
+    judge(paths, verdicts, columns);
+    if !is_followed(paths) {
+        return None;
     }
-    (images.others(sampled, plane), Fits { resting: fits.resting(), followed: Some(Followed { fits, columns, paths }) })
+    each(sampled, paths, Wanted::Left);
+    let followed = Some(Followed { fits, columns, paths });
+    Some((images.others(sampled, plane), Fits { resting: fits.resting(), followed }))
 }
 
 impl Path {
