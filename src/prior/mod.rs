@@ -1,6 +1,6 @@
 //! What the stream knows of a window before its images are looked at: how the scanner moves, and roughly what it sees.
 //!
-//! In: the last tracked poses and the last cloud. Out: a [`Prior`], small enough for a message, and of it the [`Flow`] of what
+//! In: the last tracked poses and the last cloud. Out: a [`Prior`], small enough for a message, and of it the [`Flow`](crate::phase::Flow) of what
 //! each camera sees while the images of a window are taken. The scanner moves rigidly past a rigid thing; 16 ms later what it
 //! sees is nearly the same (Tao et al. 2018, "High-speed real-time 3D shape measurement based on adaptive depth constraint").
 //!
