@@ -8,8 +8,8 @@ use fringeflow::evaluation::{Frames, Scores, against_rendered};
 use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::Vector3;
 use fringeflow::phase::PhaseShifts;
-use fringeflow::prior::{Moment, Prior, Relief, RigidMotion};
-use fringeflow::reconstruction::{Reconstruction, Reconstructor, Settings, TrackedStream, WindowTimes};
+use fringeflow::prior::{Moment, Prior, Relief, RigidMotion, WindowTimes};
+use fringeflow::reconstruction::{Reconstruction, Reconstructor, Settings, TrackedStream};
 use fringeflow::simulation::{
     Board, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, Staging,
 };

@@ -5,16 +5,7 @@ use std::f64::consts::TAU;
 use crate::geometry::{Camera, FringePattern, Pixel, Point3, Rig};
 use crate::phase::{FLOW_TILE_PX, Flow, SurfaceMotion};
 
-use super::{CELL_PX, Prior};
-
-/// When the images of a window are taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
-    /// From the time of the prior to the middle of the window, seconds.
-    pub age_s: f64,
-    /// From one image to the next, seconds.
-    pub spacing_s: f64,
-}
+use super::{CELL_PX, Moment, Prior};
 
 /// Oldest prior that says something: what a hand does in a second nobody knows.
 const OLDEST_S: f64 = 1.0;

@@ -10,10 +10,11 @@
 mod flows;
 mod motion;
 mod relief;
+mod times;
 
-pub use flows::Moment;
 pub use motion::RigidMotion;
 pub use relief::{CELL_PX, Relief};
+pub use times::{Moment, WindowTimes};
 
 /// What is known beforehand.
 #[derive(Clone, Debug, PartialEq)]

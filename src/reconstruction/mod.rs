@@ -15,7 +15,7 @@ use crate::phase::{MAX_IMAGES, PhaseMap, PhaseShifts, Validity, usual_extra_imag
 use crate::prior::{Moment, Prior};
 use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
 
-pub use stream::{TrackedStream, WindowTimes};
+pub use stream::TrackedStream;
 
 /// How images become a cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

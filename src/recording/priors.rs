@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::message::{PriorHeader, Window};
-use crate::prior::{Moment, Prior};
-use crate::reconstruction::WindowTimes;
+use crate::prior::{Moment, Prior, WindowTimes};
 use crate::wire;
 
 use super::content::Content;
@@ -53,13 +52,9 @@ impl Priors {
     #[must_use]
     pub fn of(&self, window: &Window) -> Known<'_> {
         let Some(number) = window.prior_number() else { return Known::Prior(None) };
-        let times = WindowTimes {
-            exposures_ns: [window.first_exposure_ns, window.last_exposure_ns],
-            images: window.images as usize,
-        };
         match self.by_number.get(&number) {
             Some((header, prior)) => {
-                let moment = times.moment_after(header.centre_ns);
+                let moment = wire::prior::times(window).moment_after(header.centre_ns);
                 Known::Prior(prior.as_ref().map(|prior| (prior, moment)))
             }
             None => Known::Missing,

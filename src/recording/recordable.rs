@@ -10,10 +10,9 @@ use crate::message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MODEL_POINT_BYTES, MapsHeader, ModelHeader,
     PatternEvent, PixelFormat, PoseReport, PriorHeader, Stage, StageReport, Window, WindowReport,
 };
-
-use super::held::Held;
 use crate::wire;
 
+use super::held::Held;
 use super::{Topic, TruthPose, schema, tracking, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.

@@ -1,15 +1,13 @@
 //! Poses and the model as viewers take them, and poses between the struct of the channel and the message of the schema.
 
 use foxglove::messages::{FrameTransform, FrameTransforms, PackedElementField, PointCloud, Quaternion, Vector3};
+use prost::bytes::Bytes;
 
 use crate::cloud::Scalar;
 use crate::message::{self, LostReason, MODEL_POINT_BYTES, ModelHeader, TrackingState};
-
-use super::recordable::{identity, numeric_type, timestamp};
-use prost::bytes::Bytes;
-
 use crate::wire;
 
+use super::recordable::{identity, numeric_type, timestamp};
 use super::schema::{PoseReport, Prior, TrackedPose, Window};
 
 /// Frame of the model: that of camera 1 at its first cloud.

@@ -50,6 +50,12 @@ pub(crate) fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T;
     }
 }
 
+/// The bits of so many lanes, from the first on; of all where there are more.
+#[inline(always)]
+pub(crate) fn first_lanes(count: usize) -> u32 {
+    if count >= LANES { u32::MAX } else { (1 << count) - 1 }
+}
+
 /// Instruction sets that kernels are compiled for, the least first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {

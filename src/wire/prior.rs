@@ -2,8 +2,8 @@
 
 use crate::fusion::Tracker;
 use crate::geometry::Vector3;
-use crate::message::{PoseReport, PriorHeader};
-use crate::prior::{Prior, Relief, RigidMotion};
+use crate::message::{PoseReport, PriorHeader, Window};
+use crate::prior::{Prior, Relief, RigidMotion, WindowTimes};
 
 /// What a tracker knows after the cloud of a report, its cells as the payload in `out`; nothing where the cloud tells nothing.
 #[must_use]
@@ -21,6 +21,13 @@ pub fn prior(tracker: &Tracker, report: &PoseReport, out: &mut Vec<u8>) -> Prior
     let [width_px, height_px] = relief.size_px().map(|length| length as u32);
     let RigidMotion { velocity_m_s, rate_rad_s } = motion;
     PriorHeader { velocity_m_s: velocity_m_s.into(), rate_rad_s: rate_rad_s.into(), width_px, height_px, ..header }
+}
+
+/// When the images of a window were taken.
+#[must_use]
+pub fn times(window: &Window) -> WindowTimes {
+    let exposures_ns = [window.first_exposure_ns, window.last_exposure_ns];
+    WindowTimes { exposures_ns, images: window.images as usize }
 }
 
 /// The prior of a message; `None` where it tells nothing, or contradicts itself.

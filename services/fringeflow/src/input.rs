@@ -6,7 +6,7 @@ use std::path::Path;
 use fringeflow::calibration::Unit;
 use fringeflow::config::Configuration;
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow::reconstruction::WindowTimes;
+use fringeflow::prior::WindowTimes;
 use fringeflow::recording::{ImagePair, Priors, Recording, TruthPoses, cycles, windows};
 
 use crate::failure::Failure;

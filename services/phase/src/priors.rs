@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 
 use fringeflow::message::{PriorHeader, Window};
 use fringeflow::prior::{Moment, Prior};
-use fringeflow::reconstruction::WindowTimes;
 use fringeflow::transport::{Subscriber, TRACKING_PRIOR, TransportError};
 use fringeflow::wire;
 use fringeflow_runtime::{Host, receive};
@@ -32,9 +31,8 @@ impl Priors {
         self.take();
         let (header, prior) = self.kept.iter().rev().find(|(header, _)| header.is_settled_at(window.received_ns))?;
         window.prior = header.published + 1;
-        let exposures_ns = [window.first_exposure_ns, window.last_exposure_ns];
-        let times = WindowTimes { exposures_ns, images: window.images as usize };
-        prior.as_ref().map(|prior| (prior, times.moment_after(header.centre_ns)))
+        let moment = wire::prior::times(window).moment_after(header.centre_ns);
+        prior.as_ref().map(|prior| (prior, moment))
     }
 
     /// Takes what has come.

@@ -16,7 +16,7 @@ use super::super::segment_table::SegmentTable;
 use super::super::wide::mix_rows;
 use super::FULL_SCORE;
 use super::evidence::Gate;
-use crate::simd::{LANES, Lanes};
+use crate::simd::{LANES, Lanes, first_lanes};
 
 /// How far space reaches, as inverse depth in that of the middle of the volume: nearly to infinity, and towards the cameras.
 const FARTHEST: f32 = 0.05;
@@ -154,7 +154,7 @@ pub(super) fn scores_of<L: Lanes>(
     let score = lanes.longs(lanes.add_float(score, float(0.5)));
     let score = lanes.narrow(score);
     let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
-    let own = lanes.mask(if count >= LANES as u32 { u32::MAX } else { (1 << count) - 1 });
+    let own = lanes.mask(first_lanes(count as usize));
     let score = lanes.select(lanes.and(is_seen, around.known), score, lanes.word(0));
     let score = lanes.select(is_seen, score, lanes.word(UNSEEN_SCORE));
     lanes.select(own, score, lanes.word(0))

@@ -11,7 +11,7 @@ use crate::phase::Validity;
 use crate::phase::map::Modulation;
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
-use crate::simd::{Kernel, LANES, Lanes};
+use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
 use super::MAX_IMAGES;
 use super::estimate::{ColumnSums, MotionParts, REACH};
@@ -203,7 +203,7 @@ impl<S: Sample> Band<'_, '_, S> {
         let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));
         let fits = l.is_at_least_real(l.times_real(l.real(self.validity.max_residual_share), modulation), residual);
         let valid = l.and(l.and(known, has_contrast), l.and(is_lit, fits));
-        let valid = l.and(valid, l.mask(if count == LANES { u32::MAX } else { (1 << count) - 1 }));
+        let valid = l.and(valid, l.mask(first_lanes(count)));
         let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
         let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
         let beside = &mut self.planes.beside[(row - self.rows.start) * blocks + block];

@@ -119,6 +119,20 @@ impl<'a, S: Sample> Images<'a, S> {
         simd::filled(&self.samples[image][pixel..pixel + count], S::default())
     }
 
+    /// Grey levels of those samples; `greatest` takes them in, for [`Self::saturates`].
+    #[inline(always)]
+    pub(super) fn greys<L: Lanes>(
+        &self,
+        lanes: L,
+        image: usize,
+        [pixel, count]: [usize; 2],
+        greatest: &mut L::Words,
+    ) -> L::Reals {
+        let block = self.block(image, pixel, count);
+        *greatest = lanes.max_unsigned(*greatest, S::unsigned(lanes, S::words(lanes, &block)));
+        lanes.times_real(S::reals(lanes, &block), lanes.real(self.grey_per_value[image]))
+    }
+
     /// Where any of the greatest samples of pixels is saturated.
     #[inline(always)]
     pub(super) fn saturates<L: Lanes>(&self, lanes: L, greatest: L::Words) -> L::Mask {

@@ -2,7 +2,7 @@
 
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::simd::{LANES, Lanes};
+use crate::simd::{LANES, Lanes, first_lanes};
 
 use super::MAX_IMAGES;
 use super::fit::{MotionFit, SUMS};
@@ -56,9 +56,7 @@ impl Fitted {
         let l = lanes;
         let (mut sums, mut greatest) = ([l.real(0.0); SUMS], l.word(0));
         for (i, weights) in fit.weights.iter().enumerate() {
-            let block = images.block(i, pixel, count);
-            greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &block)));
-            let grey = l.times_real(S::reals(l, &block), l.real(images.grey_per_value[i]));
+            let grey = images.greys(l, i, [pixel, count], &mut greatest);
             if !fit.residuals.is_empty() {
                 l.store_reals(grey, &mut greys[i]);
             }
@@ -79,7 +77,7 @@ impl Fitted {
         }
         let saturated = images.saturates(l, greatest);
         let weight = weight(l, [re, im], squares, saturated, validity);
-        let used = l.mask(if count == LANES { u32::MAX } else { (1 << count) - 1 });
+        let used = l.mask(first_lanes(count));
         let weight = l.select_real(used, weight, l.real(0.0));
         self.tells_motion = l.bits(l.is_greater_real(weight, l.real(0.0))) != 0;
         self.saturated = l.bits(l.and(saturated, used));

@@ -9,7 +9,7 @@ use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
 use crate::phase::map::{DIM, Exposure, FitStatistics, Modulation};
 use crate::phase::sample::Sample;
-use crate::simd::{Kernel, LANES, Lanes};
+use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
 use super::band::{Beside, Planes};
 use super::fit::LEAST_FITTED;
@@ -122,7 +122,7 @@ impl<S: Sample> Repair<'_, S> {
         let width = of.images.width;
         let (count, blocks) = ((width - block * LANES).min(LANES), width.div_ceil(LANES));
         let begin = row * width + block * LANES;
-        let used = if count == LANES { u32::MAX } else { (1 << count) - 1 };
+        let used = first_lanes(count);
         let Beside { residual, saturated, .. } = &self.planes.beside[row * blocks + block];
         let (mut steps, mut valid) = ([0; LANES], [0; LANES]);
         let modulation: &[u16] = bytemuck::cast_slice(&self.planes.modulation[begin..][..count]);

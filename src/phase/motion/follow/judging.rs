@@ -3,7 +3,7 @@
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 use crate::phase::shifts::MIN_STEPS;
-use crate::simd::{Kernel, LANES, Lanes};
+use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
 use super::super::MAX_IMAGES;
 use super::super::fit::MotionFit;
@@ -176,9 +176,7 @@ fn fitting<L: Lanes, S: Sample>(
     let mut z = [l.real(0.0); 4];
     let mut greatest = l.word(0);
     for (i, (weights, greys)) in fit.weights.iter().zip(greys.iter_mut()).enumerate() {
-        let block = images.block(i, pixel, count);
-        greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &block)));
-        let grey = l.times_real(S::reals(l, &block), l.real(images.grey_per_value[i]));
+        let grey = images.greys(l, i, [pixel, count], &mut greatest);
         l.store_reals(grey, greys);
         z = [0, 1, 2, 3].map(|part| l.add_real(z[part], l.times_real(grey, l.real(weights[1 + part]))));
     }
@@ -194,8 +192,8 @@ fn fitting<L: Lanes, S: Sample>(
     let half = HALF_FIT_SHARE * HALF_FIT_SHARE * (images.count - MIN_STEPS) as f32;
     let half = l.times_real(l.real(half), power);
     let least = validity.min_modulation_grey * validity.min_modulation_grey;
-    let used = if count == LANES { u32::MAX } else { (1 << count) - 1 };
-    let is_clear = l.bits(l.is_at_least_real(power, l.real(least))) & !l.bits(images.saturates(l, greatest)) & used;
+    let is_clear =
+        l.bits(l.is_at_least_real(power, l.real(least))) & !l.bits(images.saturates(l, greatest)) & first_lanes(count);
     // Im(z'·z*).
     let slope = l.sub_real(l.times_real(z[3], z[0]), l.times_real(z[2], z[1]));
     let sum = |of: L::Reals| {

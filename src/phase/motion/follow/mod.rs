@@ -23,7 +23,7 @@ use super::flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 use super::images::Images;
 
 use judging::{JudgeRoom, Judging, Verdict, judge};
-use sampling::{Sampling, Wanted};
+use sampling::Sampling;
 
 const _: () = assert!(FLOW_TILE_PX == LANES, "a block of pixels lies in one tile");
 
@@ -130,14 +130,14 @@ pub(super) fn follow<'a, S: Sample>(
     let (piece, plane) = (FLOW_TILE_PX * width, tile_rows * FLOW_TILE_PX * width);
     samples.resize(images.count * plane * size_of::<S>(), 0);
     let sampled: &mut [S] = bytemuck::cast_slice_mut(samples);
-    let each = |sampled: &mut [S], paths: &[Path], wanted: Wanted| {
+    let each = |sampled: &mut [S], paths: &[Path], followed: bool| {
         sampled.par_chunks_mut(piece).enumerate().for_each(|(place, to)| {
             let (image, tile_row) = (place / tile_rows, place % tile_rows);
             let paths = &paths[tile_row * columns..][..columns];
-            simd::run(level, Sampling { images, paths, image, tile_row, wanted, to });
+            simd::run(level, Sampling { images, paths, image, tile_row, followed, to });
         });
     };
-    each(sampled, paths, Wanted::Ways);
+    each(sampled, paths, true);
     rows.resize_with(tile_rows, JudgeRoom::default);
     let followed = images.others(sampled, plane);
     verdicts.clear();
@@ -150,7 +150,7 @@ pub(super) fn follow<'a, S: Sample>(
     if !is_followed(paths) {
         return None;
     }
-    each(sampled, paths, Wanted::Left);
+    each(sampled, paths, false);
     let followed = Some(Followed { fits, columns, paths });
     Some((images.others(sampled, plane), Fits { resting: fits.resting(), followed }))
 }

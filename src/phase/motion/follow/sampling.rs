@@ -11,22 +11,13 @@ use super::Path;
 /// Pixels either side of a sample that horizontal interpolation takes.
 const TAPS: usize = 4;
 
-/// Which tiles are sampled.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wanted {
-    /// All, along their ways.
-    Ways,
-    /// Those that have no way any more, as they are.
-    Left,
-}
-
-/// Samples an image in a row of tiles.
+/// Samples an image in those of a row of tiles that are followed, or in those that are not: as they are.
 pub(super) struct Sampling<'a, 'b, S> {
     pub(super) images: &'a Images<'b, S>,
     pub(super) paths: &'a [Path],
     pub(super) image: usize,
     pub(super) tile_row: usize,
-    pub(super) wanted: Wanted,
+    pub(super) followed: bool,
     pub(super) to: &'a mut [S],
 }
 
@@ -35,12 +26,12 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { images, paths, image, tile_row, wanted, to } = self;
+        let Self { images, paths, image, tile_row, followed, to } = self;
         let first = tile_row * FLOW_TILE_PX;
         let rows = first..(first + FLOW_TILE_PX).min(images.height);
         let t = time(image, images.count) as f32;
         for (block, path) in paths.iter().enumerate() {
-            if wanted == Wanted::Left && path.bin.is_some() {
+            if path.bin.is_some() != followed {
                 continue;
             }
             let (begin, count) = (block * LANES, (images.width - block * LANES).min(LANES));
