@@ -72,15 +72,14 @@ impl IndexMap {
 
     /// The surfels in the cells that lie within a pixel of an image point, and where they are seen.
     pub(super) fn around(&self, pixel: &Pixel) -> impl Iterator<Item = (usize, &Seen)> {
-        let first = |x: f64| ((x - 0.5) * CELLS as f64).round() as isize;
-        let (u, v, cells) = (first(pixel.x), first(pixel.y), 2 * CELLS as isize);
-        let cells = (v..v + cells).flat_map(move |row| (u..u + cells).map(move |column| (column, row)));
-        cells.filter_map(|(column, row)| {
-            let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
-            let inside = column < self.width && row < self.height;
-            let place = self.cells[inside.then_some(row * self.width + column)?] as usize;
-            Some((place, self.seen(place)?))
-        })
+        let inside = |x: f64, length: usize| {
+            let first = ((x - 0.5) * CELLS as f64).round() as isize;
+            let [first, end] = [first, first.saturating_add(2 * CELLS as isize)].map(|cell| cell.max(0) as usize);
+            first.min(length)..end.min(length)
+        };
+        let (columns, rows) = (inside(pixel.x, self.width), inside(pixel.y, self.height));
+        let cells = rows.flat_map(move |row| &self.cells[row * self.width..][columns.clone()]);
+        cells.filter(|&&place| place != NONE).filter_map(|&place| Some((place as usize, self.seen(place as usize)?)))
     }
 
     /// Whether a surface stands before a place that is seen.
@@ -92,14 +91,15 @@ impl IndexMap {
     pub(super) fn surface(&self, surfels: &[Surfel], cam1_from_model: &Pose) -> OrganizedSurface {
         let [width, height] = [self.width / CELLS, self.height / CELLS];
         let of_row = |v: usize| {
-            let points = (0..width).filter_map(|u| {
+            let mut points = Vec::with_capacity(width);
+            points.extend((0..width).filter_map(|u| {
                 let place = self.nearest(&Pixel::new(u as f64, v as f64))?;
                 Some(point(&surfels[place], cam1_from_model, [u, v]))
-            });
-            points.collect::<Vec<SurfacePoint>>()
+            }));
+            points
         };
         let rows: Vec<Vec<SurfacePoint>> = (0..height).into_par_iter().map(of_row).collect();
-        OrganizedSurface::new([width, height], rows.into_iter().flatten())
+        OrganizedSurface::new([width, height], rows.concat())
     }
 
     /// The surfel of the foremost surface that is seen next to a pixel's centre.

@@ -48,7 +48,7 @@ impl Placement {
     fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Measurement) -> Option<usize> {
         let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
         let belongs = |surfel: &Surfel| {
-            let sd_m = m.sigma_m.hypot(surfel.noise_m()) * self.excess;
+            let sd_m = (m.sigma_m * m.sigma_m + surfel.noise_m().powi(2)).sqrt() * self.excess;
             let distance_m = (m.position - surfel.position).dot(&surfel.normal).abs();
             let reach_m = (SAME_PLANE_SD * sd_m).max(SAME_PLANE_PX * width_m);
             surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m

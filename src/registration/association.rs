@@ -74,11 +74,11 @@ impl Association<'_> {
             return None;
         }
         let cosine = normal.dot(&place.coords.normalize()).abs().max(MIN_COSINE);
-        let noise_m = f64::from(moved.sigma_m).hypot(f64::from(partner.sigma_m)) * cosine;
+        let noise_m = (f64::from(moved.sigma_m).powi(2) + f64::from(partner.sigma_m).powi(2)).sqrt() * cosine;
         let turn = (place - self.motion.centre).cross(&normal) / self.motion.radius_m;
         Some(Pair {
             residual_m: off.dot(&normal),
-            sd_m: noise_m.hypot(LEAST_SD_M),
+            sd_m: (noise_m * noise_m + LEAST_SD_M * LEAST_SD_M).sqrt(),
             row: Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z),
             cam1_px: moved.cam1_px,
         })

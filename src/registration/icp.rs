@@ -10,7 +10,7 @@ use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
 use super::smooth_error::gradient_covariance;
 use super::surface::{OrganizedSurface, SurfacePoint};
-use super::thinning::tiles;
+use super::thinning::Sampled;
 
 /// Levels from coarse to fine.
 const LEVELS: [Level; 3] = [
@@ -56,8 +56,9 @@ pub fn register(
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
     let mut settled = None;
+    let sampled = Sampled::of(moved);
     for level in &LEVELS {
-        let tiles = tiles(moved, (settings.points as f64 * level.points) as usize);
+        let tiles = sampled.tiles((settings.points as f64 * level.points) as usize);
         let tried: usize = tiles.iter().map(Vec::len).sum();
         let reach_m = settings.reach_share * level.reach * distance_m;
         let motion = motion_of(&tiles, &pose);

@@ -87,15 +87,17 @@ impl OrganizedSurface {
 
     fn compute_normals(&mut self, step_px: usize) {
         self.normal_step_px = step_px;
-        for (normal, point) in normals(self, step_px).into_iter().zip(&mut self.points) {
-            point.normal = normal;
+        for (place, normal) in normals(self, step_px).into_iter().flatten() {
+            self.points[place as usize].normal = Some(normal);
         }
     }
 
     /// Points with their normals; of two at a pixel the later stays.
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
-        let mut surface = Self { size_px, places: vec![NONE; width * height], points: Vec::new(), normal_step_px: 1 };
+        let points = points.into_iter();
+        let room = Vec::with_capacity(points.size_hint().0);
+        let mut surface = Self { size_px, places: vec![NONE; width * height], points: room, normal_step_px: 1 };
         for point in points {
             let [u, v] = point.cam1_px.map(usize::from);
             let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();
@@ -127,12 +129,22 @@ impl OrganizedSurface {
     /// The point of a pixel; `None` where there is none, and beyond the image.
     #[must_use]
     pub fn at(&self, column: isize, row: isize) -> Option<&SurfacePoint> {
+        let place = self.place(usize::try_from(column).ok()?, usize::try_from(row).ok()?)?;
+        Some(&self.points[place as usize])
+    }
+
+    /// Place among the points of that of a pixel; `None` where there is none, and beyond the image.
+    pub(super) fn place(&self, column: usize, row: usize) -> Option<u32> {
         let [width, height] = self.size_px;
-        let (u, v) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
-        if u >= width || v >= height {
-            return None;
-        }
-        self.points.get(self.places[v * width + u] as usize)
+        let place = (column < width && row < height).then(|| self.places[row * width + column])?;
+        (place != NONE).then_some(place)
+    }
+
+    /// The points of a row by column; none beyond the image.
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Option<&SurfacePoint>> {
+        let width = self.size_px[0];
+        let places = self.places.chunks_exact(width.max(1)).nth(row).unwrap_or_default();
+        places.iter().map(|&place| self.points.get(place as usize))
     }
 
     /// Mean of the points, frame of C1, metres; the origin for none.

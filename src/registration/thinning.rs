@@ -6,27 +6,38 @@ use super::surface::{OrganizedSurface, SurfacePoint, grid_step};
 /// tile is to be larger than what they have in common, and there must be many.
 const TILES_ACROSS: usize = 16;
 
-/// About `count` points that have a normal, on a regular grid of pixels, by tile of the image; tiles without points are
-/// left out.
-pub(super) fn tiles(surface: &OrganizedSurface, count: usize) -> Vec<Vec<SurfacePoint>> {
-    let with_normal = || surface.points().iter().filter(|p| p.normal.is_some());
-    let stride = grid_step(with_normal().count(), count) * surface.normal_step_px();
-    let [columns, rows] = [0, 1].map(|axis| {
-        let range = with_normal().map(|p| usize::from(p.cam1_px[axis]));
-        let (first, last) = range.fold((usize::MAX, 0), |(first, last), c| (first.min(c), last.max(c)));
-        first.min(last)..last + 1
-    });
-    let side = columns.len().max(rows.len()).div_ceil(TILES_ACROSS);
-    let across = columns.len().div_ceil(side);
-    let mut tiles = vec![Vec::new(); across * rows.len().div_ceil(side)];
-    for point in with_normal() {
-        let [u, v] = point.cam1_px.map(usize::from);
-        if u.is_multiple_of(stride) && v.is_multiple_of(stride) {
-            tiles[(v - rows.start) / side * across + (u - columns.start) / side].push(*point);
-        }
+/// The points of a surface that have a normal, on a regular grid of pixels.
+pub(super) struct Sampled {
+    points: Vec<SurfacePoint>,
+    step_px: usize,
+}
+
+impl Sampled {
+    pub(super) fn of(surface: &OrganizedSurface) -> Self {
+        let points = surface.points().iter().filter(|p| p.normal.is_some()).copied().collect();
+        Self { points, step_px: surface.normal_step_px() }
     }
-    tiles.retain(|tile| !tile.is_empty());
-    tiles
+
+    /// About `count` of them by tile of the image; tiles without points are left out.
+    pub(super) fn tiles(&self, count: usize) -> Vec<Vec<SurfacePoint>> {
+        let stride = grid_step(self.points.len(), count) * self.step_px;
+        let [columns, rows] = [0, 1].map(|axis| {
+            let range = self.points.iter().map(|p| usize::from(p.cam1_px[axis]));
+            let (first, last) = range.fold((usize::MAX, 0), |(first, last), c| (first.min(c), last.max(c)));
+            first.min(last)..last + 1
+        });
+        let side = columns.len().max(rows.len()).div_ceil(TILES_ACROSS);
+        let across = columns.len().div_ceil(side);
+        let mut tiles = vec![Vec::new(); across * rows.len().div_ceil(side)];
+        for point in &self.points {
+            let [u, v] = point.cam1_px.map(usize::from);
+            if u.is_multiple_of(stride) && v.is_multiple_of(stride) {
+                tiles[(v - rows.start) / side * across + (u - columns.start) / side].push(*point);
+            }
+        }
+        tiles.retain(|tile| !tile.is_empty());
+        tiles
+    }
 }
 
 #[cfg(test)]
@@ -38,7 +49,7 @@ mod tests {
     fn about_as_many_as_wanted_and_none_twice() {
         let surface = surface_of(&camera(), 0.0, 1, bowl);
         for count in [100, 600, 100_000] {
-            let tiles = tiles(&surface, count);
+            let tiles = Sampled::of(&surface).tiles(count);
             let mut pixels: Vec<[u16; 2]> = tiles.concat().iter().map(|p| p.cam1_px).collect();
             let expected = count.min(surface.points().len());
             assert!(pixels.len() * 2 > expected && pixels.len() < expected * 2, "{} of {expected}", pixels.len());

@@ -41,7 +41,7 @@ impl Globals {
         if threads == 0 {
             return Err(Failure::Usage("--threads 0: at least one thread is needed".to_owned()));
         }
-        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global();
         built.map_err(|e| Failure::Usage(format!("--threads {threads}: {e}")))
     }
 

@@ -1,5 +1,7 @@
 //! From messages to windows: the synchronizer, its ports, and the accounts of what it counts.
 
+use std::time::Duration;
+
 use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow::dataset::Setup;
 use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
@@ -7,7 +9,7 @@ use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImag
 use fringeflow::transport::{
     CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, wait_for,
 };
-use fringeflow_runtime::{Account, AccountError, Arrivals, BEAT, Host, ServiceError, receive};
+use fringeflow_runtime::{Account, AccountError, Arrivals, Host, ServiceError, receive};
 
 use crate::image::Image;
 
@@ -70,9 +72,9 @@ impl Intake {
         })
     }
 
-    /// Waits for messages.
-    pub(crate) fn wait(&self) -> Result<(), TransportError> {
-        wait_for(&[&self.cameras[0], &self.cameras[1], &self.events], BEAT)
+    /// Waits for messages, at most so long.
+    pub(crate) fn wait(&self, longest: Duration) -> Result<(), TransportError> {
+        wait_for(&[&self.cameras[0], &self.cameras[1], &self.events], longest)
     }
 
     /// Takes what has come, one message of each channel in turn; `on_window` is given each window with its number as soon as

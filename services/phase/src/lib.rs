@@ -12,7 +12,7 @@ use fringeflow::synchronization::WindowImages;
 use fringeflow::transport::{PHASE_MAPS, Publisher};
 use fringeflow::wire;
 use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
-use fringeflow_runtime::{Account, Host, ItemTimes, ServiceArgs, ServiceError, clock};
+use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, PAUSE, ServiceArgs, ServiceError, clock};
 
 use image::Image;
 use intake::Intake;
@@ -44,10 +44,11 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             decoding.priors.ensure_connected(now_ns)?;
             intake.ensure_connected(now_ns)
         });
-        intake.wait()?;
+        intake.wait(if decoding.newest.is_some() { PAUSE } else { BEAT })?;
     }
     intake.end(|number, images| decoding.add(&mut host, number, images))?;
     decoding.work(&mut host)?;
+    decoding.give_up()?;
     intake.close(&host)?;
     intake.report(&mut host);
     host.report(Stage::Phase, decoding.account.counts(), None);
@@ -99,12 +100,17 @@ impl Decoding {
         Ok(())
     }
 
-    /// Decodes the newest window if the next stage has time for it.
+    /// Drops the window that the next stage has no time for before the end.
+    fn give_up(&mut self) -> Result<(), AccountError> {
+        self.newest.take().map_or(Ok(()), |_| self.account.drop_one(DropReason::NextStageBusy))
+    }
+
+    /// Decodes the newest window if the next stage has time for it; else it stays the newest until another comes.
     fn work(&mut self, host: &mut Host) -> Result<(), ServiceError> {
-        let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
         if !host.is_free(Stage::Correspondence, &self.account) {
-            return Ok(self.account.drop_one(DropReason::NextStageBusy)?);
+            return Ok(());
         }
+        let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
         let known = self.priors.tell(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());

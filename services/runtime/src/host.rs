@@ -22,7 +22,7 @@ const SIGN_OF_LIFE_NS: u64 = 500_000_000;
 /// Time between two looks at the connections, nanoseconds.
 const CONNECTION_CHECK_NS: u64 = 1_000_000_000;
 /// Pause between two looks at the account of a stage that is waited for.
-const PAUSE: Duration = Duration::from_micros(500);
+pub const PAUSE: Duration = Duration::from_micros(500);
 
 /// Why a service ended.
 #[derive(Debug, thiserror::Error)]
@@ -169,14 +169,11 @@ impl Host {
         crate::ensure_connected(port, &self.accounts, from, next, now_ns)
     }
 
-    /// Whether the next stage has time: has finished all that this one put out, so that what comes is as new as can be; where
-    /// the configuration wants no window lost, has begun all of it, so that both work. True where there is no next stage.
+    /// Whether the next stage has time: has begun all that this one put out, so that both work and nothing grows old between
+    /// them. True where there is no next stage.
     #[must_use]
     pub fn is_free(&self, next: Stage, account: &Account) -> bool {
-        let has_begun_all = |counts: &Counts| counts.taken >= account.counts().passed;
-        let is_done = |counts: &Counts| self.configuration.wait_when_busy || counts.in_work() == Some(0);
-        let is_free = |counts: Counts| has_begun_all(&counts) && is_done(&counts);
-        self.counts_of(next).is_none_or(is_free)
+        self.counts_of(next).is_none_or(|counts| counts.taken >= account.counts().passed)
     }
 
     /// Waits until the next stage is free or the service is to end, where the configuration wants no window lost.

@@ -15,7 +15,7 @@ mod transform;
 
 pub use account::{Account, AccountError, Arrivals, SOURCES, Source, messages, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
-pub use host::{BEAT, Host, ItemTimes, ServiceError, accounts_folder, channel_sizes, dashboard_file};
+pub use host::{BEAT, Host, ItemTimes, PAUSE, ServiceError, accounts_folder, channel_sizes, dashboard_file};
 pub use receive::{ensure_connected, receive};
 pub use services::{ServiceKind, live_services, workers};
 pub use stop::Stop;

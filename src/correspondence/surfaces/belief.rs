@@ -6,6 +6,8 @@
 //!     message(k) = max( t(k), max t − PRICE ) − max t
 //! decided: the label with the greatest belief, evidence and all messages; its lead over the next best
 //! ```
+//!
+//! A node to which no other message has come since it last sent would send the same again, and is passed over.
 
 use super::nodes::{NONE, Node};
 use super::{FULL_SCORE, LABELS};
@@ -18,17 +20,30 @@ const ROUNDS: usize = 6;
 
 type Labels = [i16; LABELS];
 
-/// Decides all nodes from the evidence of each label, in memory for messages.
-pub(super) fn decide(nodes: &mut [Node], evidence: &[Labels], messages: &mut Vec<[Labels; 4]>) {
-    messages.clear();
-    messages.resize(nodes.len(), [[0; LABELS]; 4]);
-    simd::run(Level::in_use(), Propagation { nodes, evidence, messages });
+/// Memory for what nodes tell each other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Messages {
+    /// What came to each node from each side.
+    received: Vec<[Labels; 4]>,
+    /// Whether it has anything new to send.
+    has_news: Vec<bool>,
+}
+
+/// Decides all nodes from the evidence of each label.
+pub(super) fn decide(nodes: &mut [Node], evidence: &[Labels], messages: &mut Messages) {
+    let Messages { received, has_news } = messages;
+    received.clear();
+    received.resize(nodes.len(), [[0; LABELS]; 4]);
+    has_news.clear();
+    has_news.resize(nodes.len(), true);
+    simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_news });
 }
 
 struct Propagation<'a> {
     nodes: &'a mut [Node],
     evidence: &'a [Labels],
     messages: &'a mut [[Labels; 4]],
+    has_news: &'a mut [bool],
 }
 
 impl Kernel for Propagation<'_> {
@@ -36,16 +51,21 @@ impl Kernel for Propagation<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { nodes, evidence, messages } = self;
+        let Self { nodes, evidence, messages, has_news } = self;
         for round in 0..ROUNDS {
             for i in 0..nodes.len() {
                 let node = if round % 2 == 0 { i } else { nodes.len() - 1 - i };
+                if !std::mem::take(&mut has_news[node]) {
+                    continue;
+                }
                 let belief = belief(&evidence[node], &messages[node]);
                 for side in 0..4 {
                     let other = nodes[node].beside[side];
                     if other != NONE {
                         let sent = message(&belief, &messages[node][side]);
-                        messages[other as usize][side ^ 1] = sent;
+                        let received = &mut messages[other as usize][side ^ 1];
+                        has_news[other as usize] |= differ(received, &sent);
+                        *received = sent;
                     }
                 }
             }
@@ -91,4 +111,13 @@ fn message(belief: &Labels, received: &Labels) -> Labels {
         sent[k] = (sent[k] - most).max(-PRICE);
     }
     sent
+}
+
+#[inline(always)]
+fn differ(a: &Labels, b: &Labels) -> bool {
+    let mut bits = 0;
+    for k in 0..LABELS {
+        bits |= a[k] ^ b[k];
+    }
+    bits != 0
 }

@@ -58,7 +58,7 @@ pub(in super::super) struct Room {
     pub(super) runs: Runs,
     pub(super) nodes: Nodes,
     pub(super) evidence: Vec<[i16; LABELS]>,
-    messages: Vec<[[i16; LABELS]; 4]>,
+    messages: belief::Messages,
     /// Room for each row of tiles.
     pub(super) rows: Vec<RowRoom>,
     pub(super) decided: DecidedRoom,
@@ -122,8 +122,10 @@ impl Room {
         nodes.count_asked(view.cam1.width, stride);
         for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
             let unseen = node.asked as i16 * UNSEEN_SCORE;
-            let others = evidence.iter().enumerate().filter(|&(k, &sum)| k != usize::from(node.label) && sum != unseen);
-            node.rival = f32::from(others.map(|(_, &sum)| sum).fold(0, i16::max)) / f32::from(FULL_SCORE);
+            let most =
+                |labels: &[i16]| labels.iter().fold(0, |most: i16, &sum| most.max(if sum == unseen { 0 } else { sum }));
+            let (before, behind) = evidence.split_at(usize::from(node.label));
+            node.rival = f32::from(most(before).max(most(&behind[1..]))) / f32::from(FULL_SCORE);
         }
     }
 

@@ -32,7 +32,7 @@ pub(crate) fn take(
         standing.granted.push(format!("CPUs {}", affinity::ranges(cpus)));
     }
     if let Some(threads) = *threads {
-        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global();
         let refused = |_| format!("threads = {threads}: --threads on the command line counts");
         standing.note(built.map(|()| format!("{threads} threads")).map_err(refused));
     }
