@@ -1,4 +1,4 @@
-# make demo   a minute of live scanning by a virtual scanner; leaves a recording and clouds
+# make demo   half a minute of live scanning by a virtual scanner; leaves a recording, clouds and a model
 # make test   every check a change must pass
 # make bench  how fast it is: every promised ratio beside its peers, and where the time goes (minutes)
 # make setup  what these need from the system; each installs its part itself

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# A minute of live scanning: a virtual scanner moves over a face, and every service runs as on the scanner PC. Then the recording
-# is checked, its clouds are made again and compared byte by byte, and some are exported.
+# Half a minute of live scanning: a virtual scanner is led around an elephant, and every service runs as on the scanner PC. Then the
+# recording is checked, its clouds are made again and compared byte by byte, some are exported, and all are fused into a model.
 # Leaves recording, clouds, pictures, report and table of the run in demo-output/, which each run starts afresh but for the
 # images of the virtual scanner, which take longest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly out=demo-output
-readonly seconds=${DEMO_SECONDS:-60}
+readonly seconds=${DEMO_SECONDS:-30}
 
 fringeflow() {
     "${CARGO_TARGET_DIR:-target}/release/fringeflow" "$@"
@@ -30,12 +30,15 @@ echo "== replay: every recorded cloud is made again of its images"
 fringeflow replay "$out/demo.mcap" --verify
 echo "== export: clouds, and pictures of how one of them was measured"
 fringeflow export "$out/demo.mcap" -o "$out/clouds" --clouds 0..3
-fringeflow reconstruct "$out/demo.mcap" -o "$out/nose.ply" --preview "$out/pictures"
+fringeflow reconstruct "$out/demo.mcap" -o "$out/elephant.ply" --preview "$out/pictures"
+echo "== fuse: all clouds in one model, and the way of the scanner"
+fringeflow fuse "$out/demo.mcap" -o "$out/model.ply" --trajectory "$out/poses.csv"
 
 cat <<END
 
 recording     $PWD/$out/demo.mcap   (Foxglove, Lichtblick and Rerun open it)
 clouds        $PWD/$out/clouds   (CloudCompare and MeshLab open them)
+model         $PWD/$out/model.ply   (of all clouds; the way of the scanner is poses.csv beside it)
 pictures      $PWD/$out/pictures
 table above   $PWD/$out/run.txt
 report        $PWD/$out/report.html   (any browser opens it: latencies over time, where they come from, losses, quality)

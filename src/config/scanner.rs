@@ -326,10 +326,10 @@ mod tests {
     fn the_demo_is_a_scanner_with_a_setup() {
         let demo = parse(DEMO).unwrap();
         assert_eq!((&demo.cameras, demo.projector), (&CameraSource::Virtual, ProjectorDriver::Virtual));
-        assert_eq!(demo.frame_period_ns(), 50_000_000);
+        assert_eq!(demo.frame_period_ns(), 33_333_333);
         assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
         let setup = Setup::parse(demo.setup_text().unwrap(), None).unwrap();
-        assert_eq!((setup.steps, setup.image_size_px), (4, [480, 384]));
+        assert_eq!((setup.steps, setup.image_size_px), (4, [640, 512]));
         // The part of it that measures is a configuration of its own.
         assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
     }
@@ -340,11 +340,11 @@ mod tests {
             assert!(DEMO.contains(from), "{from}");
             parse(&DEMO.replace(from, to)).unwrap_err().to_string()
         };
-        assert!(changed("rate_hz = 20.0", "rate_hz = 0.0").contains("cameras.rate_hz is 0"));
+        assert!(changed("rate_hz = 30.0", "rate_hz = 0.0").contains("cameras.rate_hz is 0"));
         assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("known are"));
         assert!(changed("steps = 4", "steps = 2").contains("pattern.steps is 2"));
-        assert!(changed("object = \"nose\"", "object = \"hose\"").contains("virtual_scanner.object"));
-        assert!(changed("every = 4", "evry = 4").contains("evry"));
+        assert!(changed("object = \"elephant\"", "object = \"elefant\"").contains("virtual_scanner.object"));
+        assert!(changed("every = 3", "evry = 3").contains("evry"));
         assert!(changed("[cameras]", "[camera]").contains("camera"));
         assert!(parse("").unwrap_err().to_string().contains("key cameras is missing"));
     }

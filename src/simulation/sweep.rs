@@ -60,11 +60,11 @@ pub struct Sweep {
     tremor: Tremor,
 }
 
-/// Bounds of the options: the measurement volume is 100 mm across.
+/// Bounds of the options: the measurement volume is 100 mm across, what is measured may be larger.
 const MAX_POSES: f64 = 10_000.0;
-const MAX_TRAVEL_MM: f64 = 50.0;
+const MAX_TRAVEL_MM: f64 = 200.0;
 const MAX_TURN_DEG: f64 = 45.0;
-const MAX_OUTSIDE_MM: f64 = 100.0;
+const MAX_OUTSIDE_MM: f64 = 400.0;
 
 impl Sweep {
     /// A sweep from its options.

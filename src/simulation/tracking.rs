@@ -1,16 +1,22 @@
 //! What a pixel sees, from what it saw a moment before: a fifth of the work of tracing it anew.
 //!
-//! In: the view of a pose, and the scene moved by less than half a pixel. Out: the new hit, as exact as a traced one,
-//! where the pixel and its neighbours lay on one smooth, evenly lit piece of surface. Edges of bodies and shadows move no
-//! further than the neighbours, so nothing can have come in between; everywhere else rays are traced as ever.
+//! In: the view of a pose, and the scene moved a little. Out: the new hit, as exact as a traced one, where what has moved to the
+//! pixel lay with its neighbours on one smooth, evenly lit piece of surface. Edges of bodies and shadows move along with it, by less
+//! than a pixel more or less, so nothing can have come in between; everywhere else rays are traced as ever.
 
 use crate::geometry::Pixel;
 
 use super::trace::hit_near;
 use super::view::{Centre, Eye, Sample, View};
 
-/// Furthest that a place may have moved in the image, pixels.
-const MAX_MOTION_PX: f64 = 0.5;
+/// Furthest that a place may be from the middle of the pixel that it has moved to, pixels: half its diagonal.
+const MAX_OFF_PX: f64 = 0.72;
+/// How far around it a surface must be smooth where it has hardly moved, and where it came from another pixel: edges of what lies
+/// nearer or farther move otherwise.
+const NEAR_PX: usize = 1;
+const FAR_PX: usize = 2;
+/// Looks for the place that has moved to a pixel.
+const LOOKS: usize = 3;
 /// Furthest that neighbours may lie off the tangential plane, millimetres.
 const MAX_BEND_MM: f64 = 0.05;
 /// Least cosine between the normals of neighbours.
@@ -21,17 +27,40 @@ const MIN_COSINE: f64 = 0.15;
 impl Eye<'_> {
     /// What the middle of a pixel sees; `None` where only tracing can tell.
     pub(super) fn centre_after(&self, before: &View, u: usize, v: usize) -> Option<Centre> {
-        let seen = smooth_centre(before, u, v)?;
-        let old = seen.hit?;
         let pixel = Pixel::new(u as f64, v as f64);
-        let moved_px = (self.project(&old.point)? - pixel).norm();
-        let ray = (moved_px <= MAX_MOTION_PX).then(|| self.ray(&pixel))??;
-        let hit = hit_near(self.scene, &ray, &old)?;
+        let [from_u, from_v] = self.pixel_before(before, &pixel)?;
+        let has_come = [from_u, from_v] != [u, v];
+        let reach_px = if has_come { FAR_PX } else { NEAR_PX };
+        let seen = smooth_centre(before, [from_u, from_v], reach_px)?;
+        let ray = self.ray(&pixel)?;
+        let hit = hit_near(self.scene, &ray, &seen.hit?)?;
         if -ray.direction.dot(&hit.normal) < MIN_COSINE {
             return None;
         }
-        let sample = if seen.sample.reflected > 0.0 { self.lit_sample(&hit)? } else { self.dark_sample(&hit) };
+        let sample = if seen.sample.reflected > 0.0 {
+            self.lit_sample(&hit)?
+        } else if has_come && self.projector_pixel(&hit).is_some() {
+            // The border of the projected image does not move along with what it lights.
+            return None;
+        } else {
+            self.dark_sample(&hit)
+        };
         Some(Centre { hit: Some(hit), sample })
+    }
+
+    /// The pixel that saw before what has moved to a pixel.
+    fn pixel_before(&self, before: &View, pixel: &Pixel) -> Option<[usize; 2]> {
+        let mut place = *pixel;
+        for _ in 0..LOOKS {
+            let inside = |x: f64, length: usize| (x >= 0.0 && x < length as f64).then_some(x as usize);
+            let (u, v) = (inside(place.x, before.width)?, inside(place.y, before.height)?);
+            let off = self.project(&before.centres[v * before.width + u].hit?.point)? - pixel;
+            if off.norm() <= MAX_OFF_PX {
+                return Some([u, v]);
+            }
+            place -= off.map(f64::round);
+        }
+        None
     }
 
     /// How a place is lit that nothing hides from the projector.
@@ -46,8 +75,8 @@ impl Eye<'_> {
 }
 
 /// What the middle of a pixel saw, if it and its neighbours belong to one smooth, evenly lit piece of surface.
-fn smooth_centre(before: &View, u: usize, v: usize) -> Option<Centre> {
-    if u == 0 || v == 0 || u + 1 >= before.width || v + 1 >= before.height {
+fn smooth_centre(before: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<Centre> {
+    if u < reach_px || v < reach_px || u + reach_px >= before.width || v + reach_px >= before.height {
         return None;
     }
     let middle = before.centres[v * before.width + u];
@@ -60,8 +89,10 @@ fn smooth_centre(before: &View, u: usize, v: usize) -> Option<Centre> {
                 && other.normal.dot(&hit.normal) >= MIN_NORMAL_COSINE
         }) && is_lit(centre) == is_lit(&middle)
     };
-    let rows = [v - 1, v, v + 1].map(|row| &before.centres[row * before.width + u - 1..][..3]);
-    rows.into_iter().flatten().all(belongs).then_some(middle)
+    let side = 2 * reach_px + 1;
+    let mut rows =
+        (v - reach_px..=v + reach_px).map(|row| &before.centres[row * before.width + u - reach_px..][..side]);
+    rows.all(|row| row.iter().all(belongs)).then_some(middle)
 }
 
 #[cfg(test)]
@@ -75,9 +106,21 @@ mod tests {
 
     #[test]
     fn images_are_those_of_rays_traced_anew() {
-        for object in [Object::Elephant, Object::Machine, Object::Tooth] {
+        let gentle = SweepOptions::default();
+        // Four pixels an image.
+        let fast = SweepOptions {
+            poses: 64,
+            travel_mm: [9.0, 8.0, 1.0],
+            turn_deg: [3.0, 4.0, 5.0],
+            outside_mm: 100.0,
+            ..gentle
+        };
+        let objects = [Object::Elephant, Object::Machine, Object::Tooth];
+        let gentle = objects.map(|object| (object, gentle));
+        let fast = [Object::Elephant, Object::Machine, Object::Clutter, Object::Tray].map(|object| (object, fast));
+        for (object, sweep) in gentle.into_iter().chain(fast) {
             let rig = RigOptions { size_px: [320, 256], ..options().rig };
-            let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
+            let options = VirtualScannerOptions { object, rig, sweep, ..options() };
             let scanner = VirtualScanner::new(options).unwrap();
             let (resting, rig) = (scanner.scene(), &scanner.rig().exact);
             let scene = |pose| resting.clone().at(scanner.cam1_from_object(pose));

@@ -230,8 +230,8 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_keeps_every_object_in_its_volume() {
-        for object in Object::ALL {
+    fn the_usual_sweep_keeps_every_object_but_the_tray_in_its_volume() {
+        for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
             let rig = RigOptions { depth_m: object.usual_depth_m(), ..options().rig };
             let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
             let speed = VirtualScanner::new(options).unwrap().speed();

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, Losses, SkewFigures, StageFigures};
+use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, Losses, Pace, SkewFigures, StageFigures};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
 
@@ -26,6 +26,9 @@ pub(crate) struct Summary<'a> {
     health: &'a HealthRecord,
     /// What was lost, each loss once.
     lost: Losses,
+    /// What rate the machine holds, where windows were left out for lack of time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pace: Option<Pace>,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
@@ -62,6 +65,11 @@ pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
     if outcome.ended_badly.is_empty() { Ok(()) } else { Err(Failure::Losses(ended_badly(outcome))) }
 }
 
+fn pace(outcome: &Outcome) -> Option<Pace> {
+    let counts = |stage| outcome.balance.0.iter().find(|(of, _)| *of == stage).map(|(_, counts)| *counts);
+    Pace::of(outcome.run.cloud_rate_hz()?, counts)
+}
+
 fn ended_badly(outcome: &Outcome) -> String {
     let services: Vec<String> = outcome.ended_badly.iter().map(|(name, how)| format!("{name}: {how}")).collect();
     format!("services did not end well: {}", services.join(", "))
@@ -71,7 +79,7 @@ impl<'a> Summary<'a> {
     /// The figures of a live run, and where the report on it lies.
     pub(crate) fn of(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
         let exposure_to_cloud = outcome.run.tally().total().brief();
-        Self { exposure_to_cloud, report, ..Self::of_replay(outcome, None) }
+        Self { exposure_to_cloud, report, pace: pace(outcome), ..Self::of_replay(outcome, None) }
     }
 
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
@@ -84,6 +92,7 @@ impl<'a> Summary<'a> {
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             health: outcome.run.health(),
             lost: Losses::of(&outcome.balance.0),
+            pace: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             trace: outcome.trace.as_deref(),
@@ -110,6 +119,9 @@ impl fmt::Display for Summary<'_> {
         }
         if self.exposure_to_cloud.is_some() {
             writeln!(f, "{:<33}  {}", "exposure to cloud", times(self.exposure_to_cloud))?;
+        }
+        if let Some(pace) = self.pace {
+            writeln!(f, "{pace}")?;
         }
         for StageFigures { stage, incidents, .. } in self.stages.iter().filter(|stage| !stage.incidents.is_empty()) {
             let survived: Vec<String> = incidents.iter().map(|(incident, n)| format!("{incident} {n}")).collect();

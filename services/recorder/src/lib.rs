@@ -6,7 +6,8 @@
 mod channels;
 mod session;
 
-use fringeflow::message::{Counts, DropReason, ScanState, Stage};
+use fringeflow::message::{Counts, DropReason, PriorHeader, ScanState, Stage};
+use fringeflow::recording::Recordable;
 use fringeflow::transport::{SCAN_STATE, Subscriber};
 use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receive};
 
@@ -61,6 +62,8 @@ struct Recorder {
     /// Counts outside the running recording: before this process, not recording, lost in a channel, recordings ended.
     outside: Counts,
     session: Option<Session>,
+    /// The last prior: windows of a recording that begins now are decoded with it until the next one comes.
+    prior: Option<(PriorHeader, Vec<u8>)>,
     /// Recordings and marks asked for so far.
     seen: Option<ScanState>,
     has_failed: bool,
@@ -70,7 +73,7 @@ impl Recorder {
     fn open(host: &Host) -> Result<Self, ServiceError> {
         let account = host.account(Stage::Recorder)?;
         let outside = *account.counts();
-        Ok(Self { account, outside, session: None, seen: None, has_failed: false })
+        Ok(Self { account, outside, session: None, prior: None, seen: None, has_failed: false })
     }
 
     /// Follows the state, and takes what has come.
@@ -89,6 +92,12 @@ impl Recorder {
     fn take(&mut self, message: Taken<'_>, missing: u64) {
         self.outside.taken += missing;
         self.outside.drop_many(DropReason::Overrun, missing);
+        if let Taken::Message(Recordable::Prior { header, relief }) = &message {
+            let (last, cells) = self.prior.get_or_insert_default();
+            *last = **header;
+            cells.clear();
+            cells.extend_from_slice(relief);
+        }
         match &mut self.session {
             Some(session) => session.take(message, missing),
             None => {
@@ -108,7 +117,12 @@ impl Recorder {
         }
         if wanted.recording != 0 && wanted.recordings != before.recordings {
             match Session::begin(wanted, host, is_continued) {
-                Ok(session) => self.session = Some(session),
+                Ok(session) => {
+                    if let Some((header, relief)) = &self.prior {
+                        session.take(Taken::Message(Recordable::Prior { header, relief }), 0);
+                    }
+                    self.session = Some(session);
+                }
                 Err(error) => self.fail(&error),
             }
         }

@@ -24,6 +24,15 @@ const LEGS: [[f64; 6]; 4] = [
     [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
 ];
 
+/// Fillet between head and body: what is further from the head than that is as if it had none.
+const NECK_FILLET: f64 = 3.0;
+
+/// Less than the field of the head has anywhere, from a ball about head, trunk and tusk: fields of ellipsoids rise by four fifths of
+/// the distance, and fillets take 2 mm at most.
+fn least_of_head(p: &PointMm) -> f64 {
+    0.8 * sphere(p, PointMm::new(-24.0, 1.5, 12.0), 27.0) - 2.5
+}
+
 impl Elephant {
     pub(super) fn new() -> Self {
         let ball = |[x, y, z, radius]: [f64; 4]| (PointMm::new(x, y, z), radius);
@@ -48,7 +57,12 @@ impl Elephant {
 
 impl Solid for Elephant {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let body = smooth_union(trunk_of_body(point), self.head(point), 3.0);
+        let chest = trunk_of_body(point);
+        let body = if least_of_head(point) < chest + NECK_FILLET {
+            smooth_union(chest, self.head(point), NECK_FILLET)
+        } else {
+            chest
+        };
         let body = self.legs.iter().fold(body, |body, leg| smooth_union(body, leg.distance(point), 2.0));
         let ear = smooth_union(ear(point), body, 0.8);
         let tail = round_cone(point, (PointMm::new(33.0, 7.0, 11.0), 1.5), (PointMm::new(37.0, -6.0, 11.5), 1.0));
@@ -71,4 +85,19 @@ fn ear(p: &PointMm) -> f64 {
     let flap = ellipsoid(p, PointMm::new(-11.0, 11.0, 18.8), PointMm::new(8.5, 11.0, 2.9));
     let hollow = ellipsoid(p, PointMm::new(-11.5, 11.0, 23.0), PointMm::new(6.5, 9.0, 2.6));
     smooth_cut(flap, hollow, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_is_no_nearer_than_its_ball_says() {
+        let elephant = Elephant::new();
+        for i in 0..40_000_u32 {
+            let at = |step: f64| 200.0 * (step * f64::from(i)).fract() - 100.0;
+            let point = PointMm::new(at(0.819_172_5), at(0.671_043_6), at(0.549_700_5));
+            assert!(elephant.head(&point) > least_of_head(&point), "{point}");
+        }
+    }
 }

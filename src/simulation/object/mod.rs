@@ -10,6 +10,7 @@ mod plane;
 mod prism;
 mod teeth;
 mod tooth;
+mod tray;
 
 use std::str::FromStr;
 
@@ -37,6 +38,8 @@ pub enum Object {
     Clutter,
     /// Separate pieces of about 50 pixels each, at any height.
     Crumbs,
+    /// A tray of pieces, three times as large as what the cameras see.
+    Tray,
 }
 
 impl Object {
@@ -45,7 +48,7 @@ impl Object {
         [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
 
     /// All objects, those of the paper first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Plane,
         Self::Prism,
         Self::Machine,
@@ -55,6 +58,7 @@ impl Object {
         Self::Elephant,
         Self::Clutter,
         Self::Crumbs,
+        Self::Tray,
     ];
 
     /// The names of all objects, for who may choose one.
@@ -77,6 +81,7 @@ impl Object {
             Self::Elephant => "elephant",
             Self::Clutter => "clutter",
             Self::Crumbs => "crumbs",
+            Self::Tray => "tray",
         }
     }
 
@@ -111,6 +116,7 @@ impl Object {
             Self::Elephant => Box::new(elephant::Elephant::new()),
             Self::Clutter => Box::new(clutter::Clutter),
             Self::Crumbs => Box::new(crumbs::Crumbs::new()),
+            Self::Tray => Box::new(tray::Tray::new()),
         }
     }
 }
@@ -157,11 +163,12 @@ mod tests {
     }
 
     #[test]
-    fn every_object_lies_in_its_box_and_its_box_in_the_volume() {
+    fn every_object_lies_in_its_box_and_its_box_in_the_volume_but_the_tray() {
         for object in Object::ALL {
             let solid = object.solid();
             let (min, max) = solid.bounds_mm();
-            assert!(min.x > -50.0 && max.x < 50.0 && min.y > -40.0 && max.y < 40.0, "{object:?}: {min} {max}");
+            let is_beside = min.x <= -50.0 || max.x >= 50.0 || min.y <= -40.0 || max.y >= 40.0;
+            assert_eq!(is_beside, object == Object::Tray, "{object:?}: {min} {max}");
             assert!(min.z >= 0.0 && max.z < object.usual_depth_m() * 1e3 - 0.5, "{object:?}: {min} {max}");
             let inside = |p: &PointMm| (0..3).all(|i| p[i] >= min[i] && p[i] <= max[i]);
             for p in points(solid.as_ref(), 20_000) {

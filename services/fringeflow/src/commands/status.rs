@@ -7,7 +7,7 @@ use std::time::Duration;
 use fringeflow::config::SERVICES;
 use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow::telemetry::{
-    GaugeFigures, HealthFigures, Latency, Losses, StageFigures, StageTally, Tally, TrackingFigures,
+    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
 };
 use fringeflow::transport::{Instance, request};
 use fringeflow_runtime::processors::Standing;
@@ -42,6 +42,8 @@ struct Report {
     dashboard: Option<String>,
     /// What was lost since the start, each loss once.
     lost: Losses,
+    /// What rate the machine holds, where windows are left out for lack of time.
+    pace: Option<Pace>,
     stages: Vec<StageReport>,
     /// What services were given of the machine, where the configuration says something of them.
     processors: BTreeMap<&'static str, Standing>,
@@ -91,6 +93,9 @@ impl Args {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
+        if let Some(pace) = pace(&observed.tally) {
+            writeln!(out, "{pace}")?;
+        }
         for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
@@ -118,6 +123,7 @@ impl Args {
             dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
+            pace: pace(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(&self.instance),
             exposure_to_cloud: tally.total().brief(),
@@ -129,6 +135,11 @@ impl Args {
 
 fn losses(tally: &Tally) -> Losses {
     Losses::of(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
+}
+
+fn pace(tally: &Tally) -> Option<Pace> {
+    let counts = |stage| tally.stage(stage).map(|of_stage| of_stage.counts);
+    Pace::of(tally.stage(Stage::Cloud)?.rate_hz, counts)
 }
 
 impl Health {

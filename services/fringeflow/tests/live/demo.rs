@@ -11,9 +11,9 @@ fn the_demo_follows_the_configuration_in_its_folder() {
     // As it is, the demo renders for long.
     let file = folder.join("demo.toml");
     let changes = [
-        ("size_px = [480, 384]", "size_px = [96, 80]"),
+        ("size_px = [640, 512]", "size_px = [96, 80]"),
         ("period_px = 16.0", "period_px = 48.0"),
-        ("poses = 80", "poses = 8"),
+        ("poses = 240", "poses = 8"),
         ("min_free_mb = 1024", "min_free_mb = 0"),
         ("name = \"demo\"", "name = \"t\""),
         ("enabled = true", "enabled = false"),

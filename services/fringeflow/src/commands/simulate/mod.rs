@@ -30,7 +30,8 @@ pub(crate) struct Args {
     /// Record so many seconds, by default one round of the sweep.
     #[arg(long, value_name = "S", requires = "config", value_parser = recording::seconds)]
     seconds: Option<f64>,
-    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs.
+    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs; larger than the image:
+    /// tray.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
     object: Object,
     /// What it lies on: visible, dark or none; or how far beyond the measurement volume a board stands that is seen and never

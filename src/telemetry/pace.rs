@@ -1,0 +1,68 @@
+//! How many clouds a second the machine makes, where windows are left out for lack of time.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::message::{Counts, DropReason, Stage};
+
+/// Windows that come, and clouds that are made of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pace {
+    /// Complete windows a second.
+    pub windows_hz: f64,
+    /// Clouds a second.
+    pub clouds_hz: f64,
+    /// How many times as large a key `window.every` would leave out no window by chance.
+    pub every_times: u32,
+}
+
+/// Share of the windows that may be left out now and then.
+const SLACK: f64 = 0.05;
+
+impl Pace {
+    /// The pace of so many clouds a second, by what the stages counted since the start; `None` where hardly a window was left out
+    /// because the next stage was busy.
+    #[must_use]
+    pub fn of(clouds_hz: f64, counts: impl Fn(Stage) -> Option<Counts>) -> Option<Self> {
+        let phase = counts(Stage::Phase)?;
+        let (made, left_out) = (phase.passed as f64, phase.dropped(DropReason::NextStageBusy) as f64);
+        let times = (made + left_out) / made;
+        let every_times = (times - SLACK).ceil() as u32;
+        let is_known = clouds_hz > 0.0 && made > 0.0;
+        (is_known && every_times > 1).then_some(Self { windows_hz: clouds_hz * times, clouds_hz, every_times })
+    }
+}
+
+impl fmt::Display for Pace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { windows_hz, clouds_hz, every_times } = self;
+        write!(
+            f,
+            "this machine makes {clouds_hz:.1} clouds a second of {windows_hz:.1} windows; the others are left out. A window.every \
+             {every_times} times as large would leave them out evenly; smaller images hold a higher rate"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_setting_is_that_which_the_machine_holds() {
+        let of = |clouds_hz, passed, left_out| {
+            let mut counts = Counts { passed, ..Counts::default() };
+            counts.drop_many(DropReason::NextStageBusy, left_out);
+            Pace::of(clouds_hz, |stage| (stage == Stage::Phase).then_some(counts))
+        };
+        let times = |passed, left_out| of(10.0, passed, left_out).map(|pace| pace.every_times);
+        assert_eq!(times(160, 140), Some(2));
+        assert_eq!(times(149, 151), Some(2));
+        assert_eq!(times(160, 440), Some(4));
+        // A few windows at the start, none, or no cloud at all.
+        assert_eq!([times(290, 10), times(300, 0), times(0, 300)], [None; 3]);
+        assert_eq!(of(0.0, 160, 140), None);
+        assert!(of(16.0, 160, 140).unwrap().to_string().contains("16.0 clouds a second of 30.0 windows"));
+    }
+}
