@@ -19,7 +19,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("rig_report", &["geometry"]),
     ("correspondence", &["geometry", "simd", "phase", "atomic_file"]),
     ("cloud", &["geometry", "simd", "phase", "correspondence", "calibration::Unit", "atomic_file"]),
-    ("registration", &["geometry", "cloud::Cloud"]),
+    ("registration", &["geometry", "simd", "cloud::Cloud"]),
     ("prior", &["geometry", "phase"]),
     ("fusion", &["geometry", "registration", "prior", "cloud", "atomic_file"]),
     ("evaluation", &["grey::GreyLevels", "geometry", "phase", "dataset", "correspondence", "cloud"]),

@@ -14,8 +14,8 @@ use fringeflow_runtime::{Account, BEAT, Host, ItemTimes, ServiceArgs, ServiceErr
 
 use shown::Shown;
 
-/// How much it gives way to the stages that make the clouds: nearly all of a core that they share is theirs.
-const NICENESS: i32 = 15;
+/// How much it gives way to the stages that make the clouds: nine tenths of a core that they share are theirs.
+const NICENESS: i32 = 10;
 /// Place of the clouds among the sources of the stage.
 const CLOUDS: usize = 0;
 
