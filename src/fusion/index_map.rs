@@ -91,12 +91,11 @@ impl IndexMap {
     pub(super) fn surface(&self, surfels: &[Surfel], cam1_from_model: &Pose) -> OrganizedSurface {
         let [width, height] = [self.width / CELLS, self.height / CELLS];
         let of_row = |v: usize| {
-            let mut points = Vec::with_capacity(width);
-            points.extend((0..width).filter_map(|u| {
+            let points = (0..width).filter_map(|u| {
                 let place = self.nearest(&Pixel::new(u as f64, v as f64))?;
                 Some(point(&surfels[place], cam1_from_model, [u, v]))
-            }));
-            points
+            });
+            points.collect::<Vec<SurfacePoint>>()
         };
         let rows: Vec<Vec<SurfacePoint>> = (0..height).into_par_iter().map(of_row).collect();
         OrganizedSurface::new([width, height], rows.concat())

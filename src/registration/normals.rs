@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
+use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
 
 use super::surface::OrganizedSurface;
 
@@ -307,10 +307,7 @@ fn length<L: Lanes>(l: L, [x, y, z]: Place<L>) -> L::Reals {
 
 #[inline(always)]
 fn load<L: Lanes>(l: L, plane: &[f32], place: usize) -> L::Reals {
-    match plane[place..].first_chunk() {
-        Some(reals) => l.load_reals(reals),
-        None => l.real(f32::NAN),
-    }
+    l.load_reals(&filled(&plane[place..], f32::NAN))
 }
 
 /// Number of places, sums of x, y, w, and of xx, xy, yy, xw, yw.

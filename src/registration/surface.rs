@@ -143,7 +143,7 @@ impl OrganizedSurface {
     /// The points of a row by column; none beyond the image.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Option<&SurfacePoint>> {
         let width = self.size_px[0];
-        let places = self.places.chunks_exact(width.max(1)).nth(row).unwrap_or_default();
+        let places = self.places.get(row * width..(row + 1) * width).unwrap_or_default();
         places.iter().map(|&place| self.points.get(place as usize))
     }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::message::{Counts, DropReason, Stage};
+use crate::message::{Counts, DropReason};
 
 /// Windows that come, and clouds that are made of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -21,11 +21,10 @@ pub struct Pace {
 const SLACK: f64 = 0.05;
 
 impl Pace {
-    /// The pace of so many clouds a second, by what the stages counted since the start; `None` where hardly a window was left out
-    /// because the next stage was busy.
+    /// The pace of so many clouds a second, by what the stage of the phases counted since the start; `None` where hardly a window was
+    /// left out because the next stage was busy.
     #[must_use]
-    pub fn of(clouds_hz: f64, counts: impl Fn(Stage) -> Option<Counts>) -> Option<Self> {
-        let phase = counts(Stage::Phase)?;
+    pub fn of(clouds_hz: f64, phase: &Counts) -> Option<Self> {
         let (made, left_out) = (phase.passed as f64, phase.dropped(DropReason::NextStageBusy) as f64);
         let times = (made + left_out) / made;
         let every_times = (times - SLACK).ceil() as u32;
@@ -54,7 +53,7 @@ mod tests {
         let of = |clouds_hz, passed, left_out| {
             let mut counts = Counts { passed, ..Counts::default() };
             counts.drop_many(DropReason::NextStageBusy, left_out);
-            Pace::of(clouds_hz, |stage| (stage == Stage::Phase).then_some(counts))
+            Pace::of(clouds_hz, &counts)
         };
         let times = |passed, left_out| of(10.0, passed, left_out).map(|pace| pace.every_times);
         assert_eq!(times(160, 140), Some(2));

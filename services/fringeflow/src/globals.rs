@@ -1,6 +1,7 @@
 //! Options of every command; the services of an instance are started with the same.
 
 use fringeflow_runtime::log::{self, LogFormat};
+use fringeflow_runtime::processors::use_threads;
 
 use fringeflow::simd::Level;
 
@@ -41,8 +42,7 @@ impl Globals {
         if threads == 0 {
             return Err(Failure::Usage("--threads 0: at least one thread is needed".to_owned()));
         }
-        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global();
-        built.map_err(|e| Failure::Usage(format!("--threads {threads}: {e}")))
+        use_threads(threads).map_err(|e| Failure::Usage(format!("--threads {threads}: {e}")))
     }
 
     /// Starts logging in this process, which calls itself so.

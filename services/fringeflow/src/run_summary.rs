@@ -66,8 +66,8 @@ pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
 }
 
 fn pace(outcome: &Outcome) -> Option<Pace> {
-    let counts = |stage| outcome.balance.0.iter().find(|(of, _)| *of == stage).map(|(_, counts)| *counts);
-    Pace::of(outcome.run.cloud_rate_hz()?, counts)
+    let (_, phase) = outcome.balance.0.iter().find(|(stage, _)| *stage == Stage::Phase)?;
+    Pace::of(outcome.run.cloud_rate_hz()?, phase)
 }
 
 fn ended_badly(outcome: &Outcome) -> String {

@@ -71,11 +71,9 @@ fn plate(p: &PointMm) -> f64 {
 
 impl Solid for Tray {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        self.pieces.iter().fold(plate(point), |all, piece| {
-            let reach = all + FILLET;
-            let distance = piece.distance(point, reach);
-            if distance >= reach { all } else { smooth_union(all, distance, FILLET) }
-        })
+        self.pieces
+            .iter()
+            .fold(plate(point), |all, piece| smooth_union(all, piece.distance(point, all + FILLET), FILLET))
     }
 
     fn bounds_mm(&self) -> (PointMm, PointMm) {

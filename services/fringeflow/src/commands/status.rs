@@ -138,8 +138,7 @@ fn losses(tally: &Tally) -> Losses {
 }
 
 fn pace(tally: &Tally) -> Option<Pace> {
-    let counts = |stage| tally.stage(stage).map(|of_stage| of_stage.counts);
-    Pace::of(tally.stage(Stage::Cloud)?.rate_hz, counts)
+    Pace::of(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
 }
 
 impl Health {

@@ -14,6 +14,14 @@ use fringeflow::config::{MemoryLock, ProcessorsConfiguration, ServiceProcessors}
 pub use affinity::{AffinityError, check};
 pub use standing::Standing;
 
+/// Lets this process compute with so many threads, this one among them: what others give to the pool waits for one of them.
+///
+/// # Errors
+/// The threads were started before.
+pub fn use_threads(threads: usize) -> Result<(), rayon::ThreadPoolBuildError> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global()
+}
+
 /// Takes what a service is given, for this thread and those that it starts from now on; what came of it, `None` where
 /// nothing is said of the service.
 ///
@@ -32,7 +40,7 @@ pub(crate) fn take(
         standing.granted.push(format!("CPUs {}", affinity::ranges(cpus)));
     }
     if let Some(threads) = *threads {
-        let built = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global();
+        let built = use_threads(threads);
         let refused = |_| format!("threads = {threads}: --threads on the command line counts");
         standing.note(built.map(|()| format!("{threads} threads")).map_err(refused));
     }
