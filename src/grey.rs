@@ -83,6 +83,18 @@ impl PixelFormat {
         1.0 / (1_u32 << (self.bits() - 8)) as f32
     }
 
+    /// Format of the sums of squares of `binning` pixels a side; of 16 bits, of their means.
+    #[must_use]
+    pub fn binned(self, binning: usize) -> Self {
+        match (binning, self) {
+            (1, format) => format,
+            (_, Self::Grey) => Self::Y10,
+            (_, Self::Y10) => Self::Y12,
+            (_, Self::Y12) => Self::Y14,
+            (_, Self::Y14 | Self::Y16) => Self::Y16,
+        }
+    }
+
     /// The largest value.
     #[must_use]
     pub fn max_value(self) -> u16 {

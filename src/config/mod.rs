@@ -30,7 +30,9 @@ pub use cameras::{
 pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
-pub use scanner::{ProjectorDriver, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError};
+pub use scanner::{
+    ProjectorDriver, ReadoutConfiguration, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
+};
 pub use tracking::{PriorSource, TrackingConfiguration};
 pub use virtual_scanner::VirtualScannerConfiguration;
 

@@ -125,6 +125,8 @@ pub(super) struct RawCameras {
     pub(super) source: String,
     pub(super) rate_hz: f64,
     pub(super) format: Option<String>,
+    pub(super) region_px: Option<[usize; 4]>,
+    pub(super) binning: Option<usize>,
     pub(super) cam1: Option<RawV4l2Camera>,
     pub(super) cam2: Option<RawV4l2Camera>,
 }

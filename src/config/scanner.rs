@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use crate::calibration::{CalibrationError, Unit, parse_calibration, read_text};
+use crate::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_text};
 use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
-use crate::geometry::{FringePattern, MeasurementVolume};
+use crate::geometry::{FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
 use crate::grey::PixelFormat;
 use crate::phase::{MAX_STEPS, MIN_STEPS};
 use crate::pixels::SourceFormat;
@@ -14,7 +14,7 @@ use crate::simulation::{SimulationError, VirtualScanner};
 use super::cameras::{self, CameraSource};
 use super::monitor::{self, MonitorConfiguration};
 use super::processors::{self, ProcessorsConfiguration};
-use super::raw::{RawConfiguration, RawPattern, RawRecorder, checked, one_of};
+use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_scanner::{self, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
 
@@ -33,6 +33,8 @@ pub struct ScannerConfiguration {
     pub cameras: CameraSource,
     /// What the cameras send.
     pub source_format: SourceFormat,
+    /// What is used of the images.
+    pub readout: ReadoutConfiguration,
     /// Images a second and camera.
     pub rate_hz: f64,
     /// Who says which pattern an image shows.
@@ -49,6 +51,15 @@ pub struct ScannerConfiguration {
     pub processors: ProcessorsConfiguration,
     /// The text all this was read from.
     pub text: String,
+}
+
+/// What is used of the images; the size of these is that of the calibration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadoutConfiguration {
+    /// Region (x, y, width, height), pixels; `None`: all.
+    pub region_px: Option<[usize; 4]>,
+    /// Side of the squares of pixels that become one.
+    pub binning: usize,
 }
 
 /// Where rig, pattern and measurement volume come from.
@@ -139,6 +150,7 @@ impl ScannerConfiguration {
             measurement: Configuration::of(&raw)?,
             segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
             rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
+            readout: readout(cameras, &source)?,
             cameras: source,
             source_format,
             rate_hz,
@@ -178,7 +190,7 @@ impl ScannerConfiguration {
     /// Format of the images in the channels.
     #[must_use]
     pub fn pixel_format(&self) -> PixelFormat {
-        self.source_format.pixel_format()
+        self.source_format.pixel_format().binned(self.readout.binning)
     }
 
     /// The texts of the setup that [`Self::rig`] describes.
@@ -188,7 +200,11 @@ impl ScannerConfiguration {
     pub fn setup_text(&self) -> Result<SetupText, SetupTextError> {
         match &self.rig {
             None => Err(SetupTextError::NoRig),
-            Some(RigSource::Virtual(options)) => Ok(VirtualScanner::new(options.scanner)?.setup_text()?),
+            Some(RigSource::Virtual(options)) => {
+                let scanner = VirtualScanner::new(options.scanner)?;
+                let SetupText { calibration, .. } = scanner.setup_text()?;
+                self.text_of_part(scanner.description(), calibration, &scanner.rig().calibrated)
+            }
             Some(RigSource::Files { calibration, unit, sequence }) => {
                 let volume = self.measurement.volume.as_ref().ok_or(SetupTextError::NoVolume)?;
                 self.text_of_files(calibration, *unit, sequence, volume)
@@ -209,8 +225,8 @@ impl ScannerConfiguration {
         let description = DatasetDescription {
             name: self.name.clone(),
             unit,
-            image_size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
-            pixel_format: self.pixel_format(),
+            readout: Readout::whole([rig.cam1.width_px(), rig.cam1.height_px()]),
+            pixel_format: self.source_format.pixel_format(),
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,
@@ -219,6 +235,21 @@ impl ScannerConfiguration {
             motion: None,
             remarks: serde_json::Map::new(),
         };
+        self.text_of_part(description, calibration, &rig)
+    }
+
+    /// The texts of what is used of the images, from those of whole ones.
+    fn text_of_part(
+        &self,
+        whole: DatasetDescription,
+        calibration: String,
+        rig: &Rig,
+    ) -> Result<SetupText, SetupTextError> {
+        let ReadoutConfiguration { region_px, binning } = self.readout;
+        let readout = Readout::new(whole.readout.sensor_px(), region_px, binning)?;
+        let calibration =
+            if readout.is_whole() { calibration } else { calibration_text(&readout.rig(rig), whole.unit) };
+        let description = DatasetDescription { readout, pixel_format: self.pixel_format(), ..whole };
         Ok(SetupText { description: description.text()?, calibration })
     }
 }
@@ -235,6 +266,9 @@ pub enum SetupTextError {
     /// The calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// What is used of the images.
+    #[error("keys cameras.region_px and cameras.binning: {0}")]
+    Readout(#[from] ReadoutError),
     /// The virtual scanner.
     #[error("virtual scanner: {0}")]
     Simulation(#[from] SimulationError),
@@ -258,6 +292,23 @@ fn rig_source(
     let unit = one_of("rig.unit", &rig.unit, &[("mm", Unit::Millimetre), ("m", Unit::Metre)])?;
     let sequence = pattern(raw.pattern.as_ref())?;
     Ok(Some(RigSource::Files { calibration: folder.join(&rig.calibration), unit, sequence }))
+}
+
+/// What is used of the images of `[cameras]`; whether it lies in them, the calibration tells.
+fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfiguration, ConfigurationProblem> {
+    let binning = raw.binning.unwrap_or(1);
+    let binning =
+        checked("cameras.binning", binning, |v| (1..=2).contains(v), "1 uses all pixels, 2 makes one of 2 x 2")?;
+    let refused = |key, value| {
+        let expected =
+            "other programs put whole images into the channels; leave it out, or calibrate for what they send";
+        Err(ConfigurationProblem::Value { key, value, expected })
+    };
+    match (source, raw.region_px) {
+        (CameraSource::External, Some(region)) => refused("cameras.region_px", format!("{region:?}")),
+        (CameraSource::External, None) if binning > 1 => refused("cameras.binning", binning.to_string()),
+        (_, region_px) => Ok(ReadoutConfiguration { region_px, binning }),
+    }
 }
 
 /// The fringes of `[pattern]`.
@@ -362,6 +413,29 @@ mod tests {
             refused.to_string().contains("key cameras.format is \"YUYV\"; known are [\"GREY\", \"Y10\""),
             "{refused}"
         );
+    }
+
+    #[test]
+    fn a_part_of_the_images_has_a_setup_of_its_own() {
+        let of = |cameras: &str| {
+            let parsed = parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}")));
+            parsed.map(|scanner| (scanner.pixel_format(), scanner.setup_text()))
+        };
+        let setup = |cameras| Setup::parse(of(cameras).unwrap().1.unwrap(), None).unwrap();
+        let (whole, part) = (setup(""), setup("region_px = [100, 50, 320, 256]\nbinning = 2"));
+        assert_eq!((part.image_size_px, part.pixel_format), ([160, 128], Some(PixelFormat::Y10)));
+        assert_eq!((part.readout.sensor_px(), part.readout.region()), ([640, 512], [100, 50, 320, 256]));
+        assert_eq!((&part.rig, &part.volume), (&part.readout.rig(&whole.rig), &whole.volume));
+        assert_eq!(of("binning = 2").unwrap().0, PixelFormat::Y10);
+        let refused = |cameras| match of(cameras) {
+            Ok((_, text)) => text.unwrap_err().to_string(),
+            Err(problem) => problem.to_string(),
+        };
+        assert!(refused("binning = 3").contains("cameras.binning is 3"));
+        assert!(refused("region_px = [600, 0, 64, 64]").contains("640 × 512"));
+        assert!(refused("region_px = [0, 0, 33, 64]\nbinning = 2").contains("cameras.region_px"));
+        let external = "[cameras]\nsource = \"external\"\nrate_hz = 30.0\nbinning = 2\n";
+        assert!(parse(external).unwrap_err().to_string().contains("cameras.binning is 2"));
     }
 
     #[test]

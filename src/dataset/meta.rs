@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::Unit;
-use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Vector3};
+use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout, Vector3};
 use crate::grey::PixelFormat;
 use crate::phase::{GrayCode, MIN_STEPS};
 
@@ -19,6 +19,7 @@ struct RawMeta {
     name: Option<String>,
     unit: Option<String>,
     image_size: [usize; 2],
+    readout: Option<RawReadout>,
     bits: Option<u8>,
     steps: usize,
     #[serde(flatten)]
@@ -26,6 +27,14 @@ struct RawMeta {
     second_direction: Option<RawSequence>,
     volume: Option<VolumeDescription>,
     motion: Option<RawMotion>,
+}
+
+/// What of the sensor's images is used, where it is not all.
+#[derive(Deserialize, Serialize)]
+pub(super) struct RawReadout {
+    sensor_size: [usize; 2],
+    region: [usize; 4],
+    binning: usize,
 }
 
 #[derive(Deserialize, Serialize)]
@@ -57,6 +66,27 @@ pub struct VolumeDescription {
     t_v_exact: Option<[f64; 3]>,
     min: [f64; 3],
     max: [f64; 3],
+}
+
+impl RawReadout {
+    /// What is written; nothing of a whole image.
+    pub(super) fn of(readout: &Readout) -> Option<Self> {
+        let (sensor_size, region, binning) = (readout.sensor_px(), readout.region(), readout.binning());
+        (!readout.is_whole()).then_some(Self { sensor_size, region, binning })
+    }
+
+    fn checked(&self, image_size_px: [usize; 2]) -> Result<Readout, Problem> {
+        let readout = Readout::new(self.sensor_size, Some(self.region), self.binning);
+        let readout = readout.map_err(|problem| field("readout", problem.to_string()))?;
+        let [width, height] = readout.image_size_px();
+        if [width, height] != image_size_px {
+            return Err(field(
+                "readout",
+                format!("leaves {width} × {height} pixels, and image_size says something else"),
+            ));
+        }
+        Ok(readout)
+    }
 }
 
 impl From<&FringeSequence> for RawSequence {
@@ -99,7 +129,7 @@ pub(super) fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
 pub(super) struct Meta {
     pub(super) name: Option<String>,
     pub(super) unit: Option<Unit>,
-    pub(super) image_size_px: [usize; 2],
+    pub(super) readout: Readout,
     pub(super) pixel_format: Option<PixelFormat>,
     pub(super) steps: usize,
     pub(super) sequence: FringeSequence,
@@ -126,7 +156,10 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
     Ok(Meta {
         name: raw.name,
         unit,
-        image_size_px: raw.image_size,
+        readout: match &raw.readout {
+            Some(readout) => readout.checked(raw.image_size)?,
+            None => Readout::whole(raw.image_size),
+        },
         pixel_format: raw.bits.map(pixel_format).transpose()?,
         steps: raw.steps,
         sequence,

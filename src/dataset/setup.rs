@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::calibration::{self, CalibrationError, CalibrationProblem, Unit};
-use crate::geometry::{FringePattern, MeasurementVolume, Pose, Rig};
+use crate::geometry::{FringePattern, MeasurementVolume, Pose, Readout, Rig};
 use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
@@ -42,6 +42,8 @@ pub struct Setup {
     pub unit: Unit,
     /// Width and height of all images.
     pub image_size_px: [usize; 2],
+    /// What these are of the images of the cameras.
+    pub readout: Readout,
     /// Depth of all images, if one is stated.
     pub pixel_format: Option<PixelFormat>,
     /// Length of the shift cycle; there may be more images than that (moving scenes).
@@ -86,13 +88,14 @@ impl Setup {
             None => (None, None),
         };
         let motion = meta.motion(unit).map_err(SetupError::Description)?;
-        let size = meta.image_size_px;
+        let size = meta.readout.image_size_px();
         let rig = calibration::parse_calibration(&text.calibration, unit).map_err(SetupError::Calibration)?;
         calibration::check_image_sizes(&rig, size, size).map_err(SetupError::Calibration)?;
         Ok(Self {
             name: meta.name.unwrap_or_default(),
             unit,
             image_size_px: size,
+            readout: meta.readout,
             pixel_format: meta.pixel_format,
             steps: meta.steps,
             sequence: meta.sequence,

@@ -9,10 +9,10 @@ use tempfile::TempDir;
 
 use crate::atomic_file::WriteError;
 use crate::calibration::{Unit, write_calibration};
-use crate::geometry::{MeasurementVolume, Pose, Rig};
+use crate::geometry::{MeasurementVolume, Pose, Readout, Rig};
 use crate::grey::PixelFormat;
 
-use super::meta::{RawSequence, VolumeDescription};
+use super::meta::{RawReadout, RawSequence, VolumeDescription};
 use super::motion::WrittenMotion;
 use super::{
     CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE,
@@ -26,8 +26,8 @@ pub struct DatasetDescription {
     pub name: String,
     /// Unit of calibration files, volume and truth.
     pub unit: Unit,
-    /// Width and height of all images, pixels.
-    pub image_size_px: [usize; 2],
+    /// What all images are of those of the cameras.
+    pub readout: Readout,
     /// Depth of all images.
     pub pixel_format: PixelFormat,
     /// Length of the shift cycle.
@@ -55,7 +55,8 @@ impl DatasetDescription {
         let meta = WrittenMeta {
             name: &self.name,
             unit: self.unit.symbol(),
-            image_size: self.image_size_px,
+            image_size: self.readout.image_size_px(),
+            readout: RawReadout::of(&self.readout),
             bits: Some(self.pixel_format.bits()).filter(|&bits| bits > 8),
             steps: self.steps,
             n_phase_images: self.sequence.shifts_rad.len(),
@@ -106,6 +107,8 @@ struct WrittenMeta<'a> {
     name: &'a str,
     unit: &'static str,
     image_size: [usize; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    readout: Option<RawReadout>,
     /// 8 bits need no mention.
     #[serde(skip_serializing_if = "Option::is_none")]
     bits: Option<u8>,
@@ -139,7 +142,7 @@ impl DatasetWriter {
         let text = description
             .text()
             .map_err(|e| DatasetError::new(&target.join(META_FILE), Problem::Unwritable(e.into())))?;
-        let writer = Self::create_folders(target, description.image_size_px)?;
+        let writer = Self::create_folders(target, description.readout.image_size_px())?;
         writer.file(META_FILE, text.as_bytes())?;
         Ok(writer)
     }

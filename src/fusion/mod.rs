@@ -21,6 +21,7 @@ mod closure;
 mod index_map;
 mod merge;
 mod model;
+mod motion_filter;
 mod ply;
 mod surfel;
 mod thinned;

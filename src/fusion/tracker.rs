@@ -10,10 +10,13 @@
 use crate::cloud::Cloud;
 use crate::geometry::{Camera, Point3, Pose};
 use crate::prior::{Prior, Relief, RigidMotion};
-use crate::registration::{Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register};
+use crate::registration::{
+    Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register_loosely,
+};
 
 use super::closure::Closure;
 use super::model::{Merged, Model};
+use super::motion_filter::MotionFilter;
 
 /// How clouds are tracked and merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,15 +101,35 @@ struct View {
 #[derive(Clone, Copy, Debug)]
 struct Known {
     model_from_cam1: Pose,
+    /// Where it was then, as far as a surface tells that does not determine all of the pose.
+    roughly: Pose,
     time_ns: u64,
-    /// How it moved then; `None` after it was lost.
-    motion: Option<RigidMotion>,
+    motion: MotionFilter,
+    /// No cloud since then told anything.
+    is_lost: bool,
 }
 
 impl Known {
     /// From then to a time, seconds; 0 if that is earlier.
     fn seconds_to(&self, time_ns: u64) -> f64 {
         time_ns.saturating_sub(self.time_ns) as f64 * 1e-9
+    }
+
+    /// How it moved; `None` after it was lost.
+    fn motion(&self) -> Option<RigidMotion> {
+        self.motion.motion().filter(|_| !self.is_lost)
+    }
+
+    /// Where it should be at a time.
+    fn predicted(&self, time_ns: u64) -> Pose {
+        let way = self.motion().map(|motion| motion.pose_after(self.seconds_to(time_ns)));
+        self.roughly * way.unwrap_or_else(Pose::identity)
+    }
+
+    /// A cloud of a later time was found at a pose of this covariance.
+    fn moved_to(&mut self, pose: Pose, covariance: &PoseCovariance, time_ns: u64) {
+        self.motion.take(&pose, covariance, self.seconds_to(time_ns));
+        (self.roughly, self.time_ns, self.is_lost) = (pose, time_ns, false);
     }
 }
 
@@ -122,6 +145,8 @@ pub struct Tracker {
     model: Model,
     first: OrganizedSurface,
     last: OrganizedSurface,
+    /// What the last cloud looked like that was not lost altogether.
+    relief: Relief,
     /// The model as it was last drawn, if nothing was merged since.
     view: Option<View>,
     /// Clouds tracked since the last was merged.
@@ -144,6 +169,7 @@ impl Tracker {
             model: Model::default(),
             first: OrganizedSurface::default(),
             last: OrganizedSurface::default(),
+            relief: Relief::default(),
             view: None,
             unmerged: 0,
             centre: Point3::origin(),
@@ -169,25 +195,41 @@ impl Tracker {
     pub fn step(&mut self, cloud: &Cloud, time_ns: u64) -> Tracked {
         let Some(known) = self.known else { return self.begin(self.surface(cloud), time_ns) };
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
-        match self.locate(&sampled, &known, time_ns) {
-            Ok((tracking, reference, registration)) => {
-                self.take(cloud, sampled, tracking, &reference, &registration, time_ns)
+        let settings = self.settings.registration;
+        let roughly = self.register_at(&sampled, &known.predicted(time_ns), &settings);
+        let found = match roughly {
+            Ok((reference, found)) => {
+                found.determined(&settings).map(|found| (Tracking::Tracked(found), reference, found))
+            }
+            Err(lost) => Err(lost),
+        };
+        match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
+            Ok((tracking, reference, found)) => {
+                self.take(cloud, sampled, (tracking, &reference, &found), known, time_ns)
             }
             Err(lost) => {
-                // What the scanner did meanwhile, nobody knows.
-                self.known = Some(Known { motion: None, ..known });
+                // What the scanner did meanwhile, nobody knows, unless a part of its pose was found.
+                let mut known = Known { is_lost: true, ..known };
+                if let Ok((reference, found)) = roughly {
+                    known.moved_to(
+                        reference * found.reference_from_moved,
+                        &found.covariance.seen_from(&reference),
+                        time_ns,
+                    );
+                    self.look_at(&sampled);
+                }
+                self.known = Some(known);
                 let (model_from_cam1, covariance) = (known.model_from_cam1, self.covariance);
                 Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() }
             }
         }
     }
 
-    /// What the last cloud tells of the next windows; `None` where it was lost, or is the first one.
+    /// What the last cloud tells of the next windows; `None` where it was lost, or is the first one. A surface that does not
+    /// determine all of the pose tells nothing of the motion that leaves it in itself, which hardly shows in its phase either.
     #[must_use]
     pub fn prior(&self) -> Option<Prior> {
-        let motion = self.known?.motion?;
-        let points = self.last.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
-        Some(Prior { motion, relief: Relief::of_points(self.size_px(), points) })
+        Some(Prior { motion: self.known?.motion()?, relief: self.relief.clone() })
     }
 
     /// How the last merged cloud lies to the first, by themselves and by the tracking; `None` where they have too little
@@ -201,6 +243,12 @@ impl Tracker {
         } else {
             Closure::of(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
         }
+    }
+
+    /// Keeps what a surface looks like.
+    fn look_at(&mut self, surface: &OrganizedSurface) {
+        let points = surface.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
+        self.relief = Relief::of_points(self.size_px(), points);
     }
 
     fn size_px(&self) -> [usize; 2] {
@@ -220,32 +268,31 @@ impl Tracker {
             return Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() };
         }
         let merged = self.merge(&surface, &model_from_cam1, covariance, 1.0);
+        self.look_at(&surface);
         self.first = surface.clone();
         self.last = surface;
-        self.known = Some(Known { model_from_cam1, time_ns, motion: None });
+        let motion = MotionFilter::new(model_from_cam1, &covariance);
+        self.known = Some(Known { model_from_cam1, roughly: model_from_cam1, time_ns, motion, is_lost: false });
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Registers a surface to the model: from where it moved on to, or else from where it was. The pose is that which the
-    /// registration refers to.
-    fn locate(
+    /// Looks for a surface on the model from where the scanner was last known to be. The pose is that which the registration
+    /// refers to.
+    fn relocalize(
         &mut self,
         surface: &OrganizedSurface,
-        known: &Known,
-        time_ns: u64,
+        model_from_cam1: &Pose,
     ) -> Result<(Tracking, Pose, Registration), Lost> {
-        let Known { model_from_cam1: pose, motion, .. } = known;
-        let predicted =
-            pose * motion.map_or_else(Pose::identity, |motion| motion.pose_after(known.seconds_to(time_ns)));
         let settings = self.settings.registration;
-        if let Ok((reference, found)) = self.register_at(surface, &predicted, &settings) {
-            return Ok((Tracking::Tracked(found), reference, found));
-        }
         let reach_share = settings.reach_share * self.settings.relocalization_reach;
-        let (reference, found) = self.register_at(surface, pose, &RegistrationSettings { reach_share, ..settings })?;
+        let settings = RegistrationSettings { reach_share, ..settings };
+        let (reference, found) = self.register_at(surface, model_from_cam1, &settings)?;
+        let found = found.determined(&settings)?;
         Ok((Tracking::Relocalized(found), reference, found))
     }
 
+    /// Registers a surface to the model as seen from a pose, or from near it: that pose comes first. What the surface does not
+    /// determine means nothing.
     fn register_at(
         &mut self,
         surface: &OrganizedSurface,
@@ -262,7 +309,7 @@ impl Tracker {
             surface: self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support),
         });
         let start = view.model_from_cam1.inverse() * model_from_cam1;
-        let found = register(&self.camera, &view.surface, surface, &start, settings);
+        let found = register_loosely(&self.camera, &view.surface, surface, &start, settings);
         let reference = self.view.insert(view).model_from_cam1;
         Ok((reference, found?))
     }
@@ -273,9 +320,8 @@ impl Tracker {
         &mut self,
         cloud: &Cloud,
         sampled: OrganizedSurface,
-        tracking: Tracking,
-        model_from_reference: &Pose,
-        registration: &Registration,
+        (tracking, model_from_reference, registration): (Tracking, &Pose, &Registration),
+        mut known: Known,
         time_ns: u64,
     ) -> Tracked {
         let mut model_from_cam1 = model_from_reference * registration.reference_from_moved;
@@ -291,10 +337,13 @@ impl Tracker {
         } else {
             Merged::default()
         };
-        let motion = self.known.and_then(|before| {
-            RigidMotion::between(&before.model_from_cam1, &model_from_cam1, before.seconds_to(time_ns))
-        });
-        self.known = Some(Known { model_from_cam1, time_ns, motion });
+        known.moved_to(model_from_cam1, &own, time_ns);
+        if matches!(tracking, Tracking::Relocalized(_)) {
+            // It did not move evenly.
+            known.motion = MotionFilter::new(model_from_cam1, &own);
+        }
+        self.known = Some(Known { model_from_cam1, ..known });
+        self.look_at(&sampled);
         self.covariance = covariance;
         self.last = sampled;
         Tracked { tracking, model_from_cam1, covariance, merged }

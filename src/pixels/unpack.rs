@@ -1,5 +1,7 @@
 //! One image: sizes checked, then row by row from the camera's layout to that of the channel.
 
+use crate::grey::PixelFormat;
+
 use super::SourceFormat;
 use super::jpeg;
 use super::rows::{self, Row};
@@ -80,7 +82,7 @@ pub fn unpack(
     size_px: [usize; 2],
     out: &mut [u8],
 ) -> Result<(), UnpackError> {
-    check_place(format, size_px, out.len())?;
+    check_place(format, size_px, format.pixel_format(), out.len())?;
     if format.is_compressed() {
         return jpeg::decode(source, size_px, out);
     }
@@ -108,12 +110,17 @@ fn row_of(format: SourceFormat) -> Option<Row> {
     })
 }
 
-fn check_place(format: SourceFormat, [width_px, height_px]: [usize; 2], found: usize) -> Result<(), UnpackError> {
-    let expected = width_px.saturating_mul(height_px).saturating_mul(format.pixel_format().bytes());
+pub(super) fn check_place(
+    format: SourceFormat,
+    [width_px, height_px]: [usize; 2],
+    stored: PixelFormat,
+    found: usize,
+) -> Result<(), UnpackError> {
+    let expected = width_px.saturating_mul(height_px).saturating_mul(stored.bytes());
     if found == expected { Ok(()) } else { Err(UnpackError::Place { format, width_px, height_px, found, expected }) }
 }
 
-fn check_source(
+pub(super) fn check_source(
     format: SourceFormat,
     found: usize,
     stride_bytes: usize,

@@ -12,19 +12,6 @@ pub struct RigidMotion {
 }
 
 impl RigidMotion {
-    /// The motion that leads from one pose of camera 1 to a later one, in the frame of the later one; `None` where it is not
-    /// later, or a number is not finite.
-    #[must_use]
-    pub fn between(before: &Pose, after: &Pose, seconds: f64) -> Option<Self> {
-        let after_from_before = after.inverse() * before;
-        let way = after_from_before.inverse();
-        // The turn is about the same axis in both frames, the way is not along the same coordinates.
-        let velocity_m_s = -after_from_before.translation.vector / seconds;
-        let rate_rad_s = way.rotation.scaled_axis() / seconds;
-        let motion = Self { velocity_m_s, rate_rad_s };
-        (seconds > 0.0 && motion.is_finite()).then_some(motion)
-    }
-
     /// Pose of camera 1 so many seconds later, in its frame at the time the motion is known of.
     #[must_use]
     pub fn pose_after(&self, seconds: f64) -> Pose {

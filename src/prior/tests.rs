@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::*;
-use crate::geometry::{Pixel, Point3, Pose};
+use crate::geometry::{Pixel, Point3};
 use crate::simulation::{RigOptions, VirtualRig};
 
 fn rig() -> VirtualRig {
@@ -17,20 +17,6 @@ fn relief(depth_m: f32) -> Relief {
 const MOTION: RigidMotion =
     RigidMotion { velocity_m_s: Vector3::new(0.02, -0.01, 0.015), rate_rad_s: Vector3::new(0.05, 0.08, -0.04) };
 const MOMENT: Moment = Moment { age_s: 0.05, spacing_s: 0.01 };
-
-#[test]
-fn the_motion_between_two_poses_leads_on_from_the_second() {
-    let step = MOTION.pose_after(0.02);
-    let before = Pose::new(Vector3::new(0.1, 0.2, -0.3), Vector3::new(0.4, -0.2, 0.1));
-    let after = before * step;
-    let motion = RigidMotion::between(&before, &after, 0.02).unwrap();
-    // The way is told in the frame of the later pose.
-    let velocity = step.rotation.inverse() * MOTION.velocity_m_s;
-    assert!((motion.velocity_m_s - velocity).norm() < 1e-12 && (motion.rate_rad_s - MOTION.rate_rad_s).norm() < 1e-12);
-    assert_eq!(RigidMotion::between(&before, &after, 0.0), None);
-    let nowhere = Pose::translation(f64::NAN, 0.0, 0.0);
-    assert_eq!(RigidMotion::between(&before, &nowhere, 0.02), None);
-}
 
 #[test]
 fn flows_are_the_ways_of_the_points_that_the_cameras_see() {

@@ -53,6 +53,21 @@ pub fn register(
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
+    register_loosely(camera, reference, moved, start, settings)?.determined(settings)
+}
+
+/// As [`register`], also where a motion leaves the surface nearly in itself: along that motion the pose means nothing, as its
+/// covariance says.
+///
+/// # Errors
+/// [`Lost`]; [`Lost::Degenerate`] only of a surface without any relief.
+pub fn register_loosely(
+    camera: &Camera,
+    reference: &OrganizedSurface,
+    moved: &OrganizedSurface,
+    start: &Pose,
+    settings: &RegistrationSettings,
+) -> Result<Registration, Lost> {
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
     let mut settled = None;
@@ -117,10 +132,6 @@ fn judge(
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
     let equations = &found.equations;
-    let eigenvalue = equations.least_eigenvalue();
-    if eigenvalue < settings.min_eigenvalue {
-        return Err(Lost::Degenerate { eigenvalue });
-    }
     let (rms_m, limit_m) = (equations.rms_m(), settings.max_rms_share * distance_m);
     if rms_m > limit_m {
         return Err(Lost::ResidualTooLarge { rms_m, limit_m });
@@ -140,6 +151,7 @@ fn judge(
         share: found.pairs as f64 / tried.max(1) as f64,
         rms_m,
         excess: found.scale,
+        least_eigenvalue: equations.least_eigenvalue(),
     })
 }
 

@@ -21,7 +21,7 @@ mod surface;
 mod thinning;
 
 pub use covariance::PoseCovariance;
-pub use icp::register;
+pub use icp::{register, register_loosely};
 pub use outcome::{Lost, Registration, RegistrationSettings};
 pub use surface::{OrganizedSurface, SurfacePoint};
 

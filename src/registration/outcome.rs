@@ -50,6 +50,19 @@ pub struct Registration {
     pub rms_m: f64,
     /// How many times larger the residuals are than the noise of their points alone would make them.
     pub excess: f64,
+    /// Least eigenvalue of the normalized information, see [`Lost::Degenerate`].
+    pub least_eigenvalue: f64,
+}
+
+impl Registration {
+    /// The registration, where the surface determines all of its pose.
+    ///
+    /// # Errors
+    /// [`Lost::Degenerate`].
+    pub fn determined(self, settings: &RegistrationSettings) -> Result<Self, Lost> {
+        let eigenvalue = self.least_eigenvalue;
+        if eigenvalue < settings.min_eigenvalue { Err(Lost::Degenerate { eigenvalue }) } else { Ok(self) }
+    }
 }
 
 /// Why no pose was found.

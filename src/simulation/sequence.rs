@@ -10,6 +10,7 @@ use crate::dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
 };
 use crate::evaluation::{egc, limit_to_gray_code};
+use crate::geometry::Readout;
 use crate::grey::PixelFormat;
 use crate::phase::GrayCode;
 
@@ -277,7 +278,7 @@ impl Simulation {
         DatasetDescription {
             name: options.object.name().to_owned(),
             unit: UNIT,
-            image_size_px: options.rig.size_px,
+            readout: Readout::whole(options.rig.size_px),
             pixel_format: options.format,
             steps: options.steps,
             sequence: self.sequence(Direction::Columns),

@@ -5,7 +5,7 @@
 
 use crate::calibration::calibration_text;
 use crate::dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
-use crate::geometry::{Point3, Pose};
+use crate::geometry::{Point3, Pose, Readout};
 use crate::grey::PixelFormat;
 
 use super::object::Object;
@@ -123,11 +123,18 @@ impl VirtualScanner {
     /// # Errors
     /// [`SimulationError::Description`].
     pub fn setup_text(&self) -> Result<SetupText, SimulationError> {
+        let description = self.description().text()?;
+        Ok(SetupText { description, calibration: calibration_text(&self.rig.calibrated, UNIT) })
+    }
+
+    /// What beside the calibration tells of it.
+    #[must_use]
+    pub fn description(&self) -> DatasetDescription {
         let options = &self.options;
-        let description = DatasetDescription {
+        DatasetDescription {
             name: options.object.name().to_owned(),
             unit: UNIT,
-            image_size_px: options.rig.size_px,
+            readout: Readout::whole(options.rig.size_px),
             pixel_format: options.format,
             steps: options.steps,
             sequence: FringeSequence {
@@ -140,8 +147,7 @@ impl VirtualScanner {
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
             motion: None,
             remarks: remarks(&self.rig, options.noise, options.format, options.gamma, options.seed),
-        };
-        Ok(SetupText { description: description.text()?, calibration: calibration_text(&self.rig.calibrated, UNIT) })
+        }
     }
 
     /// Pose of the object's frame in that of the exact C1 at a pose of the sweep, metres.

@@ -4,7 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::message::{Counts, DropReason};
+use crate::message::{Counts, DropReason, Stage};
+
+use super::Tally;
 
 /// Windows that come, and clouds that are made of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -33,13 +35,21 @@ impl Pace {
     }
 }
 
+impl Pace {
+    /// The pace of an instance that runs, by the reports of its stages.
+    #[must_use]
+    pub fn of_tally(tally: &Tally) -> Option<Self> {
+        Self::of(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
+    }
+}
+
 impl fmt::Display for Pace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { windows_hz, clouds_hz, every_times } = self;
         write!(
             f,
             "this machine makes {clouds_hz:.1} clouds a second of {windows_hz:.1} windows; the others are left out. A window.every \
-             {every_times} times as large would leave them out evenly; smaller images hold a higher rate"
+             {every_times} times as large would leave them out evenly; cameras.binning = 2 or a smaller cameras.region_px makes more of them"
         )
     }
 }

@@ -11,7 +11,7 @@ pub(crate) const MODULES: &[(&str, &[&str])] = &[
     ("health", &[]),
     ("phase", &["grey", "simd", "geometry::FringePattern"]),
     ("message", &["grey::PixelFormat", "phase::MAX_IMAGES"]),
-    ("pixels", &["message::PixelFormat"]),
+    ("pixels", &["grey::PixelFormat", "geometry::Readout"]),
     ("transport", &["message"]),
     ("synchronization", &["phase::MIN_STEPS", "phase::MAX_STEPS", "message"]),
     ("calibration", &["geometry", "atomic_file"]),

@@ -138,7 +138,8 @@ class Checks:
     def tables_hold_what_the_monitor_says(self):
         services = self.as_the_monitor_says("services", self.services_differ)
         stages = self.as_the_monitor_says("stages", self.flow_differs)
-        self.as_the_monitor_says("drops", self.drops_differ)
+        self.as_the_monitor_says("drops", self.drops_differ, "losses")
+        self.as_the_monitor_says("pace", self.pace_differs)
         quantities = self.as_the_monitor_says("window", self.health_differs)["health"]["quantities"]
         self.wait_for_change("#services-rows")
         self.wait_for_change("#flow-rows")
@@ -146,13 +147,13 @@ class Checks:
             number(self.page.text(selector), selector)
         return f"{len(services)} services, {len(stages)} stages, {len(quantities)} quantities of health"
 
-    def as_the_monitor_says(self, key, differs):
+    def as_the_monitor_says(self, key, differs, *more):
         """Figures come once a second, so page and monitor are compared until they agree."""
 
         def same():
-            figures = self.page.ask("figures")[key]
-            expect(not (difference := differs(figures)), difference)
-            return figures
+            figures = self.page.ask("figures")
+            expect(not (difference := differs(*(figures[name] for name in (key, *more)))), difference)
+            return figures[key]
 
         return wait_for(f"the page shows the {key} that /figures has", same)
 
@@ -195,7 +196,7 @@ class Checks:
                 return f"{row[0]} has rate {row[1]} and not {stage['rate_hz']:.1f} /s"
         return None
 
-    def drops_differ(self, drops):
+    def drops_differ(self, drops, losses):
         rows = self.page.ask("tableOf", "#drops-rows")
         if len(rows) != len(drops):
             return f"{len(rows)} rows of drops and incidents are shown, and there are {len(drops)}"
@@ -204,9 +205,14 @@ class Checks:
         if shown != lost:
             return f"{shown:g} losses are shown, and there are {lost}"
         summary = self.page.text("#drops-summary")
-        if ("lost since the start" in summary) != (lost > 0):
-            return f"the summary of drops says “{summary}” with {lost} losses"
+        expected = f"Since the start: {losses}." if lost else "Nothing lost"
+        if not summary.startswith(expected):
+            return f"the summary of drops says “{summary}” with {lost} losses, and the monitor says “{losses}”"
         return None
+
+    def pace_differs(self, pace):
+        shown = self.page.text("#pace")
+        return None if shown == (f"{pace}." if pace else "") else f"the pace is shown as “{shown}”, and is “{pace}”"
 
     def pictures_show_the_object(self):
         hues = 0

@@ -3,7 +3,7 @@
 use fringeflow::config::{CameraSource, V4l2Camera};
 use fringeflow::dataset::CameraId;
 use fringeflow::message::{DropReason, FrameHeader, ScanState, Stage, flags};
-use fringeflow::pixels::{SourceFormat, UnpackError, unpack};
+use fringeflow::pixels::{ImageReader, UnpackError};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
 
@@ -16,7 +16,7 @@ pub(crate) struct Capture {
     id: CameraId,
     stage: Stage,
     camera: Camera,
-    wanted: Wanted,
+    reader: ImageReader,
     account: Account,
     output: Publisher<FrameHeader, [u8]>,
     states: Subscriber<(), ScanState>,
@@ -34,14 +34,14 @@ impl Capture {
         };
         let wanted = Wanted {
             format: host.configuration.source_format,
-            size_px: host.setup.image_size_px,
+            size_px: host.setup.readout.sensor_px(),
             rate_hz: host.configuration.rate_hz,
         };
         Ok(Self {
             id,
             stage,
             camera: Camera::new(settings, wanted),
-            wanted,
+            reader: ImageReader::new(wanted.format, host.setup.readout),
             account: host.account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
@@ -103,8 +103,9 @@ impl Capture {
     fn put_out(&mut self, image: &Image, stamped: &Stamped, host: &mut Host) -> Result<(), AccountError> {
         let header = self.header(image, stamped);
         let bytes = self.camera.bytes(image);
+        let stride_bytes = self.camera.prepared().map_or(0, |prepared| prepared.stride_bytes);
         let passed = self.account.counts().passed;
-        match send(&mut self.output, &mut self.account, &header, self.wanted.format, bytes) {
+        match send(&mut self.output, &mut self.account, &header, &mut self.reader, (bytes, stride_bytes)) {
             Ok(()) => self.logged = None,
             Err(Unsent::Transport(error)) => {
                 tracing::warn!("{error}");
@@ -123,9 +124,10 @@ impl Capture {
         Ok(())
     }
 
-    /// The header of an image; rows as the camera has them.
+    /// The header of an image.
     fn header(&self, image: &Image, stamped: &Stamped) -> FrameHeader {
-        let [width_px, height_px] = self.wanted.size_px.map(|side| side as u32);
+        let format = self.reader.pixel_format();
+        let [width_px, height_px] = self.reader.image_size_px().map(|side| side as u32);
         let prepared = self.camera.prepared();
         FrameHeader {
             session: image.session,
@@ -136,8 +138,8 @@ impl Capture {
             exposure_ns: prepared.and_then(|prepared| prepared.exposure_ns).unwrap_or(0),
             width_px,
             height_px,
-            stride_bytes: prepared.map_or(0, |prepared| prepared.stride_bytes) as u32,
-            pixel_format: self.wanted.format.pixel_format().code(),
+            stride_bytes: width_px * format.bytes() as u32,
+            pixel_format: format.code(),
             flags: if stamped.is_reckoned { flags::START_RECKONED } else { 0 },
             camera: self.id as u32 + 1,
         }
@@ -167,29 +169,26 @@ enum Unsent {
     Transport(TransportError),
 }
 
-/// Copies an image into shared memory, in rows without gaps, and sends it; `header` tells the camera's rows.
+/// Copies what is used of an image into shared memory, in rows without gaps, and sends it.
 fn send(
     output: &mut Publisher<FrameHeader, [u8]>,
     account: &mut Account,
     header: &FrameHeader,
-    format: SourceFormat,
-    bytes: &[u8],
+    reader: &mut ImageReader,
+    (bytes, stride_bytes): (&[u8], usize),
 ) -> Result<(), Unsent> {
-    let size_px = [header.width_px as usize, header.height_px as usize];
-    let [row_bytes, stride_bytes] = [size_px[0] * format.pixel_format().bytes(), header.stride_bytes as usize];
-    let len = row_bytes * size_px[1];
+    let len = reader.image_bytes();
     let numbered = |account: &mut Account| {
         let published = account.take_and_pass().map_err(Unsent::Account)?;
-        Ok(FrameHeader { published, stride_bytes: row_bytes as u32, ..*header })
+        Ok(FrameHeader { published, ..*header })
     };
     // Rows that go out as they came are copied as one, into memory that nobody has cleared before.
-    let is_plain = format.code() == header.pixel_format && stride_bytes == row_bytes;
-    if let Some(pixels) = bytes.get(..len).filter(|_| is_plain) {
+    if let Some(pixels) = bytes.get(..len).filter(|_| reader.is_plain(stride_bytes)) {
         let header = numbered(account)?;
         return output.send(&header, pixels).map_err(Unsent::Transport);
     }
     let made = output.send_made(len, |pixels| {
-        unpack(format, bytes, stride_bytes, size_px, pixels).map_err(Unsent::Image)?;
+        reader.read(bytes, stride_bytes, pixels).map_err(Unsent::Image)?;
         numbered(account)
     });
     made.map_err(Unsent::Transport)?

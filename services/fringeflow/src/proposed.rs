@@ -34,7 +34,7 @@ pub(crate) struct ProposedArgs {
 
 /// Windows before the one that is asked for, of which it knows: two clouds tell a motion, four more of its noise than of what it
 /// changed by.
-const WINDOWS_BEFORE: usize = 4;
+const WINDOWS_BEFORE: usize = 9;
 
 /// Arguments of how images are measured.
 #[derive(clap::Args, Default)]

@@ -7,8 +7,8 @@ use fringeflow::config::ScannerConfiguration;
 use fringeflow::dataset::Setup;
 use fringeflow::message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow::telemetry::{
-    DropLine, Interval, Losses, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures, TrackingWatch,
-    WindowFigures,
+    DropLine, Interval, Losses, Pace, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
+    TrackingWatch, WindowFigures,
 };
 use fringeflow_runtime::{live_services, sources};
 use serde::Serialize;
@@ -176,6 +176,7 @@ impl Board {
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::all_of(&counts),
             "losses": Losses::of(&counts).to_string(),
+            "pace": Pace::of_tally(&self.tally).map(|pace| pace.to_string()),
             "skew": SkewFigures::of(&self.skew),
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),

@@ -32,6 +32,12 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
     for section in ["rig", "virtual_scanner", "recorder", "processors"] {
         table.remove(section);
     }
+    // The recorded images are what was used of the cameras' images.
+    if let Some(Value::Table(cameras)) = table.get_mut("cameras") {
+        for key in ["region_px", "binning"] {
+            cameras.remove(key);
+        }
+    }
     let driver = if recording.count(Topic::Pattern) > 0 { "external" } else { "cycle" };
     let when_busy = if pace == Pace::Fastest { "wait" } else { "skip" };
     set(&mut table, "instance", "name", name.into());

@@ -2,6 +2,7 @@
 
 use fringeflow::dataset::CameraId;
 use fringeflow::message::{DropReason, FrameHeader, Stage};
+use fringeflow::pixels::ImageReader;
 use fringeflow::simulation::{Faults, ImageLoop};
 use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, TransportError};
 use fringeflow_runtime::{Account, AccountError, Host, ItemTimes, ServiceError, clock};
@@ -16,7 +17,7 @@ pub(crate) struct Capture {
     camera: VirtualCamera,
     account: Account,
     output: Publisher<FrameHeader, [u8]>,
-    image_bytes: usize,
+    reader: ImageReader,
 }
 
 impl Capture {
@@ -26,14 +27,15 @@ impl Capture {
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
         };
         let timing = Timing::usual(id, host.configuration.frame_period_ns());
-        let (size_px, format) = (host.setup.image_size_px.map(|side| side as u32), host.configuration.pixel_format());
+        let reader = ImageReader::new(host.configuration.source_format, host.setup.readout);
+        let (size_px, format) = (reader.image_size_px().map(|side| side as u32), reader.pixel_format());
         Ok(Self {
             id,
             stage,
             camera: VirtualCamera::new(id, session, size_px, format, timing, faults),
             account: host.account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
-            image_bytes: host.setup.image_pixels() * format.bytes(),
+            reader,
         })
     }
 
@@ -68,9 +70,16 @@ impl Capture {
 
     /// Sends the image of a shot; darkness where the projector shows what is not simulated.
     fn send(&mut self, header: &FrameHeader, shot: &Shot, images: &ImageLoop) -> Result<(), TransportError> {
+        let Self { reader, output, .. } = self;
+        let (len, row_bytes) = (reader.image_bytes(), reader.plain_row_bytes());
         match shot.step.and_then(|step| images.image(self.id, shot.number, step)) {
-            Some(image) => self.output.send(header, image.bytes),
-            None => self.output.send_filled(header, self.image_bytes, |_| ()),
+            Some(image) if reader.is_plain(row_bytes) => output.send(header, image.bytes),
+            Some(image) => output.send_filled(header, len, |pixels| {
+                if let Err(error) = reader.read(image.bytes, row_bytes, pixels) {
+                    tracing::warn!("{error}");
+                }
+            }),
+            None => output.send_filled(header, len, |_| ()),
         }
     }
 

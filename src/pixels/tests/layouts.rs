@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::super::{SourceFormat, unpack};
 use super::raw_formats;
-use crate::message::PixelFormat;
+use crate::grey::PixelFormat;
 
 /// Grey levels of an unpacked row.
 fn greys(format: SourceFormat, row: &[u8], width_px: usize) -> Vec<u16> {

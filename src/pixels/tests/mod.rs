@@ -1,5 +1,6 @@
 mod jpeg;
 mod layouts;
+mod read_out;
 mod sizes;
 
 use super::SourceFormat;

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::super::{SourceFormat, UnpackError, unpack};
 use super::raw_formats;
-use crate::message::PixelFormat;
+use crate::grey::PixelFormat;
 
 #[test]
 fn codes_and_names_are_those_of_v4l2() {

@@ -116,7 +116,7 @@ fn checked_cameras(
     let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
     let wanted = setup.map(|setup| Wanted {
         format: configuration.source_format,
-        size_px: setup.image_size_px,
+        size_px: setup.readout.sensor_px(),
         rate_hz: configuration.rate_hz,
     });
     Some(check_cameras(cameras, wanted.as_ref()))

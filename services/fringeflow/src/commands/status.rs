@@ -93,7 +93,7 @@ impl Args {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
-        if let Some(pace) = pace(&observed.tally) {
+        if let Some(pace) = Pace::of_tally(&observed.tally) {
             writeln!(out, "{pace}")?;
         }
         for (stage, of_stage) in observed.tally.stages() {
@@ -123,7 +123,7 @@ impl Args {
             dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
-            pace: pace(&tally),
+            pace: Pace::of_tally(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(&self.instance),
             exposure_to_cloud: tally.total().brief(),
@@ -135,10 +135,6 @@ impl Args {
 
 fn losses(tally: &Tally) -> Losses {
     Losses::of(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
-}
-
-fn pace(tally: &Tally) -> Option<Pace> {
-    Pace::of(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
 }
 
 impl Health {

@@ -1,4 +1,4 @@
-//! Cameras of more than 8 bits, live, recorded, replayed and offline.
+//! Cameras of more than 8 bits, and regions whose pixels are added up, live, recorded, replayed and offline.
 
 use std::fs;
 use std::path::Path;
@@ -9,18 +9,30 @@ use fringeflow::recording::{Content, DEFAULT_QUEUE_BYTES, Opening, Recordable, R
 
 use crate::support::Bench;
 
-const FORMAT: (&str, &str) = ("rate_hz = 25.0", "rate_hz = 25.0\nformat = \"Y12\"");
-
 #[test]
 fn images_of_twelve_bits_come_again_to_the_byte() {
-    let bench = Bench::with(&[FORMAT]);
+    assert_come_again("format = \"Y12\"", "Y12");
+}
+
+#[test]
+fn sums_of_the_pixels_of_a_region_come_again_to_the_byte() {
+    assert_come_again("format = \"Y10\"\nregion_px = [33, 25, 256, 208]\nbinning = 2", "Y12");
+}
+
+/// Cameras with these settings are recorded in a format, and what is recorded gives the same clouds again.
+fn assert_come_again(cameras: &str, format: &str) {
+    let bench = Bench::with(&[
+        ("rate_hz = 25.0", &format!("rate_hz = 25.0\n{cameras}")),
+        ("size_px = [96, 80]", "size_px = [320, 256]"),
+        ("period_px = 48.0", "period_px = 24.0"),
+    ]);
     let recording = bench.path("scan.mcap");
     let ended = bench.run(&[&"--seconds", &"2", &"--record", &recording]);
     ended.assert_undisturbed();
     bench.assert_nothing_left();
     assert!(ended.stage("cloud").passed > 0, "{ended:?}");
     let info = bench.json(&[0], &[&"info", &recording, &"--json"]);
-    assert_eq!(info["pixel_format"], "Y12");
+    assert_eq!(info["pixel_format"], format);
     assert_eq!(bench.json(&[0, 3], &[&"check", &recording, &"--json"])["fault_count"], 0);
     let offline = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
     assert_eq!((&offline["different"], &offline["no_cloud"]), (&0.into(), &0.into()));

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use fringeflow::config::{RigSource, ScannerConfiguration};
 use fringeflow::dataset::CameraId;
+use fringeflow::message::PixelFormat;
 use fringeflow::recording::Recording;
 use fringeflow::simulation::{ImageLoop, VirtualScanner};
 use tempfile::TempDir;
@@ -73,6 +74,44 @@ fn images_and_poses_are_those_of_the_live_scanner() {
             - scanner.cam1_from_object(number).to_homogeneous();
         assert!(off.amax() < 1e-12, "pose {number} is {off} off");
     }
+}
+
+#[test]
+fn of_a_region_whose_pixels_are_added_up_the_recording_holds_what_is_used() {
+    const WIDTH: usize = 320;
+    let folder = tempfile::tempdir().unwrap();
+    let [x, y, width, height] = [33, 25, 256, 208];
+    let readout = format!("region_px = [{x}, {y}, {width}, {height}]\nbinning = 2\n");
+    let [whole, part] = [("whole", ""), ("part", &readout)].map(|(name, cameras)| {
+        let config = folder.path().join(name).with_extension("toml");
+        let text = CONFIGURATION.replace("rate_hz = 50.0\n", &format!("rate_hz = 50.0\n{cameras}"));
+        std::fs::write(&config, text.replace("[96, 80]", &format!("[{WIDTH}, 256]"))).unwrap();
+        let path = config.with_extension("mcap");
+        done(&[&"simulate", &"--config", &config, &"-o", &path, &"--seconds", &"0.2"]);
+        path
+    });
+    let (path, whole, recording) = (&part, Recording::open(&whole).unwrap(), Recording::open(&part).unwrap());
+    let setup = recording.setup();
+    assert_eq!((setup.image_size_px, recording.pixel_format()), ([width / 2, height / 2], PixelFormat::Y10));
+    assert_eq!(setup.rig, setup.readout.rig(&whole.setup().rig));
+    for (all, used) in whole.pairs().unwrap().iter().zip(recording.pairs().unwrap()) {
+        for camera in CameraId::BOTH {
+            let all = whole.pair_images(&[*all], camera).unwrap().remove(0);
+            let used = recording.pair_images(&[used], camera).unwrap().remove(0);
+            let sum_at = |u: usize, v: usize| -> f32 {
+                let places = [(0, 0), (1, 0), (0, 1), (1, 1)];
+                places.map(|(du, dv)| all.levels().grey((y + 2 * v + dv) * WIDTH + x + 2 * u + du)).iter().sum()
+            };
+            for pixel in 0..used.levels().pixels() {
+                let (u, v) = (pixel % (width / 2), pixel / (width / 2));
+                assert_eq!(4.0 * used.levels().grey(pixel), sum_at(u, v), "{camera:?} at {u}, {v}");
+            }
+        }
+    }
+    done(&[&"check", path]);
+    let cloud = folder.path().join("cloud.ply");
+    let made = json(&done(&[&"reconstruct", path, &"-o", &cloud, &"--json"]));
+    assert!(made["points"].as_u64().unwrap() > 4000, "{made}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ import { showRows } from "./table.js";
 export function showDrops({ figures }) {
     const drops = figures.drops ?? [];
     showSummary(drops, figures.losses);
+    showPace(figures.pace);
     showRows(byId("drops-rows"), drops.map(cellsOf));
     byId("drops-table").hidden = drops.length === 0;
     markLive("panel-drops");
@@ -19,6 +20,13 @@ function showSummary(drops, losses) {
     const summary = byId("drops-summary");
     setState(summary, "level", lost ? "error" : "ok");
     setText(summary, describe(lost ? losses : null, drops.length));
+}
+
+/** What rate the machine holds, and which settings would hold more; only where windows are left out. */
+function showPace(pace) {
+    const shown = byId("pace");
+    shown.hidden = !pace;
+    setText(shown, pace ? `${pace}.` : "");
 }
 
 function describe(losses, rows) {

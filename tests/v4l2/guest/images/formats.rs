@@ -5,6 +5,7 @@ use fringeflow::message::PixelFormat;
 use super::super::capture::Capture;
 use super::super::driver::{Driver, v4l2_ctl};
 use super::super::vivid;
+use crate::scenes;
 use crate::support::Bench;
 
 /// A picture that does not change.
@@ -42,6 +43,32 @@ fn images_in_several_planes_are_what_a_camera_sends() {
         ("NM12", PixelFormat::Grey, first),
         ("YM12", PixelFormat::Grey, first),
     ]);
+}
+
+#[test]
+#[ignore = "runs in the virtual machine"]
+fn what_is_used_of_an_image_is_summed_from_what_a_camera_sends() {
+    let _vivid = vivid::load();
+    let [x, y, width, height] = [17, 9, 256, 140];
+    for (name, layout) in [("GREY", first as Layout), ("YUYV", even)] {
+        let cameras =
+            format!("\nformat = \"{name}\"\nregion_px = [{x}, {y}, {width}, {height}]\nbinning = 2\n[cameras.cam1]");
+        let bench = Bench::of(&vivid::scanner(PICTURE).replace("\n[cameras.cam1]", &cameras));
+        let mut capture = Capture::start(&bench);
+        capture.images(1);
+        let (header, pixels) = (capture.witness.headers()[0], capture.witness.first_pixels());
+        capture.stop();
+        assert_eq!((header.width_px, header.height_px), (width / 2, height / 2));
+        assert_eq!(PixelFormat::of(header.pixel_format), Some(PixelFormat::Y10), "{name}");
+        let [whole_width, whole_height] = scenes::all()[0].image(1, 0).1;
+        let sent = layout(&sent(&bench), (whole_width * whole_height) as usize);
+        let grey = |u: u32, v: u32| u16::from(sent[((y + v) * whole_width + x + u) as usize]);
+        let sum = |u, v| grey(u, v) + grey(u + 1, v) + grey(u, v + 1) + grey(u + 1, v + 1);
+        let expected: Vec<u8> =
+            (0..height / 2).flat_map(|v| (0..width / 2).flat_map(move |u| sum(2 * u, 2 * v).to_le_bytes())).collect();
+        assert!(pixels == expected, "{name}: {:?} of {:?}", &pixels[..16], &expected[..16]);
+        assert!(levels(&pixels, 2) > 64, "{name} has {} grey levels", levels(&pixels, 2));
+    }
 }
 
 fn assert_formats(formats: &[(&str, PixelFormat, Layout)]) {

@@ -7,7 +7,8 @@
 use std::collections::BTreeMap;
 
 use fringeflow::config::{ProjectorDriver, ScannerConfiguration, VirtualScannerConfiguration};
-use fringeflow::dataset::{CameraId, FringeSequence, GreyImage};
+use fringeflow::dataset::{CameraId, FringeSequence, GreyImage, Setup};
+use fringeflow::pixels::{ImageReader, UnpackError};
 use fringeflow::recording::{Recordable, RecordingProblem, TruthPose};
 use fringeflow::simulation::{Faults, PoseImages, SimulationError, VirtualScanner};
 use fringeflow_virtual_cameras::{CableTriggers, ClockTriggers, Timing, Trigger, VirtualCamera};
@@ -27,6 +28,9 @@ pub(super) enum LiveError {
     /// An option of the virtual scanner.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
+    /// What is used of an image.
+    #[error(transparent)]
+    Image(#[from] UnpackError),
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingProblem),
@@ -44,6 +48,7 @@ pub(super) struct LiveScanner<'a> {
     rendered: PoseImages<'a>,
     /// Images of exposures that are on their way, by number.
     images: BTreeMap<u64, [GreyImage; 2]>,
+    reader: ImageReader,
 }
 
 /// What makes the cameras expose.
@@ -57,21 +62,23 @@ impl<'a> LiveScanner<'a> {
         scanner: &'a VirtualScanner,
         configuration: &ScannerConfiguration,
         options: &VirtualScannerConfiguration,
-        sequence: &FringeSequence,
+        setup: &Setup,
     ) -> Result<Self, LiveError> {
         let faults = Faults::new(options.faults)?;
-        let (size_px, format) = (scanner.options().rig.size_px.map(|side| side as u32), scanner.options().format);
+        let reader = ImageReader::new(configuration.source_format, setup.readout);
+        let (size_px, format) = (reader.image_size_px().map(|side| side as u32), reader.pixel_format());
         let camera = |id| {
             let timing = Timing::usual(id, configuration.frame_period_ns());
             VirtualCamera::new(id, SESSION, size_px, format, timing, faults)
         };
         Ok(Self {
             scanner,
-            triggers: Triggers::new(configuration, sequence, faults)?,
+            triggers: Triggers::new(configuration, &setup.sequence, faults)?,
             cameras: CameraId::BOTH.map(camera),
             published: [0; 2],
             rendered: PoseImages::new(scanner),
             images: BTreeMap::new(),
+            reader,
         })
     }
 
@@ -103,13 +110,29 @@ impl<'a> LiveScanner<'a> {
     fn expose(&mut self, trigger: &Trigger, sink: &mut Sink<'_>) -> Result<(), LiveError> {
         // The projector shows no step that the scanner has not.
         let step = trigger.step.unwrap_or_default() as usize;
-        self.images.insert(trigger.number, self.rendered.take(step)?);
+        let images = self.rendered.take(step)?;
+        let images = self.read_out(images)?;
+        self.images.insert(trigger.number, images);
         let cam1_from_object = self.scanner.cam1_from_object(trigger.number as usize);
         sink(&Recordable::TruthPose(&TruthPose { exposure_start_ns: trigger.start_ns, cam1_from_object }))?;
         for camera in &mut self.cameras {
             camera.expose(trigger);
         }
         Ok(())
+    }
+
+    /// What is used of the images of an exposure.
+    fn read_out(&mut self, mut images: [GreyImage; 2]) -> Result<[GreyImage; 2], LiveError> {
+        let row_bytes = self.reader.plain_row_bytes();
+        if !self.reader.is_plain(row_bytes) {
+            let ([width, height], format) = (self.reader.image_size_px(), self.reader.pixel_format());
+            for image in &mut images {
+                let mut pixels = vec![0; self.reader.image_bytes()];
+                self.reader.read(&image.pixels, row_bytes, &mut pixels)?;
+                *image = GreyImage { width, height, format, pixels };
+            }
+        }
+        Ok(images)
     }
 
     /// Hands over the images that have arrived, and forgets those that no camera sends any more.

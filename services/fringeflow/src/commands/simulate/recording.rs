@@ -37,7 +37,7 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     let scanner = VirtualScanner::new(options.scanner).map_err(|e| unusable(&e))?;
     let round = scanner.sweep().poses() as u64;
     let patterns = seconds.map_or(round, |seconds| (seconds * configuration.rate_hz).round().max(1.0) as u64);
-    let live = LiveScanner::new(&scanner, &configuration, options, &setup.sequence);
+    let live = LiveScanner::new(&scanner, &configuration, options, &setup);
     let mut live = live.map_err(|e| unusable(&e))?;
     let opening =
         Opening { setup: &setup, configuration: &configuration.text, origin: &Origin::default(), min_free_bytes: 0 };

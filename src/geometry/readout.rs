@@ -1,0 +1,168 @@
+//! What of a sensor's image is used: a region of interest, and pixels that are added up.
+//!
+//! In: the calibration of the whole image. Out: that of the images as they are used. Nothing is fitted: rays stay what they
+//! are, only their pixels get other numbers.
+
+use super::{Camera, Rig};
+
+/// Least sides of an image that is left, pixels.
+const LEAST_SIDE_PX: usize = 16;
+/// Sides of the squares of pixels that may become one.
+const BINNINGS: [usize; 2] = [1, 2];
+
+/// What of an image is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Readout {
+    sensor_px: [usize; 2],
+    origin_px: [usize; 2],
+    region_px: [usize; 2],
+    binning: usize,
+}
+
+/// A readout that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReadoutError {
+    /// The region is not within the image.
+    #[error(
+        "region {region:?} (x, y, width, height) is not within the image of {} × {} pixels, for which the rig is \
+         calibrated", sensor_px[0], sensor_px[1]
+    )]
+    Outside {
+        /// The region.
+        region: [usize; 4],
+        /// Size of the whole image.
+        sensor_px: [usize; 2],
+    },
+    /// Sides that are too short, or no multiple of the binning.
+    #[error(
+        "region {region:?} (x, y, width, height) with binning {binning} leaves no image; both sides must be multiples of \
+         the binning, and {LEAST_SIDE_PX} pixels at least are left of them"
+    )]
+    Sides {
+        /// The region.
+        region: [usize; 4],
+        /// The binning.
+        binning: usize,
+    },
+    /// Another binning.
+    #[error("binning {0} cannot be; 1 uses all pixels, and 2 makes one of 2 × 2")]
+    Binning(usize),
+}
+
+impl Readout {
+    /// The whole image as it is.
+    #[must_use]
+    pub fn whole(sensor_px: [usize; 2]) -> Self {
+        Self { sensor_px, origin_px: [0, 0], region_px: sensor_px, binning: 1 }
+    }
+
+    /// Of an image of `sensor_px` a region (x, y, width, height; `None`: all of it), in squares of `binning` pixels a side.
+    ///
+    /// # Errors
+    /// [`ReadoutError`].
+    pub fn new(sensor_px: [usize; 2], region: Option<[usize; 4]>, binning: usize) -> Result<Self, ReadoutError> {
+        if !BINNINGS.contains(&binning) {
+            return Err(ReadoutError::Binning(binning));
+        }
+        let region = region.unwrap_or([0, 0, sensor_px[0], sensor_px[1]]);
+        let [x, y, width, height] = region;
+        let is_within = |from: usize, side: usize, whole: usize| from.checked_add(side).is_some_and(|end| end <= whole);
+        if !is_within(x, width, sensor_px[0]) || !is_within(y, height, sensor_px[1]) {
+            return Err(ReadoutError::Outside { region, sensor_px });
+        }
+        if [width, height].iter().any(|side| !side.is_multiple_of(binning) || side / binning < LEAST_SIDE_PX) {
+            return Err(ReadoutError::Sides { region, binning });
+        }
+        Ok(Self { sensor_px, origin_px: [x, y], region_px: [width, height], binning })
+    }
+
+    /// Width and height of the image before, pixels.
+    #[must_use]
+    pub fn sensor_px(&self) -> [usize; 2] {
+        self.sensor_px
+    }
+
+    /// The region: x, y, width and height in the image before, pixels.
+    #[must_use]
+    pub fn region(&self) -> [usize; 4] {
+        let ([x, y], [width, height]) = (self.origin_px, self.region_px);
+        [x, y, width, height]
+    }
+
+    /// Side of the squares of pixels that become one.
+    #[must_use]
+    pub fn binning(&self) -> usize {
+        self.binning
+    }
+
+    /// Width and height of what is left, pixels.
+    #[must_use]
+    pub fn image_size_px(&self) -> [usize; 2] {
+        self.region_px.map(|side| side / self.binning)
+    }
+
+    /// Whether nothing is left out.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        *self == Self::whole(self.sensor_px)
+    }
+
+    /// The camera of the images that are left, from that of the whole image.
+    #[must_use]
+    pub fn camera(&self, whole: &Camera) -> Camera {
+        let binning = self.binning as f64;
+        // Centre of the first square in the image before.
+        let first = self.origin_px.map(|origin| origin as f64 + (binning - 1.0) / 2.0);
+        let ([fx, fy], [cx, cy]) = (whole.focal_px(), whole.principal_px());
+        let principal_px = [(cx - first[0]) / binning, (cy - first[1]) / binning];
+        Camera::new([fx / binning, fy / binning], principal_px, *whole.distortion(), self.image_size_px())
+            .with_skew(whole.skew_px() / binning)
+    }
+
+    /// The rig of the images that are left; the projector shows what it showed.
+    #[must_use]
+    pub fn rig(&self, whole: &Rig) -> Rig {
+        Rig { cam1: self.camera(&whole.cam1), cam2: self.camera(&whole.cam2), ..whole.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Distortion, Pixel};
+
+    fn camera() -> Camera {
+        let d = Distortion::from_opencv(&[-0.15, 0.66, -0.002, 0.0016, 0.1]);
+        Camera::new([1851.6, 1851.9], [338.0, 239.7], d, [640, 512]).with_skew(0.3)
+    }
+
+    #[test]
+    fn a_pixel_that_is_left_keeps_its_ray() {
+        for (region, binning) in [(Some([40, 8, 320, 256]), 1), (None, 2), (Some([41, 7, 318, 402]), 2)] {
+            let readout = Readout::new([640, 512], region, binning).unwrap();
+            let (whole, used) = (camera(), readout.camera(&camera()));
+            let [x, y, ..] = readout.region();
+            for (u, v) in [(0, 0), (7, 3), (158, 120)] {
+                // The mean place of the pixels that it was made of.
+                let middle = |from: usize, at: usize| (from + at * binning) as f64 + (binning - 1) as f64 / 2.0;
+                let before = whole.ray(&Pixel::new(middle(x, u), middle(y, v))).unwrap();
+                let after = used.ray(&Pixel::new(u as f64, v as f64)).unwrap();
+                assert!((before - after).norm() < 1e-14, "{region:?} / {binning} at {u}, {v}");
+            }
+            assert_eq!([used.width_px(), used.height_px()], readout.image_size_px());
+        }
+        assert_eq!(Readout::whole([640, 512]).camera(&camera()), camera());
+    }
+
+    #[test]
+    fn what_leaves_no_image_is_refused() {
+        let refused = |region, binning| Readout::new([640, 512], region, binning).unwrap_err().to_string();
+        assert!(refused(None, 3).contains("binning 3 cannot be"));
+        assert!(refused(None, 0).contains("binning 0 cannot be"));
+        assert!(refused(Some([600, 0, 64, 64]), 1).contains("640 × 512"));
+        assert!(refused(Some([usize::MAX, 0, 64, 64]), 1).contains("is not within"));
+        assert!(refused(Some([0, 0, 33, 64]), 2).contains("multiples of"));
+        assert!(refused(Some([0, 0, 30, 64]), 2).contains("16 pixels"));
+        assert!(Readout::new([640, 512], Some([0, 0, 640, 512]), 1).unwrap().is_whole());
+    }
+}
