@@ -32,11 +32,12 @@ impl Motion {
         Some(between(before, after, image.fract()))
     }
 
-    /// The cycle of `steps` images whose middle is nearest to where the truth holds.
-    pub(super) fn reference_cycle(&self, steps: usize) -> std::ops::Range<usize> {
-        let last = self.poses.len().saturating_sub(steps);
-        let start = (self.reference - (steps as f64 - 1.0) / 2.0).round().clamp(0.0, last as f64) as usize;
-        start..start + steps
+    /// So many images, or all, whose middle is nearest to where the truth holds.
+    pub(super) fn reference_images(&self, count: usize) -> std::ops::Range<usize> {
+        let count = count.min(self.poses.len());
+        let last = self.poses.len() - count;
+        let start = (self.reference - (count as f64 - 1.0) / 2.0).round().clamp(0.0, last as f64) as usize;
+        start..start + count
     }
 }
 
@@ -162,10 +163,12 @@ mod tests {
     #[test]
     fn the_cycle_in_the_middle_is_found() {
         let of = |images: usize, reference: f64| Motion { reference, poses: vec![Pose::identity(); images] };
-        assert_eq!(of(16, 7.5).reference_cycle(4), 6..10);
-        assert_eq!(of(21, 10.0).reference_cycle(3), 9..12);
-        assert_eq!(of(8, 0.0).reference_cycle(4), 0..4);
-        assert_eq!(of(8, 7.0).reference_cycle(4), 4..8);
+        assert_eq!(of(16, 7.5).reference_images(4), 6..10);
+        assert_eq!(of(21, 10.0).reference_images(3), 9..12);
+        assert_eq!(of(8, 0.0).reference_images(4), 0..4);
+        assert_eq!(of(8, 7.0).reference_images(4), 4..8);
+        assert_eq!(of(18, 8.5).reference_images(6), 6..12);
+        assert_eq!(of(3, 1.0).reference_images(4), 0..3);
     }
 
     #[test]

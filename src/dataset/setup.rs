@@ -114,11 +114,11 @@ impl Setup {
         &self.sequence.shifts_rad[..self.steps.min(self.sequence.shifts_rad.len())]
     }
 
-    /// The phase images of one cycle that what is known of the scene belongs to: the first, or where the object moves the
-    /// one about the moment of the truth.
+    /// So many phase images that what is known of the scene belongs to: the first, or where the object moves those about the
+    /// moment of the truth.
     #[must_use]
-    pub fn reference_cycle(&self) -> Range<usize> {
-        self.motion.as_ref().map_or(0..self.steps, |motion| motion.reference_cycle(self.steps))
+    pub fn reference_images(&self, count: usize) -> Range<usize> {
+        self.motion.as_ref().map_or(0..count, |motion| motion.reference_images(count))
     }
 
     /// Pixels of an image.

@@ -113,7 +113,7 @@ fn wrapped_phase(
 ) -> Result<PhaseMap, GrayReferenceError> {
     // Of an object that moves, the images about the moment of the Gray code.
     let numbers: Vec<usize> = match (&dataset.setup.motion, second_direction) {
-        (Some(_), false) => dataset.setup.reference_cycle().collect(),
+        (Some(_), false) => dataset.setup.reference_images(dataset.setup.steps).collect(),
         _ => (0..sequence.shifts_rad.len()).collect(),
     };
     let shifts_rad: Vec<f64> = numbers.iter().filter_map(|&n| sequence.shifts_rad.get(n).copied()).collect();

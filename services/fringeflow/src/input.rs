@@ -81,11 +81,11 @@ impl Input {
         }
     }
 
-    /// The image pairs that are used unless others are asked for: the first complete cycle, or where the motion of the
-    /// object is known, the one about the moment of the truth.
-    pub(crate) fn usual_images(&self) -> Result<Range<usize>, Failure> {
+    /// The image pairs that are used unless others are asked for, a cycle and so many more, or fewer where they are missing: the
+    /// first complete cycle and those about it, or where the motion of the object is known, those about the moment of the truth.
+    pub(crate) fn usual_images(&self, extra: usize) -> Result<Range<usize>, Failure> {
         if self.setup().motion.is_some() {
-            let wanted = self.setup().reference_cycle();
+            let wanted = self.setup().reference_images(self.setup().steps + extra);
             let start = (0..self.available()).find(|&n| self.image(n) == Some(wanted.start as u64));
             let found = start.map(|start| start..start + wanted.len());
             let is_whole =
@@ -94,7 +94,7 @@ impl Input {
                 return Ok(found);
             }
         }
-        Ok(self.cycles()?.swap_remove(0))
+        Ok(self.widened(self.cycles()?.swap_remove(0), extra))
     }
 
     /// Middle of some image pairs, counted as the description of the input counts its images.

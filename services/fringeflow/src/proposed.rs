@@ -145,8 +145,8 @@ impl ProposedArgs {
         let (available, steps) = (input.available(), input.setup().steps);
         let Range { start, end } = match &self.frames {
             Some(frames) => frames.clone(),
-            None if self.steps.is_some() => input.usual_images()?,
-            None => input.widened(input.usual_images()?, configuration.settings.window_images(steps) - steps),
+            None if self.steps.is_some() => input.usual_images(0)?,
+            None => input.usual_images(configuration.settings.window_images(steps) - steps)?,
         };
         if start >= end || end > available {
             let what = match input {
