@@ -36,9 +36,12 @@ const MIN_LEAD_NATS: f32 = 3.1;
 const LEAD_NATS_PER_VARIANCE: f32 = 2.0;
 const MAX_VARIANCE: f32 = 4.5;
 /// With this lead a region stands however its z scatters, and is no strip: what motion leaves in δ is many times the noise of the
-/// scene around, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm an image: wrong
-/// regions of 200 pixels and more have at most 8.1 nats a path, right ones with variances up to 8 at least 8.6.
+/// scene around, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm an image: right
+/// regions with variances up to 8 have at least 8.6 nats a path, wrong ones of 200 pixels and more at most 8.1, but for the inner
+/// wall of a ring before a board, with 11.
 const SURE_LEAD_NATS: f32 = 8.5;
+/// By so much less than others such a region is founded: each that δ supports takes its places in C2.
+const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
 const MEDIAN_SQUARE: f32 = 0.455;
 /// Lead, nats a path, by which a region is better founded than another. One surface that hides another has about its lead.
@@ -71,6 +74,8 @@ pub(super) struct VerificationRoom {
 struct RegionRoom {
     /// Mean lead of the decided orders over the next best ones, nats a path.
     leads_nats: Vec<f32>,
+    /// The same, less where only that speaks for it.
+    foundations_nats: Vec<f32>,
     /// Why it does not stand; `None` if it does.
     verdicts: Vec<Option<Outcome>>,
     says: Vec<OfRegion>,
@@ -142,7 +147,7 @@ impl Verification<'_> {
     }
 
     fn judge_regions(&self, VerificationRoom { regions, of_regions, strips, .. }: &mut VerificationRoom) {
-        let RegionRoom { leads_nats, verdicts, sums, .. } = of_regions;
+        let RegionRoom { leads_nats, foundations_nats, verdicts, sums, .. } = of_regions;
         // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.region as usize];
@@ -152,22 +157,20 @@ impl Verification<'_> {
             let allowed = allowed(run);
             self.selection.z[run.pixels()].iter().map(|z| u64::from(z * z / MEDIAN_SQUARE > allowed)).sum()
         });
-        let judge = |(((&size_px, &lead_nats), &large), &is_strip): (((&u32, &f32), &u64), &bool)| {
-            let is_sure = lead_nats >= SURE_LEAD_NATS;
-            if is_strip && !is_sure {
-                return Some(Outcome::RejectedByDelta);
-            }
-            if size_px < self.limits.min_region_px || lead_nats < MIN_LEAD_NATS {
-                return Some(Outcome::Ambiguous);
-            }
-            if is_sure {
-                return None;
-            }
-            let small = u64::from(size_px) - large;
-            (small <= u64::from(size_px) / 2).then_some(Outcome::RejectedByDelta)
-        };
         verdicts.clear();
-        verdicts.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip).map(judge));
+        foundations_nats.clear();
+        let of_regions = regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip);
+        for (((&size_px, &lead_nats), &large), &is_strip) in of_regions {
+            let small = u64::from(size_px) - large;
+            let is_supported = !is_strip && small > u64::from(size_px) / 2;
+            let is_clear = size_px >= self.limits.min_region_px && lead_nats >= MIN_LEAD_NATS;
+            verdicts.push(match is_supported || lead_nats >= SURE_LEAD_NATS {
+                true if is_clear => None,
+                false if is_clear || is_strip => Some(Outcome::RejectedByDelta),
+                _ => Some(Outcome::Ambiguous),
+            });
+            foundations_nats.push(if is_supported { lead_nats } else { lead_nats - UNSUPPORTED_NATS });
+        }
     }
 
     /// The claim of a pixel with a precedence.
@@ -176,31 +179,31 @@ impl Verification<'_> {
         Claim { place: self.selection.places.of_pixels[pixel], precedence, absolute: self.selection.absolute[pixel] }
     }
 
-    /// Drops regions of which a good part claims places of C2 that regions with a greater lead claim for other orders.
+    /// Drops regions of which a good part claims places of C2 that better founded regions claim for other orders.
     fn contradict_by_foundation(&self, VerificationRoom { regions, of_regions, claims, .. }: &mut VerificationRoom) {
-        let RegionRoom { leads_nats, verdicts, sums, .. } = of_regions;
-        let standing = || leads_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(lead, _)| *lead);
+        let RegionRoom { foundations_nats, verdicts, sums, .. } = of_regions;
+        let standing = || foundations_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(nats, _)| *nats);
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
         // Regions that take no place of any other need not claim theirs.
-        let takes = |lead_nats: f32| lead_nats > least + BETTER_FOUNDED_NATS;
-        let loses = |lead_nats: f32| greatest > lead_nats + BETTER_FOUNDED_NATS;
+        let takes = |nats: f32| nats > least + BETTER_FOUNDED_NATS;
+        let loses = |nats: f32| greatest > nats + BETTER_FOUNDED_NATS;
         if !takes(greatest) {
             return;
         }
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
         for run in &regions.runs {
-            let lead_nats = leads_nats[run.region as usize];
-            if verdicts[run.region as usize].is_none() && takes(lead_nats) {
-                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, lead_nats)));
+            let nats = foundations_nats[run.region as usize];
+            if verdicts[run.region as usize].is_none() && takes(nats) {
+                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, nats)));
             }
         }
         regions.sum(sums, |run| {
-            let lead_nats = leads_nats[run.region as usize];
-            if verdicts[run.region as usize].is_some() || !loses(lead_nats) {
+            let nats = foundations_nats[run.region as usize];
+            if verdicts[run.region as usize].is_some() || !loses(nats) {
                 return 0;
             }
-            let is_lost = |&pixel: &usize| claims.is_lost(self.claim(pixel, lead_nats), BETTER_FOUNDED_NATS);
+            let is_lost = |&pixel: &usize| claims.is_lost(self.claim(pixel, nats), BETTER_FOUNDED_NATS);
             run.pixels().filter(is_lost).count() as u64
         });
         for ((verdict, &lost), &size_px) in verdicts.iter_mut().zip(&*sums).zip(&regions.size_px) {
