@@ -51,7 +51,8 @@ impl MotionFilter {
         (self.poses > 1 && motion.is_finite()).then_some(motion)
     }
 
-    /// Takes the pose found so many seconds after the last one, with its covariance in the frame that the pose refers to.
+    /// Takes the pose found so many seconds after the last one, with its covariance in the frame that the pose refers to. One whose
+    /// numbers are not finite tells nothing.
     pub(super) fn take(&mut self, pose: &Pose, covariance: &PoseCovariance, seconds: f64) {
         self.go_on(seconds);
         let found = self.pose.inverse() * pose;
@@ -60,6 +61,9 @@ impl MotionFilter {
         let Some(inverse) = (of_pose + in_own_frame(pose, covariance)).try_inverse() else { return };
         let gain = self.covariance.fixed_columns::<6>(0) * inverse;
         let change: Vector12 = gain * off;
+        if !gain.iter().chain(&change).all(|value| value.is_finite()) {
+            return;
+        }
         let part = |from: usize| Vector3::new(change[from], change[from + 1], change[from + 2]);
         self.pose *= Pose::new(part(0), part(3));
         self.pose.rotation.renormalize();

@@ -211,11 +211,8 @@ impl Tracker {
                 // What the scanner did meanwhile, nobody knows, unless a part of its pose was found.
                 let mut known = Known { is_lost: true, ..known };
                 if let Ok((reference, found)) = roughly {
-                    known.moved_to(
-                        reference * found.reference_from_moved,
-                        &found.covariance.seen_from(&reference),
-                        time_ns,
-                    );
+                    let pose = normalized(reference * found.reference_from_moved);
+                    known.moved_to(pose, &found.covariance.seen_from(&reference), time_ns);
                     self.look_at(&sampled);
                 }
                 self.known = Some(known);
@@ -324,10 +321,7 @@ impl Tracker {
         mut known: Known,
         time_ns: u64,
     ) -> Tracked {
-        let mut model_from_cam1 = model_from_reference * registration.reference_from_moved;
-        // A prediction is a product of three poses, and the next pose is one of that: the rounding of the quaternions'
-        // length would triple with every cloud.
-        model_from_cam1.rotation.renormalize();
+        let model_from_cam1 = normalized(model_from_reference * registration.reference_from_moved);
         let own = registration.covariance.seen_from(model_from_reference);
         let covariance = PoseCovariance(own.0 + self.standing.0);
         self.unmerged += 1;
@@ -364,4 +358,11 @@ impl Tracker {
         self.standing = self.model.covariance();
         merged
     }
+}
+
+/// A prediction is a product of three poses, and the next pose is one of that: the rounding of the quaternions' length would triple
+/// with every cloud.
+fn normalized(mut pose: Pose) -> Pose {
+    pose.rotation.renormalize();
+    pose
 }

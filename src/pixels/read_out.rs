@@ -103,20 +103,26 @@ fn read_out(readout: &Readout, format: PixelFormat, source: &[u8], stride_bytes:
     }
 }
 
-/// Adds squares of 8 bits to values of 10.
+/// Adds squares of 8 bits to values of 10. Pairs are numbers of 16 bits: shifts and sums of these become vector code.
 fn add_bytes(upper: &[u8], lower: &[u8], out: &mut [u8]) {
-    let squares = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
-    for ((a, b), out) in squares.zip(out.as_chunks_mut::<2>().0) {
-        *out = [a[0], a[1], b[0], b[1]].map(u16::from).iter().sum::<u16>().to_le_bytes();
+    let sum = |&pair: &[u8; 2]| {
+        let pair = u16::from_le_bytes(pair);
+        (pair & 0xff) + (pair >> 8)
+    };
+    let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
+    for ((upper, lower), out) in pairs.zip(out.as_chunks_mut::<2>().0) {
+        *out = (sum(upper) + sum(lower)).to_le_bytes();
     }
 }
 
-/// Adds squares of values of 16 bits.
+/// Adds squares of values of 16 bits, pairs as numbers of 32.
 fn add_words(upper: &[u8], lower: &[u8], out: &mut [u8], value_of: impl Fn(u32) -> u16) {
-    let word = |bytes: [u8; 2]| u32::from(u16::from_le_bytes(bytes));
-    let squares = upper.as_chunks::<4>().0.iter().zip(lower.as_chunks::<4>().0);
-    for ((a, b), out) in squares.zip(out.as_chunks_mut::<2>().0) {
-        let of = |row: &[u8; 4]| word([row[0], row[1]]) + word([row[2], row[3]]);
-        *out = value_of(of(a) + of(b)).to_le_bytes();
+    let sum = |&pair: &[u8; 4]| {
+        let pair = u32::from_le_bytes(pair);
+        (pair & 0xffff) + (pair >> 16)
+    };
+    let pairs = upper.as_chunks::<4>().0.iter().zip(lower.as_chunks::<4>().0);
+    for ((upper, lower), out) in pairs.zip(out.as_chunks_mut::<2>().0) {
+        *out = value_of(sum(upper) + sum(lower)).to_le_bytes();
     }
 }
