@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_text};
 use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
-use crate::geometry::{FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
+use crate::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
 use crate::grey::PixelFormat;
 use crate::phase::{MAX_STEPS, MIN_STEPS};
 use crate::pixels::SourceFormat;
@@ -202,8 +202,7 @@ impl ScannerConfiguration {
             None => Err(SetupTextError::NoRig),
             Some(RigSource::Virtual(options)) => {
                 let scanner = VirtualScanner::new(options.scanner)?;
-                let SetupText { calibration, .. } = scanner.setup_text()?;
-                self.text_of_part(scanner.description(), calibration, &scanner.rig().calibrated)
+                self.text_of_part(scanner.description(), &scanner.rig().calibrated, None)
             }
             Some(RigSource::Files { calibration, unit, sequence }) => {
                 let volume = self.measurement.volume.as_ref().ok_or(SetupTextError::NoVolume)?;
@@ -235,20 +234,21 @@ impl ScannerConfiguration {
             motion: None,
             remarks: serde_json::Map::new(),
         };
-        self.text_of_part(description, calibration, &rig)
+        self.text_of_part(description, &rig, Some(calibration))
     }
 
-    /// The texts of what is used of the images, from those of whole ones.
+    /// The texts of what is used of the images, from the description and the rig of whole ones; where all of them is used, the
+    /// calibration stays as it was read.
     fn text_of_part(
         &self,
         whole: DatasetDescription,
-        calibration: String,
         rig: &Rig,
+        as_read: Option<String>,
     ) -> Result<SetupText, SetupTextError> {
         let ReadoutConfiguration { region_px, binning } = self.readout;
         let readout = Readout::new(whole.readout.sensor_px(), region_px, binning)?;
-        let calibration =
-            if readout.is_whole() { calibration } else { calibration_text(&readout.rig(rig), whole.unit) };
+        let as_read = as_read.filter(|_| readout.is_whole());
+        let calibration = as_read.unwrap_or_else(|| calibration_text(&readout.rig(rig), whole.unit));
         let description = DatasetDescription { readout, pixel_format: self.pixel_format(), ..whole };
         Ok(SetupText { description: description.text()?, calibration })
     }
@@ -298,7 +298,7 @@ fn rig_source(
 fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfiguration, ConfigurationProblem> {
     let binning = raw.binning.unwrap_or(1);
     let binning =
-        checked("cameras.binning", binning, |v| (1..=2).contains(v), "1 uses all pixels, 2 makes one of 2 x 2")?;
+        checked("cameras.binning", binning, |v| BINNINGS.contains(v), "1 uses all pixels, 2 makes one of 2 x 2")?;
     let refused = |key, value| {
         let expected =
             "other programs put whole images into the channels; leave it out, or calibrate for what they send";

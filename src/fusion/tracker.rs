@@ -197,12 +197,10 @@ impl Tracker {
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
         let settings = self.settings.registration;
         let roughly = self.register_at(&sampled, &known.predicted(time_ns), &settings);
-        let found = match roughly {
-            Ok((reference, found)) => {
-                found.determined(&settings).map(|found| (Tracking::Tracked(found), reference, found))
-            }
-            Err(lost) => Err(lost),
-        };
+        let found = roughly.and_then(|(reference, found)| {
+            let found = found.determined(&settings)?;
+            Ok((Tracking::Tracked(found), reference, found))
+        });
         match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
             Ok((tracking, reference, found)) => {
                 self.take(cloud, sampled, (tracking, &reference, &found), known, time_ns)

@@ -20,7 +20,7 @@ pub use distortion::Distortion;
 pub use epipolar::{EpipolarError, EpipolarFrame, EpipolarLine};
 pub use interpolation::between;
 pub use pattern::FringePattern;
-pub use readout::{Readout, ReadoutError};
+pub use readout::{BINNINGS, Readout, ReadoutError};
 pub use rig::Rig;
 pub use sights::{Sighted, Sights};
 pub use triangulation::{Triangulation, meet, range_per_pixel, triangulate};

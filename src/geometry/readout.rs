@@ -8,7 +8,7 @@ use super::{Camera, Rig};
 /// Least sides of an image that is left, pixels.
 const LEAST_SIDE_PX: usize = 16;
 /// Sides of the squares of pixels that may become one.
-const BINNINGS: [usize; 2] = [1, 2];
+pub const BINNINGS: [usize; 2] = [1, 2];
 
 /// What of an image is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,13 +128,9 @@ impl Readout {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Pixel;
+    use super::super::camera::tests::camera;
     use super::*;
-    use crate::geometry::{Distortion, Pixel};
-
-    fn camera() -> Camera {
-        let d = Distortion::from_opencv(&[-0.15, 0.66, -0.002, 0.0016, 0.1]);
-        Camera::new([1851.6, 1851.9], [338.0, 239.7], d, [640, 512]).with_skew(0.3)
-    }
 
     #[test]
     fn a_pixel_that_is_left_keeps_its_ray() {

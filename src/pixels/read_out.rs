@@ -86,9 +86,7 @@ fn read_out(readout: &Readout, format: PixelFormat, source: &[u8], stride_bytes:
     let [x, y, width, _] = readout.region();
     let (from, bytes) = (x * format.bytes(), width * format.bytes());
     if readout.binning() == 1 {
-        return rows::each(&source[y * stride_bytes + from..], stride_bytes, bytes, out, |row, out| {
-            out.copy_from_slice(&row[..out.len()]);
-        });
+        return rows::copy(&source[y * stride_bytes + from..], stride_bytes, bytes, out);
     }
     let pairs = source[y * stride_bytes..].chunks(2 * stride_bytes);
     let out_bytes = 2 * readout.image_size_px()[0];

@@ -33,9 +33,7 @@ impl Pace {
         let is_known = clouds_hz > 0.0 && made > 0.0;
         (is_known && every_times > 1).then_some(Self { windows_hz: clouds_hz * times, clouds_hz, every_times })
     }
-}
 
-impl Pace {
     /// The pace of an instance that runs, by the reports of its stages.
     #[must_use]
     pub fn of_tally(tally: &Tally) -> Option<Self> {
