@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
 
-use fringeflow::correspondence::SegmentTable;
+use fringeflow::correspondence::{Drift, KnownDrift, SegmentTable};
 use fringeflow::dataset::{CameraId, Dataset, GreyImage, Truth};
 use fringeflow::evaluation::{Frames, Scores, against_rendered};
 use fringeflow::fusion::{FusionSettings, Tracker};
@@ -92,7 +92,7 @@ impl Scene {
                 return (made, told.unwrap());
             }
             stream.track(&made, &times);
-            told = stream.tracker().prior();
+            told = stream.tracker().prior(made.matches.drift.as_ref().map(Drift::known));
         }
         panic!("the window in the middle was not reached")
     }
@@ -111,6 +111,12 @@ fn a_known_motion_makes_a_moving_scene_nearly_as_good_as_one_at_rest_and_a_wrong
     let moving = |velocity_m_s: Vector3, rate_rad_s: Vector3| Prior {
         motion: RigidMotion { velocity_m_s, rate_rad_s },
         relief: told.relief.clone(),
+        drift: told.drift,
+    };
+    let drifting = |place: usize, by: f32| {
+        let mut numbers = told.drift.unwrap().to_numbers();
+        numbers[place] += by;
+        Prior { drift: KnownDrift::from_numbers(numbers), ..told.clone() }
     };
     let RigidMotion { velocity_m_s, rate_rad_s } = told.motion;
     let still = Relief::of_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
@@ -121,8 +127,21 @@ fn a_known_motion_makes_a_moving_scene_nearly_as_good_as_one_at_rest_and_a_wrong
         ("a metre an image", moving(Vector3::repeat(60.0), Vector3::zeros())),
         ("spinning", moving(Vector3::zeros(), Vector3::repeat(40.0))),
         ("nowhere", moving(Vector3::repeat(f64::NAN), rate_rad_s)),
-        ("of another thing", Prior { motion: told.motion, relief: still }),
+        ("of another thing", Prior { relief: still, ..told.clone() }),
     ];
+    let of_other_calibrations = [
+        ("δ off by 3°", drifting(1, 0.008)),
+        ("δ off by 15°", drifting(1, 0.04)),
+        ("a pixel off", drifting(2, 1.0)),
+        ("many pixels off", drifting(3, -40.0)),
+        ("without bounds", drifting(4, f32::MAX)),
+        ("of no scatter", drifting(0, -0.99 * told.drift.unwrap().to_numbers()[0])),
+    ];
+    for (name, prior) in of_other_calibrations {
+        let scores = scene.scores(&scene.middle(Some((&prior, moment))));
+        assert!(scores.fpc_percent < known.fpc_percent + 0.02, "{name}: {scores:?}; known {known:?}");
+        assert!(scores.com_percent > known.com_percent - 0.2, "{name}: {scores:?}; known {known:?}");
+    }
     for (name, prior) in wrong {
         let scores = scene.scores(&scene.middle(Some((&prior, moment))));
         assert!(scores.fpc_percent < alone.fpc_percent.max(0.05) + 0.05, "{name}: {scores:?}; alone {alone:?}");

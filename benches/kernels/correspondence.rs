@@ -6,7 +6,7 @@ use std::sync::Arc;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::{
-    EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SegmentTable, find_candidates,
+    Drift, EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SegmentTable, find_candidates,
     find_unique_candidates, match_phases,
 };
 use fringeflow::grey::PixelFormat;
@@ -56,10 +56,17 @@ fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
     for method in ResolutionMethod::ALL {
         group.bench_function(BenchmarkId::new("match", method.name()), |bencher| {
             let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
-            bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, &by(method), &mut matches));
+            bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, (&by(method), None), &mut matches));
         });
     }
+    let drift = matches.drift.as_ref().map(Drift::known);
+    group.bench_function(BenchmarkId::new("match", "known drift"), |bencher| {
+        let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
+        let with = (&by(ResolutionMethod::SemiGlobal), drift.as_ref());
+        bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, with, &mut matches));
+    });
     let found = Correspondences {
+        drift,
         width,
         matches,
         mean: cam1.mean.clone(),

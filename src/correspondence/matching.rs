@@ -8,7 +8,7 @@ use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::{DeltaHistogram, HistogramRoom};
 use super::delta_statistics::{DeltaRoom, DeltaStatistics, DeltaSums, measure_delta};
-use super::drift::{Drift, DriftRoom};
+use super::drift::{Drift, DriftRoom, KnownDrift};
 use super::epipolar_image::EpipolarImage;
 use super::outcome::Outcome;
 use super::reference_methods::{ResolutionSettings, paper};
@@ -129,7 +129,7 @@ pub fn match_phases(
     settings: &MatchSettings,
 ) -> Result<Matches, MatchError> {
     let mut matches = Matches::default();
-    Matcher::default().match_phases(cam1, cam2, table, settings, &mut matches)?;
+    Matcher::default().match_phases(cam1, cam2, table, (settings, None), &mut matches)?;
     Ok(matches)
 }
 
@@ -145,7 +145,7 @@ pub fn match_phases_with_grounds(
     settings: &MatchSettings,
 ) -> Result<(Matches, Vec<Grounds>), MatchError> {
     let (mut matches, mut grounds) = (Matches::default(), Vec::new());
-    Matcher::default().match_on_grounds(cam1, cam2, table, settings, &mut matches, Some(&mut grounds))?;
+    Matcher::default().match_on_grounds(cam1, cam2, table, (settings, None), &mut matches, Some(&mut grounds))?;
     Ok((matches, grounds))
 }
 
@@ -161,8 +161,8 @@ pub struct Matcher {
 }
 
 impl Matcher {
-    /// As the function [`match_phases`], into the memory of earlier matches. What was found before makes no difference; after
-    /// an error `out` has no meaning.
+    /// As the function [`match_phases`], into the memory of earlier matches. What was found before makes no difference, but for
+    /// the drift that is said to be known: where the images bear it out, it is found sooner. After an error `out` has no meaning.
     ///
     /// # Errors
     /// Those of that function.
@@ -171,10 +171,10 @@ impl Matcher {
         cam1: &PhaseMap,
         cam2: &PhaseMap,
         table: &SegmentTable,
-        settings: &MatchSettings,
+        (settings, known): (&MatchSettings, Option<&KnownDrift>),
         out: &mut Matches,
     ) -> Result<(), MatchError> {
-        self.match_on_grounds(cam1, cam2, table, settings, out, None)
+        self.match_on_grounds(cam1, cam2, table, (settings, known), out, None)
     }
 
     fn match_on_grounds(
@@ -182,7 +182,7 @@ impl Matcher {
         cam1: &PhaseMap,
         cam2: &PhaseMap,
         table: &SegmentTable,
-        settings: &MatchSettings,
+        (settings, known): (&MatchSettings, Option<&KnownDrift>),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
@@ -217,7 +217,7 @@ impl Matcher {
         let matching = Matching { raw, cam2, table, settings };
         match settings.method {
             ResolutionMethod::SemiGlobal => {
-                matching.semi_global(delta, (drift, semi_global), out, grounds)?;
+                matching.semi_global(delta, known, (drift, semi_global), out, grounds)?;
             }
             ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
@@ -242,13 +242,15 @@ impl Matching<'_> {
     fn semi_global(
         &self,
         delta: DeltaStatistics,
+        known: Option<&KnownDrift>,
         (drift, room): (&mut DriftRoom, &mut semi_global::Room),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
         let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
-        let drift = surfaces::explain(view, &delta, &mut room.surfaces, drift);
+        let known = known.and_then(|known| Drift::of_known(known, self.table));
+        let drift = surfaces::explain(view, &delta, known.as_ref(), &mut room.surfaces, drift);
         if self.is_measured() {
             let ordered = check_order(&delta, || self.exchanged());
             ordered.or_else(|error| if self.fits_exchanged(&room.surfaces) { Err(error) } else { Ok(()) })?;

@@ -57,7 +57,7 @@ pub use candidates::{Candidate, DeltaGate};
 pub use chosen::ChosenCandidates;
 pub use delta_histogram::DeltaHistogram;
 pub use delta_statistics::{DeltaStatistics, measure_delta};
-pub use drift::{Drift, DriftMap, DriftModes, estimate_drift};
+pub use drift::{Drift, DriftMap, DriftModes, KnownDrift, estimate_drift};
 pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
 pub use matching::{MatchSettings, Matcher, Matches, ResolutionMethod, match_phases, match_phases_with_grounds};

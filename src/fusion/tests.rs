@@ -184,11 +184,11 @@ fn what_the_tracker_tells_the_next_windows_is_how_it_moved() {
     let step = Pose::new(nalgebra::Vector3::new(2e-4, -1e-4, 1e-4), nalgebra::Vector3::new(1e-3, 2e-3, -5e-4));
     let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);
     tracker.step(&cloud(&pose(0), 0), at(0));
-    assert!(tracker.prior().is_none(), "one cloud tells no motion");
+    assert!(tracker.prior(None).is_none(), "one cloud tells no motion");
     for k in 1..8 {
         tracker.step(&cloud(&pose(k), k as u64), at(k as u64));
     }
-    let prior = tracker.prior().unwrap();
+    let prior = tracker.prior(None).unwrap();
     let next = prior.motion.pose_after(0.05);
     // A tenth of the way in the middle of what is seen; along it the surface tells less.
     let off = off_m(&next, &step);
@@ -198,7 +198,7 @@ fn what_the_tracker_tells_the_next_windows_is_how_it_moved() {
     assert!(seen * 2 > prior.relief.cells().len(), "{seen} cells");
     // Nobody knows how a scanner that is lost moves.
     let lost = tracker.step(&cloud(&Pose::translation(0.0, 0.0, -0.06), 9), at(9));
-    assert_eq!((lost.tracking.name(), tracker.prior()), ("lost", None));
+    assert_eq!((lost.tracking.name(), tracker.prior(None)), ("lost", None));
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn a_surface_that_hides_where_it_is_tells_how_it_comes_nearer() {
         assert_eq!(tracked.tracking.name(), if k == 0 { "first" } else { "lost" }, "cloud {k}: {tracked:?}");
         assert_eq!((tracked.model_from_cam1, tracker.model().clouds()), (Pose::identity(), 1));
     }
-    let velocity_m_s = tracker.prior().unwrap().motion.velocity_m_s;
+    let velocity_m_s = tracker.prior(None).unwrap().motion.velocity_m_s;
     assert!((velocity_m_s.z + 4e-3).abs() < 4e-4, "{velocity_m_s} m/s");
     assert!(velocity_m_s.xy().norm() < 0.02, "{velocity_m_s} m/s");
 }

@@ -8,6 +8,7 @@
 //! tracked go into the model. Which ones, their number decides and no clock, so that the same clouds give the same poses.
 
 use crate::cloud::Cloud;
+use crate::correspondence::KnownDrift;
 use crate::geometry::{Camera, Point3, Pose};
 use crate::prior::{Prior, Relief, RigidMotion};
 use crate::registration::{
@@ -221,10 +222,11 @@ impl Tracker {
     }
 
     /// What the last cloud tells of the next windows; `None` where it was lost, or is the first one. A surface that does not
-    /// determine all of the pose tells nothing of the motion that leaves it in itself, which hardly shows in its phase either.
+    /// determine all of the pose tells nothing of the motion that leaves it in itself, which hardly shows in its phase either. The
+    /// drift is what the correspondences of this cloud showed.
     #[must_use]
-    pub fn prior(&self) -> Option<Prior> {
-        Some(Prior { motion: self.known?.motion()?, relief: self.relief.clone() })
+    pub fn prior(&self, drift: Option<KnownDrift>) -> Option<Prior> {
+        Some(Prior { motion: self.known?.motion()?, relief: self.relief.clone(), drift })
     }
 
     /// How the last merged cloud lies to the first, by themselves and by the tracking; `None` where they have too little

@@ -51,10 +51,16 @@ pub struct Fit {
     pub third_harmonic_share: f32,
 }
 
+/// Numbers of a drift of the calibration, see [`crate::correspondence::KnownDrift`].
+pub const DRIFT_NUMBERS: usize = 22;
+
+/// A drift of the calibration; all 0 where none is known.
+pub type DriftNumbers = [f32; DRIFT_NUMBERS];
+
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.5")]
+#[type_name("fringeflow.MapsHeader.6")]
 pub struct MapsHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -66,6 +72,8 @@ pub struct MapsHeader {
     pub cam2: Fit,
     /// By how much images of camera 2 begin later than those of camera 1, mean over the pairs, nanoseconds.
     pub skew_ns: i64,
+    /// What is known of the drift beforehand.
+    pub known_drift: DriftNumbers,
     /// Width of the images of either camera, pixels.
     pub width_px: u32,
     /// Height, pixels.
@@ -75,7 +83,7 @@ pub struct MapsHeader {
 /// Describes the correspondences of all pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CorrespondenceHeader.6")]
+#[type_name("fringeflow.CorrespondenceHeader.7")]
 pub struct CorrespondenceHeader {
     /// Maps this channel has carried before.
     pub published: u64,
@@ -99,6 +107,8 @@ pub struct CorrespondenceHeader {
     pub delta_counts: [u32; DELTA_PARTS],
     /// Standard deviation of the phase of C1 and C2, times the modulation, grey levels.
     pub phase_noise_grey: [f32; 2],
+    /// The drift that was found.
+    pub drift: DriftNumbers,
     /// Width, pixels.
     pub width_px: u32,
     /// Height, pixels.
@@ -108,7 +118,7 @@ pub struct CorrespondenceHeader {
 /// Describes a cloud.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.CloudHeader.4")]
+#[type_name("fringeflow.CloudHeader.5")]
 pub struct CloudHeader {
     /// Clouds this channel has carried before.
     pub published: u64,
@@ -122,6 +132,8 @@ pub struct CloudHeader {
     pub delta_sd_rad: f64,
     /// When it was published.
     pub published_ns: u64,
+    /// The drift that its correspondences showed.
+    pub drift: DriftNumbers,
 }
 
 impl Default for CorrespondenceHeader {

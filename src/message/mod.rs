@@ -39,7 +39,7 @@ pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
 pub use frame::{FrameHeader, flags};
 pub use health_report::{GAUGES, GaugeReport, HealthReport};
 pub use incident::Incident;
-pub use maps::{Block, CloudHeader, CorrespondenceHeader, Fit, MapsHeader};
+pub use maps::{Block, CloudHeader, CorrespondenceHeader, DRIFT_NUMBERS, DriftNumbers, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, PriorHeader, TrackingState};

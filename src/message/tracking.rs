@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::Window;
+use super::{DriftNumbers, Window};
 
 /// What became of a cloud that was tracked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -80,12 +80,12 @@ pub struct PoseReport {
     pub reason: u32,
 }
 
-/// What is known of the next windows after a cloud: how the scanner moves, and roughly what it sees, see [`crate::prior`]. The
-/// payload is the relief: an inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera 1, row by row, in
+/// What is known of the next windows after a cloud: how the scanner moves, roughly what it sees, and by how much the
+/// calibration errs, see [`crate::prior`]. The payload is the relief: an inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera 1, row by row, in
 /// units of 30/65535 of 1/m, 0 where nothing was seen. Where nothing is known it is empty, and the numbers of the motion are 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.PriorHeader.1")]
+#[type_name("fringeflow.PriorHeader.2")]
 pub struct PriorHeader {
     /// Messages that this channel has carried before: one with each pose report.
     pub published: u64,
@@ -103,6 +103,8 @@ pub struct PriorHeader {
     pub width_px: u32,
     /// Height, pixels.
     pub height_px: u32,
+    /// The drift of the calibration that the cloud showed.
+    pub drift: DriftNumbers,
 }
 
 /// Describes the points of the model that are shown: some, so that they are few enough.

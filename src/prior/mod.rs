@@ -1,4 +1,5 @@
-//! What the stream knows of a window before its images are looked at: how the scanner moves, and roughly what it sees.
+//! What the stream knows of a window before its images are looked at: how the scanner moves, roughly what it sees, and by
+//! how much the calibration errs.
 //!
 //! In: the last tracked poses and the last cloud. Out: a [`Prior`], small enough for a message, and of it the [`Flow`](crate::phase::Flow) of what
 //! each camera sees while the images of a window are taken. The scanner moves rigidly past a rigid thing; 16 ms later what it
@@ -12,6 +13,8 @@ mod motion;
 mod relief;
 mod times;
 
+use crate::correspondence::KnownDrift;
+
 pub use motion::RigidMotion;
 pub use relief::{CELL_PX, Relief};
 pub use times::{Moment, WindowTimes};
@@ -23,6 +26,8 @@ pub struct Prior {
     pub motion: RigidMotion,
     /// What camera 1 saw at the time of the last cloud.
     pub relief: Relief,
+    /// The drift of the calibration that this cloud showed, if it showed one.
+    pub drift: Option<KnownDrift>,
 }
 
 #[cfg(test)]

@@ -21,8 +21,9 @@ const MOMENT: Moment = Moment { age_s: 0.05, spacing_s: 0.01 };
 #[test]
 fn flows_are_the_ways_of_the_points_that_the_cameras_see() {
     let rig = rig();
-    let [flow1, flow2] =
-        Prior { motion: MOTION, relief: relief(0.3) }.flows(&rig.calibrated, &rig.columns, MOMENT).unwrap();
+    let [flow1, flow2] = Prior { motion: MOTION, relief: relief(0.3), drift: None }
+        .flows(&rig.calibrated, &rig.columns, MOMENT)
+        .unwrap();
     // The middle tiles of both.
     let pixel = Pixel::new(79.5, 63.5);
     let at = |images: f64| {
@@ -51,7 +52,7 @@ fn flows_are_the_ways_of_the_points_that_the_cameras_see() {
 fn what_tells_nothing_gives_no_flow() {
     let rig = rig();
     let flows = |prior: &Prior, moment| prior.flows(&rig.calibrated, &rig.columns, moment);
-    let prior = Prior { motion: MOTION, relief: relief(0.3) };
+    let prior = Prior { motion: MOTION, relief: relief(0.3), drift: None };
     assert!(flows(&prior, MOMENT).is_some());
     for moment in [
         Moment { age_s: -0.01, ..MOMENT },

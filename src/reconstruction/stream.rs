@@ -1,5 +1,6 @@
 //! Windows one after the other, each with what those before it tell of it.
 
+use crate::correspondence::Drift;
 use crate::fusion::{Tracked, Tracker};
 use crate::grey::GreyLevels;
 use crate::prior::{Prior, WindowTimes};
@@ -55,7 +56,8 @@ impl TrackedStream {
     /// Registers the cloud of a window to those before it.
     pub fn track(&mut self, made: &Reconstruction, times: &WindowTimes) -> Tracked {
         let tracked = self.tracker.step(&made.cloud, times.centre_ns());
-        self.prior = self.tracker.prior().map(|prior| (prior, times.centre_ns()));
+        let drift = made.matches.drift.as_ref().map(Drift::known);
+        self.prior = self.tracker.prior(drift).map(|prior| (prior, times.centre_ns()));
         tracked
     }
 }

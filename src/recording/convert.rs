@@ -170,6 +170,8 @@ impl CloudHeader {
             delta_mean_rad: self.delta_mean_rad,
             delta_sd_rad: self.delta_sd_rad,
             published_ns: self.published_ns,
+            // Priors tell it.
+            drift: [0.0; _],
         })
     }
 }
@@ -234,6 +236,7 @@ impl MapsHeader {
             cam1: self.cam1.as_ref()?.to_message(),
             cam2: self.cam2.as_ref()?.to_message(),
             skew_ns: self.skew_ns,
+            known_drift: [0.0; _],
             width_px: self.width_px,
             height_px: self.height_px,
         })
@@ -272,6 +275,7 @@ impl CorrespondenceHeader {
             chosen_delta_sd_rad: self.chosen_delta_sd_rad,
             phase_noise_grey: <[f32; 2]>::try_from(self.phase_noise_grey.as_slice()).ok()?,
             delta_counts: delta_counts(&self.delta_counts)?,
+            drift: [0.0; _],
             width_px: self.width_px,
             height_px: self.height_px,
         })

@@ -26,6 +26,7 @@
 //!
 //! The schema of our own messages is `schema/fringeflow.proto`.
 
+mod buffers;
 mod check;
 mod collect;
 mod content;
@@ -42,7 +43,6 @@ mod offline;
 mod opening;
 mod pairs;
 mod priors;
-mod queue;
 mod reader;
 mod recordable;
 mod recorder;

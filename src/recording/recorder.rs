@@ -11,13 +11,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
+
 use crate::message::{DropReason, FrameHeader};
 
+use super::buffers::{Buffers, Item};
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};
 use super::held::{Held, Places};
 use super::opening::monotonic_ns;
-use super::queue::{Item, Next, Queue};
 use super::recordable::{Encoded, MOST_HEADER_BYTES, Times, encode_frame};
 use super::writer::{Opening, RecordingWriter};
 use super::{Recordable, Topic};
@@ -46,6 +48,8 @@ pub struct Recorded {
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Shared>,
+    /// The way to the thread that writes, bounded by the bytes of the buffers; `None` where nothing more will come.
+    items: Option<Sender<Item>>,
     places: Places,
     writer: Option<JoinHandle<Result<PathBuf, RecordingError>>>,
 }
@@ -53,7 +57,7 @@ pub struct Recorder {
 #[derive(Debug)]
 struct Shared {
     target: PathBuf,
-    queue: Queue,
+    buffers: Buffers,
     account: Mutex<Account>,
 }
 
@@ -71,13 +75,13 @@ impl Recorder {
     /// The name is taken, its folder is missing, or the disk is full.
     pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        let shared =
-            Arc::new(Shared { target: target.to_owned(), queue: Queue::new(queue_bytes), account: Mutex::default() });
-        let work = Arc::clone(&shared);
+        let buffers = Buffers::new(queue_bytes);
+        let shared = Arc::new(Shared { target: target.to_owned(), buffers, account: Mutex::default() });
+        let (work, (items, waiting)) = (Arc::clone(&shared), unbounded());
         let thread = std::thread::Builder::new().name("recorder".to_owned());
-        let thread = thread.spawn(move || WriterThread::new(&work, writer).run());
+        let thread = thread.spawn(move || WriterThread::new(&work, waiting, writer).run());
         let writer = thread.map_err(|e| RecordingProblem::Unwritable(e).of(target))?;
-        Ok(Self { shared, places: Places::new(MOST_HELD), writer: Some(writer) })
+        Ok(Self { shared, items: Some(items), places: Places::new(MOST_HELD), writer: Some(writer) })
     }
 
     /// Takes a message, or counts it as lost; never waits for the disk.
@@ -104,13 +108,17 @@ impl Recorder {
     /// Counts a message, and puts it into the queue if that has room for so many bytes.
     fn accept(&self, topic: Topic, times: Times, bytes: usize, encode: impl FnOnce(&mut Encoded)) {
         self.shared.account().counts.of(topic).taken += 1;
-        let Some(mut encoded) = self.shared.queue.buffer(bytes) else {
+        let Some((mut encoded, items)) = self.shared.buffers.take(bytes).zip(self.items.as_ref()) else {
             self.shared.account().counts.of(topic).drop_one(DropReason::QueueFull);
             return;
         };
-        let had = encoded.bytes.capacity();
+        let had_bytes = encoded.bytes.capacity();
         encode(&mut encoded);
-        self.shared.queue.push(Item { topic, times, encoded }, had);
+        self.shared.buffers.count_growth(had_bytes, encoded.bytes.capacity());
+        if items.send(Item { topic, times, encoded }).is_err() {
+            // The thread that wrote is gone; ending the recording tells why.
+            self.shared.account().counts.of(topic).drop_one(DropReason::DiskFull);
+        }
     }
 
     /// What was taken, written and lost so far.
@@ -122,7 +130,7 @@ impl Recorder {
     /// Messages that wait for their way to the kernel.
     #[must_use]
     pub fn waiting(&self) -> usize {
-        self.shared.queue.waiting()
+        self.items.as_ref().map_or(0, Sender::len)
     }
 
     /// Why nothing more is written, though the recording was not ended; `None` while all is well.
@@ -141,7 +149,7 @@ impl Recorder {
     }
 
     fn join(&mut self) -> Result<PathBuf, RecordingError> {
-        self.shared.queue.end();
+        self.items = None;
         let gone = || RecordingProblem::Unfinishable("the writer thread ended".to_owned()).of(&self.shared.target);
         match self.writer.take().map(JoinHandle::join) {
             Some(Ok(result)) => result,
@@ -171,6 +179,7 @@ impl Shared {
 /// The thread that writes.
 struct WriterThread<'a> {
     shared: &'a Shared,
+    waiting: Receiver<Item>,
     /// `None` once the file is closed.
     writer: Option<RecordingWriter>,
     /// What came of closing it before the end.
@@ -184,18 +193,18 @@ struct WriterThread<'a> {
 }
 
 impl<'a> WriterThread<'a> {
-    fn new(shared: &'a Shared, writer: RecordingWriter) -> Self {
+    fn new(shared: &'a Shared, waiting: Receiver<Item>, writer: RecordingWriter) -> Self {
         let now = Instant::now();
         let (writer, unflushed) = (Some(writer), BTreeMap::new());
-        Self { shared, writer, closed: None, unflushed, flushed_at: now, synced_at: now, told: 0 }
+        Self { shared, waiting, writer, closed: None, unflushed, flushed_at: now, synced_at: now, told: 0 }
     }
 
     fn run(mut self) -> Result<PathBuf, RecordingError> {
         loop {
-            match self.shared.queue.next(FLUSH_EVERY.saturating_sub(self.flushed_at.elapsed())) {
-                Next::Item(item) => self.take(item),
-                Next::Nothing => {}
-                Next::Ended => break,
+            match self.waiting.recv_timeout(FLUSH_EVERY.saturating_sub(self.flushed_at.elapsed())) {
+                Ok(item) => self.take(item),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
             }
             if self.flushed_at.elapsed() >= FLUSH_EVERY {
                 self.flush();
@@ -225,10 +234,10 @@ impl<'a> WriterThread<'a> {
         self.give_back();
     }
 
-    /// Gives the queue the buffers whose content is in the file.
+    /// Gives back the buffers whose content is in the file.
     fn give_back(&mut self) {
         let released = self.writer.iter_mut().flat_map(RecordingWriter::released);
-        released.for_each(|buffer| self.shared.queue.give_back(buffer));
+        released.for_each(|buffer| self.shared.buffers.give_back(buffer));
     }
 
     fn lose(&self, topic: Topic, count: u64) {

@@ -129,6 +129,7 @@ impl Prior {
             width_px: header.width_px,
             height_px: header.height_px,
             relief: Bytes::copy_from_slice(relief),
+            drift: wire::drift::read(&header.drift).map_or(Vec::new(), |drift| drift.to_numbers().to_vec()),
         }
     }
 
@@ -145,6 +146,8 @@ impl Prior {
                 rate_rad_s,
                 width_px: self.width_px,
                 height_px: self.height_px,
+                // Recordings of former versions have none.
+                drift: self.drift.as_slice().try_into().unwrap_or_default(),
             }
         });
         (header.filter(|header| wire::prior::is_whole(header, &self.relief)), self.relief)

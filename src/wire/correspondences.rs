@@ -9,7 +9,7 @@ use crate::phase::Modulation;
 use crate::worker::Correspondences;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
-use super::{WireError, checked_pixels};
+use super::{WireError, checked_pixels, drift};
 
 /// Blocks of the payload for images of `pixels` pixels.
 #[must_use]
@@ -34,6 +34,7 @@ pub fn header(found: &Correspondences, window: &Window, published: u64) -> Corre
         chosen_delta_sd_rad,
         delta_counts: delta_counts(&found.matches),
         phase_noise_grey: found.phase_noise_grey,
+        drift: drift::numbers(found.drift.as_ref()),
         width_px: found.width as u32,
         height_px: (found.mean.len() / found.width.max(1)) as u32,
     }
@@ -98,6 +99,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
     }
     out.width = header.width_px as usize;
     out.phase_noise_grey = header.phase_noise_grey;
+    out.drift = drift::read(&header.drift);
     refill(&mut out.mean, planes.mean);
     refill(&mut out.modulation, planes.modulation);
     let matches = &mut out.matches;
@@ -128,7 +130,7 @@ fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::ChosenCandidates;
+    use crate::correspondence::{ChosenCandidates, KnownDrift};
 
     fn found() -> Correspondences {
         let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();
@@ -156,6 +158,7 @@ mod tests {
             slip_steps: [0; 2],
         };
         Correspondences {
+            drift: KnownDrift::from_numbers([0.25; _]),
             width: 7,
             matches,
             mean: (0..35).collect(),

@@ -5,7 +5,7 @@ use crate::phase::{Exposure, FitStatistics, Harmonics, Modulation, Motion, Phase
 use crate::worker::PhasePair;
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
-use super::{WireError, checked_pixels};
+use super::{WireError, checked_pixels, drift};
 
 /// Blocks of the payload for images of `pixels` pixels.
 #[must_use]
@@ -22,6 +22,7 @@ pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -
         cam1: fit(&maps.cam1),
         cam2: fit(&maps.cam2),
         skew_ns,
+        known_drift: drift::numbers(maps.known_drift.as_ref()),
         width_px: maps.cam1.width as u32,
         height_px: maps.cam1.height as u32,
     }
@@ -83,6 +84,7 @@ pub fn read(header: &MapsHeader, payload: &[Block], out: &mut PhasePair) -> Resu
         map.harmonics = harmonics(fit);
         map.motion = motion(fit);
     }
+    out.known_drift = drift::read(&header.known_drift);
     Ok(())
 }
 
@@ -147,6 +149,7 @@ fn motion(fit: &Fit) -> Option<Motion> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::KnownDrift;
 
     fn map(width: usize, height: usize, seed: usize) -> PhaseMap {
         let pixels = width * height;
@@ -167,11 +170,12 @@ mod tests {
     #[test]
     fn what_was_written_is_read() {
         // 35 pixels: no plane ends at the end of a block.
-        let maps = PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2) };
+        let maps =
+            PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2), known_drift: KnownDrift::from_numbers([0.5; _]) };
         let mut payload = vec![Block([0xff; 64]); blocks(35)];
         write(&maps, &mut payload);
         let header = header(&maps, &Window::default(), 40, 3);
-        let mut read_back = PhasePair { cam1: map(3, 3, 0), cam2: PhaseMap::default() };
+        let mut read_back = PhasePair { cam1: map(3, 3, 0), ..PhasePair::default() };
         read(&header, &payload, &mut read_back).unwrap();
         assert_eq!(read_back, maps);
     }

@@ -5,6 +5,7 @@
 //! of another length or with a value that cannot be is [`WireError`].
 
 pub mod correspondences;
+pub mod drift;
 pub mod health;
 pub mod maps;
 mod planes;

@@ -1,13 +1,14 @@
 //! What is known of the next windows as a message.
 
+use super::drift;
 use crate::fusion::Tracker;
 use crate::geometry::Vector3;
-use crate::message::{PoseReport, PriorHeader, Window};
+use crate::message::{CloudHeader, PoseReport, PriorHeader, Window};
 use crate::prior::{Prior, Relief, RigidMotion, WindowTimes};
 
-/// What a tracker knows after the cloud of a report, its cells as the payload in `out`; nothing where the cloud tells nothing.
+/// What a tracker knows after a cloud and its report, its cells as the payload in `out`; nothing where the cloud tells nothing.
 #[must_use]
-pub fn prior(tracker: &Tracker, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
+pub fn prior(tracker: &Tracker, report: &PoseReport, cloud: &CloudHeader, out: &mut Vec<u8>) -> PriorHeader {
     out.clear();
     let header = PriorHeader {
         published: report.published,
@@ -16,11 +17,18 @@ pub fn prior(tracker: &Tracker, report: &PoseReport, out: &mut Vec<u8>) -> Prior
         published_ns: report.published_ns,
         ..PriorHeader::default()
     };
-    let Some(Prior { motion, relief }) = tracker.prior() else { return header };
+    let Some(Prior { motion, relief, drift }) = tracker.prior(drift::read(&cloud.drift)) else { return header };
     relief.cells().iter().for_each(|cell| out.extend_from_slice(&cell.to_le_bytes()));
     let [width_px, height_px] = relief.size_px().map(|length| length as u32);
     let RigidMotion { velocity_m_s, rate_rad_s } = motion;
-    PriorHeader { velocity_m_s: velocity_m_s.into(), rate_rad_s: rate_rad_s.into(), width_px, height_px, ..header }
+    PriorHeader {
+        velocity_m_s: velocity_m_s.into(),
+        rate_rad_s: rate_rad_s.into(),
+        width_px,
+        height_px,
+        drift: drift::numbers(drift.as_ref()),
+        ..header
+    }
 }
 
 /// When the images of a window were taken.
@@ -39,7 +47,8 @@ pub fn read(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
     let size_px = [header.width_px, header.height_px].map(|length| length as usize);
     let cells = payload.as_chunks().0.iter().map(|cell| u16::from_le_bytes(*cell)).collect();
     let [velocity_m_s, rate_rad_s] = [header.velocity_m_s, header.rate_rad_s].map(Vector3::from);
-    Some(Prior { motion: RigidMotion { velocity_m_s, rate_rad_s }, relief: Relief::of_cells(size_px, cells)? })
+    let (motion, relief) = (RigidMotion { velocity_m_s, rate_rad_s }, Relief::of_cells(size_px, cells)?);
+    Some(Prior { motion, relief, drift: drift::read(&header.drift) })
 }
 
 /// Whether a payload has as many bytes as its header says, and all numbers are finite.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::correspondence::{MatchError, MatchSettings, Matcher, Matches, SegmentTable};
+use crate::correspondence::{Drift, KnownDrift, MatchError, MatchSettings, Matcher, Matches, SegmentTable};
 use crate::phase::{Modulation, PhaseShifts};
 
 use super::PhasePair;
@@ -14,6 +14,8 @@ pub struct Correspondences {
     pub width: usize,
     /// What became of every pixel.
     pub matches: Matches,
+    /// What later windows are told of the drift of the calibration, where there is one.
+    pub drift: Option<KnownDrift>,
     /// Mean grey level of every pixel of C1.
     pub mean: Vec<u8>,
     /// Modulation of every pixel of C1.
@@ -53,7 +55,9 @@ impl CorrespondenceWorker {
     /// # Errors
     /// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
     pub fn step(&mut self, maps: &PhasePair, out: &mut Correspondences) -> Result<(), MatchError> {
-        self.matcher.match_phases(&maps.cam1, &maps.cam2, &self.table, &self.settings, &mut out.matches)?;
+        let with = (&self.settings, maps.known_drift.as_ref());
+        self.matcher.match_phases(&maps.cam1, &maps.cam2, &self.table, with, &mut out.matches)?;
+        out.drift = out.matches.drift.as_ref().map(Drift::known);
         if let Some(steps) = self.settings.cycle_steps.filter(|_| self.shift_sense == Some(-1.0)) {
             // The phase is ahead where the steps are behind.
             out.matches.slip_steps = out.matches.slip_steps.map(|ahead| (steps - ahead) % steps);

@@ -1,5 +1,6 @@
 //! From the images of both cameras to their phase maps.
 
+use crate::correspondence::KnownDrift;
 use crate::geometry::{FringePattern, Rig};
 use crate::grey::GreyLevels;
 use crate::phase::{
@@ -17,6 +18,8 @@ pub struct PhasePair {
     pub cam1: PhaseMap,
     /// Camera 2.
     pub cam2: PhaseMap,
+    /// What is known beforehand of the drift of the calibration.
+    pub known_drift: Option<KnownDrift>,
 }
 
 /// Decodes the images of one rig and one cycle of shifts.
@@ -105,7 +108,7 @@ impl PhaseWorker {
 
     /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
     /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated: by what is known of it
-    /// beforehand, and by what the images tell.
+    /// beforehand, and by what the images tell. What is known of the drift goes on with the maps.
     ///
     /// # Errors
     /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has; images that
@@ -139,6 +142,7 @@ impl PhaseWorker {
             self.decode(2, (&mut steps.fit, flow2), images, cam2, self.cam2_px, &mut out.cam2)
         };
         let decoded = decode();
+        out.known_drift = known.and_then(|(prior, _)| prior.drift);
         self.steps[begin] = Some(steps);
         decoded
     }

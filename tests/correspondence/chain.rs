@@ -311,7 +311,7 @@ fn neither_the_instructions_nor_what_was_matched_before_show() {
             // Other tests need not know: their results are the same.
             level.limit_to();
             for (made, first) in made.iter().zip(&mut first) {
-                matcher.match_phases(&made.cam1, &made.cam2, &table, &settings, &mut matches).unwrap();
+                matcher.match_phases(&made.cam1, &made.cam2, &table, (&settings, None), &mut matches).unwrap();
                 let first = first.get_or_insert_with(|| {
                     match_phases_with_grounds(&made.cam1, &made.cam2, &table, &settings).unwrap().0
                 });

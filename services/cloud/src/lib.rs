@@ -73,6 +73,7 @@ impl Transform for CloudStage {
                 delta_mean_rad,
                 delta_sd_rad,
                 published_ns: clock::now_ns(),
+                drift: wire::drift::numbers(self.found.drift.as_ref()),
             })
         });
         made.map(|Ok(())| ())

@@ -138,7 +138,7 @@ impl TrackingStage {
         if let Err(error) = self.poses.send_message(&report) {
             tracing::warn!("{error}");
         }
-        self.tell_next_windows(&report);
+        self.tell_next_windows(&report, &header);
         self.tell(&report);
         if is_tracked {
             self.last = report;
@@ -150,9 +150,9 @@ impl TrackingStage {
     }
 
     /// Says what the cloud of a report tells of the windows behind it: nothing where it was lost.
-    fn tell_next_windows(&mut self, report: &PoseReport) {
+    fn tell_next_windows(&mut self, report: &PoseReport, cloud: &CloudHeader) {
         let Some(Priors { output, relief }) = &mut self.priors else { return };
-        let header = prior::prior(&self.tracker, report, relief);
+        let header = prior::prior(&self.tracker, report, cloud, relief);
         let header = PriorHeader { published_ns: clock::now_ns(), ..header };
         if let Err(error) = output.send(&header, relief) {
             tracing::warn!("{error}");

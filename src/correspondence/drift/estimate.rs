@@ -10,6 +10,7 @@ use super::super::delta_statistics::DeltaStatistics;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment_table::SegmentTable;
 use super::super::surfaces::Decided;
+use super::known::KnownDrift;
 use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
 use super::place::{DepthRow, Places, Polynomial, TERMS};
@@ -60,6 +61,8 @@ const LAST_WIDENING: f64 = 1.5;
 pub struct Drift {
     pub(super) places: Places,
     pub(super) field: Polynomial,
+    /// The modes that make it up.
+    coefficients: Coefficients,
     /// Mean of the field over the sampled volume, rad.
     pub mean_rad: f64,
     /// sd of δ of true candidates about the field, rad: what is left for noise.
@@ -79,6 +82,7 @@ impl Default for Drift {
         Self {
             places,
             field: [0.0; TERMS],
+            coefficients: Coefficients::default(),
             mean_rad: 0.0,
             residual_sd_rad: 0.0,
             rms_rad: 0.0,
@@ -98,7 +102,8 @@ impl Drift {
     pub(in super::super) fn level(mean_rad: f64, sd_rad: f64) -> Self {
         let mut field = [0.0; TERMS];
         field[0] = mean_rad / TAU;
-        Self { field, mean_rad, residual_sd_rad: sd_rad, ..Self::default() }
+        let coefficients = std::iter::once(field[0]).collect();
+        Self { field, coefficients, mean_rad, residual_sd_rad: sd_rad, ..Self::default() }
     }
 
     fn new(modes: &DriftModes, guess: &Guess) -> Self {
@@ -113,12 +118,37 @@ impl Drift {
         Self {
             places: modes.places,
             field,
+            coefficients: guess.coefficients.clone(),
             mean_rad: guess.coefficients[0] * TAU,
             residual_sd_rad: guess.sd_turns.hypot(MODEL_SD_TURNS) * TAU,
             rms_rad: squares.sqrt() * TAU,
             error_px: errors.sqrt(),
             share: guess.share,
         }
+    }
+
+    /// What later windows are told of it.
+    #[must_use]
+    pub fn known(&self) -> KnownDrift {
+        let mut known = KnownDrift { coefficients: [0.0; _], sd_rad: self.residual_sd_rad as f32 };
+        known.coefficients.iter_mut().zip(&*self.coefficients).for_each(|(own, &c)| *own = c as f32);
+        known
+    }
+
+    /// The drift of a rig that is known beforehand; `None` where the fields of its drift are not.
+    pub(in super::super) fn of_known(known: &KnownDrift, table: &SegmentTable) -> Option<Self> {
+        let modes = table.drift_modes()?;
+        let mut coefficients: Coefficients = known.coefficients.into_iter().map(f64::from).collect();
+        coefficients.resize(1 + modes.fields.len());
+        let sd_turns = ((f64::from(known.sd_rad) / TAU).powi(2) - MODEL_SD_TURNS.powi(2)).max(0.0).sqrt();
+        Some(Self::new(modes, &Guess { coefficients, sd_turns, share: 1.0 }))
+    }
+
+    /// Root mean square of its difference from another one of the rig, turns.
+    pub(in super::super) fn distance_turns(&self, other: &Self, table: &SegmentTable) -> f64 {
+        let rms_turns = std::iter::once(&1.0).chain(table.drift_modes().map_or(&[][..], |modes| &modes.rms_turns));
+        let pairs = self.coefficients.iter().zip(&*other.coefficients);
+        pairs.zip(rms_turns).map(|((a, b), rms)| ((a - b) * rms).powi(2)).sum::<f64>().sqrt()
     }
 
     /// What is left of δ about the field: no mean, and the sd of noise.
@@ -163,14 +193,11 @@ pub(in super::super) struct DriftRoom {
     sample: Sample,
     thinned: Sample,
     solver: Solver,
-    /// What decided candidates showed last.
-    found: Guess,
 }
 
 impl DriftRoom {
     /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of false ones
-    /// over so many turns; they are such a share of the image. `None` where nothing was decided. A drift that is no level is that
-    /// which was found last.
+    /// over so many turns; they are such a share of the image. `None` where nothing was decided.
     pub(in super::super) fn of_decided(
         &mut self,
         table: &SegmentTable,
@@ -184,14 +211,10 @@ impl DriftRoom {
             return None;
         }
         self.sample.thin(DECIDED_PIXELS, &mut self.thinned);
-        let level = DeltaStatistics { mean_rad: known.mean_rad, sd_rad, ..DeltaStatistics::default() };
-        let mut guess = still(modes, &level);
-        if known.error_px > 0.0 {
-            guess.coefficients = self.found.coefficients.clone();
-        }
+        let mut guess = Guess { coefficients: known.coefficients.clone(), sd_turns: sd_rad / TAU, share: 0.0 };
+        guess.coefficients.resize(1 + modes.fields.len());
         self.thinned.refine(&mut guess, LAST_STEPS, &mut self.solver);
-        self.found = guess;
-        Some(Drift::new(modes, &self.found))
+        Some(Drift::new(modes, &guess))
     }
 
     /// As [`estimate_drift`], and the other of the best drifts within the volume and beyond it, if candidates were found there.

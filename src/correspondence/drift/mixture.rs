@@ -50,7 +50,7 @@ pub(super) struct Guess {
 }
 
 /// The mean of a field in turns, then a coefficient a mode in pixels.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coefficients {
     values: [f64; 1 + MAX_MODES],
     count: usize,

@@ -9,12 +9,14 @@
 //! 3. *mixture*: candidates of a sample of pixels, of which one each is true, or none;
 //! 4. *estimate*: the field of one pair of images, by expectation maximization from candidates that surfaces decided, else from
 //!    all candidates and several starts;
-//! 5. *map*: the field over the pixels of C1, for people.
+//! 5. *known*: the same handed on to later windows, whose estimates begin with it;
+//! 6. *map*: the field over the pixels of C1, for people.
 //!
 //! A wrong fringe order that is consistent over a large part of the image looks like a field too, but a field that only
 //! calibration errors of several pixels could cause: the prior of the modes refuses it.
 
 mod estimate;
+mod known;
 mod map;
 mod mixture;
 mod modes;
@@ -22,6 +24,7 @@ mod place;
 
 pub use estimate::{Drift, estimate_drift};
 pub(super) use estimate::{DriftRoom, MODEL_SD_TURNS};
+pub use known::KnownDrift;
 pub use map::DriftMap;
 pub use modes::DriftModes;
 pub(super) use place::{DepthBlock, DepthPolynomial, DepthRow};

@@ -50,7 +50,7 @@ impl TestScene {
     pub(super) fn surfaces(&self) -> surfaces::Room {
         let mut room = surfaces::Room::default();
         let view = surfaces::View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table };
-        surfaces::explain(view, &self.delta, &mut room, &mut DriftRoom::default());
+        surfaces::explain(view, &self.delta, None, &mut room, &mut DriftRoom::default());
         room
     }
 

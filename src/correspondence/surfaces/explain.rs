@@ -1,8 +1,9 @@
 //! The drift of one pair of images, from orders that whole surfaces decided.
 //!
 //! ```text
-//! nodes decided by δ of few pixels about 0 within wide limits
-//! the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
+//! where a drift is known beforehand: nodes decided by δ of few pixels about it
+//! else, and where the images do not bear it out: nodes decided by δ of few pixels about 0 within wide limits;
+//!     the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
 //! the drift that these candidates show, and all of pixels whose nodes are not clear; doubtful nodes decided by more pixels about it
 //! where few pixels are clear then or few fit, or δ scatters about it by more than noise, or widely and the error is unusual: also
 //!     the drifts by expectation maximization over all candidates of some pixels, within the volume and beyond it, which finds
@@ -25,6 +26,13 @@ const NARROW_SD: f64 = 4.5;
 const MIN_NARROW_TURNS: f64 = 0.004;
 const BEYOND_TURNS: f32 = 0.01;
 const MOST_TURNS: f32 = 0.06;
+/// Most of a drift that is known beforehand, turns, and of the calibration error behind it, pixels: what may be found from 0. Beyond,
+/// a wrong order of a flat board has such a field.
+const MOST_KNOWN_TURNS: f64 = 0.05;
+const MOST_KNOWN_PX: f64 = 1.5;
+/// How far the drift that a window shows may be off the one that was known, turns (4°): over the whole volume, of which it shows a
+/// part.
+const NEAR_KNOWN_TURNS: f64 = 0.012;
 /// sd of δ of true candidates about no drift on rigs that are off by so much, rad.
 const WIDE_SD_RAD: f64 = 0.15;
 /// sd with which the drift is estimated about a first estimate, in that of this.
@@ -53,18 +61,7 @@ pub(in super::super) fn explain_by_surfaces(
     drift_room: &mut DriftRoom,
 ) -> Option<Drift> {
     room.divide(view);
-    let level = Drift::level(0.0, WIDE_SD_RAD);
-    room.decide(view, &level, WIDE, Asked::Few);
-    let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
-    let first = room.refined(view, &level, wide, WIDE_SD_RAD, drift_room)?;
-    let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
-    room.decide(view, &first, gate, Asked::Few);
-    let Gate { cap_turns, .. } = gate;
-    let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
-    let sd_rad = first.residual_sd_rad;
-    let found = room.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
-    room.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
-    Some(found)
+    room.explain_from_none(view, drift_room)
 }
 
 /// How much more likely than by chance the orders and the drift that surfaces show make δ of a pixel, nats, of pixels whose nodes lead
@@ -73,19 +70,21 @@ pub(in super::super) fn clear_nats(view: View<'_>, room: &mut Room, drift_room: 
     explain_by_surfaces(view, room, drift_room).map_or(0.0, |drift| room.clear_share() * fit_nats(&drift))
 }
 
-/// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it.
+/// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it, and `known` what an
+/// earlier window showed.
 pub(in super::super) fn explain(
     view: View<'_>,
     delta: &DeltaStatistics,
+    known: Option<&Drift>,
     room: &mut Room,
     drift_room: &mut DriftRoom,
 ) -> Drift {
-    let found = explain_by_surfaces(view, room, drift_room);
-    let fits = !delta.is_suspicious() || room.fitting_share() > MIN_FITTING_SHARE;
-    let is_clear = fits && room.clear_share() >= MIN_CLEAR_SHARE;
-    match found {
-        // What scattered lies outside the volume.
-        Some(found) if is_clear && is_as_noise(&found, delta) && (!delta.is_suspicious() || is_usual(&found)) => found,
+    room.divide(view);
+    if let Some(found) = known.and_then(|known| room.explain_from(view, known, delta, drift_room)) {
+        return found;
+    }
+    match room.explain_from_none(view, drift_room) {
+        Some(found) if room.bears_out(&found, delta) => found,
         found => {
             let (mut drift, other) = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
             let mut most = room.told_nats(view, &drift);
@@ -102,6 +101,52 @@ pub(in super::super) fn explain(
 }
 
 impl Room {
+    /// Decides the nodes about the drift that they show.
+    fn explain_from_none(&mut self, view: View<'_>, drift_room: &mut DriftRoom) -> Option<Drift> {
+        let level = Drift::level(0.0, WIDE_SD_RAD);
+        self.decide(view, &level, WIDE, Asked::Few);
+        let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
+        let first = self.refined(view, &level, wide, WIDE_SD_RAD, drift_room)?;
+        Some(self.explain_about(view, first, drift_room))
+    }
+
+    /// The same where one is known beforehand; `None` where the images do not bear it out.
+    fn explain_from(
+        &mut self,
+        view: View<'_>,
+        known: &Drift,
+        delta: &DeltaStatistics,
+        drift_room: &mut DriftRoom,
+    ) -> Option<Drift> {
+        let most_turns = (known.mean_rad.abs() + 2.0 * known.rms_rad) / TAU;
+        if most_turns > MOST_KNOWN_TURNS || known.error_px > MOST_KNOWN_PX || known.residual_sd_rad > MAX_SD_RAD {
+            return None;
+        }
+        let found = self.explain_about(view, known.clone(), drift_room);
+        let is_near = found.distance_turns(known, view.table) < NEAR_KNOWN_TURNS;
+        (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.bears_out(&found, delta)).then_some(found)
+    }
+
+    /// The same about a first estimate.
+    fn explain_about(&mut self, view: View<'_>, first: Drift, drift_room: &mut DriftRoom) -> Drift {
+        let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
+        self.decide(view, &first, gate, Asked::Few);
+        let Gate { cap_turns, .. } = gate;
+        let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
+        let sd_rad = first.residual_sd_rad;
+        let found = self.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
+        self.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
+        found
+    }
+
+    /// Whether most surfaces lead clearly about a drift that they showed, and δ scatters about it as noise does.
+    fn bears_out(&self, found: &Drift, delta: &DeltaStatistics) -> bool {
+        let fits = !delta.is_suspicious() || self.fitting_share() > MIN_FITTING_SHARE;
+        let is_clear = fits && self.clear_share() >= MIN_CLEAR_SHARE;
+        // What scattered lies outside the volume.
+        is_clear && is_as_noise(found, delta) && (!delta.is_suspicious() || is_usual(found))
+    }
+
     /// How much more likely a drift makes δ of a pixel than chance, by the orders that are decided about it: the logarithm, nats. What
     /// lies beyond the volume must fit as closely as what lies within: where more is allowed there, wrong orders within are ahead.
     fn told_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {

@@ -1,4 +1,4 @@
-use super::super::drift::{Drift, DriftRoom};
+use super::super::drift::{Drift, DriftRoom, KnownDrift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::semi_global::test_scene::TestScene;
 use super::evidence::{Asked, Gate};
@@ -15,7 +15,7 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
     let explained = Level::ALL.map(|level| {
         level.limit_to();
         let mut room = Room::default();
-        let drift = explain(view(&scene), &scene.delta, &mut room, &mut DriftRoom::default());
+        let drift = explain(view(&scene), &scene.delta, None, &mut room, &mut DriftRoom::default());
         (drift, room)
     });
     let [(drift, room), others @ ..] = &explained;
@@ -39,10 +39,42 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
 }
 
 #[test]
+fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
+    let scene = TestScene::new();
+    let explained = |known: Option<KnownDrift>| {
+        let (mut room, known) = (Room::default(), known.and_then(|known| Drift::of_known(&known, &scene.table)));
+        let drift = explain(view(&scene), &scene.delta, known.as_ref(), &mut room, &mut DriftRoom::default());
+        (drift, room.nodes.nodes)
+    };
+    let (alone, nodes) = explained(None);
+    let told = alone.known();
+    assert_eq!(KnownDrift::from_numbers(told.to_numbers()), Some(told));
+    let (again, of_again) = explained(Some(told));
+    // A quarter of the sd of δ: the sample is another one.
+    let off_turns = again.distance_turns(&alone, &scene.table);
+    assert!(off_turns < 0.004, "{off_turns}");
+    let (mut same, mut clear) = (0, 0);
+    for (node, other) in nodes.iter().zip(&of_again).filter(|(node, other)| node.is_clear() && other.is_clear()) {
+        (clear, same) = (clear + 1, same + usize::from(node.label == other.label));
+    }
+    assert!(same * 100 >= clear * 99 && clear > 100, "{same} of {clear}");
+    let off = |place: usize, by: f32| {
+        let mut numbers = told.to_numbers();
+        numbers[place] += by;
+        KnownDrift::from_numbers(numbers)
+    };
+    // Its mean by 7°, 22° and anything; the first mode by a pixel and by anything; an sd that tells nothing.
+    for (place, by) in [(1, 0.02), (1, 0.06), (1, 1e30), (2, 1.0), (2, -1e30), (0, 0.5)] {
+        let (drift, of_drift) = explained(off(place, by));
+        assert!(drift == alone && of_drift == nodes, "{place} by {by}");
+    }
+}
+
+#[test]
 fn nothing_of_a_plane_in_the_volume_sees_outside() {
     let scene = TestScene::new();
     let (mut room, mut outside) = (Room::default(), Vec::new());
-    let drift = explain(view(&scene), &scene.delta, &mut room, &mut DriftRoom::default());
+    let drift = explain(view(&scene), &scene.delta, None, &mut room, &mut DriftRoom::default());
     assert!(!room.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
     assert!(outside.iter().all(|outside| !outside));
     assert!(!room.leave_open(view(&scene), &drift, &outside, &mut EpipolarImage::default()));

@@ -351,4 +351,6 @@ pub struct Prior {
     pub height_px: u32,
     #[prost(bytes = "bytes", tag = "9")]
     pub relief: ::prost::bytes::Bytes,
+    #[prost(float, repeated, tag = "10")]
+    pub drift: ::prost::alloc::vec::Vec<f32>,
 }

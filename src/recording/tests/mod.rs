@@ -155,7 +155,17 @@ fn fit(valid_pixels: u64) -> Fit {
 
 fn maps() -> MapsHeader {
     let [width_px, height_px] = SIZE_PX.map(|n| n as u32);
-    MapsHeader { published: 3, window: window(), cam1: fit(77), cam2: fit(78), skew_ns: -40_000, width_px, height_px }
+    let [cam1, cam2] = [77, 78].map(fit);
+    MapsHeader {
+        published: 3,
+        window: window(),
+        cam1,
+        cam2,
+        skew_ns: -40_000,
+        width_px,
+        height_px,
+        ..MapsHeader::default()
+    }
 }
 
 fn correspondences() -> CorrespondenceHeader {
@@ -173,6 +183,7 @@ fn correspondences() -> CorrespondenceHeader {
         delta_counts: std::array::from_fn(|part| part as u32),
         width_px: 64,
         height_px: 48,
+        ..CorrespondenceHeader::default()
     }
 }
 
@@ -184,6 +195,7 @@ fn cloud(points: u64) -> CloudHeader {
         delta_mean_rad: 0.0078125,
         delta_sd_rad: 0.03125,
         published_ns: 600,
+        ..CloudHeader::default()
     }
 }
 
@@ -257,6 +269,7 @@ pub(super) fn prior_header() -> PriorHeader {
         rate_rad_s: [0.5, 0.25, -0.125],
         width_px: 40,
         height_px: 20,
+        drift: std::array::from_fn(|i| 0.125 * (i as f32 + 1.0)),
     }
 }
 

@@ -1,0 +1,36 @@
+//! A drift of the calibration as numbers of a header.
+
+use crate::correspondence::KnownDrift;
+use crate::message::{DRIFT_NUMBERS, DriftNumbers};
+
+const _: () = assert!(DRIFT_NUMBERS == KnownDrift::NUMBERS);
+
+/// The numbers of a drift; all 0 for none.
+#[must_use]
+pub fn numbers(drift: Option<&KnownDrift>) -> DriftNumbers {
+    drift.map_or([0.0; _], KnownDrift::to_numbers)
+}
+
+/// The drift of such numbers; `None` where they are none.
+#[must_use]
+pub fn read(numbers: &DriftNumbers) -> Option<KnownDrift> {
+    KnownDrift::from_numbers(*numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_drift_is_none() {
+        let numbers: DriftNumbers = std::array::from_fn(|i| 0.25 * i as f32 + 0.125);
+        let drift = read(&numbers).unwrap();
+        assert_eq!(super::numbers(Some(&drift)), numbers);
+        assert_eq!(read(&super::numbers(None)), None);
+        for (place, wrong) in [(0, 0.0), (0, -0.1), (0, f32::INFINITY), (1, f32::NAN), (21, f32::NEG_INFINITY)] {
+            let mut numbers = numbers;
+            numbers[place] = wrong;
+            assert_eq!(read(&numbers), None, "{place}: {wrong}");
+        }
+    }
+}
