@@ -34,15 +34,22 @@ pub struct PhaseWorker {
     /// What was worked out for windows of so many images, by the step that they begin with.
     steps: Vec<Option<WindowSteps>>,
     window_images: usize,
-    /// Memory for the check of the steps, and for windows of moving scenes, of one camera after the other.
-    check_room: SequenceRoom,
-    motion_room: MotionRoom,
+    /// Memory of either camera: both are decoded at once.
+    rooms: [CameraRoom; 2],
+}
+
+/// Memory for the check of the steps of a camera, and for its windows of moving scenes.
+#[derive(Clone, Debug, Default)]
+struct CameraRoom {
+    check: SequenceRoom,
+    motion: MotionRoom,
 }
 
 /// What the steps of a window tell without its images.
 #[derive(Clone, Debug)]
 struct WindowSteps {
-    fit: WindowFit,
+    /// Those of either camera, which work out what they need.
+    fits: [WindowFit; 2],
     check: SequenceCheck,
 }
 
@@ -101,8 +108,7 @@ impl PhaseWorker {
             cam2_px,
             steps,
             window_images: 0,
-            check_room: SequenceRoom::default(),
-            motion_room: MotionRoom::default(),
+            rooms: Default::default(),
         }
     }
 
@@ -133,13 +139,24 @@ impl PhaseWorker {
         };
         let mut decode = || {
             self.check_sequence(&steps.check, images, cam1, cam2)?;
-            let flows = match &steps.fit {
-                WindowFit::Resting(_) => None,
-                WindowFit::Moving(_) => known.and_then(|(prior, moment)| prior.flows(&self.rig, &self.pattern, moment)),
+            let flows = match &steps.fits {
+                [WindowFit::Moving(_), _] => {
+                    known.and_then(|(prior, moment)| prior.flows(&self.rig, &self.pattern, moment))
+                }
+                [WindowFit::Resting(_), _] => None,
             };
             let [flow1, flow2] = flows.map_or([None, None], |flows| flows.map(Some));
-            self.decode(1, (&mut steps.fit, flow1), images, cam1, self.cam1_px, &mut out.cam1)?;
-            self.decode(2, (&mut steps.fit, flow2), images, cam2, self.cam2_px, &mut out.cam2)
+            let [fit1, fit2] = &mut steps.fits;
+            let Self { rooms: [room1, room2], validity, .. } = self;
+            let first =
+                Decoding { camera: 1, images: cam1, size_px: self.cam1_px, fit: fit1, flow: flow1, room: room1 };
+            let second =
+                Decoding { camera: 2, images: cam2, size_px: self.cam2_px, fit: fit2, flow: flow2, room: room2 };
+            // What of one camera takes a single thread leaves the others to the other camera.
+            let PhasePair { cam1, cam2, .. } = out;
+            let (first, second) =
+                rayon::join(|| first.decode(images, validity, cam1), || second.decode(images, validity, cam2));
+            first.and(second)
         };
         let decoded = decode();
         out.known_drift = known.and_then(|(prior, _)| prior.drift);
@@ -155,11 +172,13 @@ impl PhaseWorker {
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
     ) -> Result<(), SequenceFaults> {
-        let Self { check_room: room, validity, .. } = self;
-        let mut of = |images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
-            check.fault_in(room, images, width, height, validity)
+        let Self { rooms: [room1, room2], validity, .. } = self;
+        let of = |room: &mut CameraRoom, images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
+            check.fault_in(&mut room.check, images, width, height, validity)
         };
-        let faults = SequenceFaults { images, cam1: of(cam1, self.cam1_px), cam2: of(cam2, self.cam2_px) };
+        let (size1_px, size2_px) = (self.cam1_px, self.cam2_px);
+        let (cam1, cam2) = rayon::join(|| of(room1, cam1, size1_px), || of(room2, cam2, size2_px));
+        let faults = SequenceFaults { images, cam1, cam2 };
         if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
 
@@ -171,30 +190,30 @@ impl PhaseWorker {
         } else {
             WindowFit::Moving(Box::new(MotionFits::new(&shifts_rad)?))
         };
-        Ok(WindowSteps { fit, check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
+        Ok(WindowSteps { fits: [fit.clone(), fit], check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
     }
+}
 
-    fn decode(
-        &mut self,
-        camera: u8,
-        (fit, flow): (&mut WindowFit, Option<Flow>),
-        expected_images: usize,
-        images: &[GreyLevels<'_>],
-        size_px: [usize; 2],
-        out: &mut PhaseMap,
-    ) -> Result<(), ImagesError> {
-        let [width, height] = size_px;
+/// The decoding of the images of a camera.
+struct Decoding<'a> {
+    camera: u8,
+    images: &'a [GreyLevels<'a>],
+    size_px: [usize; 2],
+    fit: &'a mut WindowFit,
+    flow: Option<Flow>,
+    room: &'a mut CameraRoom,
+}
+
+impl Decoding<'_> {
+    /// Decodes so many images.
+    fn decode(self, expected_images: usize, validity: &Validity, out: &mut PhaseMap) -> Result<(), ImagesError> {
+        let Self { camera, images, size_px: size_px @ [width, height], fit, flow, room } = self;
+        let room = &mut room.motion;
         let decoded = match fit {
-            WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, &self.validity),
+            WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, validity),
             WindowFit::Moving(fits) => match flow {
-                Some(flow) => {
-                    let room = &mut self.motion_room;
-                    decode_following_into(out, room, images, size_px, (fits, &flow), &self.validity)
-                }
-                None => {
-                    let fit = fits.resting();
-                    decode_moving_into(out, &mut self.motion_room, images, width, height, fit, &self.validity)
-                }
+                Some(flow) => decode_following_into(out, room, images, size_px, (fits, &flow), validity),
+                None => decode_moving_into(out, room, images, width, height, fits.resting(), validity),
             },
         };
         decoded.ok_or_else(|| ImagesError::Camera {
