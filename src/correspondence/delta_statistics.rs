@@ -203,11 +203,13 @@ pub(super) struct DeltaSums {
 }
 
 impl DeltaSums {
-    /// Takes so many δ with such a sum, and such a sum of their squares.
-    pub(super) fn add(&mut self, count: u32, sum: i64, squares: u64) {
-        self.count += count;
-        self.sum += sum;
-        self.squares += squares;
+    /// Those of so many δ with such a sum, and such a sum of their squares.
+    pub(super) fn of(count: u32, sum: i64, squares: u64) -> Self {
+        Self { count, sum, squares }
+    }
+
+    pub(super) fn merged(self, other: Self) -> Self {
+        Self::of(self.count + other.count, self.sum + other.sum, self.squares + other.squares)
     }
 
     /// Mean and standard deviation, rad.
@@ -221,11 +223,8 @@ impl DeltaSums {
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
 fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
-    let mut sums = DeltaSums::default();
-    for delta in deltas.iter().map(|&delta| i64::from(delta)) {
-        sums.add(1, delta, delta.unsigned_abs().pow(2));
-    }
-    sums.mean_and_sd_rad()
+    let each = deltas.iter().map(|&delta| DeltaSums::of(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2)));
+    each.fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
 }
 
 /// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it. They are put

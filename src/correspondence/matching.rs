@@ -1,5 +1,7 @@
 //! The whole chain of the proposed method (PA), from two phase maps to a decision about every pixel of C1.
 
+use rayon::prelude::*;
+
 use crate::phase::PhaseMap;
 use crate::simd::{self, Kernel, Lanes, Level};
 
@@ -107,14 +109,12 @@ impl Matches {
         self.outcomes[pixel].is_found().then(|| self.chosen.at(pixel))
     }
 
-    /// Pixels with a correspondence.
-    fn found(&self) -> usize {
-        self.outcomes.iter().filter(|outcome| outcome.is_found()).count()
-    }
-
-    /// Pixels with candidates that pass.
-    fn with_candidates(&self) -> usize {
-        self.passing.iter().filter(|&&passing| passing > 0).count()
+    /// Adds up over all pixels.
+    fn sums(&self) -> Sums {
+        let delta = self.chosen.delta.par_chunks(Sums::PIXELS);
+        let chunks = self.outcomes.par_chunks(Sums::PIXELS).zip(self.passing.par_chunks(Sums::PIXELS)).zip(delta);
+        let of_chunk = |((outcomes, passing), delta)| simd::run(Level::in_use(), SumChunk { outcomes, passing, delta });
+        chunks.map(of_chunk).reduce(Sums::default, Sums::merged)
     }
 }
 
@@ -269,8 +269,9 @@ impl Matching<'_> {
         let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
         room.resolve(&scene, &limits, &mut decisions, grounds);
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
-        check_share(&rest, doubtful, out.found(), out.with_candidates())?;
-        out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
+        let sums = out.sums();
+        check_share(&rest, doubtful, sums.found, sums.with_candidates)?;
+        out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
         out.delta = delta;
         out.drift = Some(drift);
         Ok(())
@@ -278,14 +279,14 @@ impl Matching<'_> {
 
     fn by_paper(&self, mut delta: DeltaStatistics, out: &mut Matches) -> Result<(), MatchError> {
         self.check_scatter(&delta)?;
-        self.resolve_by_paper(&delta, out);
+        let mut sums = self.resolve_by_paper(&delta, out);
         let changed = (out.chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
-        if changed && self.is_measured() && out.found() > 0 {
+        if changed && self.is_measured() && sums.found > 0 {
             (delta.mean_rad, delta.sd_rad) = out.chosen_delta_rad;
             self.check_scatter(&delta)?;
-            self.resolve_by_paper(&delta, out);
+            sums = self.resolve_by_paper(&delta, out);
         }
-        check_share(&delta, self.is_measured() && delta.is_suspicious(), out.found(), out.with_candidates())?;
+        check_share(&delta, self.is_measured() && delta.is_suspicious(), sums.found, sums.with_candidates)?;
         out.confidence.clear();
         out.confidence.resize(out.outcomes.len(), Confidence::NONE);
         out.delta = delta;
@@ -293,11 +294,13 @@ impl Matching<'_> {
         Ok(())
     }
 
-    fn resolve_by_paper(&self, delta: &DeltaStatistics, out: &mut Matches) {
+    fn resolve_by_paper(&self, delta: &DeltaStatistics, out: &mut Matches) -> Sums {
         let ([cam1, _], settings) = (self.raw, &self.settings.resolution);
         let decisions = paper::resolve(paper::Scene { cam1, cam2: self.cam2, table: self.table, delta, settings });
         (out.outcomes, out.chosen, out.passing) = (decisions.outcomes, decisions.chosen, decisions.passing);
-        out.chosen_delta_rad = delta_rad(&out.outcomes, &out.chosen);
+        let sums = out.sums();
+        out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
+        sums
     }
 
     fn is_measured(&self) -> bool {
@@ -334,36 +337,53 @@ impl Matching<'_> {
     }
 }
 
-/// Mean and sd of δ of the chosen candidates, rad.
-fn delta_rad(outcomes: &[Outcome], chosen: &ChosenCandidates) -> (f64, f64) {
-    simd::run(Level::in_use(), ChosenDelta { outcomes, delta: &chosen.delta }).mean_and_sd_rad()
+/// What pixels came to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    /// Pixels with a correspondence.
+    found: usize,
+    /// Pixels with candidates that pass.
+    with_candidates: usize,
+    /// δ of the chosen candidates.
+    delta: DeltaSums,
 }
 
-/// Adds up δ of the chosen candidates.
-struct ChosenDelta<'a> {
+impl Sums {
+    /// Pixels that are added up together: so many that 32 bits hold their sums.
+    const PIXELS: usize = 1 << 15;
+
+    fn merged(self, other: Self) -> Self {
+        Self {
+            found: self.found + other.found,
+            with_candidates: self.with_candidates + other.with_candidates,
+            delta: self.delta.merged(other.delta),
+        }
+    }
+}
+
+/// Adds up over [`Sums::PIXELS`] pixels or fewer.
+struct SumChunk<'a> {
     outcomes: &'a [Outcome],
+    passing: &'a [u8],
     delta: &'a [i16],
 }
 
-impl Kernel for ChosenDelta<'_> {
-    type Output = DeltaSums;
+impl Kernel for SumChunk<'_> {
+    type Output = Sums;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> DeltaSums {
-        /// Pixels whose sums 32 bits hold.
-        const PIXELS: usize = 1 << 15;
-        let mut sums = DeltaSums::default();
-        for (outcomes, delta) in self.outcomes.chunks(PIXELS).zip(self.delta.chunks(PIXELS)) {
-            let (mut count, mut sum, mut squares) = (0_u32, 0_i32, 0_u64);
-            let delta = &delta[..outcomes.len()];
-            for i in 0..outcomes.len() {
-                let own = if outcomes[i].is_found() { i32::from(delta[i]) } else { 0 };
-                count += u32::from(outcomes[i].is_found());
-                sum += own;
-                squares += u64::from((own * own) as u32);
-            }
-            sums.add(count, i64::from(sum), squares);
+    fn run<L: Lanes>(self, _: L) -> Sums {
+        let Self { outcomes, passing, delta } = self;
+        let (passing, delta) = (&passing[..outcomes.len()], &delta[..outcomes.len()]);
+        let (mut found, mut with_candidates, mut sum, mut squares) = (0_u32, 0_u32, 0_i32, 0_u64);
+        for i in 0..outcomes.len() {
+            let own = if outcomes[i].is_found() { i32::from(delta[i]) } else { 0 };
+            found += u32::from(outcomes[i].is_found());
+            with_candidates += u32::from(passing[i] > 0);
+            sum += own;
+            squares += u64::from((own * own) as u32);
         }
-        sums
+        let delta = DeltaSums::of(found, i64::from(sum), squares);
+        Sums { found: found as usize, with_candidates: with_candidates as usize, delta }
     }
 }

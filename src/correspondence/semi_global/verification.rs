@@ -111,9 +111,8 @@ pub(super) fn verify(
 ) {
     let width = scene.cam1.width.max(1);
     room.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    room.strips.find(width, &room.regions, &selection.z, surfaces);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
-    verification.find_leads(room);
+    verification.look_at_regions(room, surfaces);
     verification.judge_regions(room);
     verification.contradict_by_foundation(room);
     verification.look_around(room);
@@ -136,7 +135,14 @@ struct Verification<'a> {
 }
 
 impl Verification<'_> {
-    fn find_leads(&self, VerificationRoom { regions, of_regions, .. }: &mut VerificationRoom) {
+    /// Finds by how much each region leads, and which are strips.
+    fn look_at_regions(&self, room: &mut VerificationRoom, surfaces: &surfaces::Room) {
+        let VerificationRoom { regions, of_regions, strips, .. } = room;
+        let (regions, z) = (&*regions, &self.selection.z);
+        rayon::join(|| self.find_leads(regions, of_regions), || strips.find(self.width, regions, z, surfaces));
+    }
+
+    fn find_leads(&self, regions: &Regions, of_regions: &mut RegionRoom) {
         let RegionRoom { leads_nats, sums, .. } = of_regions;
         regions.sum(sums, |run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
         let of_region = |(&margins, &size_px): (&u64, &u32)| {
@@ -218,16 +224,21 @@ impl Verification<'_> {
         let VerificationRoom { regions, of_regions, claims, surroundings, beside, around, is_hidden, .. } = room;
         let (regions, width, absolute) = (&*regions, self.width, &self.selection.absolute);
         let stands = |run: &&Run| of_regions.verdicts[run.region as usize].is_none();
-        surroundings.fill([width, absolute.len() / width], |v, row| {
-            for run in regions.of_row(v).iter().filter(stands) {
-                let pixels = run.pixels();
-                row[pixels.start - v * width..pixels.end - v * width].copy_from_slice(&absolute[pixels]);
+        let fill = || {
+            surroundings.fill([width, absolute.len() / width], |v, row| {
+                for run in regions.of_row(v).iter().filter(stands) {
+                    let pixels = run.pixels();
+                    row[pixels.start - v * width..pixels.end - v * width].copy_from_slice(&absolute[pixels]);
+                }
+            });
+        };
+        let claim = || {
+            claims.clear(self.scene.table.epipolar_size_px().iter().product());
+            for run in regions.runs.iter().filter(stands) {
+                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
             }
-        });
-        claims.clear(self.scene.table.epipolar_size_px().iter().product());
-        for run in regions.runs.iter().filter(stands) {
-            run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
-        }
+        };
+        rayon::join(claim, fill);
         beside.resize(absolute.len(), 0);
         around.resize(absolute.len(), 0);
         is_hidden.resize(absolute.len(), false);

@@ -9,7 +9,7 @@
 //!
 //! A node to which no other message has come since it last sent would send the same again, and is passed over.
 
-use super::nodes::{NONE, Node};
+use super::nodes::{NONE, Nodes};
 use super::{FULL_SCORE, LABELS};
 use crate::simd::{self, Kernel, Lanes, Level};
 
@@ -29,18 +29,18 @@ pub(super) struct Messages {
     has_news: Vec<bool>,
 }
 
-/// Decides all nodes from the evidence of each label.
-pub(super) fn decide(nodes: &mut [Node], evidence: &[Labels], messages: &mut Messages) {
+/// Decides all nodes with evidence from that of each label.
+pub(super) fn decide(nodes: &mut Nodes, evidence: &[Labels], messages: &mut Messages) {
     let Messages { received, has_news } = messages;
     received.clear();
-    received.resize(nodes.len(), [[0; LABELS]; 4]);
+    received.resize(evidence.len(), [[0; LABELS]; 4]);
     has_news.clear();
-    has_news.resize(nodes.len(), true);
+    has_news.resize(evidence.len(), true);
     simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_news });
 }
 
 struct Propagation<'a> {
-    nodes: &'a mut [Node],
+    nodes: &'a mut Nodes,
     evidence: &'a [Labels],
     messages: &'a mut [[Labels; 4]],
     has_news: &'a mut [bool],
@@ -51,26 +51,28 @@ impl Kernel for Propagation<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { nodes, evidence, messages, has_news } = self;
+        let Self { nodes: Nodes { nodes, heard, .. }, evidence, messages, has_news } = self;
         for round in 0..ROUNDS {
-            for i in 0..nodes.len() {
-                let node = if round % 2 == 0 { i } else { nodes.len() - 1 - i };
-                if !std::mem::take(&mut has_news[node]) {
+            for i in 0..heard.len() {
+                let own = if round % 2 == 0 { i } else { heard.len() - 1 - i };
+                if !std::mem::take(&mut has_news[own]) {
                     continue;
                 }
-                let belief = belief(&evidence[node], &messages[node]);
+                let belief = belief(&evidence[own], &messages[own]);
+                let beside = nodes[heard[own] as usize].beside;
                 for side in 0..4 {
-                    let other = nodes[node].beside[side];
-                    if other != NONE {
-                        let sent = message(&belief, &messages[node][side]);
-                        let received = &mut messages[other as usize][side ^ 1];
-                        has_news[other as usize] |= differ(received, &sent);
+                    if beside[side] != NONE {
+                        let other = nodes[beside[side] as usize].evidence as usize;
+                        let sent = message(&belief, &messages[own][side]);
+                        let received = &mut messages[other][side ^ 1];
+                        has_news[other] |= differ(received, &sent);
                         *received = sent;
                     }
                 }
             }
         }
-        for ((node, evidence), messages) in nodes.iter_mut().zip(evidence).zip(&*messages) {
+        for ((&node, evidence), messages) in heard.iter().zip(evidence).zip(&*messages) {
+            let node = &mut nodes[node as usize];
             let belief = belief(evidence, messages);
             let (mut label, mut best, mut second) = (0, i16::MIN, i16::MIN);
             for (k, &b) in belief.iter().enumerate() {

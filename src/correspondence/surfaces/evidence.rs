@@ -6,7 +6,7 @@ use super::super::segment::SegmentRow;
 use super::super::segment_table::SegmentTable;
 use super::bodies::BodyRow;
 use super::decided::DecidedRoom;
-use super::nodes::{Node, Nodes, Piece};
+use super::nodes::{NONE, Node, Nodes, Piece};
 use super::outside::OutsideRow;
 use super::runs::Runs;
 use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
@@ -97,6 +97,8 @@ impl Room {
     pub(super) fn divide(&mut self, view: View<'_>) {
         self.runs.find(view.cam1, view.table);
         self.nodes.find(view, &Space::of(view.table), &self.runs);
+        let strides = [FEW_OF_TILE, MANY_OF_TILE].map(|of_tile| self.nodes.tile_px / of_tile);
+        self.nodes.find_heard(view.cam1.width, strides);
     }
 
     /// Decides the order of every node by δ about a drift. Nodes that are not asked keep the evidence that they have.
@@ -104,8 +106,9 @@ impl Room {
         let Self { runs, nodes, evidence, messages, rows, .. } = self;
         let (tile_px, of_all) = (nodes.tile_px, asked != Asked::ManyOfDoubtful);
         let stride = tile_px / if asked == Asked::Few { FEW_OF_TILE } else { MANY_OF_TILE };
-        evidence.resize(nodes.nodes.len(), [0; LABELS]);
-        for (node, evidence) in nodes.nodes.iter_mut().zip(&mut *evidence) {
+        evidence.resize(nodes.heard.len(), [0; LABELS]);
+        for (&node, evidence) in nodes.heard.iter().zip(&mut *evidence) {
+            let node = &mut nodes.nodes[node as usize];
             node.is_doubtful = of_all || !(node.is_clear() && node.fitting > DOUBTLESS * node.asked as f32);
             if node.is_doubtful {
                 *evidence = [0; LABELS];
@@ -118,9 +121,10 @@ impl Room {
         rows.resize(view.cam1.height.div_ceil(tile_px), RowRoom::default());
         let asking = Asking { view, space: Space::of(view.table), drift, gate, stride, runs, nodes };
         asking.ask(0, rows, evidence);
-        belief::decide(&mut nodes.nodes, evidence, messages);
+        belief::decide(nodes, evidence, messages);
         nodes.count_asked(view.cam1.width, stride);
-        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
+        for (&node, evidence) in nodes.heard.iter().zip(&*evidence) {
+            let node = &mut nodes.nodes[node as usize];
             let unseen = node.asked as i16 * UNSEEN_SCORE;
             let most =
                 |labels: &[i16]| labels.iter().fold(0, |most: i16, &sum| most.max(if sum == unseen { 0 } else { sum }));
@@ -196,7 +200,7 @@ impl Asking<'_> {
             rows => {
                 let half = rows.len() / 2;
                 let (upper, lower) = rows.split_at_mut(half);
-                let ends = &self.nodes.tile_rows;
+                let ends = &self.nodes.heard_rows;
                 let (above, below) = evidence.split_at_mut(ends[first + half] - ends[first]);
                 rayon::join(|| self.ask(first, upper, above), || self.ask(first + half, lower, below));
             }
@@ -207,7 +211,7 @@ impl Asking<'_> {
         let Self { view, drift, stride, .. } = self;
         for v in self.nodes.rows_of_tiles(tile_row).filter(|v| v % stride == stride / 2) {
             room.turn_to(view, drift, v);
-            let first = self.nodes.tile_rows[tile_row];
+            let first = self.nodes.heard_rows[tile_row];
             simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
         }
     }
@@ -218,7 +222,7 @@ struct AskedRow<'a> {
     asking: Asking<'a>,
     room: &'a RowRoom,
     v: usize,
-    /// First node of the row of tiles.
+    /// Where the evidence of the row of tiles begins.
     first: usize,
     evidence: &'a mut [[i16; LABELS]],
 }
@@ -234,11 +238,11 @@ impl Kernel for AskedRow<'_> {
         for piece in nodes.of_row(v) {
             let &Piece { node, offset, .. } = piece;
             let of_node = &nodes.nodes[node as usize];
-            if !of_node.is_doubtful {
+            if !of_node.is_doubtful || of_node.evidence == NONE {
                 continue;
             }
             let base = of_node.base;
-            let scores = &mut evidence[node as usize - first];
+            let scores = &mut evidence[of_node.evidence as usize - first];
             for u in piece.asked(row, stride) {
                 let pixel = row + u;
                 let segment = room.segments.segment(u);

@@ -39,6 +39,10 @@ pub(super) struct Node {
     relative: i32,
     /// Nodes in the tiles to the left, to the right, above and below into which its phase runs on.
     pub(super) beside: [u32; 4],
+    /// Whether a pixel of it is ever asked.
+    is_asked: bool,
+    /// Where its evidence stands; [`NONE`] of one that nothing can be known of.
+    pub(super) evidence: u32,
     /// Pixels.
     pub(super) size_px: u32,
     /// Base of its surface: the order of label 0 of the surface's first run.
@@ -86,6 +90,8 @@ impl Node {
             pixel,
             relative,
             beside: [NONE; 4],
+            is_asked: false,
+            evidence: NONE,
             size_px: 0,
             base,
             label: 0,
@@ -132,6 +138,11 @@ impl Node {
         let label = |at: f32| at.clamp(0.0, (LABELS - 1) as f32) as usize;
         let (first, last) = (label(ends[0].min(ends[1]).floor()), label(ends[0].max(ends[1]).ceil()));
         f32::from(evidence[first..=last].iter().copied().fold(0, i16::max)) / f32::from(FULL_SCORE)
+    }
+
+    /// Whether it fills half a tile.
+    pub(super) fn is_large(&self, tile_px: usize) -> bool {
+        2 * self.size_px as usize >= tile_px * tile_px
     }
 
     /// Whether its order leads to what C2 cannot see.
@@ -183,8 +194,12 @@ pub(super) struct Nodes {
     /// Where the pieces of each row begin, and where those of the last one end.
     begins: Vec<usize>,
     /// Where the nodes of each tile row begin, and where those of the last one end.
-    pub(super) tile_rows: Vec<usize>,
+    tile_rows: Vec<usize>,
     bases: Vec<i32>,
+    /// Nodes with evidence, and where those of each tile row begin, and those of the last one end. Noise makes twenty times as many that
+    /// have none.
+    pub(super) heard: Vec<u32>,
+    pub(super) heard_rows: Vec<usize>,
 }
 
 /// No order yet.
@@ -256,6 +271,33 @@ impl Nodes {
         }
         begins.push(pieces.len());
         tile_rows.push(nodes.len());
+    }
+
+    /// Finds the nodes that something can be known of, where one of so many pixels along either axis is asked: those with such a
+    /// pixel, with others beside them, or of half a tile.
+    pub(super) fn find_heard(&mut self, width: usize, strides: [usize; 2]) {
+        let Self { nodes, pieces, begins, tile_rows, heard, heard_rows, tile_px, .. } = self;
+        for stride in strides {
+            for v in (stride / 2..begins.len() - 1).step_by(stride) {
+                let of_row = pieces[begins[v]..begins[v + 1]].iter();
+                for piece in of_row.filter(|piece| piece.asked(v * width, stride).next().is_some()) {
+                    nodes[piece.node as usize].is_asked = true;
+                }
+            }
+        }
+        heard.clear();
+        heard_rows.clear();
+        for ends in tile_rows.windows(2) {
+            heard_rows.push(heard.len());
+            for (node, id) in nodes[ends[0]..ends[1]].iter_mut().zip(ends[0] as u32..) {
+                let has_beside = node.beside.iter().any(|&other| other != NONE);
+                if node.is_asked || has_beside || node.is_large(*tile_px) {
+                    node.evidence = heard.len() as u32;
+                    heard.push(id);
+                }
+            }
+        }
+        heard_rows.push(heard.len());
     }
 
     /// Counts the pixels of each doubtful node that are asked where one of so many along either axis is.

@@ -79,14 +79,16 @@ impl Room {
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, evidence, .. } = self;
         let half_px = Space::of(view.table).half_px;
-        for (node, evidence) in nodes.nodes.iter_mut().zip(&*evidence) {
+        for (&node, evidence) in nodes.heard.iter().zip(&*evidence) {
+            let node = &mut nodes.nodes[node as usize];
             // Pole and infinity are beyond too.
             node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
             let fitting = || node.fitting_within(view, half_px, evidence);
-            let is_large = 2 * node.size_px as usize >= nodes.tile_px * nodes.tile_px;
-            node.is_beyond = is_large && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
+            node.is_beyond =
+                node.is_large(nodes.tile_px) && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
         }
-        for i in 0..nodes.nodes.len() {
+        for i in 0..nodes.heard.len() {
+            let i = nodes.heard[i] as usize;
             let node = &nodes.nodes[i];
             let within_beside = nodes.beside(node).find(|other| other.is_within && other.is_clear());
             let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
