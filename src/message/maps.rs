@@ -74,6 +74,8 @@ pub struct MapsHeader {
     pub skew_ns: i64,
     /// What is known of the drift beforehand.
     pub known_drift: DriftNumbers,
+    /// Windows that were refused before, since their images do not show the steps that are said of them.
+    pub refused_windows: u64,
     /// Width of the images of either camera, pixels.
     pub width_px: u32,
     /// Height, pixels.

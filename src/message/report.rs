@@ -192,6 +192,12 @@ impl Counts {
         self.incidents[incident as usize] += count;
     }
 
+    /// Items dropped since their images do not show what is said of them.
+    #[must_use]
+    pub fn dropped_for_images(&self) -> u64 {
+        DropReason::OF_IMAGES.iter().map(|&reason| self.dropped(reason)).sum()
+    }
+
     /// Items dropped for one reason.
     #[must_use]
     pub fn dropped(&self, reason: DropReason) -> u64 {
@@ -330,6 +336,10 @@ impl DropReason {
         Self::NotTracked,
         Self::Beginning,
     ];
+
+    /// Reasons that tell of a window by its images: they do not show the steps that are said of them.
+    pub const OF_IMAGES: [Self; 5] =
+        [Self::HiddenLoss, Self::HiddenDuplicate, Self::HiddenSwap, Self::WrongImage, Self::UnexplainedImages];
 
     /// Whether something was lost that should not have been; the others are decisions, or say that there was nothing to see.
     #[must_use]

@@ -236,7 +236,9 @@ impl MapsHeader {
             cam1: self.cam1.as_ref()?.to_message(),
             cam2: self.cam2.as_ref()?.to_message(),
             skew_ns: self.skew_ns,
+            // The prior tells the one, the accounts the other.
             known_drift: [0.0; _],
+            refused_windows: 0,
             width_px: self.width_px,
             height_px: self.height_px,
         })

@@ -25,14 +25,6 @@ pub struct Losses {
     pub clouds: u64,
 }
 
-/// Reasons that tell of a window by its images.
-const REFUSED: [DropReason; 5] = [
-    DropReason::HiddenLoss,
-    DropReason::HiddenDuplicate,
-    DropReason::HiddenSwap,
-    DropReason::WrongImage,
-    DropReason::UnexplainedImages,
-];
 /// Losses of pairing and pattern events that follow from others.
 const FOLLOWING: [DropReason; 4] =
     [DropReason::Unpaired, DropReason::NoPattern, DropReason::PatternConflict, DropReason::NewSession];
@@ -54,7 +46,7 @@ impl Losses {
         let told = cameras.iter().sum::<u64>() + on_the_way;
         // Both images of a pair are without pattern.
         let unlit = pairing.dropped(DropReason::NoPattern).div_ceil(2);
-        let refused_windows = REFUSED.iter().map(|&reason| of(Stage::Phase).dropped(reason)).sum();
+        let refused_windows = of(Stage::Phase).dropped_for_images();
         let later = [Stage::Phase, Stage::Correspondence, Stage::Cloud].map(lost).iter().sum::<u64>();
         let missing_pairs = unpaired.max(cameras[0]).max(cameras[1]).max(on_the_way.div_ceil(2));
         let conflicts = pairing.dropped(DropReason::PatternConflict).div_ceil(2);

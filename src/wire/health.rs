@@ -10,16 +10,17 @@ const _: () = assert!(Quantity::ALL.len() <= GAUGES);
 /// Motion of the phase, rad an image, beyond which δ tells more of the motion than of the calibration.
 const STEADY_RAD: f64 = 0.4;
 
-/// What a window tells: phase maps with this header, and what was found in them.
+/// What a window tells: phase maps with this header, and what was found in them; whether their images are known to be in step, see
+/// [`super::in_step`].
 #[must_use]
-pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
+pub fn measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
     let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
     // A drift that few pixels agree with tells of the scene.
     let drift = matches.drift.as_ref().filter(|drift| drift.is_of_most_pixels());
     // After a slip the images of a pair are of different moments, and what moves fast is off between the cameras: neither is the
     // calibration's fault.
     let motion = cameras.iter().filter_map(|fit| moving(fit)).map(|fit| f64::from(fit.fast_motion_rad));
-    let is_steady = matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= STEADY_RAD;
+    let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= STEADY_RAD;
     let drift = drift.filter(|_| is_steady);
     let fit = |camera: usize, of: fn(&Fit) -> Option<f64>| of(cameras[camera]);
     let greater = |of: fn(&Fit) -> Option<f64>| Some(of(cameras[0])?.max(of(cameras[1])?));
@@ -42,7 +43,7 @@ pub fn measures(maps: &MapsHeader, found: &Correspondences) -> Measures {
         Quantity::OneSurface => greater(|fit| share(moving(fit)?.one_surface_pixels, fit.valid_pixels)),
         Quantity::Lost => greater(|fit| share(moving(fit)?.lost_pixels, fit.lit_pixels)),
         Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
-        Quantity::Unexplained => matches.drift.as_ref().map(|drift| 1.0 - drift.share),
+        Quantity::Unexplained => matches.drift.as_ref().filter(|_| is_in_step).map(|drift| 1.0 - drift.share),
         Quantity::FalseCandidates => {
             let drift = matches.drift.as_ref().filter(|_| is_steady);
             drift.map(|drift| drift.rest(&matches.delta).expected_false_candidates())
@@ -91,7 +92,7 @@ fn share(part: u64, whole: u64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::Drift;
+    use crate::correspondence::{Drift, Matches};
     use crate::health::{HealthLimits, HealthState};
 
     fn drift(rms_rad: f64, residual_sd_rad: f64, share: f64) -> Drift {
@@ -124,7 +125,7 @@ mod tests {
         found.matches.drift = Some(drift(0.2, 0.01, 0.9));
         (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
         found.matches.delta.mean_periods = 6.0;
-        let told = measures(&maps, &found);
+        let told = measures(&maps, &found, true);
         let of = |quantity: Quantity| (told[quantity as usize].unwrap() * 1e6).round() * 1e-6;
         for (quantity, expected) in [
             (Quantity::Drift, 0.2),
@@ -158,7 +159,7 @@ mod tests {
             let mut found = Correspondences::default();
             found.matches.drift = Some(drift(0.5, 0.01, 0.9));
             found.matches.slip_steps = slip_steps;
-            let told = measures(&maps, &found);
+            let told = measures(&maps, &found, true);
             assert_eq!(told[Quantity::Slipped as usize], Some(f64::from(u8::from(slip_steps != [0; 2]))));
             of_calibration.map(|quantity| told[quantity as usize].is_some())
         };
@@ -166,6 +167,12 @@ mod tests {
         assert_eq!(told(0.5, [0, 0]), [false; 5]);
         assert_eq!(told(0.3, [0, 1]), [false; 5]);
         assert_eq!(told(0.3, [2, 2]), [false; 5]);
+        let found = Correspondences {
+            matches: Matches { drift: Some(drift(0.5, 0.01, 0.9)), ..Matches::default() },
+            ..Correspondences::default()
+        };
+        let out_of_step = measures(&MapsHeader::default(), &found, false);
+        assert!(of_calibration.iter().all(|&quantity| out_of_step[quantity as usize].is_none()));
         // Images at rest tell nothing of motion.
         assert_eq!(told(-1.0, [0, 0]), [true; 5]);
     }
@@ -182,7 +189,7 @@ mod tests {
         let maps = MapsHeader { cam1: fit(), cam2: silent, ..MapsHeader::default() };
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.9, 0.01, 0.3));
-        let told = measures(&maps, &found);
+        let told = measures(&maps, &found, true);
         let absent = Quantity::ALL.into_iter().filter(|&quantity| told[quantity as usize].is_none());
         let expected = [
             Quantity::Drift,
@@ -207,7 +214,7 @@ mod tests {
         for window in 0..5 {
             let report = health_report(&health);
             assert_eq!(report.gauges[Quantity::Drift as usize].known(), None, "{window}");
-            health.add(100 + window, &measures(&MapsHeader::default(), &found));
+            health.add(100 + window, &measures(&MapsHeader::default(), &found, true));
         }
         let told = health_report(&health).gauges[Quantity::Drift as usize];
         let limits = HealthLimits::default().of(Quantity::Drift);

@@ -23,6 +23,7 @@ pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -
         cam2: fit(&maps.cam2),
         skew_ns,
         known_drift: drift::numbers(maps.known_drift.as_ref()),
+        refused_windows: 0,
         width_px: maps.cam1.width as u32,
         height_px: maps.cam1.height as u32,
     }

@@ -7,6 +7,7 @@
 pub mod correspondences;
 pub mod drift;
 pub mod health;
+pub mod in_step;
 pub mod maps;
 mod planes;
 pub mod prior;

@@ -104,7 +104,7 @@ mod tests {
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
         let (maps, mut health) =
             (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
-        (0..5).for_each(|time_ns| health.add(time_ns, &measures(&maps, &found)));
+        (0..5).for_each(|time_ns| health.add(time_ns, &measures(&maps, &found, true)));
         let report = window_report(&maps, &found, 0, &health);
         let told = report.drift.measured().unwrap();
         assert_eq!([told.rms_rad, told.error_px, told.share, told.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);

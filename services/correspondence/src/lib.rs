@@ -9,6 +9,7 @@ use fringeflow::telemetry::{GaugeFigures, HealthFigures};
 use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow::wire;
 use fringeflow::wire::health::measures;
+use fringeflow::wire::in_step::InStep;
 use fringeflow::wire::window_report::window_report;
 use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
@@ -29,6 +30,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         maps: PhasePair::default(),
         found: Correspondences::default(),
         health: Health::new(&measurement.health),
+        in_step: InStep::default(),
         states: [HealthState::NotKnown; Quantity::ALL.len()],
         slip_steps: [0; 2],
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
@@ -43,6 +45,7 @@ struct CorrespondenceStage {
     maps: PhasePair,
     found: Correspondences,
     health: Health,
+    in_step: InStep,
     /// States of all quantities as they were told last.
     states: [HealthState; Quantity::ALL.len()],
     /// Slip of the window before.
@@ -119,7 +122,8 @@ impl Transform for CorrespondenceStage {
     }
 
     fn tell(&mut self, published: u64) -> Result<(), TransportError> {
-        self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found));
+        let is_in_step = self.in_step.take(&self.header, &self.found);
+        self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found, is_in_step));
         self.tell_slip();
         let report = window_report(&self.header, &self.found, published, &self.health);
         self.tell_health(HealthFigures::of(&report).as_ref());

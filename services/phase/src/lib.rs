@@ -122,6 +122,7 @@ impl Decoding {
         }
         let published = self.account.pass()?;
         let header = wire::maps::header(&self.maps, &images.window, images.skew_ns, published);
+        let header = MapsHeader { refused_windows: self.account.counts().dropped_for_images(), ..header };
         let blocks = wire::maps::blocks(self.maps.cam1.phase.len());
         let maps = &self.maps;
         // What could not be sent is missing in the channel, and counted there.
