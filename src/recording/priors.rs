@@ -34,7 +34,9 @@ impl Recording {
         let mut priors = Priors::default();
         for message in self.messages_of(Topic::Prior) {
             if let Content::Prior(header, relief) = message?.content {
-                priors.by_number.insert(header.published, (*header, wire::prior::read(&header, &relief)));
+                // Of two with one number the phase service takes the first.
+                let prior = || (*header, wire::prior::read(&header, &relief));
+                priors.by_number.entry(header.published).or_insert_with(prior);
             }
         }
         Ok(priors)

@@ -44,6 +44,10 @@ impl Priors {
                 tracing::warn!(prior = header.published, "a prior contradicts itself; it is passed over");
                 continue;
             }
+            if self.kept.iter().any(|(kept, _)| kept.published == header.published) {
+                tracing::warn!(prior = header.published, "two priors have one number; the second is passed over");
+                continue;
+            }
             if self.kept.len() == KEPT {
                 self.kept.pop_front();
             }

@@ -1,7 +1,11 @@
 //! A scanner that is tracked while it scans: poses, the state that is shown, and the account of every cloud.
 
-use fringeflow::message::{DropReason, TrackingState};
+use std::time::Duration;
+
+use fringeflow::message::{DropReason, PriorHeader, Stage, TrackingState};
 use fringeflow::recording::{Content, Recording, Topic};
+use fringeflow::transport::{ChannelSizes, Node, Publisher, TRACKING_PRIOR};
+use fringeflow_runtime::clock::now_ns;
 
 use crate::support::{Bench, NAME};
 
@@ -74,6 +78,67 @@ fn poses_are_recorded_add_up_and_come_again_to_the_bit() {
     assert_eq!(replayed.stage("tracking").taken, replayed.stage("cloud").passed);
     let compared = &replayed.summary["compared"];
     assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{replayed:?}");
+}
+
+/// Inverse depths of 160 × 128 pixels, 0.3 m everywhere.
+fn relief() -> Vec<u8> {
+    std::iter::repeat_n(7282_u16.to_le_bytes(), 10 * 8).flatten().collect()
+}
+
+#[test]
+fn priors_of_a_program_that_errs_are_refused_or_do_no_harm() {
+    let external = TRACKED.replace("[monitor]", "prior = \"external\"\n[monitor]");
+    let mut changes = TRACKED_BODY;
+    changes[0].1 = &external;
+    let bench = Bench::with(&changes);
+    let recording = bench.path("scan.mcap");
+    let live = bench.start(&[&"--record", &recording]);
+    let node = Node::open(&bench.instance(), "priors").unwrap();
+    let sizes = ChannelSizes { prior_bytes: relief().len(), ..ChannelSizes::default() };
+    let mut priors = Publisher::open(&node, TRACKING_PRIOR, &sizes).unwrap();
+    let wrong: [fn(&mut PriorHeader, &mut Vec<u8>); 9] = [
+        |_, _| (),
+        |prior, _| prior.velocity_m_s = [f64::NAN; 3],
+        |prior, _| prior.velocity_m_s = [60.0, -60.0, 60.0],
+        |prior, _| prior.rate_rad_s = [1e300; 3],
+        |_, relief| relief.truncate(17),
+        |prior, _| prior.width_px = u32::MAX,
+        |prior, _| prior.drift = [1e30; _],
+        |prior, _| prior.drift = [f32::NAN; _],
+        // An hour ahead: settled for no window.
+        |prior, _| prior.published_ns += 3_600_000_000_000,
+    ];
+    let mut number = 0;
+    live.wait_until("enough clouds are made", || {
+        for wrong in wrong {
+            let time_ns = now_ns();
+            let mut header = PriorHeader {
+                published: number,
+                centre_ns: time_ns,
+                published_ns: time_ns,
+                width_px: 160,
+                height_px: 128,
+                ..PriorHeader::default()
+            };
+            let mut relief = relief();
+            wrong(&mut header, &mut relief);
+            // Each comes twice, the second time with something else, and every tenth number is lost.
+            priors.send(&header, &relief).unwrap();
+            priors.send(&PriorHeader { velocity_m_s: [0.1; 3], ..header }, &relief).unwrap();
+            number += if number % 10 == 8 { 2 } else { 1 };
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        bench.counts(Stage::Cloud).passed > 30
+    });
+    drop(priors);
+    let ended = live.quit();
+    ended.assert_balanced();
+    assert_eq!(&ended.summary["restarts"], &0, "{ended:?}");
+    let opened = Recording::open(&recording).unwrap();
+    let told = opened.cloud_headers().filter(|header| header.window.prior_number().is_some()).count();
+    assert!(told > 10, "{told} clouds were told something");
+    let verified = bench.json(&[0, 3], &[&"replay", &recording, &"--verify", &"--json"]);
+    assert_eq!((&verified["different"], &verified["prior_missing"]), (&0.into(), &0.into()), "{verified}");
 }
 
 #[test]
