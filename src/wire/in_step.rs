@@ -9,11 +9,12 @@ use crate::correspondence::Drift;
 use crate::message::MapsHeader;
 use crate::worker::Correspondences;
 
-/// Drift, rms, and mean of δ, rad, up to which images are in step.
+/// Drift, rms, mean of δ, and sd about the drift, rad, up to which images are in step.
 const MOST_DRIFT_RAD: f64 = 0.1;
 const MOST_MEAN_RAD: f64 = 0.2;
-/// sd of δ about the drift, and share of pixels that agree with it, in those of windows before, beyond which they are not: 2 to 20,
-/// and 0.65 to 0.85 with a camera a step behind; 1.4 and 1.0 where the calibration is off by a pixel.
+const MOST_SD_RAD: f64 = 0.03;
+/// sd of δ about the drift, and share of pixels that agree with it, as shares of what they were, beyond both of which they are not: 2
+/// to 20, and 0.65 to 0.85, with a camera a step behind; 1.0 and 0.92 where the calibration is off by 0.3 rad.
 const MOST_SD: f64 = 1.6;
 const LEAST_SHARE: f64 = 0.92;
 /// Windows that make known what is usual, and share of a window in it from then on.
@@ -48,9 +49,10 @@ impl InStep {
             self.is_doubtful = true;
         }
         let is_small = |drift: &&Drift| {
-            drift.rms_rad <= MOST_DRIFT_RAD && found.matches.delta.mean_rad.abs() <= MOST_MEAN_RAD && !has_slipped
+            let is_narrow = drift.residual_sd_rad <= MOST_SD_RAD && !has_slipped;
+            is_narrow && drift.rms_rad <= MOST_DRIFT_RAD && found.matches.delta.mean_rad.abs() <= MOST_MEAN_RAD
         };
-        if let Some(drift) = drift.filter(is_small).filter(|drift| !self.usual.is_unlike(drift)) {
+        if let Some(drift) = drift.filter(is_small).filter(|drift| !self.usual.is_wide(drift)) {
             self.is_doubtful = false;
             self.usual.take(drift);
         }
@@ -61,8 +63,12 @@ impl InStep {
 impl Usual {
     /// Whether δ scatters by far more than is usual, and fewer pixels agree.
     fn is_unlike(&self, drift: &Drift) -> bool {
-        let is_wide = drift.residual_sd_rad > MOST_SD * self.sd_rad && drift.share < LEAST_SHARE * self.share;
-        self.windows >= FEWEST_WINDOWS && is_wide
+        self.is_wide(drift) && drift.share < LEAST_SHARE * self.share
+    }
+
+    /// Whether it scatters by far more, whoever agrees.
+    fn is_wide(&self, drift: &Drift) -> bool {
+        self.windows >= FEWEST_WINDOWS && drift.residual_sd_rad > MOST_SD * self.sd_rad
     }
 
     fn take(&mut self, drift: &Drift) {
@@ -123,6 +129,8 @@ mod tests {
         let mut in_step = InStep::default();
         assert!((0..9).all(|_| in_step.take(&refused(0), &in_order())));
         assert!((0..9).all(|_| !in_step.take(&refused(0), &found(0.3, 0.13, 0.6, [0; 2]))));
+        // What scatters as widely and agrees with most pixels does not say that they are in step again.
+        assert!((0..9).all(|_| !in_step.take(&refused(0), &found(0.05, 0.02, 0.84, [0; 2]))));
         assert!(in_step.take(&refused(0), &in_order()));
     }
 }
