@@ -278,11 +278,8 @@ impl Nodes {
     pub(super) fn find_heard(&mut self, width: usize, strides: [usize; 2]) {
         let Self { nodes, pieces, begins, tile_rows, heard, heard_rows, tile_px, .. } = self;
         for stride in strides {
-            for v in (stride / 2..begins.len() - 1).step_by(stride) {
-                let of_row = pieces[begins[v]..begins[v + 1]].iter();
-                for piece in of_row.filter(|piece| piece.asked(v * width, stride).next().is_some()) {
-                    nodes[piece.node as usize].is_asked = true;
-                }
+            for (row, piece) in of_asked_rows(pieces, begins, width, stride) {
+                nodes[piece.node as usize].is_asked |= piece.asked(row, stride).next().is_some();
             }
         }
         heard.clear();
@@ -303,12 +300,10 @@ impl Nodes {
     /// Counts the pixels of each doubtful node that are asked where one of so many along either axis is.
     pub(super) fn count_asked(&mut self, width: usize, stride: usize) {
         self.nodes.iter_mut().filter(|node| node.is_doubtful).for_each(|node| node.asked = 0);
-        for v in (stride / 2..self.begins.len() - 1).step_by(stride) {
-            for piece in &self.pieces[self.begins[v]..self.begins[v + 1]] {
-                let node = &mut self.nodes[piece.node as usize];
-                if node.is_doubtful {
-                    node.asked += piece.asked(v * width, stride).count() as u32;
-                }
+        for (row, piece) in of_asked_rows(&self.pieces, &self.begins, width, stride) {
+            let node = &mut self.nodes[piece.node as usize];
+            if node.is_doubtful {
+                node.asked += piece.asked(row, stride).count() as u32;
             }
         }
     }
@@ -353,6 +348,17 @@ impl Nodes {
     pub(super) fn of_row(&self, v: usize) -> &[Piece] {
         &self.pieces[self.begins[v]..self.begins[v + 1]]
     }
+}
+
+/// The pieces of the rows in which pixels are asked, of which one of so many along either axis is; each with the first pixel of its row.
+fn of_asked_rows<'a>(
+    pieces: &'a [Piece],
+    begins: &'a [usize],
+    width: usize,
+    stride: usize,
+) -> impl Iterator<Item = (usize, &'a Piece)> {
+    let rows = (stride / 2..begins.len() - 1).step_by(stride);
+    rows.flat_map(move |v| pieces[begins[v]..begins[v + 1]].iter().map(move |piece| (v * width, piece)))
 }
 
 /// Binds a node to the one on a side, if there is one, where neither is bound yet.
