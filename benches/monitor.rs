@@ -19,10 +19,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use fringeflow::transport::Instance;
-use fringeflow_supervisor::observe;
 use serde_json::Value;
 use tungstenite::{Message, WebSocket};
+
+use fringeflow_supervisor::observe;
+use fringeflow_transport::Instance;
 
 /// Pages, and how many of them never read.
 const PAGES: usize = 50;

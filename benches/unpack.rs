@@ -7,7 +7,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-use fringeflow::pixels::{SourceFormat, unpack};
+use fringeflow_pixels::{SourceFormat, unpack};
 
 const SIZE_PX: [usize; 2] = [1280, 1024];
 const ROUNDS: usize = 300;

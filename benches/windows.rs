@@ -12,10 +12,10 @@ mod scenes;
 use std::hint::black_box;
 use std::time::Instant;
 
-use fringeflow::dataset::GreyImage;
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::{MotionFit, PhaseShifts, SequenceCheck, Validity, decode, decode_moving, usual_extra_images};
-use fringeflow::simulation::{NoiseLevel, Object};
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_dataset::GreyImage;
+use fringeflow_lab::simulation::{NoiseLevel, Object};
 
 use scenes::{Injection, MovingScene, shifts_rad};
 

@@ -31,12 +31,13 @@
 use std::error::Error;
 use std::path::Path;
 
+use nalgebra::{DMatrix, DVector};
+
 use fringeflow::correspondence::{CONFIDENCE_TERMS, SegmentTable, match_phases_with_grounds};
-use fringeflow::dataset::{CameraId, Dataset, GreyImage, Truth};
-use fringeflow::evaluation::{Frames, Judgement, against_rendered};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
-use nalgebra::{DMatrix, DVector};
+use fringeflow_dataset::{CameraId, Dataset, GreyImage, Truth};
+use fringeflow_lab::evaluation::{Frames, Judgement, against_rendered};
 
 /// True points are many and alike: one of so many is taken, and counts for all of them.
 const THINNING: usize = 20;

@@ -19,9 +19,10 @@ mod scenes;
 
 use std::collections::BTreeMap;
 
-use fringeflow::phase::{SequenceCheck, usual_extra_images};
-use fringeflow::simulation::{NoiseLevel, Object};
 use rayon::prelude::*;
+
+use fringeflow::phase::{SequenceCheck, usual_extra_images};
+use fringeflow_lab::simulation::{NoiseLevel, Object};
 
 use scenes::{Injection, MovingScene, motion_rad, random, shifts_rad, told};
 

@@ -26,59 +26,24 @@
 //! # Modules
 //! | module | what it holds |
 //! |---|---|
-//! | [`atomic_file`] | writing files all or not at all |
-//! | [`grey`] | grey levels, and how images of 8 to 16 bits store them |
-//! | [`simd`] | instruction sets of kernels, chosen at run time |
 //! | [`geometry`] | cameras, distortion, rig, measurement volume, epipolar frame |
 //! | [`calibration`] | reading and checking calibration files |
-//! | [`dataset`] | dataset folders: images, pattern, volume, truth |
 //! | [`phase`] | wrapped phase, modulation, validity |
 //! | [`correspondence`] | segment table, candidates, back-projection test, resolution |
-//! | [`rig_report`] | what a rig can be expected to do, before it is built |
 //! | [`cloud`] | points with provenance, triangulation, file formats |
-//! | [`registration`] | how a scanner has moved between two clouds of one surface |
-//! | [`prior`] | what the stream knows of a window before its images are looked at |
-//! | [`fusion`] | the clouds of a moving scanner in one model of surfels |
-//! | [`health`] | whether the scanner measures as it should, watched from window to window |
+//! | [`prior`] | what the stream knows of a window before its images are decoded |
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
-//! | [`message`] | what crosses a process border |
-//! | [`pixels`] | from the formats of cameras to that of the channels |
-//! | [`wire`] | phase maps and correspondences as payloads of messages |
-//! | [`transport`] | channels between processes |
-//! | [`synchronization`] | which images belong together: pairs, pattern steps, windows |
 //! | [`reconstruction`] | the chain from images to cloud |
-//! | [`preview`] | pictures of phase, depth, decisions and δ for people |
-//! | [`evaluation`] | completeness, false correspondences and 3D error against a reference |
-//! | [`config`] | configuration files |
-//! | [`simulation`] | virtual scanner: rig, scenes, noise, exact truth |
-//! | [`telemetry`] | what the stages report, gathered: rates, latencies, where the time of a window went |
-//! | [`recording`] | recordings: MCAP files of what the channels carried |
+//!
+//! Everything else stands in crates of its own, see ARCHITECTURE.md.
 
-pub mod atomic_file;
+#![forbid(unsafe_code)]
+
 pub mod calibration;
 pub mod cloud;
-pub mod config;
 pub mod correspondence;
-pub mod dataset;
-pub mod evaluation;
-pub mod fusion;
 pub mod geometry;
-pub mod grey;
-pub mod health;
-pub mod message;
 pub mod phase;
-pub mod pixels;
-mod png_encoding;
-pub mod preview;
 pub mod prior;
 pub mod reconstruction;
-pub mod recording;
-pub mod registration;
-pub mod rig_report;
-pub mod simd;
-pub mod simulation;
-pub mod synchronization;
-pub mod telemetry;
-pub mod transport;
-pub mod wire;
 pub mod worker;

@@ -8,8 +8,8 @@ mod scenes;
 
 use std::sync::Arc;
 
-use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::usual_extra_images;
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
 
 use counting_allocator::{allocated, held};
 use scenes::{Geometry, Images, SMALL_PX, Scene, Workers};

@@ -8,15 +8,15 @@ use std::ops::ControlFlow;
 
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::SegmentTable;
-use fringeflow::dataset::CameraId;
-use fringeflow::evaluation::{StatedPose, against_trajectory};
-use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::{Point3, Pose};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
-use fringeflow::simulation::{
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::evaluation::{StatedPose, against_trajectory};
+use fringeflow_lab::simulation::{
     Board, ImageLoop, Object, RigOptions, Scene, Surface, SweepOptions, View, VirtualScanner, VirtualScannerOptions,
 };
+use fringeflow_tracking::fusion::{FusionSettings, Tracker};
 
 const SIZE_PX: [usize; 2] = [320, 256];
 const STEPS: usize = 4;

@@ -58,7 +58,7 @@ fn a_misspelt_entry_of_the_list_is_an_error() {
 
 #[test]
 fn libraries_of_the_page_are_whole_and_carry_their_licence() {
-    let vendor = Path::new(env!("CARGO_MANIFEST_DIR")).join("services/monitor/page/vendor");
+    let vendor = Path::new(env!("CARGO_MANIFEST_DIR")).join("../services/monitor/page/vendor");
     let sums = std::fs::read_to_string(vendor.join("SHA256SUMS")).unwrap();
     let mut listed = Vec::new();
     for line in sums.lines() {
@@ -92,7 +92,7 @@ fn metadata() -> Outcome<Value> {
     let platform = host_platform()?;
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", &platform])
-        .args(["--manifest-path", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")])
+        .args(["--manifest-path", concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.toml")])
         .output()?;
     if !output.status.success() {
         return Err(format!("cargo metadata: {}", String::from_utf8_lossy(&output.stderr)).into());

@@ -5,12 +5,12 @@
 use std::path::Path;
 
 use fringeflow::correspondence::SegmentTable;
-use fringeflow::dataset::{CameraId, Dataset, GreyImage, Motion, Truth};
-use fringeflow::evaluation::{Evaluation, Frames, against_rendered, against_rendered_at};
 use fringeflow::geometry::Pose;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
-use fringeflow::simulation::{
+use fringeflow_dataset::{CameraId, Dataset, GreyImage, Motion, Truth};
+use fringeflow_lab::evaluation::{Evaluation, Frames, against_rendered, against_rendered_at};
+use fringeflow_lab::simulation::{
     Board, Direction, ImageSeed, MotionOptions, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, Simulation,
     SimulationOptions, Staging, View, VirtualRig,
 };

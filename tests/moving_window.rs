@@ -6,11 +6,11 @@ use std::ops::ControlFlow;
 
 use fringeflow::calibration::Unit;
 use fringeflow::correspondence::SegmentTable;
-use fringeflow::dataset::CameraId;
-use fringeflow::evaluation::{Frames, Scores, against_rendered};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstructor, Settings};
-use fringeflow::simulation::{
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::evaluation::{Frames, Scores, against_rendered};
+use fringeflow_lab::simulation::{
     ImageLoop, Object, RigOptions, Scene, SweepOptions, View, VirtualScanner, VirtualScannerOptions, truth,
 };
 

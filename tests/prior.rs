@@ -3,16 +3,17 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
 
 use fringeflow::correspondence::{Drift, KnownDrift, SegmentTable};
-use fringeflow::dataset::{CameraId, Dataset, GreyImage, Truth};
-use fringeflow::evaluation::{Frames, Scores, against_rendered};
-use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::Vector3;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::prior::{Moment, Prior, Relief, RigidMotion, WindowTimes};
-use fringeflow::reconstruction::{Reconstruction, Reconstructor, Settings, TrackedStream};
-use fringeflow::simulation::{
+use fringeflow::reconstruction::{Reconstruction, Reconstructor, Settings};
+use fringeflow_dataset::{CameraId, Dataset, GreyImage, Truth};
+use fringeflow_lab::evaluation::{Frames, Scores, against_rendered};
+use fringeflow_lab::simulation::{
     Board, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions, Staging,
 };
+use fringeflow_tracking::TrackedStream;
+use fringeflow_tracking::fusion::{FusionSettings, Tracker};
 
 const SIZE_PX: [usize; 2] = [320, 256];
 const STEPS: usize = 4;

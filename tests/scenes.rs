@@ -2,8 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a scene that cannot be simulated fails the test")]
 
-use fringeflow::dataset::CameraId;
-use fringeflow::simulation::{
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::simulation::{
     Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, Sensor, Simulation, SimulationOptions, Staging,
     Surface,
 };

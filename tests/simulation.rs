@@ -5,10 +5,10 @@
 use std::f64::consts::{PI, TAU};
 
 use fringeflow::calibration::{Unit, read_calibration};
-use fringeflow::dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
-use fringeflow::evaluation::TOLERANCE_PX;
 use fringeflow::geometry::{Point3, Rig};
-use fringeflow::simulation::{
+use fringeflow_dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
+use fringeflow_lab::evaluation::TOLERANCE_PX;
+use fringeflow_lab::simulation::{
     Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor, Simulation,
     SimulationOptions, Solid, View, VirtualRig, truth,
 };
@@ -248,7 +248,7 @@ fn a_written_folder_opens_and_holds_what_was_simulated() {
     let again = simulation.write(&target, || ()).unwrap_err();
     assert!(matches!(
         again,
-        fringeflow::simulation::SimulationError::Dataset(DatasetError::File { problem: Problem::TargetExists, .. })
+        fringeflow_lab::simulation::SimulationError::Dataset(DatasetError::File { problem: Problem::TargetExists, .. })
     ));
 }
 

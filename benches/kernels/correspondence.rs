@@ -4,14 +4,15 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
+
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::{
     Drift, EpipolarImage, MatchSettings, Matcher, Matches, ResolutionMethod, SegmentTable, find_candidates,
     find_unique_candidates, match_phases,
 };
-use fringeflow::grey::PixelFormat;
 use fringeflow::phase::{Validity, decode};
 use fringeflow::worker::{CloudWorker, Correspondences};
+use fringeflow_base::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, ambiguous_share, shifts};
 

@@ -3,10 +3,11 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use fringeflow::grey::PixelFormat;
+
 use fringeflow::phase::{
     MotionFit, MotionRoom, PhaseMap, Validity, decode_into, decode_moving_into, usual_extra_images,
 };
+use fringeflow_base::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, shifts, shifts_rad};
 

@@ -3,7 +3,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
-use fringeflow::grey::PixelFormat;
+
+use fringeflow_base::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, Workers};
 

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use fringeflow::correspondence::SegmentTable;
-use fringeflow::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
 
 use super::peers::Peers;
 use super::scenes::{FULL_PX, Geometry, Images, SMALL_PX, Scene};

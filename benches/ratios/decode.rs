@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 use std::hint::black_box;
 
-use fringeflow::dataset::GreyImage;
-use fringeflow::grey::PixelFormat;
 use fringeflow::phase::{PhaseMap, Validity, decode_into};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::GreyImage;
 
 use super::bench::{Bench, STEPS};
 use super::clock::{contender, interleave};

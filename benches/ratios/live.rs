@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use fringeflow::dataset::GreyImage;
-use fringeflow::recording::{Known, Recording};
 use serde_json::Value;
+
+use fringeflow_dataset::GreyImage;
+use fringeflow_recording::{Known, Recording};
 
 use super::bench::Bench;
 use super::clock::median;
@@ -66,7 +67,7 @@ fn rounds(command: &Path) -> Result<Vec<[f64; 2]>, String> {
 
 /// The demo as it is but for its images: larger and fewer ones, and other places for its files.
 fn configuration(folder: &Path) -> Result<PathBuf, String> {
-    let demo = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/demo.toml");
+    let demo = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/demo.toml");
     let text = std::fs::read_to_string(demo).map_err(|e| format!("{demo}: {e}"))?;
     let changes = [
         ("name = \"demo\"", "name = \"ratios\"".to_owned()),
@@ -122,7 +123,7 @@ fn in_process_ns(recording: &Path) -> Result<f64, String> {
     // The pool of this program has one thread, which waits for this one.
     rayon::ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?.install(|| {
         let recording = Recording::open(recording).map_err(|e| e.to_string())?;
-        let mut reconstructor = recording.reconstructor().map_err(|e| e.to_string())?;
+        let mut reconstructor = fringeflow_replay::reconstructor(&recording).map_err(|e| e.to_string())?;
         let priors = recording.priors().map_err(|e| e.to_string())?;
         let mut taken_ns = Vec::new();
         for header in recording.cloud_headers() {

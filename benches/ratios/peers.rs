@@ -15,7 +15,7 @@ use super::clock::{Contender, Spent};
 use super::scenes::bench_folder;
 
 /// The folder of the program.
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peers");
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/peers");
 /// Libraries that would start threads of their own.
 const SINGLE_THREAD: [&str; 4] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"];
 

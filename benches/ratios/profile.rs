@@ -3,11 +3,12 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
+use serde_json::json;
+
 use fringeflow::correspondence::{DeltaHistogram, EpipolarImage, estimate_drift, measure_delta};
 use fringeflow::phase::{
     MotionFit, MotionRoom, PhaseMap, SequenceCheck, SequenceRoom, Validity, decode, decode_moving_into,
 };
-use serde_json::json;
 
 use super::bench::{Bench, Measured, STEPS};
 use super::clock::{Contender, contender, interleave, median};

@@ -8,9 +8,9 @@ use std::io::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fringeflow::dataset::{GreyImage, Setup};
-use fringeflow::message::{FrameHeader, PixelFormat};
-use fringeflow::recording::{Opening, Origin, Recorder};
+use fringeflow_dataset::{GreyImage, Setup};
+use fringeflow_message::{FrameHeader, PixelFormat};
+use fringeflow_recording::{Opening, Origin, Recorder};
 
 use super::bench::Bench;
 use super::clock::{contender, interleave};

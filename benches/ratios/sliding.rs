@@ -3,8 +3,8 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::usual_extra_images;
+use fringeflow_base::grey::GreyLevels;
 
 use super::bench::{Bench, STEPS};
 use super::clock::{contender, interleave};

@@ -1,8 +1,9 @@
 //! Rendered images in files: tracing the rays of 1280 × 1024 pixels takes seconds to minutes.
 
-use fringeflow::dataset::GreyImage;
-use fringeflow::grey::PixelFormat;
 use sha2::{Digest, Sha256};
+
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::GreyImage;
 
 use super::{Images, bench_folder};
 

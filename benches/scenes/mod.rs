@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use fringeflow::correspondence::{Matches, SegmentTable};
-use fringeflow::dataset::{CameraId, GreyImage, SetupText};
-use fringeflow::grey::{GreyLevels, PixelFormat};
 use fringeflow::phase::PhaseShifts;
-use fringeflow::simulation::{
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_dataset::{CameraId, GreyImage, SetupText};
+use fringeflow_lab::simulation::{
     Arrangement, Board, BoardApart, Direction, ImageSeed, NoiseLevel, Object, PoseImages, Projected, RigOptions,
     Sensor, Simulation, SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
 };

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::{MatchSettings, SegmentTable};
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::Validity;
 use fringeflow::worker::{CloudWorker, CorrespondenceWorker, Correspondences, PhasePair, PhaseWorker};
+use fringeflow_base::grey::GreyLevels;
 
 use super::{Scene, shifts};
 

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use crate::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+
 use crate::geometry::{Camera, Pose, Rig};
 
 use super::Unit;

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+
 use crate::calibration::Unit;
 
 use super::{Cloud, CloudPoint, npz, pcd, ply};
@@ -80,7 +81,7 @@ impl CloudFormat {
 
 impl CloudExport<'_> {
     /// Export units in a metre.
-    pub(crate) fn per_metre(&self) -> f32 {
+    pub fn per_metre(&self) -> f32 {
         match self.unit {
             Unit::Millimetre => 1000.0,
             Unit::Metre => 1.0,
@@ -88,7 +89,7 @@ impl CloudExport<'_> {
     }
 
     /// What the file says besides the points: keys and values, one printable ASCII line each.
-    pub(crate) fn remarks(&self) -> [(&'static str, String); 4] {
+    pub fn remarks(&self) -> [(&'static str, String); 4] {
         [
             ("unit", self.unit.symbol().to_owned()),
             ("frame", "cam1 (x right, y down, z forward)".to_owned()),

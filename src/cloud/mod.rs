@@ -8,7 +8,7 @@ mod record;
 mod reference;
 
 pub use export::{CloudExport, CloudFormat, CloudWriteError};
-pub(crate) use ply::ply_header;
+pub use ply::ply_header;
 pub use record::{FIELDS, RECORD_BYTES, Scalar, decode_record, fill_with_records, read_records, write_records};
 pub use reference::reference_cloud;
 

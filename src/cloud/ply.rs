@@ -12,7 +12,7 @@ pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudE
 }
 
 /// The header of `count` vertices with these remarks (keys and values, one line each) and fields.
-pub(crate) fn ply_header(count: usize, remarks: &[(&str, String)], fields: &[(&str, Scalar)]) -> String {
+pub fn ply_header(count: usize, remarks: &[(&str, String)], fields: &[(&str, Scalar)]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for (key, value) in remarks {
         header += &format!("comment {key} {value}\n");

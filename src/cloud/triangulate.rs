@@ -6,10 +6,11 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::correspondence::{Confidence, Matches, Outcome, RayRow, SegmentTable};
 use crate::geometry::{EpipolarFrame, Sights};
 use crate::phase::Modulation;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::{Cloud, CloudPoint};
 
@@ -108,7 +109,7 @@ impl Work<'_> {
             let count = rows.get(place + 1).map_or(rest.len(), |next| next.begin - rows[place].begin);
             let out;
             (out, rest) = rest.split_at_mut(count);
-            rows[place].made = simd::run(Level::in_use(), RowKernel { work: self, v, out });
+            rows[place].made = fringeflow_simd::run(Level::in_use(), RowKernel { work: self, v, out });
         }
     }
 }
@@ -159,7 +160,7 @@ impl Tile {
     #[inline(always)]
     fn of(work: &Work<'_>, first: usize, count: usize) -> Self {
         let (matches, input, pixels) = (work.matches, &work.input, first..first + count);
-        let outcome = simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
+        let outcome = fringeflow_simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
         let mut found = [false; TILE_PX];
         for i in 0..TILE_PX {
             found[i] = outcome[i].is_found();
@@ -167,14 +168,14 @@ impl Tile {
         Self {
             found,
             outcome,
-            column_px: simd::filled(&matches.chosen.column_px[pixels.clone()], 0.0),
-            order: simd::filled(&matches.chosen.order[pixels.clone()], 0),
-            delta: simd::filled(&matches.chosen.delta[pixels.clone()], 0),
-            slope: simd::filled(&matches.chosen.slope[pixels.clone()], 0),
-            modulation: simd::filled(&input.modulation[pixels.clone()], Modulation::default()),
-            intensity: simd::filled(&input.mean[pixels.clone()], 0),
-            candidates: simd::filled(&matches.passing[pixels.clone()], 0),
-            confidence: simd::filled(&matches.confidence[pixels], Confidence::NONE),
+            column_px: fringeflow_simd::filled(&matches.chosen.column_px[pixels.clone()], 0.0),
+            order: fringeflow_simd::filled(&matches.chosen.order[pixels.clone()], 0),
+            delta: fringeflow_simd::filled(&matches.chosen.delta[pixels.clone()], 0),
+            slope: fringeflow_simd::filled(&matches.chosen.slope[pixels.clone()], 0),
+            modulation: fringeflow_simd::filled(&input.modulation[pixels.clone()], Modulation::default()),
+            intensity: fringeflow_simd::filled(&input.mean[pixels.clone()], 0),
+            candidates: fringeflow_simd::filled(&matches.passing[pixels.clone()], 0),
+            confidence: fringeflow_simd::filled(&matches.confidence[pixels], Confidence::NONE),
         }
     }
 

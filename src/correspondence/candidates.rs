@@ -6,7 +6,7 @@
 
 use std::ops::ControlFlow;
 
-use crate::simd::LANES;
+use fringeflow_simd::LANES;
 
 use super::row_view::RowView;
 use super::segment::Segment;

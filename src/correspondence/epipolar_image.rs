@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::patches::{Columns, PATCH_PX, POWERS};
 use super::pool::Pool;
@@ -63,7 +64,10 @@ impl EpipolarImage {
         self.phase.par_chunks_mut(width).enumerate().for_each_init(
             || coefficients.take(),
             |along_row, (row, out)| {
-                simd::run(Level::in_use(), RowKernel { image, sources: table.sources.row(row), along_row, out });
+                fringeflow_simd::run(
+                    Level::in_use(),
+                    RowKernel { image, sources: table.sources.row(row), along_row, out },
+                );
             },
         );
         true
@@ -74,7 +78,7 @@ impl EpipolarImage {
         self.marked.resize(map.phase.len(), Self::NO_PHASE);
         let rows = self.marked.par_chunks_mut(map.width).zip(map.phase.par_chunks(map.width));
         rows.zip(map.valid.par_chunks(map.width)).for_each(|((out, phase), valid)| {
-            simd::run(Level::in_use(), MarkKernel { phase, valid, out });
+            fringeflow_simd::run(Level::in_use(), MarkKernel { phase, valid, out });
         });
     }
 

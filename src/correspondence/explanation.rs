@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
+use fringeflow_base::outcome::Outcome;
+
 use crate::phase::PhaseMap;
 
 use super::candidates::occurs;
 use super::epipolar_image::EpipolarImage;
-use super::outcome::Outcome;
 use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;

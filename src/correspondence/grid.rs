@@ -6,7 +6,7 @@ use std::ops::{Deref, DerefMut};
 
 use rayon::prelude::*;
 
-use crate::simd::LANES;
+use fringeflow_simd::LANES;
 
 /// Rows above and below the image that can be read.
 const MARGIN_ROWS: usize = 3;

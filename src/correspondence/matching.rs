@@ -2,8 +2,10 @@
 
 use rayon::prelude::*;
 
+use fringeflow_base::outcome::Outcome;
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
 use super::candidates::Candidate;
@@ -12,7 +14,6 @@ use super::delta_histogram::{DeltaHistogram, HistogramRoom};
 use super::delta_statistics::{DeltaRoom, DeltaStatistics, DeltaSums, measure_delta};
 use super::drift::{Drift, DriftRoom, KnownDrift};
 use super::epipolar_image::EpipolarImage;
-use super::outcome::Outcome;
 use super::reference_methods::{ResolutionSettings, paper};
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
@@ -113,7 +114,8 @@ impl Matches {
     fn sums(&self) -> Sums {
         let delta = self.chosen.delta.par_chunks(Sums::PIXELS);
         let chunks = self.outcomes.par_chunks(Sums::PIXELS).zip(self.passing.par_chunks(Sums::PIXELS)).zip(delta);
-        let of_chunk = |((outcomes, passing), delta)| simd::run(Level::in_use(), SumChunk { outcomes, passing, delta });
+        let of_chunk =
+            |((outcomes, passing), delta)| fringeflow_simd::run(Level::in_use(), SumChunk { outcomes, passing, delta });
         chunks.map(of_chunk).reduce(Sums::default, Sums::merged)
     }
 }

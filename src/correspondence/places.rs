@@ -1,6 +1,6 @@
 //! Places of C2 that pixels of C1 have their correspondence in, and how near to C2 their points lie.
 
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
@@ -27,7 +27,7 @@ impl PlaceRow<'_> {
     /// one have no meaning.
     pub(super) fn find(self, table: &SegmentTable, segments: &SegmentRow, column_px: &[f32]) {
         let [width, height] = table.epipolar_size_px().map(|side| side as u32);
-        simd::run(
+        fringeflow_simd::run(
             Level::in_use(),
             PlaceKernel { table, segments, column_px, last: [width - 1, height - 1], row: self },
         );

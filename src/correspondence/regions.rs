@@ -6,10 +6,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::bands::{self, BAND_ROWS};
 use super::neighbourhood::{ABSENT, MAX_STEP};
 use super::unions::{Offset, Unions};
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Pixels of a row that belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,7 +139,7 @@ impl Row<'_> {
     /// Adds its runs, not numbered yet; its first pixel is `first`.
     fn runs(&self, first: usize, max_z_step: f32, marks: &mut Vec<u8>, runs: &mut Vec<Run>) {
         marks.resize(self.absolute.len(), 0);
-        simd::run(Level::in_use(), Borders { row: *self, max_z_step, marks });
+        fringeflow_simd::run(Level::in_use(), Borders { row: *self, max_z_step, marks });
         let mut open = None;
         let mut border = |u: usize| {
             if let Some(begin) = open.take() {
@@ -224,7 +225,7 @@ fn touching_runs(
 ) {
     let width = rows[0].absolute.len();
     marks.resize(width, 0);
-    simd::run(Level::in_use(), Touches { rows, max_z_step, marks });
+    fringeflow_simd::run(Level::in_use(), Touches { rows, max_z_step, marks });
     let columns = |run: &Run| run.begin as usize % width..(run.end as usize - 1) % width + 1;
     let (mut i, mut j) = (0, 0);
     while let (Some(a), Some(b)) = (above.get(i), below.get(j)) {

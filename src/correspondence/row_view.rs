@@ -2,7 +2,7 @@
 
 use std::ops::{ControlFlow, RangeInclusive};
 
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 
@@ -100,7 +100,7 @@ impl<'a> RowView<'a> {
         let mut may_cross = [0; BLOCKS_AT_A_TIME];
         for first in (*columns.start()..last).step_by(BLOCKS_AT_A_TIME * LANES) {
             let may_cross = &mut may_cross[..(last - first).div_ceil(LANES).min(BLOCKS_AT_A_TIME)];
-            simd::run(level, MayCross { row: self, phase, first, may_cross });
+            fringeflow_simd::run(level, MayCross { row: self, phase, first, may_cross });
             for (block, &bits) in may_cross.iter().enumerate() {
                 let mut rest = bits;
                 while rest != 0 {
@@ -122,7 +122,7 @@ impl<'a> RowView<'a> {
         phase: u16,
         ranges: &[RangeInclusive<usize>],
     ) -> Option<usize> {
-        simd::run(Level::in_use(), AnyCrossing { row: self, limits_px, phase, ranges })
+        fringeflow_simd::run(Level::in_use(), AnyCrossing { row: self, limits_px, phase, ranges })
     }
 
     /// Tells of each place, at most a pixel beyond the rim of a surface, where the surface would have the phase if it went
@@ -256,7 +256,7 @@ impl MayCross<'_, '_> {
 /// Some columns of a row; none has a phase beyond its end.
 #[inline(always)]
 fn columns(row: &[u16], first: usize) -> [u16; LANES] {
-    simd::filled(row.get(first..).unwrap_or_default(), EpipolarImage::NO_PHASE)
+    fringeflow_simd::filled(row.get(first..).unwrap_or_default(), EpipolarImage::NO_PHASE)
 }
 
 /// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
@@ -354,7 +354,7 @@ mod tests {
                 let later = columns.iter().copied().find(|&column| (150..330).contains(&column));
                 for level in Level::ALL {
                     let of = |ranges: &[RangeInclusive<usize>]| {
-                        simd::run(level, AnyCrossing { row: &row, limits_px, phase, ranges })
+                        fringeflow_simd::run(level, AnyCrossing { row: &row, limits_px, phase, ranges })
                     };
                     assert_eq!(of(&[7..=330]), columns.first().copied());
                     assert_eq!(of(&[150..=330, 7..=330]), later.or(columns.first().copied()));
@@ -362,7 +362,7 @@ mod tests {
                 for first in [0, 7, 300, 332] {
                     let bits = Level::ALL.map(|level| {
                         let mut may_cross = [0; 3];
-                        simd::run(level, MayCross { row: &row, phase, first, may_cross: &mut may_cross });
+                        fringeflow_simd::run(level, MayCross { row: &row, phase, first, may_cross: &mut may_cross });
                         may_cross
                     });
                     assert_eq!(bits, [bits[0]; 3]);

@@ -8,7 +8,8 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+
 use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 
 use super::drift::DriftModes;

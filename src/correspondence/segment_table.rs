@@ -6,8 +6,9 @@
 //! epipolar frame, half a byte; and the fields of δ that calibration errors cause. Everything that depends on the
 //! calibration alone is done here, once, in `f64`. Whatever reads whole images takes [rows](SegmentTable::row).
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::geometry::{EpipolarError, EpipolarFrame, FringePattern, MeasurementVolume, Rig};
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
@@ -157,7 +158,7 @@ impl SegmentTable {
         row.resize(patches);
         let (begin, end) = self.limits_of_row(v);
         let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
-        simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
+        fringeflow_simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
     }
 
     /// Rays and epipolar rows of row `v` of C1.

@@ -19,8 +19,9 @@ use std::iter::zip;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 use super::neighbourhood::{ABSENT, MAX_STEP, MAX_STEP_CHANGE};
 
@@ -54,7 +55,7 @@ impl Support {
         let image = &*image;
         is_supported.resize(cam1.phase.len(), false);
         is_supported.par_chunks_mut(width).enumerate().for_each(|(v, is_supported)| {
-            simd::run(Level::in_use(), SupportOfRow { image, v, rule, is_supported });
+            fringeflow_simd::run(Level::in_use(), SupportOfRow { image, v, rule, is_supported });
         });
     }
 }

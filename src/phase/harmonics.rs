@@ -11,9 +11,9 @@
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
+use fringeflow_base::limits::{MAX_IMAGES, MAX_STEPS};
+
 use super::map::Harmonics;
-use super::motion::MAX_IMAGES;
-use super::shifts::MAX_STEPS;
 
 /// Pixels that are asked.
 const PIXELS: usize = 4000;
@@ -278,8 +278,8 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grey::{GreyLevels, PixelFormat};
     use crate::phase::{MotionFit, PhaseMap, PhaseShifts, Validity, decode, decode_moving};
+    use fringeflow_base::grey::{GreyLevels, PixelFormat};
     use std::f64::consts::TAU;
 
     const WIDTH: usize = 96;

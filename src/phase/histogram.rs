@@ -1,6 +1,6 @@
 //! Histograms of the pixels of an image, which add up in any order.
 
-use crate::simd::{LANES, Lanes};
+use fringeflow_simd::{LANES, Lanes};
 
 /// Counts that neighbours take turns at: most of them fall into the same bin, and each would wait for the one before.
 const TURNS: usize = 4;
@@ -93,7 +93,7 @@ pub(super) fn quantile(counts: impl ExactSizeIterator<Item = u64> + Clone, share
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{self, Kernel, Level};
+    use fringeflow_simd::{Kernel, Level};
 
     const BINS: usize = 1024;
 
@@ -115,7 +115,7 @@ mod tests {
         for level in Level::ALL {
             for used in [u32::MAX, 0, 0x1234_5678] {
                 let (mut one_by_one, mut at_once) = (Histogram::<BINS>::default(), Histogram::default());
-                simd::run(level, Count(&mut at_once, &values, used));
+                fringeflow_simd::run(level, Count(&mut at_once, &values, used));
                 (0..LANES).filter(|k| used >> k & 1 == 1).for_each(|k| one_by_one.add(values[k]));
                 assert_eq!(at_once.len(), u64::from(used.count_ones()));
                 assert!((0..BINS).all(|bin| at_once.count(bin) == one_by_one.count(bin)));

@@ -1,7 +1,7 @@
 //! How well sinusoids fit the images, over all pixels: histograms that add up in any order, and what they say.
 
-use crate::grey::PixelFormat;
-use crate::simd::Lanes;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_simd::Lanes;
 
 use super::histogram::Histogram;
 use super::map::FitStatistics;

@@ -1,7 +1,7 @@
 //! What a camera stores for a pixel, as the kernels read it: where it lies, without a copy.
 
-use crate::grey::PixelFormat;
-use crate::simd::{LANES, Lanes};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_simd::{LANES, Lanes};
 
 /// A stored value.
 pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {

@@ -4,12 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::simd;
+use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 
-/// Fewest images that determine offset, modulation and phase.
-pub const MIN_STEPS: usize = 3;
-/// Most images of one sequence.
-pub const MAX_STEPS: usize = 16;
 /// Shifts closer to equal spacing than this are taken as equally spaced, rad (files carry ten digits).
 const SPACING_TOLERANCE_RAD: f64 = 1e-6;
 /// Smallest eigenvalue of the normal matrix, a step, that still determines all three unknowns.
@@ -91,7 +87,7 @@ impl PhaseShifts {
             None => least_squares_weights(shifts_rad)?,
         };
         let weights = weights.map(|of_images| of_images.map(|weight| weight as f32));
-        Some(Self { steps: shifts_rad.len(), shifts_rad: simd::filled(shifts_rad, 0.0), weights })
+        Some(Self { steps: shifts_rad.len(), shifts_rad: fringeflow_simd::filled(shifts_rad, 0.0), weights })
     }
 
     /// Number of images N.

@@ -29,6 +29,3 @@ pub struct Prior {
     /// The drift of the calibration that this cloud showed, if it showed one.
     pub drift: Option<KnownDrift>,
 }
-
-#[cfg(test)]
-mod tests;

@@ -3,19 +3,17 @@
 //! In: N images a camera. Out: the cloud, the decision about every pixel of C1, and the figures behind it. What depends
 //! on the rig alone (segment table, epipolar frame) is held; the images come and go.
 
-mod stream;
-
 use std::sync::Arc;
+
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_base::limits::MAX_IMAGES;
 
 use crate::cloud::Cloud;
 use crate::correspondence::{Confidence, MatchError, MatchSettings, Matches, Outcome, SegmentTable};
 use crate::geometry::{EpipolarError, FringePattern, Rig};
-use crate::grey::GreyLevels;
-use crate::phase::{MAX_IMAGES, PhaseMap, PhaseShifts, Validity, usual_extra_images};
+use crate::phase::{PhaseMap, PhaseShifts, Validity, usual_extra_images};
 use crate::prior::{Moment, Prior};
 use crate::worker::{CloudWorker, CorrespondenceWorker, Correspondences, ImagesError, PhasePair, PhaseWorker};
-
-pub use stream::TrackedStream;
 
 /// How images become a cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

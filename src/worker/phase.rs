@@ -1,8 +1,9 @@
 //! From the images of both cameras to their phase maps.
 
+use fringeflow_base::grey::GreyLevels;
+
 use crate::correspondence::KnownDrift;
 use crate::geometry::{FringePattern, Rig};
-use crate::grey::GreyLevels;
 use crate::phase::{
     Flow, MotionFits, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity,
     decode_following_into, decode_into, decode_moving_into,

@@ -4,16 +4,16 @@ use fringeflow::correspondence::{
     DriftMap, MatchError, MatchSettings, Matcher, Matches, OutcomeCounts, ResolutionMethod, SegmentTable,
     match_phases_with_grounds,
 };
-use fringeflow::dataset::{CameraId, GreyImage};
-use fringeflow::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
-use fringeflow::grey::PixelFormat;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
-use fringeflow::simd::Level;
-use fringeflow::simulation::{
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::{CameraId, GreyImage};
+use fringeflow_lab::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
+use fringeflow_lab::simulation::{
     Arrangement, Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation,
     SimulationOptions, Staging, VirtualRig,
 };
+use fringeflow_simd::Level;
 
 /// Width and height of the images, pixels.
 const SIZE_PX: [usize; 2] = [320, 256];

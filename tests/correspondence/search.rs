@@ -3,7 +3,7 @@
 use fringeflow::correspondence::{DeltaGate, EpipolarImage, SegmentTable, find_candidates, find_unique_candidates};
 use fringeflow::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig};
 use fringeflow::phase::{Modulation, PhaseMap};
-use fringeflow::simd::Level;
+use fringeflow_simd::Level;
 
 use crate::random::Random;
 

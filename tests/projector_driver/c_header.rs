@@ -5,11 +5,10 @@ use std::mem::offset_of;
 use std::path::Path;
 use std::process::Command;
 
-use fringeflow::message::{
-    self, ControlRequest, ControlResponse, FrameHeader, PATTERN_FRINGES, PatternEvent, PixelFormat, ScanState, Text,
-    flags,
+use fringeflow_message::{
+    ControlRequest, ControlResponse, FrameHeader, PATTERN_FRINGES, PatternEvent, PixelFormat, ScanState, Text, flags,
 };
-use fringeflow::transport::ChannelId;
+use fringeflow_transport::ChannelId;
 
 /// A C expression and what it must be.
 type Line = (String, u64);
@@ -63,13 +62,13 @@ fn layouts() -> Vec<Line> {
 
 fn numbers() -> Vec<Line> {
     let commands = [
-        ("STATE", message::Command::State),
-        ("START", message::Command::Start),
-        ("STOP", message::Command::Stop),
-        ("RECORD_START", message::Command::RecordStart),
-        ("RECORD_STOP", message::Command::RecordStop),
-        ("MARK", message::Command::Mark),
-        ("QUIT", message::Command::Quit),
+        ("STATE", fringeflow_message::Command::State),
+        ("START", fringeflow_message::Command::Start),
+        ("STOP", fringeflow_message::Command::Stop),
+        ("RECORD_START", fringeflow_message::Command::RecordStart),
+        ("RECORD_STOP", fringeflow_message::Command::RecordStop),
+        ("MARK", fringeflow_message::Command::Mark),
+        ("QUIT", fringeflow_message::Command::Quit),
     ];
     let commands = commands.map(|(name, command)| (format!("FRINGEFLOW_COMMAND_{name}"), u64::from(command as u32)));
     let others = [
@@ -87,7 +86,7 @@ fn numbers() -> Vec<Line> {
 
 /// The name under which iceoryx2 knows a struct of src/message.
 fn type_name(rust: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/message");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/message/src");
     let files = std::fs::read_dir(folder).unwrap();
     let sources: String = files.map(|file| std::fs::read_to_string(file.unwrap().path()).unwrap()).collect();
     let (before, _) = sources.split_once(&format!("\")]\npub struct {rust}")).unwrap();
@@ -130,7 +129,7 @@ fn c_and_rust_agree_on_every_byte() {
     let lines: Vec<Line> = layouts().into_iter().chain(numbers()).collect();
     let names = names();
     std::fs::write(&source, program(&lines, &names)).unwrap();
-    let include = Path::new(env!("CARGO_MANIFEST_DIR")).join("include");
+    let include = Path::new(env!("CARGO_MANIFEST_DIR")).join("../include");
     let mut compiler = Command::new("cc");
     compiler.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-I"]).arg(include).arg("-o").arg(&binary).arg(&source);
     let compiled = compiler.output().unwrap();

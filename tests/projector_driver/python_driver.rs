@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use fringeflow::message::{
+use fringeflow_message::{
     Command as Ask, ControlRequest, ControlResponse, PATTERN_FRINGES, PatternEvent, ScanState, Text,
 };
-use fringeflow::transport::{
+use fringeflow_transport::{
     ChannelSizes, ControlServer, Instance, KeptChannels, Node, PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber,
 };
 
@@ -51,7 +51,7 @@ impl Supervisor {
     }
 
     fn driver(&self, arguments: &[&str]) -> Child {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let root = &Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let python = Command::new(root.join("scripts/python.sh")).output().unwrap();
         assert!(python.status.success(), "{}", String::from_utf8_lossy(&python.stderr));
         let mut command = Command::new(String::from_utf8(python.stdout).unwrap().trim());

@@ -4,11 +4,11 @@
 
 mod scenes;
 
-use fringeflow::dataset::GreyImage;
-use fringeflow::grey::GreyLevels;
 use fringeflow::phase::{PhaseShifts, SequenceCheck, SequenceFaultKind, Validity, usual_extra_images};
-use fringeflow::simulation::{NoiseLevel, Object};
 use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_dataset::GreyImage;
+use fringeflow_lab::simulation::{NoiseLevel, Object};
 
 use scenes::{Injection, MovingScene, motion_rad, random, shifts_rad, told};
 

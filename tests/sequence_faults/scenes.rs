@@ -2,19 +2,20 @@
 
 use std::f64::consts::TAU;
 
-use fringeflow::dataset::{CameraId, GreyImage};
-use fringeflow::geometry::{Pose, Vector3};
-use fringeflow::grey::GreyLevels;
-use fringeflow::phase::{
-    MotionFit, SequenceCheck, SequenceFault, SequenceFaultKind, Validity, decode_moving, usual_extra_images,
-};
-use fringeflow::simulation::{
-    Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, View,
-    VirtualRig,
-};
 use nalgebra::Translation3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+use fringeflow::geometry::{Pose, Vector3};
+use fringeflow::phase::{
+    MotionFit, SequenceCheck, SequenceFault, SequenceFaultKind, Validity, decode_moving, usual_extra_images,
+};
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_dataset::{CameraId, GreyImage};
+use fringeflow_lab::simulation::{
+    Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, View,
+    VirtualRig,
+};
 
 /// Focal length of cameras that see the fringes as cameras of 640 × 512 pixels do, whose middle they are.
 const FULL_WIDTH_PX: f64 = 640.0;

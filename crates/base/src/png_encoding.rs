@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 /// Writes `width · height` pixels, row by row, each channel of `color` with so many bits; 16 are big endian.
-pub(crate) fn encode(
+pub fn encode(
     out: impl Write,
     [width, height]: [usize; 2],
     color: png::ColorType,

@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use crate::grey::PixelFormat;
-use crate::pixels::SourceFormat;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_pixels::SourceFormat;
 
 use super::ConfigurationProblem;
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
@@ -319,7 +319,7 @@ mod tests {
     #[test]
     fn the_example_states_the_defaults() {
         let parse = |text| ScannerConfiguration::parse(text, Path::new("/configs")).unwrap();
-        let example = parse(include_str!("../../configs/scanner.toml"));
+        let example = parse(include_str!("../../../configs/scanner.toml"));
         assert_eq!(ScannerConfiguration { text: REQUIRED.to_owned(), ..example }, parse(REQUIRED));
     }
 

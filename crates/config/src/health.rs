@@ -1,6 +1,6 @@
 //! Table `[health]`: limits of what is watched while scanning.
 
-use crate::health::{HealthLimits, Limits, Quantity};
+use fringeflow_telemetry::health::{HealthLimits, Limits, Quantity};
 
 use super::ConfigurationProblem;
 use super::raw::{RawHealth, RawLimits, checked};

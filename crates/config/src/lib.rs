@@ -3,6 +3,8 @@
 //! In: a file such as `configs/reconstruct.toml`. Out: a [`Configuration`]. Every key is optional and has its unit in its
 //! name; unknown keys are refused.
 
+#![forbid(unsafe_code)]
+
 mod cameras;
 mod former;
 mod health;
@@ -15,12 +17,12 @@ mod virtual_scanner;
 
 use std::path::{Path, PathBuf};
 
-use crate::calibration::Unit;
-use crate::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
-use crate::geometry::MeasurementVolume;
-use crate::health::HealthLimits;
-use crate::phase::Validity;
-use crate::reconstruction::Settings;
+use fringeflow::calibration::Unit;
+use fringeflow::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
+use fringeflow::geometry::MeasurementVolume;
+use fringeflow::phase::Validity;
+use fringeflow::reconstruction::Settings;
+use fringeflow_telemetry::health::HealthLimits;
 
 use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 
@@ -34,7 +36,7 @@ pub use scanner::{
     ProjectorDriver, ReadoutConfiguration, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
 };
 pub use tracking::{PriorSource, TrackingConfiguration};
-pub use virtual_scanner::VirtualScannerConfiguration;
+pub use virtual_scanner::{FaultsTable, SweepTable, VirtualScannerConfiguration, VirtualScannerTable};
 
 /// Most images of a window beyond a cycle: 16 steps and these are the longest window.
 const MAX_EXTRA_IMAGES: usize = 8;
@@ -128,7 +130,7 @@ pub enum ConfigurationProblem {
     },
     /// The volume is none.
     #[error("key measurement_volume: {0}")]
-    Volume(#[source] crate::dataset::Problem),
+    Volume(#[source] fringeflow_dataset::Problem),
 }
 
 impl From<toml::de::Error> for ConfigurationProblem {
@@ -263,7 +265,7 @@ mod tests {
 
     #[test]
     fn the_example_states_the_defaults() {
-        let text = include_str!("../../configs/reconstruct.toml");
+        let text = include_str!("../../../configs/reconstruct.toml");
         assert_eq!(Configuration::parse(text).unwrap(), Configuration::default());
     }
 
@@ -284,7 +286,8 @@ mod tests {
             message.contains("correspondence.drift_alarm_rad is 0.05") && message.contains("[health]"),
             "{message}"
         );
-        let limits = Configuration::parse_recorded(text).unwrap().health.of(crate::health::Quantity::Drift);
+        let limits =
+            Configuration::parse_recorded(text).unwrap().health.of(fringeflow_telemetry::health::Quantity::Drift);
         assert_eq!((limits.warn, limits.bad), (0.05, 0.2));
         assert!(Configuration::parse_recorded("[correspondence]\ndrift_alarm = 0.05").is_err());
     }

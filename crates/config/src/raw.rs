@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
-use crate::dataset::VolumeDescription;
+use fringeflow_dataset::VolumeDescription;
 
+use super::virtual_scanner::VirtualScannerTable;
 use super::{ConfigurationProblem, former};
 
 #[derive(Deserialize, Default)]
@@ -21,7 +22,7 @@ pub(super) struct RawConfiguration {
     pub(super) pattern: Option<RawPattern>,
     pub(super) cameras: Option<RawCameras>,
     pub(super) projector: RawProjector,
-    pub(super) virtual_scanner: RawVirtualScanner,
+    pub(super) virtual_scanner: VirtualScannerTable,
     pub(super) window: RawWindow,
     pub(super) recorder: RawRecorder,
     pub(super) monitor: RawMonitor,
@@ -151,48 +152,6 @@ pub(super) struct RawV4l2Camera {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawProjector {
     pub(super) driver: Option<String>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct RawVirtualScanner {
-    pub(super) object: Option<String>,
-    pub(super) board: Option<String>,
-    pub(super) size_px: Option<[usize; 2]>,
-    pub(super) depth_mm: Option<f64>,
-    pub(super) sd_rad: Option<f64>,
-    pub(super) noise: Option<String>,
-    pub(super) gamma: Option<f64>,
-    pub(super) exposure: Option<f64>,
-    pub(super) supersampling: Option<usize>,
-    pub(super) seed: Option<u64>,
-    pub(super) cache: Option<PathBuf>,
-    pub(super) sweep: RawSweep,
-    pub(super) faults: RawFaults,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct RawSweep {
-    pub(super) poses: Option<usize>,
-    pub(super) travel_mm: Option<[f64; 3]>,
-    pub(super) turn_deg: Option<[f64; 3]>,
-    pub(super) tremor_mm: Option<f64>,
-    pub(super) tremor_deg: Option<f64>,
-    pub(super) outside_mm: Option<f64>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct RawFaults {
-    pub(super) lost: Option<f64>,
-    pub(super) duplicated: Option<f64>,
-    pub(super) swapped: Option<f64>,
-    pub(super) late: Option<f64>,
-    pub(super) hidden_lost: Option<f64>,
-    pub(super) hidden_duplicated: Option<f64>,
-    pub(super) hidden_swapped: Option<f64>,
-    pub(super) events_lost: Option<f64>,
 }
 
 #[derive(Deserialize, Default)]

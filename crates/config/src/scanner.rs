@@ -3,19 +3,18 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use crate::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_text};
-use crate::dataset::{DatasetDescription, FringeSequence, SetupText};
-use crate::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
-use crate::grey::PixelFormat;
-use crate::phase::{MAX_STEPS, MIN_STEPS};
-use crate::pixels::SourceFormat;
-use crate::simulation::{SimulationError, VirtualScanner};
+use fringeflow::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_text};
+use fringeflow::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
+use fringeflow_dataset::{DatasetDescription, FringeSequence, SetupText};
+use fringeflow_pixels::SourceFormat;
 
 use super::cameras::{self, CameraSource};
 use super::monitor::{self, MonitorConfiguration};
 use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
-use super::virtual_scanner::{self, VirtualScannerConfiguration};
+use super::virtual_scanner::VirtualScannerConfiguration;
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
 
 /// Configuration of an instance.
@@ -193,17 +192,14 @@ impl ScannerConfiguration {
         self.source_format.pixel_format().binned(self.readout.binning)
     }
 
-    /// The texts of the setup that [`Self::rig`] describes.
+    /// The texts of the setup that [`Self::rig`] describes. Those of a virtual scanner come from the simulation, by
+    /// [`Self::setup_text_of`].
     ///
     /// # Errors
-    /// The calibration cannot be read, a key is missing, or the virtual scanner cannot be built.
+    /// The calibration cannot be read, a key is missing, or the rig is a virtual one.
     pub fn setup_text(&self) -> Result<SetupText, SetupTextError> {
         match &self.rig {
-            None => Err(SetupTextError::NoRig),
-            Some(RigSource::Virtual(options)) => {
-                let scanner = VirtualScanner::new(options.scanner)?;
-                self.text_of_part(scanner.description(), &scanner.rig().calibrated, None)
-            }
+            None | Some(RigSource::Virtual(_)) => Err(SetupTextError::NoRig),
             Some(RigSource::Files { calibration, unit, sequence }) => {
                 let volume = self.measurement.volume.as_ref().ok_or(SetupTextError::NoVolume)?;
                 self.text_of_files(calibration, *unit, sequence, volume)
@@ -234,12 +230,15 @@ impl ScannerConfiguration {
             motion: None,
             remarks: serde_json::Map::new(),
         };
-        self.text_of_part(description, &rig, Some(calibration))
+        self.setup_text_of(description, &rig, Some(calibration))
     }
 
-    /// The texts of what is used of the images, from the description and the rig of whole ones; where all of them is used, the
-    /// calibration stays as it was read.
-    fn text_of_part(
+    /// The texts of what is used of the images, from the description and the rig of whole ones. Where all of them is used, the
+    /// text of the calibration stays as it was read.
+    ///
+    /// # Errors
+    /// The part that is to be used does not lie in the images.
+    pub fn setup_text_of(
         &self,
         whole: DatasetDescription,
         rig: &Rig,
@@ -271,7 +270,7 @@ pub enum SetupTextError {
     Readout(#[from] ReadoutError),
     /// The virtual scanner.
     #[error("virtual scanner: {0}")]
-    Simulation(#[from] SimulationError),
+    VirtualScanner(String),
     /// The description cannot be written as JSON.
     #[error("the setup cannot be described: {0}")]
     Description(#[from] serde_json::Error),
@@ -285,7 +284,7 @@ fn rig_source(
 ) -> Result<Option<RigSource>, ConfigurationProblem> {
     if *cameras == CameraSource::Virtual {
         let pattern = pattern(raw.pattern.as_ref())?;
-        let configuration = virtual_scanner::configuration(&raw.virtual_scanner, &pattern, format, folder)?;
+        let configuration = VirtualScannerConfiguration::new(&raw.virtual_scanner, &pattern, format, folder);
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
     }
     let Some(rig) = &raw.rig else { return Ok(None) };
@@ -365,9 +364,8 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Setup;
 
-    const DEMO: &str = include_str!("../../configs/demo.toml");
+    const DEMO: &str = include_str!("../../../configs/demo.toml");
 
     fn parse(text: &str) -> Result<ScannerConfiguration, ConfigurationProblem> {
         ScannerConfiguration::parse(text, Path::new("/configs"))
@@ -379,8 +377,6 @@ mod tests {
         assert_eq!((&demo.cameras, demo.projector), (&CameraSource::Virtual, ProjectorDriver::Virtual));
         assert_eq!(demo.frame_period_ns(), 33_333_333);
         assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
-        let setup = Setup::parse(demo.setup_text().unwrap(), None).unwrap();
-        assert_eq!((setup.steps, setup.image_size_px), (4, [640, 512]));
         // The part of it that measures is a configuration of its own.
         assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
     }
@@ -394,7 +390,6 @@ mod tests {
         assert!(changed("rate_hz = 30.0", "rate_hz = 0.0").contains("cameras.rate_hz is 0"));
         assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("known are"));
         assert!(changed("steps = 4", "steps = 2").contains("pattern.steps is 2"));
-        assert!(changed("object = \"elephant\"", "object = \"elefant\"").contains("virtual_scanner.object"));
         assert!(changed("every = 3", "evry = 3").contains("evry"));
         assert!(changed("[cameras]", "[camera]").contains("camera"));
         assert!(parse("").unwrap_err().to_string().contains("key cameras is missing"));
@@ -405,8 +400,6 @@ mod tests {
         assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
         assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
-        let setup = Setup::parse(deep.setup_text().unwrap(), None).unwrap();
-        assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
         // What the channels do not carry, nobody can put there.
         let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
         assert!(
@@ -416,24 +409,10 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_images_has_a_setup_of_its_own() {
-        let of = |cameras: &str| {
-            let parsed = parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}")));
-            parsed.map(|scanner| (scanner.pixel_format(), scanner.setup_text()))
-        };
-        let setup = |cameras| Setup::parse(of(cameras).unwrap().1.unwrap(), None).unwrap();
-        let (whole, part) = (setup(""), setup("region_px = [100, 50, 320, 256]\nbinning = 2"));
-        assert_eq!((part.image_size_px, part.pixel_format), ([160, 128], Some(PixelFormat::Y10)));
-        assert_eq!((part.readout.sensor_px(), part.readout.region()), ([640, 512], [100, 50, 320, 256]));
-        assert_eq!((&part.rig, &part.volume), (&part.readout.rig(&whole.rig), &whole.volume));
-        assert_eq!(of("binning = 2").unwrap().0, PixelFormat::Y10);
-        let refused = |cameras| match of(cameras) {
-            Ok((_, text)) => text.unwrap_err().to_string(),
-            Err(problem) => problem.to_string(),
-        };
-        assert!(refused("binning = 3").contains("cameras.binning is 3"));
-        assert!(refused("region_px = [600, 0, 64, 64]").contains("640 × 512"));
-        assert!(refused("region_px = [0, 0, 33, 64]\nbinning = 2").contains("cameras.region_px"));
+    fn a_part_of_the_images_may_be_deeper() {
+        let of = |cameras: &str| parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}")));
+        assert_eq!(of("binning = 2").unwrap().pixel_format(), PixelFormat::Y10);
+        assert!(of("binning = 3").unwrap_err().to_string().contains("cameras.binning is 3"));
         let external = "[cameras]\nsource = \"external\"\nrate_hz = 30.0\nbinning = 2\n";
         assert!(parse(external).unwrap_err().to_string().contains("cameras.binning is 2"));
     }

@@ -1,6 +1,6 @@
 //! `[tracking]`: where the scanner stands, and the model that grows.
 
-use crate::fusion::FusionSettings;
+use fringeflow_tracking::fusion::FusionSettings;
 
 use super::ConfigurationProblem;
 use super::raw::{RawTracking, checked, one_of};

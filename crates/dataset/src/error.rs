@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file::WriteError;
-use crate::calibration::CalibrationError;
-use crate::geometry::VolumeError;
+use fringeflow::calibration::CalibrationError;
+use fringeflow::geometry::VolumeError;
+use fringeflow_base::atomic_file::WriteError;
 
 /// Why a dataset folder was refused: the file and what is wrong with it.
 #[derive(Debug, thiserror::Error)]

@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file::{WriteError, write_atomically};
-use crate::grey::{GreyLevels, PixelFormat};
-use crate::png_encoding;
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::png_encoding;
 
 use super::{DatasetError, Problem};
 

@@ -10,6 +10,8 @@
 //! Images have 8 bits, or 16; field `bits` of `meta.json` says how many of the 16 hold the values (10, 12, 14 or 16, the
 //! low ones). Everything is checked on opening; images are read when asked for.
 
+#![forbid(unsafe_code)]
+
 mod error;
 mod image;
 mod meta;
@@ -20,8 +22,8 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use crate::calibration::{self, Unit};
-use crate::grey::PixelFormat;
+use fringeflow::calibration::{self, Unit};
+use fringeflow_base::grey::PixelFormat;
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};

@@ -6,10 +6,11 @@ use std::path::Path;
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::Unit;
-use crate::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout, Vector3};
-use crate::grey::PixelFormat;
-use crate::phase::{GrayCode, MIN_STEPS};
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout, Vector3};
+use fringeflow::phase::GrayCode;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::limits::MIN_STEPS;
 
 use super::motion::RawMotion;
 use super::{DatasetError, FringeSequence, Motion, Problem};

@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::Unit;
-use crate::geometry::{Pose, between};
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::{Pose, between};
 
 use super::Problem;
 use super::meta::{field, raw_pose, rigid};
@@ -109,7 +109,7 @@ impl WrittenMotion {
 mod tests {
     use super::super::meta;
     use super::*;
-    use crate::geometry::Vector3;
+    use fringeflow::geometry::Vector3;
 
     fn motion() -> Motion {
         let pose = |k: f64| Pose::new(Vector3::new(0.001, -0.002, 0.0005) * k, Vector3::new(0.02, 0.1, -0.05) * k);

@@ -6,10 +6,10 @@
 use std::ops::Range;
 use std::path::Path;
 
-use crate::calibration::{self, CalibrationError, CalibrationProblem, Unit};
-use crate::geometry::{FringePattern, MeasurementVolume, Pose, Readout, Rig};
-use crate::grey::PixelFormat;
-use crate::phase::GrayCode;
+use fringeflow::calibration::{self, CalibrationError, CalibrationProblem, Unit};
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Pose, Readout, Rig};
+use fringeflow::phase::GrayCode;
+use fringeflow_base::grey::PixelFormat;
 
 use super::{CALIBRATION_FILE, DatasetError, META_FILE, Motion, Problem, meta};
 

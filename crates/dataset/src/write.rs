@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::TempDir;
 
-use crate::atomic_file::WriteError;
-use crate::calibration::{Unit, write_calibration};
-use crate::geometry::{MeasurementVolume, Pose, Readout, Rig};
-use crate::grey::PixelFormat;
+use fringeflow::calibration::{Unit, write_calibration};
+use fringeflow::geometry::{MeasurementVolume, Pose, Readout, Rig};
+use fringeflow_base::atomic_file::WriteError;
+use fringeflow_base::grey::PixelFormat;
 
 use super::meta::{RawReadout, RawSequence, VolumeDescription};
 use super::motion::WrittenMotion;

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 /// Quantities that a report has room for.
 pub const GAUGES: usize = 32;
 
-/// One quantity over the last windows, see [`crate::health::Gauge`].
+/// One quantity over the last windows, see `fringeflow_telemetry::health::Gauge`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.GaugeReport.1")]
@@ -19,13 +19,13 @@ pub struct GaugeReport {
     pub bad: f64,
     /// When it came to its state; 0 while it is not known.
     pub since_ns: u64,
-    /// Code of its [`crate::health::HealthState`].
+    /// Code of its `fringeflow_telemetry::health::HealthState`.
     pub state: u32,
     /// 1 where its level is known.
     pub is_known: u32,
 }
 
-/// All quantities, by their places in [`crate::health::Quantity::ALL`].
+/// All quantities, by their places in `fringeflow_telemetry::health::Quantity::ALL`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.HealthReport.1")]

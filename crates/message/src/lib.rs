@@ -8,19 +8,21 @@
 //! |---|---|---|
 //! | [`FrameHeader`] | `cam1/frame`, `cam2/frame` | bytes of the image |
 //! | [`PatternEvent`] | `projector/pattern` | – |
-//! | [`MapsHeader`] | `phase/maps` | [`Block`]s, see [`crate::wire`] |
-//! | [`CorrespondenceHeader`] | `correspondence/map` | [`Block`]s, see [`crate::wire`] |
+//! | [`MapsHeader`] | `phase/maps` | [`Block`]s, see `fringeflow_wire` |
+//! | [`CorrespondenceHeader`] | `correspondence/map` | [`Block`]s, see `fringeflow_wire` |
 //! | [`CloudHeader`] | `cloud` | records of the exported fields, lengths in metres |
 //! | [`StageReport`] | `report/stage` | – |
 //! | [`WindowReport`] | `report/window` | – |
 //! | [`PoseReport`] | `tracking/pose` | – |
-//! | [`PriorHeader`] | `tracking/prior` | inverse depths, see [`crate::wire`] |
+//! | [`PriorHeader`] | `tracking/prior` | inverse depths, see `fringeflow_wire` |
 //! | [`ModelHeader`] | `tracking/model` | points of [`MODEL_POINT_BYTES`] |
 //! | [`ScanState`] | `control/state` | – |
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
 //!
 //! Times are nanoseconds of `CLOCK_MONOTONIC`. `published` counts what a channel's publisher has sent, without gaps and
 //! across its restarts: a gap at the receiver is a loss in between, and is counted there.
+
+#![forbid(unsafe_code)]
 
 mod control;
 mod frame;
@@ -30,13 +32,14 @@ mod maps;
 mod meaning;
 mod pattern;
 mod report;
+pub mod synchronization;
 mod tracking;
 mod window;
 mod window_report;
 
-pub use crate::grey::PixelFormat;
 pub use control::{Command, ControlRequest, ControlResponse, ScanState, Text};
 pub use frame::{FrameHeader, flags};
+pub use fringeflow_base::grey::PixelFormat;
 pub use health_report::{GAUGES, GaugeReport, HealthReport};
 pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, DRIFT_NUMBERS, DriftNumbers, Fit, MapsHeader};
@@ -45,6 +48,3 @@ pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, PriorHeader, TrackingState};
 pub use window::Window;
 pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
-
-/// Most images of one window.
-pub const MAX_WINDOW: usize = crate::phase::MAX_IMAGES;

@@ -15,8 +15,8 @@ pub struct Block(
     pub [u8; 64],
 );
 
-/// How well sinusoids fit the images of a camera, and how the scene moved: see [`crate::phase::FitStatistics`] and
-/// [`crate::phase::Motion`].
+/// How well sinusoids fit the images of a camera, and how the scene moved: see `fringeflow::phase::FitStatistics` and
+/// `fringeflow::phase::Motion`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.Fit.3")]
@@ -27,7 +27,7 @@ pub struct Fit {
     pub one_surface_pixels: u64,
     /// Pixels left out for their motion.
     pub lost_pixels: u64,
-    /// Lit pixels, see [`crate::phase::Exposure`].
+    /// Lit pixels, see `fringeflow::phase::Exposure`.
     pub lit_pixels: u64,
     /// Of these, pixels with a saturated sample.
     pub saturated_pixels: u64,
@@ -51,7 +51,7 @@ pub struct Fit {
     pub third_harmonic_share: f32,
 }
 
-/// Numbers of a drift of the calibration, see [`crate::correspondence::KnownDrift`].
+/// Numbers of a drift of the calibration, see `fringeflow::correspondence::KnownDrift`.
 pub const DRIFT_NUMBERS: usize = 22;
 
 /// A drift of the calibration; all 0 where none is known.

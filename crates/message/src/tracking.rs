@@ -81,7 +81,7 @@ pub struct PoseReport {
 }
 
 /// What is known of the next windows after a cloud: how the scanner moves, roughly what it sees, and by how much the calibration errs,
-/// see [`crate::prior`]. The payload is the relief: an inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera
+/// see `fringeflow::prior`. The payload is the relief: an inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera
 /// 1, row by row, in units of 30/65535 of 1/m, 0 where nothing was seen. Where nothing is known it is empty, and the numbers of the
 /// motion are 0.
 #[repr(C)]

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::MAX_WINDOW;
+use fringeflow_base::limits::MAX_IMAGES;
 
 /// The image pairs that one phase map, one set of correspondences and one cloud are made of: its provenance.
 ///
@@ -17,9 +17,9 @@ pub struct Window {
     /// Session of camera 2.
     pub cam2_session: u64,
     /// Driver sequence of the images of camera 1.
-    pub cam1_sequence: [u64; MAX_WINDOW],
+    pub cam1_sequence: [u64; MAX_IMAGES],
     /// Driver sequence of the images of camera 2.
-    pub cam2_sequence: [u64; MAX_WINDOW],
+    pub cam2_sequence: [u64; MAX_IMAGES],
     /// Start of the first exposure.
     pub first_exposure_ns: u64,
     /// Start of the last exposure.

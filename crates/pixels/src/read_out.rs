@@ -3,8 +3,8 @@
 //! Adding loses nothing: the four values of a square become one with two bits more, so that an image of half the sides has
 //! the noise of four. Of 16 bits there are no more, so the mean is taken.
 
-use crate::geometry::Readout;
-use crate::grey::PixelFormat;
+use fringeflow::geometry::Readout;
+use fringeflow_base::grey::PixelFormat;
 
 use super::unpack::{self, UnpackError, unpack};
 use super::{SourceFormat, rows};

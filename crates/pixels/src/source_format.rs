@@ -1,6 +1,6 @@
 //! Formats in which V4L2 cameras send grey levels, and how many bytes they take.
 
-use crate::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
 
 /// A pixel format of V4L2 that holds grey levels, or luma beside colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

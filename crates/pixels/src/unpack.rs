@@ -1,6 +1,6 @@
 //! One image: sizes checked, then row by row from the camera's layout to that of the channel.
 
-use crate::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
 
 use super::SourceFormat;
 use super::jpeg;

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::cloud::{CloudPoint, read_records};
-use crate::message::{CloudHeader, PatternEvent};
+use fringeflow::cloud::{CloudPoint, read_records};
+use fringeflow_message::{CloudHeader, PatternEvent};
 
 use super::content::{Content, Message};
 use super::error::RecordingError;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use crate::dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupText, TRUTH_FILE};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupText, TRUTH_FILE};
 
 use super::content::Header;
 use super::error::RecordingProblem;

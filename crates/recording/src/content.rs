@@ -4,9 +4,9 @@ use foxglove::messages::{Log, PointCloud, RawImage, log};
 use prost::Message as _;
 use prost::bytes::Bytes;
 
-use crate::cloud::RECORD_BYTES;
-use crate::geometry::Pose;
-use crate::message::{
+use fringeflow::cloud::RECORD_BYTES;
+use fringeflow::geometry::Pose;
+use fringeflow_message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader, StageReport,
     WindowReport,
 };

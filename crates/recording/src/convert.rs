@@ -2,11 +2,10 @@
 //!
 //! What comes from a file may say anything: a message that no channel could have carried is `None`.
 
-use crate::correspondence::Outcome;
-use crate::health::{HealthState, Quantity};
-use crate::message::{
-    self, Counts, DELTA_PARTS, DropReason, GaugeReport, HealthReport, Incident, MAX_WINDOW, OUTCOMES, Skew, Stage,
-};
+use fringeflow::correspondence::Outcome;
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_message::{Counts, DELTA_PARTS, DropReason, GaugeReport, HealthReport, Incident, OUTCOMES, Skew, Stage};
+use fringeflow_telemetry::health::{HealthState, Quantity};
 
 use super::schema::{
     CloudHeader, CorrespondenceHeader, Drift, Fit, FrameHeader, Gauge, MapsHeader, PatternEvent, StageReport, Window,
@@ -14,8 +13,8 @@ use super::schema::{
 };
 
 impl FrameHeader {
-    pub(super) fn of(header: &message::FrameHeader) -> Self {
-        let message::FrameHeader {
+    pub(super) fn of(header: &fringeflow_message::FrameHeader) -> Self {
+        let fringeflow_message::FrameHeader {
             session,
             sequence,
             published,
@@ -45,7 +44,7 @@ impl FrameHeader {
         }
     }
 
-    pub(super) fn to_message(self) -> message::FrameHeader {
+    pub(super) fn to_message(self) -> fringeflow_message::FrameHeader {
         let Self {
             session,
             sequence,
@@ -60,7 +59,7 @@ impl FrameHeader {
             flags,
             camera,
         } = self;
-        message::FrameHeader {
+        fringeflow_message::FrameHeader {
             session,
             sequence,
             published,
@@ -78,8 +77,8 @@ impl FrameHeader {
 }
 
 impl PatternEvent {
-    pub(super) fn of(event: &message::PatternEvent) -> Self {
-        let message::PatternEvent {
+    pub(super) fn of(event: &fringeflow_message::PatternEvent) -> Self {
+        let fringeflow_message::PatternEvent {
             session,
             sequence,
             exposure_start_ns,
@@ -93,9 +92,9 @@ impl PatternEvent {
         Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind }
     }
 
-    pub(super) fn to_message(self) -> message::PatternEvent {
+    pub(super) fn to_message(self) -> fringeflow_message::PatternEvent {
         let Self { session, sequence, exposure_start_ns, duration_ns, period_px, step, steps, kind } = self;
-        message::PatternEvent {
+        fringeflow_message::PatternEvent {
             session,
             sequence,
             exposure_start_ns,
@@ -111,7 +110,7 @@ impl PatternEvent {
 
 impl Window {
     /// `None` for more images than a window has.
-    pub(super) fn of(window: &message::Window) -> Option<Self> {
+    pub(super) fn of(window: &fringeflow_message::Window) -> Option<Self> {
         let images = window.images as usize;
         Some(Self {
             cam1_session: window.cam1_session,
@@ -128,13 +127,13 @@ impl Window {
     }
 
     /// `None` for more images than a window has, or unequal numbers of them.
-    pub(super) fn to_message(&self) -> Option<message::Window> {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::Window> {
         let images = self.cam1_sequence.len();
-        if images != self.cam2_sequence.len() || images > MAX_WINDOW {
+        if images != self.cam2_sequence.len() || images > MAX_IMAGES {
             return None;
         }
         let padded = |numbers: &[u64]| std::array::from_fn(|i| numbers.get(i).copied().unwrap_or_default());
-        Some(message::Window {
+        Some(fringeflow_message::Window {
             cam1_session: self.cam1_session,
             cam2_session: self.cam2_session,
             cam1_sequence: padded(&self.cam1_sequence),
@@ -151,7 +150,7 @@ impl Window {
 }
 
 impl CloudHeader {
-    pub(super) fn of(header: &message::CloudHeader) -> Self {
+    pub(super) fn of(header: &fringeflow_message::CloudHeader) -> Self {
         Self {
             published: header.published,
             window: Window::of(&header.window),
@@ -162,8 +161,8 @@ impl CloudHeader {
         }
     }
 
-    pub(super) fn to_message(&self) -> Option<message::CloudHeader> {
-        Some(message::CloudHeader {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::CloudHeader> {
+        Some(fringeflow_message::CloudHeader {
             published: self.published,
             window: self.window.as_ref()?.to_message()?,
             points: self.points,
@@ -177,7 +176,7 @@ impl CloudHeader {
 }
 
 impl Fit {
-    fn of(fit: &message::Fit) -> Self {
+    fn of(fit: &fringeflow_message::Fit) -> Self {
         Self {
             valid_pixels: fit.valid_pixels,
             residual_share: fit.residual_share,
@@ -196,8 +195,8 @@ impl Fit {
         }
     }
 
-    fn to_message(self) -> message::Fit {
-        message::Fit {
+    fn to_message(self) -> fringeflow_message::Fit {
+        fringeflow_message::Fit {
             valid_pixels: self.valid_pixels,
             residual_share: self.residual_share,
             noise_grey: self.noise_grey,
@@ -217,7 +216,7 @@ impl Fit {
 }
 
 impl MapsHeader {
-    pub(super) fn of(header: &message::MapsHeader) -> Self {
+    pub(super) fn of(header: &fringeflow_message::MapsHeader) -> Self {
         Self {
             published: header.published,
             window: Window::of(&header.window),
@@ -229,8 +228,8 @@ impl MapsHeader {
         }
     }
 
-    pub(super) fn to_message(&self) -> Option<message::MapsHeader> {
-        Some(message::MapsHeader {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::MapsHeader> {
+        Some(fringeflow_message::MapsHeader {
             published: self.published,
             window: self.window.as_ref()?.to_message()?,
             cam1: self.cam1.as_ref()?.to_message(),
@@ -246,7 +245,7 @@ impl MapsHeader {
 }
 
 impl CorrespondenceHeader {
-    pub(super) fn of(header: &message::CorrespondenceHeader) -> Self {
+    pub(super) fn of(header: &fringeflow_message::CorrespondenceHeader) -> Self {
         Self {
             published: header.published,
             window: Window::of(&header.window),
@@ -264,8 +263,8 @@ impl CorrespondenceHeader {
         }
     }
 
-    pub(super) fn to_message(&self) -> Option<message::CorrespondenceHeader> {
-        Some(message::CorrespondenceHeader {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::CorrespondenceHeader> {
+        Some(fringeflow_message::CorrespondenceHeader {
             published: self.published,
             window: self.window.as_ref()?.to_message()?,
             delta_mean_rad: self.delta_mean_rad,
@@ -286,7 +285,7 @@ impl CorrespondenceHeader {
 
 impl StageReport {
     /// `None` for a stage that is none.
-    pub(super) fn of(report: &message::StageReport) -> Option<Self> {
+    pub(super) fn of(report: &fringeflow_message::StageReport) -> Option<Self> {
         let counts = &report.counts;
         Some(Self {
             stage: Stage::of(report.stage)?.name().to_owned(),
@@ -312,7 +311,7 @@ impl StageReport {
     }
 
     /// `None` for an unknown stage, reason or incident.
-    pub(super) fn to_message(&self) -> Option<message::StageReport> {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::StageReport> {
         let stage = Stage::ALL.into_iter().find(|stage| stage.name() == self.stage)?;
         let mut counts = Counts { taken: self.taken, passed: self.passed, ..Counts::default() };
         for (name, &count) in &self.dropped {
@@ -322,7 +321,7 @@ impl StageReport {
         for (name, &count) in &self.incidents {
             counts.note(Incident::ALL.into_iter().find(|incident| incident.name() == name)?, count);
         }
-        Some(message::StageReport {
+        Some(fringeflow_message::StageReport {
             stage: stage as u32,
             pid: self.pid,
             restarts: self.restarts,
@@ -344,7 +343,7 @@ impl StageReport {
 }
 
 impl Drift {
-    fn of(report: &message::DriftReport) -> Self {
+    fn of(report: &fringeflow_message::DriftReport) -> Self {
         Self {
             rms_rad: report.rms_rad,
             error_px: report.error_px,
@@ -353,8 +352,8 @@ impl Drift {
         }
     }
 
-    fn to_message(self) -> message::DriftReport {
-        message::DriftReport {
+    fn to_message(self) -> fringeflow_message::DriftReport {
+        fringeflow_message::DriftReport {
             rms_rad: self.rms_rad,
             error_px: self.error_px,
             share: self.share,
@@ -394,7 +393,7 @@ impl Gauge {
 }
 
 impl WindowReport {
-    pub(super) fn of(report: &message::WindowReport) -> Self {
+    pub(super) fn of(report: &fringeflow_message::WindowReport) -> Self {
         let count = |outcome: Outcome| report.outcomes[outcome as usize];
         let outcomes = Outcome::ALL.into_iter().filter(|&outcome| count(outcome) > 0);
         Self {
@@ -419,7 +418,7 @@ impl WindowReport {
     }
 
     /// `None` without a window, or with an unknown outcome, quantity or state.
-    pub(super) fn to_message(&self) -> Option<message::WindowReport> {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::WindowReport> {
         let mut outcomes = [0; OUTCOMES];
         for (name, &count) in &self.outcomes {
             outcomes[Outcome::ALL.into_iter().find(|outcome| outcome.name() == name)? as usize] = count;
@@ -429,7 +428,7 @@ impl WindowReport {
             let (quantity, gauge) = gauge.to_message()?;
             health.gauges[quantity as usize] = gauge;
         }
-        Some(message::WindowReport {
+        Some(fringeflow_message::WindowReport {
             published: self.published,
             window: self.window.as_ref()?.to_message()?,
             cam1: self.cam1.as_ref()?.to_message(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::message::{Counts, DropReason};
+use fringeflow_message::{Counts, DropReason};
 
 use super::Topic;
 

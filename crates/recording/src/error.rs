@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::config::ConfigurationProblem;
-use crate::dataset::{Problem, SetupError};
+use fringeflow_dataset::{Problem, SetupError};
 
 use super::{FORMAT_VERSION, UNFINISHED};
 
@@ -115,15 +114,9 @@ pub enum RecordingProblem {
         /// Sequence number of its driver.
         sequence: u64,
     },
-    /// Setup or configuration can be read, but not measured with.
-    #[error("cannot be measured with: {0}")]
-    NotMeasurable(String),
     /// Calibration or description cannot be used.
     #[error("attachment {0}")]
     Setup(#[from] SetupError),
-    /// The recorded configuration cannot be used.
-    #[error("attachment configuration.toml: {0}")]
-    Configuration(#[from] ConfigurationProblem),
     /// The recorded truth cannot be used.
     #[error("attachment truth.npz: {0}")]
     Truth(#[source] Problem),

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::dataset::{CameraId, DatasetError, DatasetWriter, ImageKind, Problem, SetupText};
+use fringeflow_dataset::{CameraId, DatasetError, DatasetWriter, ImageKind, Problem, SetupText};
 
 use super::error::{RecordingError, RecordingProblem};
 use super::{ImagePair, Recording};
@@ -58,7 +58,7 @@ pub fn export_images(
 /// The text of `meta.json` with these shifts and without Gray code; everything else stays.
 fn description(text: &SetupText, shifts: &[f64]) -> Result<String, RecordingProblem> {
     let fail = |e: serde_json::Error| {
-        RecordingProblem::Setup(crate::dataset::SetupError::Description(Problem::Json(e.to_string())))
+        RecordingProblem::Setup(fringeflow_dataset::SetupError::Description(Problem::Json(e.to_string())))
     };
     let mut meta: Value = serde_json::from_str(&text.description).map_err(fail)?;
     if let Some(fields) = meta.as_object_mut() {

@@ -6,8 +6,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
-use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
+use fringeflow_dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
+use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use super::counts::RecorderCounts;
 use super::error::{RecordingError, RecordingProblem};

@@ -26,6 +26,8 @@
 //!
 //! The schema of our own messages is `schema/fringeflow.proto`.
 
+#![forbid(unsafe_code)]
+
 mod buffers;
 mod check;
 mod collect;
@@ -53,8 +55,6 @@ mod summary;
 mod topic;
 mod tracking;
 mod truth_poses;
-mod verify;
-mod verify_poses;
 mod writer;
 
 pub use check::Check;
@@ -75,8 +75,6 @@ pub use recover::{Recovered, recover};
 pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
 pub use truth_poses::{TruthPose, TruthPoses};
-pub use verify::{VerifiedCloud, VerifyOutcome};
-pub use verify_poses::VerifiedPoses;
 pub use writer::Opening;
 
 #[cfg(test)]

@@ -8,9 +8,9 @@ use prost::Message as _;
 use rustix::time::ClockId;
 use serde::Serialize;
 
-use crate::correspondence::Fingerprint;
-use crate::dataset::Setup;
-use crate::geometry::{Camera, Pose};
+use fringeflow::correspondence::Fingerprint;
+use fringeflow::geometry::{Camera, Pose};
+use fringeflow_dataset::Setup;
 
 use super::recordable::timestamp;
 use super::{FORMAT_VERSION, Topic};

@@ -1,7 +1,7 @@
 //! Image pairs of a recording, in the order of their exposures, each with the step of its pattern.
 
-use crate::dataset::{CameraId, GreyImage};
-use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
+use fringeflow_dataset::{CameraId, GreyImage};
+use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use super::content::Content;
 use super::error::RecordingError;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::message::{PriorHeader, Window};
-use crate::prior::{Moment, Prior, WindowTimes};
-use crate::wire;
+use fringeflow::prior::{Moment, Prior, WindowTimes};
+use fringeflow_message::{PriorHeader, Window};
+use fringeflow_wire as wire;
 
 use super::content::Content;
 use super::error::RecordingError;

@@ -5,10 +5,9 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use crate::cloud::{Cloud, read_records};
-use crate::config::Configuration;
-use crate::dataset::{GreyImage, Setup, Truth};
-use crate::message::{CloudHeader, FrameHeader, PixelFormat, Window};
+use fringeflow::cloud::{Cloud, read_records};
+use fringeflow_dataset::{GreyImage, Setup, Truth};
+use fringeflow_message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
 use super::Topic;
 use super::collect::Collected;
@@ -88,14 +87,6 @@ impl Recording {
     #[must_use]
     pub fn configuration_text(&self) -> &str {
         &self.configuration
-    }
-
-    /// The configuration that was used.
-    ///
-    /// # Errors
-    /// The text is no configuration.
-    pub fn configuration(&self) -> Result<Configuration, RecordingError> {
-        Configuration::parse_recorded(&self.configuration).map_err(|e| RecordingProblem::from(e).of(&self.path))
     }
 
     /// Where and when it was begun.
@@ -220,7 +211,8 @@ impl Recording {
     }
 
     /// Whether a window began before the first image: its own images were taken, but not recorded.
-    pub(super) fn begins_after(&self, window: &Window) -> bool {
+    #[must_use]
+    pub fn begins_after(&self, window: &Window) -> bool {
         let first = [1, 2].into_iter().filter_map(|camera| self.frame_headers(camera).next());
         first.map(|header| header.exposure_start_ns).max().is_none_or(|first_ns| window.first_exposure_ns < first_ns)
     }

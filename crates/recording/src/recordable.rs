@@ -5,12 +5,13 @@ use std::ops::Range;
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp, Vector3, log};
 
-use crate::cloud::{FIELDS, RECORD_BYTES, Scalar};
-use crate::message::{
-    CloudHeader, CorrespondenceHeader, FrameHeader, MAX_WINDOW, MODEL_POINT_BYTES, MapsHeader, ModelHeader,
-    PatternEvent, PixelFormat, PoseReport, PriorHeader, Stage, StageReport, Window, WindowReport,
+use fringeflow::cloud::{FIELDS, RECORD_BYTES, Scalar};
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_message::{
+    CloudHeader, CorrespondenceHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader, PatternEvent,
+    PixelFormat, PoseReport, PriorHeader, Stage, StageReport, Window, WindowReport,
 };
-use crate::wire;
+use fringeflow_wire as wire;
 
 use super::held::Held;
 use super::{Topic, TruthPose, schema, tracking, truth_poses};
@@ -295,7 +296,7 @@ pub(super) fn timestamp(time_ns: u64) -> Option<Timestamp> {
 }
 
 fn has_steps(window: &Window) -> bool {
-    window.images as usize <= MAX_WINDOW
+    window.images as usize <= MAX_IMAGES
 }
 
 fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 
-use crate::message::{DropReason, FrameHeader};
+use fringeflow_message::{DropReason, FrameHeader};
 
 use super::buffers::{Buffers, Item};
 use super::counts::RecorderCounts;

@@ -10,7 +10,7 @@ use std::path::Path;
 use prost::bytes::Bytes;
 use serde::Serialize;
 
-use crate::dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 
 use super::collect::check_version;
 use super::content::{Content, Header};

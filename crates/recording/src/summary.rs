@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::message::{Stage, StageReport};
+use fringeflow_message::{Stage, StageReport};
 
 use super::content::Content;
 use super::error::RecordingError;

@@ -3,9 +3,9 @@
 use foxglove::messages::{FrameTransform, FrameTransforms, PackedElementField, PointCloud, Quaternion, Vector3};
 use prost::bytes::Bytes;
 
-use crate::cloud::Scalar;
-use crate::message::{self, LostReason, MODEL_POINT_BYTES, ModelHeader, TrackingState};
-use crate::wire;
+use fringeflow::cloud::Scalar;
+use fringeflow_message::{LostReason, MODEL_POINT_BYTES, ModelHeader, TrackingState};
+use fringeflow_wire as wire;
 
 use super::recordable::{identity, numeric_type, timestamp};
 use super::schema::{PoseReport, Prior, TrackedPose, Window};
@@ -23,7 +23,7 @@ const FIELDS: [(&str, Scalar, u32); 6] = [
 ];
 
 /// Camera 1 in the frame of the model.
-pub(super) fn transforms(report: &message::PoseReport) -> FrameTransforms {
+pub(super) fn transforms(report: &fringeflow_message::PoseReport) -> FrameTransforms {
     let [x, y, z] = report.position_m;
     let translation = Some(Vector3 { x, y, z });
     let [x, y, z, w] = report.rotation;
@@ -56,7 +56,7 @@ pub(super) fn model_cloud(header: &ModelHeader) -> PointCloud {
 
 impl PoseReport {
     /// `None` for a state or window that cannot be.
-    pub(super) fn of(report: &message::PoseReport) -> Option<Self> {
+    pub(super) fn of(report: &fringeflow_message::PoseReport) -> Option<Self> {
         let pose = report.has_pose().then(|| TrackedPose {
             position_m: report.position_m.to_vec(),
             rotation: report.rotation.to_vec(),
@@ -83,7 +83,7 @@ impl PoseReport {
     }
 
     /// `None` for what no channel could have carried: an unknown word, a pose that is none, or one of a lost cloud.
-    pub(super) fn to_message(&self) -> Option<message::PoseReport> {
+    pub(super) fn to_message(&self) -> Option<fringeflow_message::PoseReport> {
         let state = TrackingState::ALL.into_iter().find(|state| state.name() == self.state)?;
         let reason = LostReason::ALL.into_iter().find(|reason| reason.name() == self.reason);
         let is_lost = state == TrackingState::Lost;
@@ -94,7 +94,7 @@ impl PoseReport {
             Some(pose) => pose.numbers()?,
             None => ([0.0; 3], [0.0; 4], [[0.0; 6]; 6]),
         };
-        Some(message::PoseReport {
+        Some(fringeflow_message::PoseReport {
             published: self.published,
             cloud: self.cloud,
             first_cloud: self.first_cloud,
@@ -118,7 +118,7 @@ impl PoseReport {
 }
 
 impl Prior {
-    pub(super) fn of(header: &message::PriorHeader, relief: &[u8]) -> Self {
+    pub(super) fn of(header: &fringeflow_message::PriorHeader, relief: &[u8]) -> Self {
         Self {
             published: header.published,
             cloud: header.cloud,
@@ -134,10 +134,10 @@ impl Prior {
     }
 
     /// The message of the channel and its payload; no message where these contradict each other.
-    pub(super) fn into_message(self) -> (Option<message::PriorHeader>, Bytes) {
+    pub(super) fn into_message(self) -> (Option<fringeflow_message::PriorHeader>, Bytes) {
         let vector = |numbers: &[f64]| <[f64; 3]>::try_from(numbers).ok();
         let header = vector(&self.velocity_m_s).zip(vector(&self.rate_rad_s)).map(|(velocity_m_s, rate_rad_s)| {
-            message::PriorHeader {
+            fringeflow_message::PriorHeader {
                 published: self.published,
                 cloud: self.cloud,
                 centre_ns: self.centre_ns,
@@ -173,7 +173,7 @@ impl TrackedPose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::tests::pose_report;
+    use crate::tests::pose_report;
 
     #[test]
     fn what_is_no_pose_is_refused() {
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(changed(|r| r.pose.as_mut().unwrap().rotation[3] = 3.0), None);
         assert_eq!(changed(|r| r.pose.as_mut().unwrap().position_m[0] = f64::NAN), None);
         assert_eq!(changed(|r| r.pose.as_mut().unwrap().covariance.truncate(35)), None);
-        let lost = message::PoseReport {
+        let lost = fringeflow_message::PoseReport {
             state: TrackingState::Lost as u32,
             reason: LostReason::Degenerate as u32,
             position_m: [0.0; 3],

@@ -6,7 +6,7 @@
 
 use foxglove::messages::FrameTransform;
 
-use crate::geometry::{Point3, Pose, between};
+use fringeflow::geometry::{Point3, Pose, between};
 
 use super::content::Content;
 use super::error::RecordingError;
@@ -105,7 +105,7 @@ pub(super) fn decoded(transform: &FrameTransform) -> Result<Pose, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector3;
+    use fringeflow::geometry::Vector3;
 
     fn pose(time_ns: u64) -> TruthPose {
         let t = time_ns as f64;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 
-use crate::dataset::{CALIBRATION_FILE, META_FILE, Setup};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup};
 
 use super::error::{RecordingError, RecordingProblem};
 use super::file::{FileEnd, UnfinishedFile};

@@ -1,20 +1,17 @@
-//! Verifying a recording: every recorded cloud is made again of its images and compared byte by byte.
+//! Every recorded cloud is made again of its images and compared byte by byte.
 //!
 //! In: a recording with images and clouds. Out: what became of each cloud. The images of a cloud are those its window
 //! names; calibration, pattern and settings are the attachments. The result does not depend on the number of threads.
 
 use serde::Serialize;
 
-use crate::cloud::{Cloud, RECORD_BYTES, write_records};
-use crate::correspondence::SegmentTable;
-use crate::dataset::GreyImage;
-use crate::message::CloudHeader;
-use crate::phase::PhaseShifts;
-use crate::reconstruction::Reconstructor;
+use fringeflow::cloud::{Cloud, RECORD_BYTES, write_records};
+use fringeflow::reconstruction::Reconstructor;
+use fringeflow_dataset::GreyImage;
+use fringeflow_message::CloudHeader;
+use fringeflow_recording::{Content, Known, Priors, Recording, RecordingProblem, Topic};
 
-use super::content::Content;
-use super::error::{RecordingError, RecordingProblem};
-use super::{Known, Priors, Recording, Topic};
+use super::{ReplayError, reconstructor};
 
 /// A recorded cloud, made again.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,66 +49,46 @@ pub enum VerifyOutcome {
     NoCloud(String),
 }
 
-impl Recording {
-    /// What turns the images of its windows into clouds: by the recorded setup and configuration.
-    ///
-    /// # Errors
-    /// The configuration cannot be read, or the rig cannot be measured with.
-    pub fn reconstructor(&self) -> Result<Reconstructor, RecordingError> {
-        let fail = |what: String| RecordingProblem::NotMeasurable(what).of(self.path());
-        let (setup, configuration) = (self.setup(), self.configuration()?);
-        let volume = configuration.volume.or_else(|| setup.volume.clone());
-        let volume =
-            volume.ok_or_else(|| fail("neither meta.json nor configuration.toml states a volume".to_owned()))?;
-        let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern);
-        let table = table.map_err(|e| fail(e.to_string()))?;
-        let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| fail(e.to_string()))?;
-        let reconstructor =
-            Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &shifts, configuration.settings);
-        reconstructor.map_err(|e| fail(e.to_string()))
+/// Makes every recorded cloud again and compares; `each` is called with every result.
+///
+/// # Errors
+/// As [`reconstructor`], or the file cannot be read.
+pub fn verify(recording: &Recording, mut each: impl FnMut(&VerifiedCloud)) -> Result<Vec<VerifiedCloud>, ReplayError> {
+    let mut reconstructor = reconstructor(recording)?;
+    let priors = recording.priors()?;
+    let mut verified = Vec::new();
+    for message in recording.messages_of(Topic::Cloud) {
+        let Content::Cloud(header, records) = message?.content else { continue };
+        let outcome = verify_cloud(recording, &mut reconstructor, &priors, &header, &records)?;
+        let CloudHeader { published, window, points, .. } = *header;
+        let cloud = VerifiedCloud { published, centre_ns: window.centre_ns, points, outcome };
+        each(&cloud);
+        verified.push(cloud);
     }
+    Ok(verified)
+}
 
-    /// Makes every recorded cloud again and compares; `each` is called with every result.
-    ///
-    /// # Errors
-    /// As [`Self::reconstructor`], or the file cannot be read.
-    pub fn verify(&self, mut each: impl FnMut(&VerifiedCloud)) -> Result<Vec<VerifiedCloud>, RecordingError> {
-        let mut reconstructor = self.reconstructor()?;
-        let priors = self.priors()?;
-        let mut verified = Vec::new();
-        for message in self.messages_of(Topic::Cloud) {
-            let Content::Cloud(header, records) = message?.content else { continue };
-            let outcome = self.verify_cloud(&mut reconstructor, &priors, &header, &records)?;
-            let CloudHeader { published, window, points, .. } = *header;
-            let cloud = VerifiedCloud { published, centre_ns: window.centre_ns, points, outcome };
-            each(&cloud);
-            verified.push(cloud);
+fn verify_cloud(
+    recording: &Recording,
+    reconstructor: &mut Reconstructor,
+    priors: &Priors,
+    header: &CloudHeader,
+    records: &[u8],
+) -> Result<VerifyOutcome, ReplayError> {
+    let [cam1, cam2] = match recording.images(&header.window) {
+        Ok(images) => images,
+        Err(error) if matches!(error.problem, RecordingProblem::NoImage { .. }) => {
+            let is_early = recording.begins_after(&header.window);
+            return Ok(if is_early { VerifyOutcome::BeforeRecording } else { VerifyOutcome::ImagesMissing });
         }
-        Ok(verified)
-    }
-
-    fn verify_cloud(
-        &self,
-        reconstructor: &mut Reconstructor,
-        priors: &Priors,
-        header: &CloudHeader,
-        records: &[u8],
-    ) -> Result<VerifyOutcome, RecordingError> {
-        let [cam1, cam2] = match self.images(&header.window) {
-            Ok(images) => images,
-            Err(error) if matches!(error.problem, RecordingProblem::NoImage { .. }) => {
-                let is_early = self.begins_after(&header.window);
-                return Ok(if is_early { VerifyOutcome::BeforeRecording } else { VerifyOutcome::ImagesMissing });
-            }
-            Err(error) => return Err(error),
-        };
-        let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-        let Known::Prior(known) = priors.of(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
-        Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known) {
-            Ok(made) => compare(records, &made.cloud),
-            Err(error) => VerifyOutcome::NoCloud(error.to_string()),
-        })
-    }
+        Err(error) => return Err(error.into()),
+    };
+    let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+    let Known::Prior(known) = priors.of(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
+    Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known) {
+        Ok(made) => compare(records, &made.cloud),
+        Err(error) => VerifyOutcome::NoCloud(error.to_string()),
+    })
 }
 
 fn compare(records: &[u8], cloud: &Cloud) -> VerifyOutcome {

@@ -8,13 +8,12 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use crate::fusion::Tracker;
-use crate::message::PoseReport;
-use crate::wire::tracking::pose_report;
+use fringeflow_message::PoseReport;
+use fringeflow_recording::{Content, Recording, Topic};
+use fringeflow_tracking::fusion::Tracker;
+use fringeflow_tracking::messages::pose_report;
 
-use super::content::Content;
-use super::error::RecordingError;
-use super::{Recording, Topic};
+use super::{ReplayError, configuration};
 
 /// Recorded poses, computed again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -39,55 +38,55 @@ struct Remade {
     next: u64,
 }
 
-impl Recording {
-    /// Computes every recorded pose again and compares; `each` is called after every report.
-    ///
-    /// # Errors
-    /// The configuration or a message cannot be read.
-    pub fn verify_poses(&self, mut each: impl FnMut()) -> Result<VerifiedPoses, RecordingError> {
-        let settings = self.configuration()?.tracking.fusion();
-        let places: HashMap<u64, usize> =
-            self.cloud_headers().enumerate().map(|(place, header)| (header.published, place)).collect();
-        let mut verified = VerifiedPoses::default();
-        let mut remade: Option<Remade> = None;
-        let mut reports = Vec::new();
-        for message in self.messages_of(Topic::Pose) {
-            if let Content::Pose(report) = message?.content {
-                reports.push(*report);
-            }
+/// Computes every recorded pose again and compares; `each` is called after every report.
+///
+/// # Errors
+/// The configuration or a message cannot be read.
+pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<VerifiedPoses, ReplayError> {
+    let settings = configuration(recording)?.tracking.fusion();
+    let places: HashMap<u64, usize> =
+        recording.cloud_headers().enumerate().map(|(place, header)| (header.published, place)).collect();
+    let mut verified = VerifiedPoses::default();
+    let mut remade: Option<Remade> = None;
+    let mut reports = Vec::new();
+    for message in recording.messages_of(Topic::Pose) {
+        if let Content::Pose(report) = message?.content {
+            reports.push(*report);
         }
-        reports.sort_by_key(|report| report.published);
-        for report in &reports {
-            each();
-            verified.poses += 1;
-            if report.first_cloud == report.cloud {
-                let tracker = Tracker::new(self.setup().rig.cam1.clone(), settings);
-                remade = Some(Remade { first_cloud: report.cloud, tracker, next: report.published });
-            }
-            let place = places.get(&report.cloud).copied();
-            remade = remade.filter(|model| model.continues_with(report));
-            let Some((model, place)) = remade.as_mut().zip(place) else {
-                verified.without_clouds += 1;
-                remade = None;
-                continue;
-            };
-            if self.is_same(model, report, place)? {
-                verified.same += 1;
-            } else {
-                verified.different += 1;
-                verified.first_different.get_or_insert(report.cloud);
-            }
-        }
-        Ok(verified)
     }
+    reports.sort_by_key(|report| report.published);
+    for report in &reports {
+        each();
+        verified.poses += 1;
+        if report.first_cloud == report.cloud {
+            let tracker = Tracker::new(recording.setup().rig.cam1.clone(), settings);
+            remade = Some(Remade { first_cloud: report.cloud, tracker, next: report.published });
+        }
+        let place = places.get(&report.cloud).copied();
+        remade = remade.filter(|model| model.continues_with(report));
+        let Some((model, place)) = remade.as_mut().zip(place) else {
+            verified.without_clouds += 1;
+            remade = None;
+            continue;
+        };
+        if is_same(recording, model, report, place)? {
+            verified.same += 1;
+        } else {
+            verified.different += 1;
+            verified.first_different.get_or_insert(report.cloud);
+        }
+    }
+    Ok(verified)
+}
 
-    fn is_same(&self, model: &mut Remade, report: &PoseReport, place: usize) -> Result<bool, RecordingError> {
-        let Some((header, cloud)) = self.cloud_headers().nth(place).zip(self.cloud(place)?) else { return Ok(false) };
-        model.next += 1;
-        let tracked = model.tracker.step(&cloud, header.window.centre_ns);
-        let made = pose_report(&model.tracker, &tracked, header, model.first_cloud);
-        Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..made } == *report)
-    }
+fn is_same(recording: &Recording, model: &mut Remade, report: &PoseReport, place: usize) -> Result<bool, ReplayError> {
+    let Some((header, cloud)) = recording.cloud_headers().nth(place).zip(recording.cloud(place)?) else {
+        return Ok(false);
+    };
+    model.next += 1;
+    let tracked = model.tracker.step(&cloud, header.window.centre_ns);
+    let made = pose_report(&model.tracker, &tracked, header, model.first_cloud);
+    Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..made } == *report)
 }
 
 impl Remade {

@@ -4,7 +4,7 @@ use super::{COLUMNS, FourWeights, LANES, Lanes};
 
 /// Lanes of every machine.
 #[derive(Clone, Copy)]
-pub(crate) struct Arrays;
+pub struct Arrays;
 
 type Words = [i16; LANES];
 type Longs = [i32; LANES];

@@ -8,7 +8,7 @@ use super::{COLUMNS, FourWeights, LANES, Lanes, Level};
 
 /// Proof that the machine has AVX-512 with bytes and words.
 #[derive(Clone, Copy)]
-pub(crate) struct Avx512(());
+pub struct Avx512(());
 
 impl Avx512 {
     /// The lanes, if the machine has them.

@@ -10,18 +10,18 @@ mod avx512;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-pub(crate) use arrays::Arrays;
+pub use arrays::Arrays;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use avx512::Avx512;
+pub use avx512::Avx512;
 
 /// Pixels that a kernel handles together.
-pub(crate) const LANES: usize = 32;
+pub const LANES: usize = 32;
 /// Words of a table.
-pub(crate) const COLUMNS: usize = 2 * LANES;
+pub const COLUMNS: usize = 2 * LANES;
 
 /// Weights of four images, as [`Lanes::weigh`] takes them.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct FourWeights {
+pub struct FourWeights {
     words: [i16; 4],
     /// 256·high + low is the weight; bytes of four images, as a long.
     high: i32,
@@ -30,7 +30,7 @@ pub(crate) struct FourWeights {
 
 impl FourWeights {
     /// Of weights less than 2^15 − 128.
-    pub(crate) fn new(words: [i16; 4]) -> Self {
+    pub fn new(words: [i16; 4]) -> Self {
         let low = words.map(|word| word as i8);
         let high = std::array::from_fn(|k| ((i32::from(words[k]) - i32::from(low[k])) >> 8) as i8 as u8);
         Self { words, high: i32::from_le_bytes(high), low: i32::from_le_bytes(low.map(|byte| byte as u8)) }
@@ -39,7 +39,7 @@ impl FourWeights {
 
 /// So many values, those behind the last one `other`.
 #[inline(always)]
-pub(crate) fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
+pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
     match values.first_chunk() {
         Some(all) => *all,
         None => {
@@ -52,7 +52,7 @@ pub(crate) fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T;
 
 /// The bits of so many lanes, from the first on; of all where there are more.
 #[inline(always)]
-pub(crate) fn first_lanes(count: usize) -> u32 {
+pub fn first_lanes(count: usize) -> u32 {
     if count >= LANES { u32::MAX } else { (1 << count) - 1 }
 }
 
@@ -136,7 +136,7 @@ fn has_avx512() -> bool {
 
 /// Work that is compiled for every level. `run` and all that it calls with lanes must be `#[inline(always)]`: only then does it
 /// become code of the level.
-pub(crate) trait Kernel {
+pub trait Kernel {
     /// What it yields.
     type Output;
 
@@ -147,7 +147,7 @@ pub(crate) trait Kernel {
 /// Runs a kernel at a level, or at the highest below it that the machine has.
 #[inline]
 #[allow(unsafe_code, reason = "code of a level that the machine has been asked for")]
-pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
+pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
@@ -179,7 +179,7 @@ pub(crate) fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
 /// *Words* are 16-bit whole numbers, signed or not as the operation says; *longs* 32-bit signed ones; *floats* `f32`. The
 /// order of lanes in longs and floats is that of the level: they are made of words, and become words again. *Reals* are `f32`
 /// in the order of memory, for planes of them.
-pub(crate) trait Lanes: Copy {
+pub trait Lanes: Copy {
     /// 16 bits a lane.
     type Words: Copy;
     /// 32 bits a lane, signed.
@@ -295,7 +295,7 @@ pub(crate) trait Lanes: Copy {
     fn add_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
     /// Unsigned words as longs.
     fn widen_unsigned(self, a: Self::Words) -> Self::Longs;
-    /// sum + a·weights[0] + b·weights[1] of signed words, wrapping.
+    /// sum + a·`weights[0]` + b·`weights[1]` of signed words, wrapping.
     fn add_weighted(self, sum: Self::Longs, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;

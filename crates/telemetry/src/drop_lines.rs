@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::message::{Counts, Stage};
+use fringeflow_message::{Counts, Stage};
 
 /// What a stage dropped for one reason, or what happened to it beside its items.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -63,7 +63,7 @@ impl DropLine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{DropReason, Incident};
+    use fringeflow_message::{DropReason, Incident};
 
     #[test]
     fn losses_come_first_then_what_is_frequent() {

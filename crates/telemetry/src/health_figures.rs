@@ -4,8 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
+use fringeflow_message::{GaugeReport, WindowReport};
+
 use crate::health::{HealthState, Quantity};
-use crate::message::{GaugeReport, WindowReport};
 
 /// The health as of a window.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,6 +1,6 @@
 //! The time line of a run of any length, in bounded memory.
 
-use crate::message::{StageReport, WindowReport};
+use fringeflow_message::{StageReport, WindowReport};
 
 use super::{Interval, Journey, Sample};
 
@@ -104,7 +104,7 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{Counts, Stage};
+    use fringeflow_message::{Counts, Stage};
 
     const SECOND_NS: u64 = 1_000_000_000;
 

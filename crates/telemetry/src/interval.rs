@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::message::{Counts, Stage, StageReport, WindowReport};
+use fringeflow_message::{Counts, Stage, StageReport, WindowReport};
 
 use super::{Journey, Latencies, Latency, Losses, Segment, WindowFigures};
 
@@ -199,7 +199,7 @@ fn losses(counts: &Counts) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::DropReason;
+    use fringeflow_message::DropReason;
 
     const SECOND_NS: u64 = 1_000_000_000;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::message::{Stage, StageReport};
+use fringeflow_message::{Stage, StageReport};
 
 /// Windows that may be under way at once; older ones were dropped.
 const UNDER_WAY: usize = 64;

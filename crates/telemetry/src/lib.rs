@@ -1,12 +1,15 @@
 //! What the stages report, gathered: counts, rates, latencies, where the time of each window went.
 //!
-//! In: [`StageReport`](crate::message::StageReport)s and [`WindowReport`](crate::message::WindowReport)s in the order they
+//! In: [`StageReport`](fringeflow_message::StageReport)s and [`WindowReport`](fringeflow_message::WindowReport)s in the order they
 //! came, live or from a recording. Out: a [`Tally`] over the whole run, [`Sample`]s of equal spans of it, [`Journey`]s of the
 //! windows, and the [`TraceWriter`]'s file for trace viewers; a [`RunReport`] is all of it but the trace, in bounded memory.
 //! Nothing here reads a clock: the same reports give the same figures wherever they are asked for.
 
+#![forbid(unsafe_code)]
+
 mod cause;
 mod drop_lines;
+pub mod health;
 mod health_figures;
 mod history;
 mod interval;

@@ -7,7 +7,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::message::{Counts, DropReason, Stage};
+use fringeflow_message::{Counts, DropReason, Stage};
 
 /// What was lost since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

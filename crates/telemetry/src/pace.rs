@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::message::{Counts, DropReason, Stage};
+use fringeflow_message::{Counts, DropReason, Stage};
 
 use super::Tally;
 

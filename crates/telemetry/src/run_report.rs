@@ -1,6 +1,6 @@
 //! A whole run, gathered from its reports in bounded memory: the same type live and for a recording.
 
-use crate::message::{Stage, StageReport, WindowReport};
+use fringeflow_message::{Stage, StageReport, WindowReport};
 
 use super::{Cause, HealthRecord, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
 

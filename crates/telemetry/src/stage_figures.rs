@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use fringeflow_message::{Counts, Skew, Stage};
+
 use super::{Latency, StageTally};
-use crate::message::{Counts, Skew, Stage};
 
 /// Figures of a stage.
 #[derive(Clone, Debug, Serialize)]

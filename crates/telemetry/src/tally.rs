@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::message::{Counts, Skew, Stage, StageReport};
+use fringeflow_message::{Counts, Skew, Stage, StageReport};
 
 use super::journey::Journeys;
 use super::{Journey, Latencies, Segment};

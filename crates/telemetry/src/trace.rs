@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 use serde_json::{Value, json};
 
-use crate::message::{Stage, StageReport};
+use fringeflow_message::{Stage, StageReport};
 
 /// Name of the arrows.
 const ARROW: &str = "window";

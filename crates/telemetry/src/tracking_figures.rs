@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::message::{Counts, LostReason, PoseReport};
+use fringeflow_message::{Counts, LostReason, PoseReport};
 
 /// Time without a report after which nothing is known any more, nanoseconds.
 const SILENT_NS: u64 = 2_000_000_000;
@@ -91,7 +91,7 @@ impl fmt::Display for TrackingFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::TrackingState;
+    use fringeflow_message::TrackingState;
 
     #[test]
     fn what_was_found_last_stays_while_the_scanner_is_lost() {

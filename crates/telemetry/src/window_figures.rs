@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use serde::Serialize;
 
-use crate::correspondence::Outcome;
-use crate::message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
+use fringeflow_base::outcome::Outcome;
+use fringeflow_message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
 
 use super::HealthFigures;
 

@@ -1,8 +1,9 @@
 //! Poses and the model as messages.
 
+use fringeflow::geometry::Pose;
+use fringeflow_message::{CloudHeader, LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
+
 use crate::fusion::{Surfel, Thinned, Tracked, Tracker, Tracking};
-use crate::geometry::Pose;
-use crate::message::{CloudHeader, LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
 use crate::registration::Lost;
 
 /// What a tracker says of a cloud that it was given, of a model whose first cloud has this number. The numbers of the report

@@ -1,11 +1,11 @@
 //! Windows one after the other, each with what those before it tell of it.
 
-use crate::correspondence::Drift;
-use crate::fusion::{Tracked, Tracker};
-use crate::grey::GreyLevels;
-use crate::prior::{Prior, WindowTimes};
+use fringeflow::correspondence::Drift;
+use fringeflow::prior::{Prior, WindowTimes};
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
+use fringeflow_base::grey::GreyLevels;
 
-use super::{Reconstruction, ReconstructionError, Reconstructor};
+use crate::fusion::{Tracked, Tracker};
 
 /// Reconstructs the windows of a moving scanner and tracks it: what each cloud tells, the next window is given.
 #[derive(Clone, Debug)]

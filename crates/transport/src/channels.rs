@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use crate::message::{
+use fringeflow_message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader, PatternEvent,
     PoseReport, PriorHeader, ScanState, StageReport, WindowReport,
 };

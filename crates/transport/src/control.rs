@@ -6,7 +6,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::server::Server;
 use iceoryx2::service::builder::request_response::Builder;
 
-use crate::message::{ControlRequest, ControlResponse};
+use fringeflow_message::{ControlRequest, ControlResponse};
 
 use super::attached::Attached;
 use super::wait::Listening;

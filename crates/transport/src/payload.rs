@@ -10,11 +10,11 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeOpenOrCreateError};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::message::{Block, PatternEvent, PoseReport, ScanState, StageReport, WindowReport};
+use fringeflow_message::{Block, PatternEvent, PoseReport, ScanState, StageReport, WindowReport};
 
 use super::Ipc;
 
-/// A user header: one of [`crate::message`], or `()`.
+/// A user header: one of [`fringeflow_message`], or `()`.
 pub trait Header: ZeroCopySend + Debug + Default + Copy + Send + 'static {}
 
 impl<H: ZeroCopySend + Debug + Default + Copy + Send + 'static> Header for H {}

@@ -14,7 +14,7 @@ use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, Transpor
 /// The sending end of a channel.
 ///
 /// Sending never waits for a subscriber. If it fails, the message is lost: the caller counts it as
-/// [`crate::message::DropReason::NoSample`], and the next [`Self::ensure_connected`] opens the port anew.
+/// [`fringeflow_message::DropReason::NoSample`], and the next [`Self::ensure_connected`] opens the port anew.
 pub struct Publisher<H: Header, P: Payload + ?Sized> {
     node: Node,
     channel: Channel<H, P>,

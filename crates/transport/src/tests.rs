@@ -9,10 +9,11 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 use tempfile::TempDir;
 
-use super::*;
-use crate::message::{
+use fringeflow_message::{
     Block, Command as Ask, ControlRequest, ControlResponse, FrameHeader, MapsHeader, PatternEvent, ScanState, Text,
 };
+
+use super::*;
 
 const HANG: Duration = Duration::from_secs(60);
 const STEP: Duration = Duration::from_millis(20);

@@ -3,10 +3,10 @@
 //! `u8`, candidates that passed the test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero where nothing was
 //! found.
 
-use crate::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
-use crate::message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
-use crate::phase::Modulation;
-use crate::worker::Correspondences;
+use fringeflow::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
+use fringeflow::phase::Modulation;
+use fringeflow::worker::Correspondences;
+use fringeflow_message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
 use super::{WireError, checked_pixels, drift};
@@ -130,7 +130,7 @@ fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::{ChosenCandidates, KnownDrift};
+    use fringeflow::correspondence::{ChosenCandidates, KnownDrift};
 
     fn found() -> Correspondences {
         let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();

@@ -1,7 +1,7 @@
 //! A drift of the calibration as numbers of a header.
 
-use crate::correspondence::KnownDrift;
-use crate::message::{DRIFT_NUMBERS, DriftNumbers};
+use fringeflow::correspondence::KnownDrift;
+use fringeflow_message::{DRIFT_NUMBERS, DriftNumbers};
 
 const _: () = assert!(DRIFT_NUMBERS == KnownDrift::NUMBERS);
 

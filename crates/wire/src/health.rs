@@ -1,8 +1,8 @@
 //! What a window tells of the health of the scanner, and the health as a report.
 
-use crate::health::{Gauge, Health, Measures, Quantity};
-use crate::message::{Fit, GAUGES, GaugeReport, HealthReport, MapsHeader};
-use crate::worker::Correspondences;
+use fringeflow::worker::Correspondences;
+use fringeflow_message::{Fit, GAUGES, GaugeReport, HealthReport, MapsHeader};
+use fringeflow_telemetry::health::{Gauge, Health, Measures, Quantity};
 
 /// Each quantity has its place in a report.
 const _: () = assert!(Quantity::ALL.len() <= GAUGES);
@@ -92,8 +92,8 @@ fn share(part: u64, whole: u64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::{Drift, Matches};
-    use crate::health::{HealthLimits, HealthState};
+    use fringeflow::correspondence::{Drift, Matches};
+    use fringeflow_telemetry::health::{HealthLimits, HealthState};
 
     fn drift(rms_rad: f64, residual_sd_rad: f64, share: f64) -> Drift {
         let mut drift = Drift::default();

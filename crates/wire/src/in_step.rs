@@ -5,9 +5,9 @@
 //! something tells that it came: a window whose images show the fault, a slip that is found, or δ that at once scatters by more
 //! than it did. From then on δ tells nothing of the calibration, until it is again as small as that of a scanner in order.
 
-use crate::correspondence::Drift;
-use crate::message::MapsHeader;
-use crate::worker::Correspondences;
+use fringeflow::correspondence::Drift;
+use fringeflow::worker::Correspondences;
+use fringeflow_message::MapsHeader;
 
 /// Drift, rms, mean of δ, and sd about the drift, rad, up to which images are in step.
 const MOST_DRIFT_RAD: f64 = 0.1;

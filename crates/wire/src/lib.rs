@@ -4,6 +4,8 @@
 //! the tables in [`maps`] and [`correspondences`]. What comes from another process is checked, never trusted: a payload
 //! of another length or with a value that cannot be is [`WireError`].
 
+#![forbid(unsafe_code)]
+
 pub mod correspondences;
 pub mod drift;
 pub mod health;
@@ -11,10 +13,9 @@ pub mod in_step;
 pub mod maps;
 mod planes;
 pub mod prior;
-pub mod tracking;
 pub mod window_report;
 
-use crate::message::Block;
+use fringeflow_message::Block;
 
 /// Why a payload was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! Phase maps of both cameras: per camera phase `u16`, modulation `u16`, mean `u8`, valid `u8` (0 or 1).
 
-use crate::message::{Block, Fit, MapsHeader, Window};
-use crate::phase::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
-use crate::worker::PhasePair;
+use fringeflow::phase::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
+use fringeflow::worker::PhasePair;
+use fringeflow_message::{Block, Fit, MapsHeader, Window};
 
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
 use super::{WireError, checked_pixels, drift};
@@ -150,7 +150,7 @@ fn motion(fit: &Fit) -> Option<Motion> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::KnownDrift;
+    use fringeflow::correspondence::KnownDrift;
 
     fn map(width: usize, height: usize, seed: usize) -> PhaseMap {
         let pixels = width * height;

@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 
-use crate::message::Block;
+use fringeflow_message::Block;
 
 /// Blocks of a plane of `pixels` values of `T`.
 pub(super) const fn blocks_of<T>(pixels: usize) -> usize {

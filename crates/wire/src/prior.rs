@@ -1,14 +1,15 @@
 //! What is known of the next windows as a message.
 
-use super::drift;
-use crate::fusion::Tracker;
-use crate::geometry::Vector3;
-use crate::message::{CloudHeader, PoseReport, PriorHeader, Window};
-use crate::prior::{Prior, Relief, RigidMotion, WindowTimes};
+use fringeflow::geometry::Vector3;
+use fringeflow::prior::{Prior, Relief, RigidMotion, WindowTimes};
+use fringeflow_message::{PoseReport, PriorHeader, Window};
 
-/// What a tracker knows after a cloud and its report, its cells as the payload in `out`; nothing where the cloud tells nothing.
+use super::drift;
+
+/// The message of what is known after the cloud of a report, with the cells of the relief as its payload in `out`. It tells
+/// nothing where `prior` is `None`.
 #[must_use]
-pub fn prior(tracker: &Tracker, report: &PoseReport, cloud: &CloudHeader, out: &mut Vec<u8>) -> PriorHeader {
+pub fn message(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
     out.clear();
     let header = PriorHeader {
         published: report.published,
@@ -17,7 +18,7 @@ pub fn prior(tracker: &Tracker, report: &PoseReport, cloud: &CloudHeader, out: &
         published_ns: report.published_ns,
         ..PriorHeader::default()
     };
-    let Some(Prior { motion, relief, drift }) = tracker.prior(drift::read(&cloud.drift)) else { return header };
+    let Some(Prior { motion, relief, drift }) = prior else { return header };
     relief.cells().iter().for_each(|cell| out.extend_from_slice(&cell.to_le_bytes()));
     let [width_px, height_px] = relief.size_px().map(|length| length as u32);
     let RigidMotion { velocity_m_s, rate_rad_s } = motion;

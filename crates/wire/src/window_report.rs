@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::correspondence::{Drift, Matches, OutcomeCounts};
-use crate::health::Health;
-use crate::message::{DriftReport, MapsHeader, OUTCOMES, WindowReport};
-use crate::worker::Correspondences;
+use fringeflow::correspondence::{Drift, Matches, OutcomeCounts};
+use fringeflow::worker::Correspondences;
+use fringeflow_message::{DriftReport, MapsHeader, OUTCOMES, WindowReport};
+use fringeflow_telemetry::health::Health;
 
 use super::correspondences::delta_counts;
 use super::health::health_report;
@@ -75,9 +75,9 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::{ChosenCandidates, Outcome};
-    use crate::health::{HealthLimits, Quantity};
-    use crate::wire::health::measures;
+    use crate::health::measures;
+    use fringeflow::correspondence::{ChosenCandidates, Outcome};
+    use fringeflow_telemetry::health::{HealthLimits, Quantity};
 
     #[test]
     fn pixels_are_counted_by_outcome_and_the_median_is_of_the_chosen() {

@@ -7,10 +7,11 @@
 use std::rc::Rc;
 use std::time::Duration;
 
-use fringeflow::config::{Trigger, V4l2Camera};
-use fringeflow::message::{DropReason, Incident};
-use fringeflow_runtime::clock;
 use rustix::io::Errno;
+
+use fringeflow_config::{Trigger, V4l2Camera};
+use fringeflow_message::{DropReason, Incident};
+use fringeflow_runtime::clock;
 
 use crate::device::{self, CameraError, FindError, Prepared, Wanted};
 use crate::ioctl::{CallError, Device};

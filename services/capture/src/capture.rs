@@ -1,11 +1,11 @@
 //! A camera with its channel and its account: images out of the driver's buffers into shared memory, each copied once.
 
-use fringeflow::config::{CameraSource, V4l2Camera};
-use fringeflow::dataset::CameraId;
-use fringeflow::message::{DropReason, FrameHeader, ScanState, Stage, flags};
-use fringeflow::pixels::{ImageReader, UnpackError};
-use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
+use fringeflow_config::{CameraSource, V4l2Camera};
+use fringeflow_dataset::CameraId;
+use fringeflow_message::{DropReason, FrameHeader, ScanState, Stage, flags};
+use fringeflow_pixels::{ImageReader, UnpackError};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
+use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
 
 use crate::camera::{Camera, Image};
 use crate::device::Wanted;

@@ -19,7 +19,7 @@ pub use device::{
 };
 pub use ioctl::CallError;
 
-use fringeflow::dataset::CameraId;
+use fringeflow_dataset::CameraId;
 use fringeflow_runtime::{Host, ServiceArgs, ServiceError};
 
 use capture::Capture;

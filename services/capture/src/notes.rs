@@ -1,6 +1,6 @@
 //! What happens to a camera beside its images: counted always, logged when it begins and now and then while it lasts.
 
-use fringeflow::message::Incident;
+use fringeflow_message::Incident;
 use fringeflow_runtime::{Account, AccountError, clock};
 
 /// Time between two log lines about the same kind of incident, nanoseconds.

@@ -4,7 +4,7 @@
 //! that it does not name. Differences between stamps are trusted, their place in time only as far as it can be: an image
 //! cannot begin after it came. Stamps that contradict this are moved, and stamps that run back begin a new base.
 
-use fringeflow::config::StampMoment;
+use fringeflow_config::StampMoment;
 
 /// Flag of V4L2: which clock the stamp is of, and its values.
 const CLOCK_MASK: u32 = 0x0000_e000;

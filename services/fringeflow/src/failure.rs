@@ -3,17 +3,18 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use fringeflow::atomic_file::WriteError;
 use fringeflow::calibration::CalibrationError;
 use fringeflow::cloud::CloudWriteError;
-use fringeflow::config::ConfigurationError;
 use fringeflow::correspondence::SegmentFileError;
-use fringeflow::dataset::{DatasetError, Problem};
-use fringeflow::evaluation::GrayReferenceError;
-use fringeflow::recording::{ExportError, ImportError, RecordingError, RecordingProblem};
-use fringeflow::transport::TransportError;
+use fringeflow_base::atomic_file::WriteError;
+use fringeflow_config::ConfigurationError;
+use fringeflow_dataset::{DatasetError, Problem};
+use fringeflow_lab::evaluation::GrayReferenceError;
+use fringeflow_recording::{ExportError, ImportError, RecordingError, RecordingProblem};
+use fringeflow_replay::ReplayError;
 use fringeflow_runtime::{ArgumentError, ServiceError};
 use fringeflow_supervisor::RunError;
+use fringeflow_transport::TransportError;
 
 /// Why a command did not finish.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +52,9 @@ pub(crate) enum Failure {
     /// All was done, but something had been lost before.
     #[error("{0}")]
     Losses(String),
+    /// A recording that cannot be measured with.
+    #[error("{0}")]
+    NotMeasurable(String),
     /// A calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
@@ -87,7 +91,7 @@ impl Failure {
             Self::Run(_) | Self::Imbalance(_) => 1,
             Self::Recording(RecordingError { problem: RecordingProblem::Exists, .. }) => 2,
             Self::Recording(error) if error.problem.is_about_writing() => 1,
-            Self::Recording(_) => 2,
+            Self::Recording(_) | Self::NotMeasurable(_) => 2,
             Self::Damaged(_) | Self::Refuted(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
@@ -102,6 +106,15 @@ impl Failure {
         // A closed standard error leaves nobody to tell.
         let _ = writeln!(std::io::stderr(), "fringeflow: {self}");
         ExitCode::from(self.exit_code())
+    }
+}
+
+impl From<ReplayError> for Failure {
+    fn from(error: ReplayError) -> Self {
+        match error {
+            ReplayError::Recording(error) => Self::Recording(error),
+            other => Self::NotMeasurable(other.to_string()),
+        }
     }
 }
 

@@ -2,8 +2,7 @@
 
 use fringeflow_runtime::log::{self, LogFormat};
 use fringeflow_runtime::processors::use_threads;
-
-use fringeflow::simd::Level;
+use fringeflow_simd::Level;
 
 use crate::failure::Failure;
 

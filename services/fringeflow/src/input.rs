@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::Path;
 
 use fringeflow::calibration::Unit;
-use fringeflow::config::Configuration;
-use fringeflow::dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
 use fringeflow::prior::WindowTimes;
-use fringeflow::recording::{ImagePair, Priors, Recording, TruthPoses, cycles, windows};
+use fringeflow_config::Configuration;
+use fringeflow_dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
+use fringeflow_recording::{ImagePair, Priors, Recording, TruthPoses, cycles, windows};
 
 use crate::failure::Failure;
 
@@ -51,7 +51,7 @@ impl Input {
     pub(crate) fn configuration(&self) -> Result<Configuration, Failure> {
         match self {
             Self::Folder(_) => Ok(Configuration::default()),
-            Self::Recording(recording, _) => Ok(recording.configuration()?),
+            Self::Recording(recording, _) => Ok(fringeflow_replay::configuration(recording)?),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The methods by which images become a cloud.
 
 use fringeflow::cloud::Cloud;
-use fringeflow::evaluation::{cgc, egc};
+use fringeflow_lab::evaluation::{cgc, egc};
 
 use crate::failure::Failure;
 use crate::input::Input;

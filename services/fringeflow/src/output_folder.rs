@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fringeflow::atomic_file::{WriteError, WriteProblem};
+use fringeflow_base::atomic_file::{WriteError, WriteProblem};
 
 /// Makes the folder if it is missing, before the work whose results go there.
 pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {

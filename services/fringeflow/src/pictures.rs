@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::check_writable;
-use fringeflow::preview::{
+use fringeflow_base::atomic_file::check_writable;
+use fringeflow_lab::preview::{
     Picture, confidence_picture, delta_histogram_picture, depth_picture, judgement_picture, modulation_picture,
     outcome_picture, phase_picture,
 };

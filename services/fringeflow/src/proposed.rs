@@ -3,15 +3,16 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fringeflow::config::Configuration;
 use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
-use fringeflow::dataset::GreyImage;
-use fringeflow::fusion::{FusionSettings, Tracker};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
-use fringeflow::health::HealthLimits;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::prior::{Moment, Prior};
-use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, TrackedStream};
+use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
+use fringeflow_config::Configuration;
+use fringeflow_dataset::GreyImage;
+use fringeflow_telemetry::health::HealthLimits;
+use fringeflow_tracking::TrackedStream;
+use fringeflow_tracking::fusion::{FusionSettings, Tracker};
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -4,10 +4,10 @@ use std::fmt;
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::message::{Counts, Stage};
-use fringeflow::telemetry::{DriftFigures, HealthRecord, Latency, Losses, Pace, SkewFigures, StageFigures};
+use fringeflow_message::{Counts, Stage};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
+use fringeflow_telemetry::{DriftFigures, HealthRecord, Latency, Losses, Pace, SkewFigures, StageFigures};
 
 use crate::failure::Failure;
 use crate::json;

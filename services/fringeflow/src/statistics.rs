@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use fringeflow::correspondence::{Outcome, OutcomeCounts};
-use fringeflow::health::Quantity;
-use fringeflow::phase::Motion;
 use serde::Serialize;
+
+use fringeflow::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::phase::Motion;
+use fringeflow_telemetry::health::Quantity;
 
 use crate::proposed::Proposed;
 

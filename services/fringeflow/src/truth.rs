@@ -1,8 +1,8 @@
 //! Judging a cloud by the truth of its input.
 
 use fringeflow::cloud::Cloud;
-use fringeflow::dataset::Truth;
-use fringeflow::evaluation::{Evaluation, against_captured, against_rendered_at};
+use fringeflow_dataset::Truth;
+use fringeflow_lab::evaluation::{Evaluation, against_captured, against_rendered_at};
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use fringeflow::calibration::{Unit, write_calibration};
 use fringeflow::geometry::{Camera, Distortion, Pose, Rig};
-use fringeflow::simulation::{Board, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_lab::simulation::{Board, Object, RigOptions, Simulation, SimulationOptions};
 
 const VOLUME: &str = "--volume=-60,-50,280,60,50,320";
 
@@ -49,7 +49,7 @@ fn prints_json_with_every_part_and_writes_the_maps() {
     assert!(!report["evaluation"]["comb"]["teeth"].as_array().unwrap().is_empty());
     assert!(!report["advice"].as_array().unwrap().is_empty());
     for name in ["periods.png", "survivors.png"] {
-        let map = fringeflow::dataset::read_png(&folder.path().join(name), Some([20, 16]), None).unwrap();
+        let map = fringeflow_dataset::read_png(&folder.path().join(name), Some([20, 16]), None).unwrap();
         assert!(map.pixels.iter().any(|&grey| grey > 0), "{name}");
     }
 }

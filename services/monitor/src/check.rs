@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use fringeflow::config::{Listen, MonitorConfiguration};
+use fringeflow_config::{Listen, MonitorConfiguration};
 
 use crate::http::Guard;
 

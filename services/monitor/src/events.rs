@@ -3,10 +3,11 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use fringeflow::health::{HealthState, Quantity};
-use fringeflow::message::{Counts, ScanState, Stage};
-use fringeflow::telemetry::{GaugeFigures, HealthFigures, Tally};
 use serde::Serialize;
+
+use fringeflow_message::{Counts, ScanState, Stage};
+use fringeflow_telemetry::health::{HealthState, Quantity};
+use fringeflow_telemetry::{GaugeFigures, HealthFigures, Tally};
 
 use crate::services::{ServiceState, ServiceStatus};
 
@@ -154,7 +155,7 @@ impl EventLog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::{DropReason, GaugeReport, Incident, StageReport, Text, WindowReport};
+    use fringeflow_message::{DropReason, GaugeReport, Incident, StageReport, Text, WindowReport};
 
     fn texts(log: &EventLog, after: u64) -> Vec<String> {
         log.after(after).map(|event| format!("{}: {}", event.source, event.text)).collect()

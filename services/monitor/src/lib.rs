@@ -21,12 +21,12 @@ mod views;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use fringeflow::message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
-use fringeflow::recording::Recordable;
-use fringeflow::transport::{
+use fringeflow_message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
+use fringeflow_recording::Recordable;
+use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
+use fringeflow_transport::{
     REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
-use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 
 pub use check::check;
 

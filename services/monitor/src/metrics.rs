@@ -7,18 +7,19 @@
 use std::fmt::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use fringeflow::health::{HealthState, Quantity};
-use fringeflow::message::{DropReason, Incident, Stage};
-use fringeflow::telemetry::{
-    BUCKETS_NS, DriftFigures, GaugeFigures, HealthFigures, Latencies, MotionFigures, Segment, Shares, TrackingFigures,
-    WindowFigures,
-};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
+
+use fringeflow_message::{DropReason, Incident, Stage};
+use fringeflow_telemetry::health::{HealthState, Quantity};
+use fringeflow_telemetry::{
+    BUCKETS_NS, DriftFigures, GaugeFigures, HealthFigures, Latencies, MotionFigures, Segment, Shares, TrackingFigures,
+    WindowFigures,
+};
 
 use crate::board::Board;
 use crate::services::ServiceStatus;
@@ -389,9 +390,9 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    use fringeflow::config::ScannerConfiguration;
-    use fringeflow::dataset::Setup;
-    use fringeflow::message::{Counts, DriftReport, Fit, GaugeReport, StageReport, WindowReport};
+    use fringeflow_config::ScannerConfiguration;
+    use fringeflow_dataset::Setup;
+    use fringeflow_message::{Counts, DriftReport, Fit, GaugeReport, StageReport, WindowReport};
 
     const MS: u64 = 1_000_000;
 

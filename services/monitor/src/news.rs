@@ -1,9 +1,9 @@
 //! The newest of the large messages, for whoever watches.
 
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
-use fringeflow::recording::{Recordable, Topic};
-use fringeflow::transport::Received;
+use fringeflow_message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
+use fringeflow_recording::{Recordable, Topic};
 use fringeflow_runtime::Host;
+use fringeflow_transport::Received;
 
 use crate::taps::Taps;
 use crate::viewers::Viewers;

@@ -1,8 +1,9 @@
 //! How each service of the instance fares: by its reports, its process and what is dropped because of it.
 
-use fringeflow::message::{Counts, DropReason, Stage};
-use fringeflow::telemetry::{StageTally, Tally};
 use serde::Serialize;
+
+use fringeflow_message::{Counts, DropReason, Stage};
+use fringeflow_telemetry::{StageTally, Tally};
 
 use crate::process::{Process, Usage};
 
@@ -219,7 +220,7 @@ fn names<S: serde::Serializer>(stages: &[Stage], serializer: S) -> Result<S::Ok,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::StageReport;
+    use fringeflow_message::StageReport;
 
     const SECOND_NS: u64 = 1_000_000_000;
 

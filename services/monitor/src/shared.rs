@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::body::Bytes;
-use fringeflow::transport::Instance;
 use tokio::sync::watch;
+
+use fringeflow_transport::Instance;
 
 use crate::board::Board;
 

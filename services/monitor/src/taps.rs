@@ -1,11 +1,11 @@
 //! Channels that are looked into while somebody watches, and left alone otherwise.
 
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
-use fringeflow::transport::{
+use fringeflow_message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
+use fringeflow_runtime::{Host, receive};
+use fringeflow_transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload, Received, Subscriber,
     TRACKING_MODEL,
 };
-use fringeflow_runtime::{Host, receive};
 
 /// How long a channel stays open after somebody looked last, nanoseconds.
 const IDLE_NS: u64 = 5_000_000_000;

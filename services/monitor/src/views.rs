@@ -3,11 +3,12 @@
 //! A message is the length of its JSON header (`u32`, little-endian), the header, padded so that data begins at a multiple of
 //! eight bytes, and the data. Nothing is compressed: making a picture costs one pass over a part of the pixels.
 
-use fringeflow::cloud::{RECORD_BYTES, decode_record};
-use fringeflow::grey::PixelFormat;
-use fringeflow::message::{Block, CloudHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader};
-use fringeflow::wire;
 use serde_json::{Value, json};
+
+use fringeflow::cloud::{RECORD_BYTES, decode_record};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_message::{Block, CloudHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader};
+use fringeflow_wire as wire;
 
 /// Largest width of a picture, pixels.
 const WIDTH_PX: usize = 320;

@@ -1,16 +1,16 @@
 //! All channels that are recorded, and the numbers of their messages.
 
-use fringeflow::message::{
+use fringeflow_message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader,
     ScanState, Stage, StageReport, WindowReport,
 };
-use fringeflow::recording::Recordable;
-use fringeflow::transport::{
+use fringeflow_recording::Recordable;
+use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
+use fringeflow_transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
     REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, TransportError, WaitSource,
     wait_for,
 };
-use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
 
 /// The receiving ends.
 pub(crate) struct Channels {

@@ -6,10 +6,10 @@
 mod channels;
 mod session;
 
-use fringeflow::message::{Counts, DropReason, PriorHeader, ScanState, Stage};
-use fringeflow::recording::Recordable;
-use fringeflow::transport::{SCAN_STATE, Subscriber};
+use fringeflow_message::{Counts, DropReason, PriorHeader, ScanState, Stage};
+use fringeflow_recording::Recordable;
 use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receive};
+use fringeflow_transport::{SCAN_STATE, Subscriber};
 
 use channels::{Channels, Taken};
 use session::Session;

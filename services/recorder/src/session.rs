@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::message::{Counts, ScanState};
-use fringeflow::recording::{Opening, Origin, Recordable, Recorder, RecordingError};
+use fringeflow_message::{Counts, ScanState};
+use fringeflow_recording::{Opening, Origin, Recordable, Recorder, RecordingError};
 use fringeflow_runtime::{Host, clock};
 
 use crate::channels::Taken;

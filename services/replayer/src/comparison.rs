@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use fringeflow::message::{CloudHeader, Window};
-use fringeflow::recording::{Content, Known, Recording, RecordingError, Topic};
+use fringeflow_message::{CloudHeader, Window};
+use fringeflow_recording::{Content, Known, Recording, RecordingError, Topic};
 
 /// Clouds of a recording, by their windows.
 #[derive(Debug, Default)]

@@ -1,9 +1,10 @@
 //! The configuration of a replay: the recorded one, with the recording in the place of cameras and projector.
 
-use fringeflow::config::{PriorSource, rename_former_keys};
-use fringeflow::message::FrameHeader;
-use fringeflow::recording::{Recording, Topic};
 use toml::{Table, Value};
+
+use fringeflow_config::{PriorSource, rename_former_keys};
+use fringeflow_message::FrameHeader;
+use fringeflow_recording::{Recording, Topic};
 
 use crate::Pace;
 

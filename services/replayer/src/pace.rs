@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use fringeflow::message::{Counts, Stage};
+use fringeflow_message::{Counts, Stage};
 use fringeflow_runtime::Account;
 
 /// Speed of a replay.

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
-use fringeflow::message::{CloudHeader, FrameHeader, PatternEvent, PriorHeader, Stage, flags};
-use fringeflow::recording::{Content, Message, Recording, RecordingError};
-use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TRACKING_PRIOR,
-};
+use fringeflow_message::{CloudHeader, FrameHeader, PatternEvent, PriorHeader, Stage, flags};
+use fringeflow_recording::{Content, Message, Recording, RecordingError};
 use fringeflow_runtime::{Account, AccountError, clock, receive};
 use fringeflow_supervisor::{Progress, Source, SourceError};
+use fringeflow_transport::{
+    CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TRACKING_PRIOR,
+};
 
 use crate::pace::Pipeline;
 use crate::{Comparison, Pace};

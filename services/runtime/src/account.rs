@@ -10,7 +10,8 @@ use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
-use fringeflow::message::{Counts, DropReason, Incident, Stage};
+
+use fringeflow_message::{Counts, DropReason, Incident, Stage};
 
 /// Version of the file, so that leftovers of another one are not misread.
 const VERSION: u64 = 2;

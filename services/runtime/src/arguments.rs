@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::config::{ConfigurationError, ScannerConfiguration, SetupTextError};
 use fringeflow::correspondence::{SegmentFileError, SegmentTable};
-use fringeflow::dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
+use fringeflow_config::{ConfigurationError, ScannerConfiguration, SetupTextError};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
+use fringeflow_lab::simulation::{read_configuration, setup_text};
 
 use crate::processors::{self, AffinityError, Standing};
 
@@ -98,7 +99,7 @@ impl ServiceArgs {
     /// # Errors
     /// [`ArgumentError::Configuration`].
     pub fn configuration(&self) -> Result<ScannerConfiguration, ArgumentError> {
-        Ok(ScannerConfiguration::read(&self.config)?)
+        Ok(read_configuration(&self.config)?)
     }
 
     /// Whether this machine has the CPUs that services are given.
@@ -130,7 +131,7 @@ impl ServiceArgs {
         let (text, from) = match &self.setup {
             Some(folder) => (read_folder(folder)?, folder),
             None => {
-                let text = configuration.setup_text();
+                let text = setup_text(configuration);
                 let rig = |source| ArgumentError::Rig { config: self.config.clone(), source };
                 (text.map_err(rig)?, &self.config)
             }

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use fringeflow::cloud::RECORD_BYTES;
-use fringeflow::config::ScannerConfiguration;
-use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, Skew, Stage, StageReport};
-use fringeflow::transport::{
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_dataset::Setup;
+use fringeflow_message::{Counts, DropReason, Skew, Stage, StageReport};
+use fringeflow_transport::{
     ChannelSizes, Header, Instance, Node, Payload, Publisher, REPORT_STAGE, Subscriber, TransportError,
 };
-use fringeflow::wire;
+use fringeflow_wire as wire;
 
 use crate::clock::now_ns;
 use crate::{Account, AccountError, ArgumentError, ServiceArgs, Stop};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use fringeflow::message::Stage;
-use fringeflow::transport::{Header, Payload, Received, Subscriber, TransportError};
+use fringeflow_message::Stage;
+use fringeflow_transport::{Header, Payload, Received, Subscriber, TransportError};
 
 use crate::account::{Account, messages};
 

@@ -1,7 +1,7 @@
 //! Which services an instance has, and in which order.
 
-use fringeflow::config::{CameraSource, ProjectorDriver, ScannerConfiguration};
-use fringeflow::message::Stage;
+use fringeflow_config::{CameraSource, ProjectorDriver, ScannerConfiguration};
+use fringeflow_message::Stage;
 
 /// A process of an instance that its supervisor starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
-use fringeflow::message::{DropReason, Stage, Window};
-use fringeflow::transport::{Channel, Header, Payload, Publisher, Received, Subscriber, TransportError, wait_for};
+use fringeflow_message::{DropReason, Stage, Window};
+use fringeflow_transport::{Channel, Header, Payload, Publisher, Received, Subscriber, TransportError, wait_for};
 
 use crate::clock::now_ns;
 use crate::host::{BEAT, Host, ItemTimes, ServiceError};

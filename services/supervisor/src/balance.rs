@@ -1,6 +1,6 @@
 //! Whether the accounts of all stages add up: in each stage, and along each arrow between two.
 
-use fringeflow::message::{Counts, Stage};
+use fringeflow_message::{Counts, Stage};
 use fringeflow_runtime::sources;
 
 /// The accounts of the stages that ran.
@@ -58,7 +58,7 @@ fn in_stage(stage: Stage, counts: &Counts) -> Option<Imbalance> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::DropReason;
+    use fringeflow_message::DropReason;
 
     fn counts(taken: u64, passed: u64) -> Counts {
         let mut counts = Counts { taken, passed, ..Counts::default() };

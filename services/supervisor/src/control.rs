@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use fringeflow::config::ScannerConfiguration;
-use fringeflow::message::{Command, ControlRequest, ControlResponse, ScanState, Text};
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_message::{Command, ControlRequest, ControlResponse, ScanState, Text};
 
 use crate::named_by_time;
 

@@ -2,10 +2,11 @@
 
 use std::io::{IsTerminal, Write, stderr};
 
-use fringeflow::message::{ScanState, Stage};
-use fringeflow::telemetry::{StageTally, Tally};
-use fringeflow_runtime::log::{self, Diversion};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+
+use fringeflow_message::{ScanState, Stage};
+use fringeflow_runtime::log::{self, Diversion};
+use fringeflow_telemetry::{StageTally, Tally};
 
 /// Time between two log lines, nanoseconds.
 const LOG_NS: u64 = 10_000_000_000;

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use fringeflow::message::{Stage, StageReport};
-use fringeflow::telemetry::{Tally, TrackingFigures, TrackingWatch, WindowFigures};
-use fringeflow::transport::{
+use fringeflow_message::{Stage, StageReport};
+use fringeflow_runtime::{Account, accounts_folder, clock};
+use fringeflow_telemetry::{Tally, TrackingFigures, TrackingWatch, WindowFigures};
+use fringeflow_transport::{
     ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
-use fringeflow_runtime::{Account, accounts_folder, clock};
 
 /// What was seen of an instance.
 #[derive(Debug)]

@@ -3,12 +3,12 @@
 use std::io;
 use std::path::PathBuf;
 
-use fringeflow::config::ScannerConfiguration;
-use fringeflow::dataset::Setup;
-use fringeflow::recording::Origin;
-use fringeflow::telemetry::RunReport;
-use fringeflow::transport::TransportError;
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_dataset::Setup;
+use fringeflow_recording::Origin;
 use fringeflow_runtime::{AccountError, ServiceKind};
+use fringeflow_telemetry::RunReport;
+use fringeflow_transport::TransportError;
 
 use crate::{Balance, SourceError};
 

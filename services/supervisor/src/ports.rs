@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::time::Duration;
 
-use fringeflow::message::{ScanState, Stage, StageReport, WindowReport};
-use fringeflow::transport::{
+use fringeflow_message::{ScanState, Stage, StageReport, WindowReport};
+use fringeflow_runtime::{ensure_connected, receive};
+use fringeflow_transport::{
     ChannelSizes, ControlServer, KeptChannels, Node, Publisher, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber,
     TransportError, wait_for,
 };
-use fringeflow_runtime::{ensure_connected, receive};
 
 use crate::control::Control;
 use crate::reports::Reports;

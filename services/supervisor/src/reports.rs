@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::{PendingFile, WriteError};
-use fringeflow::message::StageReport;
-use fringeflow::telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
+use fringeflow_base::atomic_file::{PendingFile, WriteError};
+use fringeflow_message::StageReport;
+use fringeflow_telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
 
 /// The reports of a run.
 #[derive(Debug)]
@@ -71,7 +71,7 @@ fn tell(error: &WriteError) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::Stage;
+    use fringeflow_message::Stage;
 
     fn report() -> StageReport {
         StageReport { stage: Stage::Phase as u32, of_item: 1, ..StageReport::default() }

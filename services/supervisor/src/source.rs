@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fringeflow::transport::{ChannelSizes, Node};
+use fringeflow_transport::{ChannelSizes, Node};
 
 /// Why a source cannot go on.
 pub type SourceError = Box<dyn std::error::Error + Send + Sync>;

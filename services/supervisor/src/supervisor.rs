@@ -5,10 +5,10 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use fringeflow::message::{DropReason, Stage};
-use fringeflow::recording::{Origin, UNFINISHED};
-use fringeflow::transport::{Instance, InstanceLock, Node, check_shared_memory};
+use fringeflow_message::{DropReason, Stage};
+use fringeflow_recording::{Origin, UNFINISHED};
 use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock};
+use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
 use crate::child::{Event, Launch, Service};
 use crate::control::Control;

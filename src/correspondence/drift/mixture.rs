@@ -7,8 +7,9 @@ use std::ops::{ControlFlow, Deref, DerefMut};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::decay::decay;
 use super::super::epipolar_image::EpipolarImage;
@@ -251,7 +252,7 @@ impl Sample {
     /// Improves a guess by expectation maximization until it settles, at most so many steps.
     pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize, solver: &mut Solver) {
         for _ in 0..max_steps {
-            simd::run(Level::in_use(), SumKernel { sample: self, guess, solver });
+            fringeflow_simd::run(Level::in_use(), SumKernel { sample: self, guess, solver });
             if !solver.solve(guess, (self.pixels() as f64 / self.independent).max(1.0)) {
                 return;
             }

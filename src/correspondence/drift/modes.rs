@@ -6,11 +6,11 @@
 
 use nalgebra::{DMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
-
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::segment_table::SegmentTable;
 use super::place::{Places, Polynomial, TERMS, monomials};
@@ -122,7 +122,7 @@ impl ModesByTerm {
         let begin = out.len();
         out.resize(begin + self.groups.len() * GROUP, 0.0);
         let place = self.places.place(u as f64, v as f64, f64::from(column_px));
-        simd::run(Level::in_use(), TellKernel { groups: &self.groups, place, out: &mut out[begin..] });
+        fringeflow_simd::run(Level::in_use(), TellKernel { groups: &self.groups, place, out: &mut out[begin..] });
         out.truncate(begin + self.modes);
     }
 }

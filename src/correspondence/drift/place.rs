@@ -5,8 +5,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::super::wide::load;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
@@ -129,7 +130,7 @@ impl RowPolynomial {
         for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
-        simd::run(Level::in_use(), DepthKernel { row: self, out });
+        fringeflow_simd::run(Level::in_use(), DepthKernel { row: self, out });
     }
 }
 

@@ -6,11 +6,12 @@
 
 use std::sync::LazyLock;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::super::decay::decay;
 use super::UNITS_PER_NAT;
 use super::grounds::Grounds;
 use super::paths::PATHS;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Number of curves.
 const CURVES: usize = 8;
@@ -231,7 +232,7 @@ pub(super) struct GroundsRow<'a> {
 /// room.
 pub(super) fn confidences(tables: &Tables, grounds: &GroundsRow<'_>, log_odds: &mut Vec<f32>, out: &mut [Confidence]) {
     log_odds.resize(out.len(), 0.0);
-    simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
+    fringeflow_simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
 }
 
 struct ConfidenceRow<'a> {

@@ -6,8 +6,9 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::Modulation;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::drift::DepthRow;
 use super::super::outlook::Outlook;
@@ -139,7 +140,7 @@ impl OutlookRow {
         scene.drift.along_row(v, width, &mut self.drift);
         self.sd_turns.resize(width, 0.0);
         let modulation = &scene.cam1.modulation[v * width..(v + 1) * width];
-        simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
+        fringeflow_simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
     }
 
     /// That of a pixel of the row.
@@ -312,7 +313,7 @@ impl Evidence {
                     least: &mut least[pixels.clone()],
                     second: &mut second[pixels.clone()],
                 };
-                simd::run(Level::in_use(), evidence);
+                fringeflow_simd::run(Level::in_use(), evidence);
                 tell_explained(asked, orders, &least[pixels.clone()], &mut is_explained[pixels.clone()]);
                 let best = [&mut passing[pixels.clone()], &mut place[pixels.clone()], &mut least[pixels.clone()]];
                 tell_decided(first, &selected, best, &mut second[pixels]);
@@ -553,7 +554,7 @@ mod tests {
                 let wanted = of(&|mut row| (0..width).for_each(|u| row.gather_pixel(u)));
                 known += wanted.0.iter().filter(|&&energy| energy < MISSING).count();
                 for level in Level::ALL {
-                    assert!(of(&|row| simd::run(level, row)) == wanted, "{level:?} {v} {lanes}");
+                    assert!(of(&|row| fringeflow_simd::run(level, row)) == wanted, "{level:?} {v} {lanes}");
                 }
             }
         }

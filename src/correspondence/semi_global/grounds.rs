@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::super::neighbourhood::MAX_STEP;
 use super::selection::ABSENT;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Pixels on either side within which support counts.
 const REACH_PX: usize = 3;
@@ -77,7 +78,7 @@ impl Surroundings {
         self.runs_on.par_chunks_mut(blocks).enumerate().for_each(|(v, runs_on)| {
             let row = &absolute[v * stride..][..stride];
             let below = absolute.get((v + 1) * stride..(v + 2) * stride).unwrap_or(row);
-            simd::run(Level::in_use(), RunsOnRow { row, below, runs_on });
+            fringeflow_simd::run(Level::in_use(), RunsOnRow { row, below, runs_on });
         });
     }
 
@@ -87,7 +88,7 @@ impl Surroundings {
         let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][column..self.stride]);
         let blocks = self.stride.div_ceil(BLOCK);
         let runs_on = std::array::from_fn(|row| &self.runs_on[(v + row) * blocks..][..blocks]);
-        simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, beside, around });
+        fringeflow_simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, beside, around });
     }
 }
 

@@ -6,8 +6,9 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use super::bands::{self, BAND_ROWS};
@@ -160,7 +161,7 @@ impl LinkBand<'_> {
             if let Some(from) = self.begin(v.wrapping_add_signed(-dv)) {
                 let rises = places.map(|place| &self.rises[place]);
                 let (cam1, windows, du, to) = (self.cam1, self.windows, self.axis[0], v * self.cam1.width);
-                simd::run(Level::in_use(), Linking { cam1, windows, du, from, to, rises, shifts });
+                fringeflow_simd::run(Level::in_use(), Linking { cam1, windows, du, from, to, rises, shifts });
             }
             self.rises.rotate_left(dv as usize);
         }
@@ -172,7 +173,7 @@ impl LinkBand<'_> {
         let rises = &mut self.rises[place];
         rises.known.fill(0);
         if let Some((to, from)) = begins {
-            simd::run(Level::in_use(), RiseRow { cam1: self.cam1, du: self.axis[0], from, to, rises });
+            fringeflow_simd::run(Level::in_use(), RiseRow { cam1: self.cam1, du: self.axis[0], from, to, rises });
         }
     }
 

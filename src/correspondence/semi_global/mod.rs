@@ -39,12 +39,13 @@ mod verification;
 mod wide;
 mod windows;
 
+use fringeflow_base::outcome::Outcome;
+
 use crate::phase::PhaseMap;
 
 use super::chosen::ChosenCandidates;
 use super::drift::Drift;
 use super::epipolar_image::EpipolarImage;
-use super::outcome::Outcome;
 use super::pool::Pool;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;

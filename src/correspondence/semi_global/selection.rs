@@ -17,7 +17,7 @@ use super::evidence::{DeltaScale, OutlookRow};
 use super::places::{PlaceRow, Places};
 use super::wide::{self, SelectionRoom};
 use super::windows::{Reach, Windows};
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, Lanes, Level};
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
 pub(super) const REACH_TURNS: f32 = 0.05;
@@ -84,7 +84,7 @@ impl Selection {
                 out.fill_open(count, asked);
                 let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
                 let selection = SelectionRow { scene, reach: windows.reach, row, phase, count: asked, order, out };
-                simd::run(Level::in_use(), selection);
+                fringeflow_simd::run(Level::in_use(), selection);
                 places.find(scene.table, &row.segments, out.column_px);
             }
         });
@@ -255,7 +255,7 @@ impl SelectedRow<'_> {
     pub(super) fn look(&mut self, row: wide::Row<'_>, orders: &[i16]) {
         self.absolute.fill(ABSENT);
         self.is_decided.fill(false);
-        simd::run(Level::in_use(), LookRow { row, orders, out: self });
+        fringeflow_simd::run(Level::in_use(), LookRow { row, orders, out: self });
     }
 
     /// Finds the numbers of orders of the pixels that are not decided, where all have so many.
@@ -466,7 +466,7 @@ mod tests {
             let wanted = of(&|mut row| (0..width).for_each(|u| row.select_pixel(u)));
             found += wanted.iter().flatten().count();
             for level in Level::ALL {
-                assert_eq!(of(&|row| simd::run(level, row)), wanted, "{level:?} {v}");
+                assert_eq!(of(&|row| fringeflow_simd::run(level, row)), wanted, "{level:?} {v}");
             }
         }
         assert!(found > 15_000, "{found}");
@@ -487,7 +487,7 @@ mod tests {
             let of = |level: Level| {
                 selected(width, |out| {
                     out.absolute.fill(ABSENT);
-                    simd::run(level, LookRow { row: row.wide(&scene, reach), orders: &orders, out });
+                    fringeflow_simd::run(level, LookRow { row: row.wide(&scene, reach), orders: &orders, out });
                 })
             };
             let found = of(Level::ALL[0]);

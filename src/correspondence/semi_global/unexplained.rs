@@ -10,7 +10,7 @@
 
 use rayon::prelude::*;
 
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, Lanes, Level};
 
 /// How far around a pixel something must be explained, pixels.
 const REACH_PX: usize = 2;
@@ -27,7 +27,7 @@ pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
             let row = (v + i).saturating_sub(REACH_PX).min(height - 1);
             &is_explained[row * width..(row + 1) * width]
         });
-        simd::run(Level::in_use(), Closing { rows, count });
+        fringeflow_simd::run(Level::in_use(), Closing { rows, count });
     });
 }
 

@@ -14,7 +14,8 @@
 
 use rayon::prelude::*;
 
-use super::super::outcome::Outcome;
+use fringeflow_base::outcome::Outcome;
+
 use super::super::surfaces;
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};

@@ -1,6 +1,6 @@
 //! The orders that are asked about, pixel by pixel.
 
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::super::fingerprint::Fingerprint;
 use super::super::segment::SegmentRow;
@@ -111,7 +111,7 @@ pub(super) struct WindowRow<'a> {
 
 impl WindowRow<'_> {
     pub(super) fn ask(self) {
-        simd::run(Level::in_use(), self);
+        fringeflow_simd::run(Level::in_use(), self);
     }
 }
 

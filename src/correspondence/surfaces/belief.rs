@@ -9,9 +9,10 @@
 //!
 //! A node to which no other message has come since it last sent would send the same again, and is passed over.
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::nodes::{NONE, Nodes};
 use super::{FULL_SCORE, LABELS};
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Price of a change of order along a surface, pixels that fit.
 const PRICE: i16 = 10 * FULL_SCORE;
@@ -36,7 +37,7 @@ pub(super) fn decide(nodes: &mut Nodes, evidence: &[Labels], messages: &mut Mess
     received.resize(evidence.len(), [[0; LABELS]; 4]);
     has_news.clear();
     has_news.resize(evidence.len(), true);
-    simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_news });
+    fringeflow_simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_news });
 }
 
 struct Propagation<'a> {

@@ -1,12 +1,13 @@
 //! Pixels of a block, and where in C2 they see their orders.
 
+use fringeflow_simd::{LANES, Lanes, filled};
+
 use super::super::drift::{DepthBlock, DepthRow};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
 use super::super::wide::Segments;
 use super::NO_ORDER;
 use super::sight::{columns_around_each, rest_turns};
-use crate::simd::{LANES, Lanes, filled};
 
 /// Pixels of a block, and what they look into.
 pub(super) struct Block<L: Lanes> {

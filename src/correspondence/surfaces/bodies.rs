@@ -14,6 +14,8 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
 use super::super::drift::{DepthRow, Drift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
@@ -23,7 +25,6 @@ use super::evidence::{RowRoom, View};
 use super::nodes::{NONE, Node, Nodes};
 use super::outside::WITHIN_SD;
 use super::runs::Runs;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// δ about the drift by which most pixels of a surface within fit, sd.
 const CLOSE_SD: f64 = 1.5;
@@ -108,7 +109,10 @@ impl RowRoom {
         let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
         let phase = &view.cam1.phase[first..first + width];
         let cam2 = view.cam2;
-        simd::run(Level::in_use(), FittingRow { cam2, segments, drift, phase, orders, reach_turns, fitting });
+        fringeflow_simd::run(
+            Level::in_use(),
+            FittingRow { cam2, segments, drift, phase, orders, reach_turns, fitting },
+        );
         for piece in nodes.of_row(v) {
             if !nodes.nodes[piece.node as usize].asks_for_body {
                 continue;

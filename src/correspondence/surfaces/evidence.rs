@@ -1,5 +1,9 @@
 //! Evidence of nodes: the scores of all orders of some of their pixels.
 
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
+use crate::phase::PhaseMap;
+
 use super::super::drift::{DepthPolynomial, DepthRow, Drift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
@@ -12,8 +16,6 @@ use super::runs::Runs;
 use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
 use super::taken::TakenRow;
 use super::{FULL_SCORE, LABELS, belief};
-use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// Share of the pixels of a node that must fit its order where it tells that of them all; or share of these that may fit any other:
 /// the rest is hidden from C2.
@@ -212,7 +214,7 @@ impl Asking<'_> {
         for v in self.nodes.rows_of_tiles(tile_row).filter(|v| v % stride == stride / 2) {
             room.turn_to(view, drift, v);
             let first = self.nodes.heard_rows[tile_row];
-            simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
+            fringeflow_simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
         }
     }
 }

@@ -4,11 +4,12 @@
 
 use std::ops::Range;
 
+use fringeflow_simd::LANES;
+
 use super::evidence::{View, base_of};
 use super::runs::Runs;
 use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE};
 use super::{FULL_SCORE, LABELS, NO_ORDER};
-use crate::simd::LANES;
 
 /// Pixels along the side of a tile, and of one of a large image: what images show grows with them.
 const TILE_PX: usize = 16;

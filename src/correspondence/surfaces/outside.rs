@@ -14,6 +14,8 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
 use super::super::drift::Drift;
 use super::NO_ORDER;
 use super::block::{Block, Place};
@@ -21,7 +23,6 @@ use super::bodies;
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{Node, Nodes};
 use super::sight::Space;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;
@@ -115,7 +116,7 @@ impl Room {
                 nodes.fill_orders(runs, (v, width), beside(false), within);
                 nodes.fill_orders(runs, (v, width), beside(true), of_bodies);
                 room.turn_to(view, drift, v);
-                let far = simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
+                let far = fringeflow_simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
                 room.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }
         });

@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
+use crate::phase::PhaseMap;
+
 use super::super::bands::{self, BAND_ROWS};
 use super::super::neighbourhood::MAX_STEP;
 use super::super::segment_table::SegmentTable;
 use super::super::unions::{Offset, Unions};
-use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 /// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends, if it bends so on both sides of a step: one
 /// spoilt pixel bends on one side alone.
@@ -140,7 +142,7 @@ impl RowRoom {
         table.mark_segments(v, usable);
         let pixels = v * width..(v + 1) * width;
         let (phase, valid) = (&cam1.phase[pixels.clone()], &cam1.valid[pixels]);
-        simd::run(Level::in_use(), StepKernel { phase, valid, row: self });
+        fringeflow_simd::run(Level::in_use(), StepKernel { phase, valid, row: self });
     }
 
     /// Adds the runs of a row that begins with such a pixel.
@@ -237,7 +239,7 @@ fn unite_rows(
         let shared = a.start.max(b.start)..a.end.min(b.end);
         if shared.len() >= MIN_SHARED_PX as usize {
             let rows = [shared.start - width..shared.end - width, shared];
-            if let Some(by) = simd::run(Level::in_use(), UniteKernel { cam1, relative, rows }) {
+            if let Some(by) = fringeflow_simd::run(Level::in_use(), UniteKernel { cam1, relative, rows }) {
                 united.push(((first[0] + i) as u32, (first[1] + j) as u32, by));
             }
         }

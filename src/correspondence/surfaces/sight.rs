@@ -8,6 +8,8 @@
 //!     score = 1 − (rest / cap)², where that is positive
 //! ```
 
+use fringeflow_simd::{LANES, Lanes, first_lanes};
+
 use super::super::drift::{DepthBlock, DepthPolynomial};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::row_view::MAX_COLUMN_STEP;
@@ -16,7 +18,6 @@ use super::super::segment_table::SegmentTable;
 use super::super::wide::mix_rows;
 use super::FULL_SCORE;
 use super::evidence::Gate;
-use crate::simd::{LANES, Lanes, first_lanes};
 
 /// How far space reaches, as inverse depth in that of the middle of the volume: nearly to infinity, and towards the cameras.
 const FARTHEST: f32 = 0.05;

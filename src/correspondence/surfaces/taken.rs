@@ -14,6 +14,8 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
 use super::super::drift::{DepthRow, Drift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::segment::SegmentRow;
@@ -21,7 +23,6 @@ use super::NO_ORDER;
 use super::block::Block;
 use super::evidence::{Room, RowRoom, View};
 use super::nodes::{Node, Nodes};
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
 /// Share of the pixels of a node that must fit its order where it takes places.
 const MIN_FITTING: f32 = 0.78;
@@ -95,7 +96,7 @@ impl Room {
                 let row = (row + i).saturating_sub(2).min(last);
                 &self.taken[row * width..(row + 1) * width]
             });
-            simd::run(Level::in_use(), OpenRow { taken, phase, open });
+            fringeflow_simd::run(Level::in_use(), OpenRow { taken, phase, open });
         });
         true
     }
@@ -138,7 +139,7 @@ impl RowRoom {
         let Self { segments, drift, taken: TakenRow { orders, columns_px, spans }, .. } = self;
         columns_px.resize(orders.len(), NO_COLUMN_PX);
         let phase = &view.cam1.phase[first..first + view.cam1.width];
-        simd::run(Level::in_use(), ColumnRow { segments, drift, phase, orders, columns_px });
+        fringeflow_simd::run(Level::in_use(), ColumnRow { segments, drift, phase, orders, columns_px });
         let last_px = (view.cam2.width - 1) as f32;
         for piece in nodes.of_row(v) {
             for pixel in (piece.begin as usize..piece.end as usize).filter(|&pixel| of_pixel(pixel)) {

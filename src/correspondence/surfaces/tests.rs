@@ -1,9 +1,10 @@
+use fringeflow_simd::Level;
+
 use super::super::drift::{Drift, DriftRoom, KnownDrift};
 use super::super::epipolar_image::EpipolarImage;
 use super::super::semi_global::test_scene::TestScene;
 use super::evidence::{Asked, Gate};
 use super::*;
-use crate::simd::Level;
 
 fn view(scene: &TestScene) -> View<'_> {
     View { cam1: &scene.cam1, cam2: &scene.cam2, table: &scene.table }

@@ -6,8 +6,9 @@ mod wide;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::candidates::{Candidate, DeltaGate, keep_best_of_place, scan_segment};
 use super::epipolar_image::EpipolarImage;
@@ -77,7 +78,10 @@ impl UniqueCandidates {
                     search.table.row(v, segments);
                     let pixels = v * width..(v + 1) * width;
                     let (phase, valid) = (&search.cam1.phase[pixels.clone()], &search.cam1.valid[pixels]);
-                    simd::run(Level::in_use(), Row { search, phase, valid, segments, list, absolute, delta });
+                    fringeflow_simd::run(
+                        Level::in_use(),
+                        Row { search, phase, valid, segments, list, absolute, delta },
+                    );
                 }
             },
         );

@@ -5,7 +5,7 @@
 //! be said are *irregular*, and left to the scan: columns at the border of the image, orders too close together, too wide a
 //! gate, several crossings about one order.
 
-use crate::simd::{COLUMNS, Lanes};
+use fringeflow_simd::{COLUMNS, Lanes};
 
 use super::super::candidates::{Candidate, DeltaGate};
 use super::super::epipolar_image::EpipolarImage;

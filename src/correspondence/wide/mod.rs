@@ -7,7 +7,7 @@
 mod rows;
 mod segments;
 
-use crate::simd::LANES;
+use fringeflow_simd::LANES;
 
 pub(super) use rows::{Crossing, Differences, Ends, RowPair, Rows, Tables, column_and_slope, crosses, mix_rows};
 pub(super) use segments::{Segments, load};

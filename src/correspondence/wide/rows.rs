@@ -1,6 +1,6 @@
 //! Rows of C2 that 32 pixels look into, and where their phases are crossed in them.
 
-use crate::simd::{COLUMNS, Lanes};
+use fringeflow_simd::{COLUMNS, Lanes};
 
 use super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 use super::super::row_view::MAX_COLUMN_STEP;

@@ -1,6 +1,6 @@
 //! The segments of 32 pixels.
 
-use crate::simd::{Lanes, filled};
+use fringeflow_simd::{Lanes, filled};
 
 use super::super::segment::SegmentRow;
 

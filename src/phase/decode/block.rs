@@ -5,12 +5,13 @@
 
 use std::ops::Range;
 
-use crate::grey::PixelFormat;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::super::map::{DIM, Exposure, Modulation};
 use super::super::sample::Sample;
-use super::super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
+use super::super::shifts::PhaseShifts;
 use super::even_bytes::EvenBytes;
 use super::left_out::LeftOut;
 use super::plan::Plan;
@@ -70,7 +71,7 @@ pub(super) struct Band<'a, S> {
 impl<S: Sample> Band<'_, S> {
     /// Decodes it.
     pub(super) fn decode(self, level: Level) -> Counts {
-        simd::run(level, self)
+        fringeflow_simd::run(level, self)
     }
 }
 

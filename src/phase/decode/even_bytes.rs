@@ -1,9 +1,9 @@
 //! Evenly spaced samples of 8 bits: weighted sums, the bytes of four images at a time.
 
-use crate::simd::{FourWeights, LANES, Lanes};
+use fringeflow_base::limits::MIN_STEPS;
+use fringeflow_simd::{FourWeights, LANES, Lanes};
 
 use super::super::sample::Sample;
-use super::super::shifts::MIN_STEPS;
 use super::block::{Block, Limits, Way};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::{PairWeights, Plan};

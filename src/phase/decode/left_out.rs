@@ -1,8 +1,10 @@
 //! Pixels some of whose samples are saturated: solved from those that are left.
 
+use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
+
 use super::super::arctangent::turn_fraction;
 use super::super::map::Modulation;
-use super::super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
+use super::super::shifts::PhaseShifts;
 
 /// What the samples that are left determine.
 #[derive(Clone, Copy)]

@@ -18,13 +18,14 @@ mod weighted;
 
 use rayon::prelude::*;
 
-use crate::grey::{GreyLevels, PixelFormat};
-use crate::simd::Level;
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::limits::MAX_STEPS;
+use fringeflow_simd::Level;
 
 use super::harmonics::AtRest;
 use super::map::{Exposure, PhaseMap};
 use super::sample::Sample;
-use super::shifts::{MAX_STEPS, PhaseShifts};
+use super::shifts::PhaseShifts;
 
 use block::{Band, Limits};
 use plan::Plan;

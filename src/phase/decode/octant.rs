@@ -1,6 +1,6 @@
 //! From the lesser ÷ the greater of cosine and sine to the angle, and to the length of both.
 
-use crate::simd::Lanes;
+use fringeflow_simd::Lanes;
 
 use super::side_by_side::SideBySide;
 

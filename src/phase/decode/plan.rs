@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::super::shifts::{MAX_STEPS, PhaseShifts};
+use fringeflow_base::limits::MAX_STEPS;
+
+use super::super::shifts::PhaseShifts;
 
 /// Bits of the fraction of a weight. Weights of evenly spaced shifts are 2/3 at most, so that 16 bits hold them, and the sums
 /// of samples of 16 bits fit 31.

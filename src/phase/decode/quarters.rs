@@ -1,6 +1,6 @@
 //! Four evenly spaced samples of 8 bits: cosine and sine are differences of two.
 
-use crate::simd::{LANES, Lanes};
+use fringeflow_simd::{LANES, Lanes};
 
 use super::super::sample::Sample;
 use super::block::{Block, Limits, Way};

@@ -1,7 +1,7 @@
 //! The same operation on several blocks of 32 pixels, one after the other: chains of operations that each wait for the one before
 //! do not wait for each other.
 
-use crate::simd::{LANES, Lanes};
+use fringeflow_simd::{LANES, Lanes};
 
 use super::super::sample::Sample;
 

@@ -1,12 +1,13 @@
 //! What some of the pixels tell of all: how well sinusoids fit, and what harmonics the fringes have.
 
-use crate::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 
 use super::super::harmonics::{AtRest, Sums, spread};
 use super::super::map::{FitStatistics, PhaseMap};
 use super::super::residuals::Residuals;
 use super::super::sample::Sample;
-use super::super::shifts::{MAX_STEPS, MIN_STEPS, PhaseShifts};
+use super::super::shifts::PhaseShifts;
 use super::block::Limits;
 
 /// Valid pixels that are asked: their medians err by a twentieth, and harmonics by a thousandth of the modulation at usual noise.

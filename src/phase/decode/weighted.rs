@@ -1,9 +1,9 @@
 //! Any shifts and depth: weighted sums, a pair of images at a time, and what samples are off the sinusoid, one by one.
 
-use crate::simd::{LANES, Lanes};
+use fringeflow_base::limits::MIN_STEPS;
+use fringeflow_simd::{LANES, Lanes};
 
 use super::super::sample::Sample;
-use super::super::shifts::MIN_STEPS;
 use super::block::{Block, Limits, Way};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::Plan;

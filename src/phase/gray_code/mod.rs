@@ -12,10 +12,12 @@ mod cells;
 
 use rayon::prelude::*;
 
+use fringeflow_base::grey::GreyLevels;
+
+use crate::geometry::FringePattern;
+
 use self::cells::{Bits, Cells};
 use super::PhaseMap;
-use crate::geometry::FringePattern;
-use crate::grey::GreyLevels;
 
 /// A bit is unsure closer to its threshold than this many standard deviations of the noise.
 const MARGIN_IN_SD: f32 = 2.0;

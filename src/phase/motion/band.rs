@@ -7,13 +7,14 @@
 
 use std::ops::Range;
 
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+
 use crate::phase::Validity;
 use crate::phase::map::Modulation;
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
-use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
-use super::MAX_IMAGES;
 use super::estimate::{ColumnSums, MotionParts, REACH};
 use super::follow::Fits;
 use super::images::Images;

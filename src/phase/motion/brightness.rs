@@ -10,11 +10,12 @@
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::simd::{self, Kernel, LANES, Lanes, Level};
 
-use super::MAX_IMAGES;
 use super::fit::{MotionFit, time, unexplained};
 use super::follow::Fits;
 use super::images::Images;
@@ -97,7 +98,7 @@ fn departures<S: Sample>(
             let Some(Levelling { projector, .. }) = &fit.levelling else { continue };
             let first = v * images.width + u;
             let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
-            simd::run(level, block);
+            fringeflow_simd::run(level, block);
         }
     });
     let mut sums = Sums::default();

@@ -1,6 +1,6 @@
 //! The motion of every pixel: the slopes of the fits over 5 × 5 pixels, of which edges say little.
 
-use crate::simd::{LANES, Lanes};
+use fringeflow_simd::{LANES, Lanes};
 
 use super::fit::{MOTIONS, MotionFit, TABLE};
 use super::linear::Fitted;

@@ -9,9 +9,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::phase::shifts::{MIN_STEPS, ShiftError};
+use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 
-use super::MAX_IMAGES;
+use crate::phase::shifts::ShiftError;
+
 use super::brightness::Levelling;
 use super::one_surface::runs;
 

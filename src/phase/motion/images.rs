@@ -1,10 +1,10 @@
 //! The images of a window, and grey levels of them.
 
-use crate::grey::{GreyLevels, PixelFormat};
-use crate::phase::sample::Sample;
-use crate::simd::{self, LANES, Lanes};
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{LANES, Lanes};
 
-use super::MAX_IMAGES;
+use crate::phase::sample::Sample;
 
 /// The images of a window, by what they store for a pixel.
 pub(super) enum Stack<'a> {
@@ -116,7 +116,7 @@ impl<'a, S: Sample> Images<'a, S> {
     /// The samples of an image from a pixel on, `count` of which are of its row, the others 0.
     #[inline(always)]
     pub(super) fn block(&self, image: usize, pixel: usize, count: usize) -> [S; LANES] {
-        simd::filled(&self.samples[image][pixel..pixel + count], S::default())
+        fringeflow_simd::filled(&self.samples[image][pixel..pixel + count], S::default())
     }
 
     /// Grey levels of those samples; `greatest` takes them in, for [`Self::saturates`].

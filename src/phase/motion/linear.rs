@@ -1,10 +1,11 @@
 //! The linear fit of a pixel: sums of its samples.
 
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{LANES, Lanes, first_lanes};
+
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::simd::{LANES, Lanes, first_lanes};
 
-use super::MAX_IMAGES;
 use super::fit::{MotionFit, SUMS};
 use super::images::Images;
 

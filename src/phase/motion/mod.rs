@@ -38,8 +38,8 @@ mod speeds;
 mod tests;
 mod window;
 
-use crate::grey::GreyLevels;
-use crate::simd::Level;
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_simd::Level;
 
 use super::Validity;
 use super::map::PhaseMap;
@@ -51,9 +51,6 @@ pub use fit::MotionFit;
 pub use fits::MotionFits;
 pub use flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 pub use window::MotionRoom;
-
-/// Most images of one window.
-pub const MAX_IMAGES: usize = 24;
 
 /// Images beyond a cycle of N that compensate motion well: more of them reach further into what has moved away.
 ///

@@ -1,9 +1,10 @@
 //! Pixels whose motion is known: z without ripple, and how well the images fit it.
 
-use crate::phase::sample::Sample;
-use crate::simd::Lanes;
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::Lanes;
 
-use super::MAX_IMAGES;
+use crate::phase::sample::Sample;
+
 use super::fit::{Complex, MotionFit, Turned, side, time};
 use super::images::Images;
 

@@ -5,11 +5,12 @@
 
 use std::ops::Range;
 
+use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
 use crate::phase::map::{DIM, Exposure, FitStatistics, Modulation};
 use crate::phase::sample::Sample;
-use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
 use super::band::{Beside, Planes};
 use super::fit::LEAST_FITTED;

@@ -1,8 +1,7 @@
 //! Pixels one by one from some of their images, many at a time: what their motion is, is known.
 
-use crate::phase::shifts::MIN_STEPS;
+use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 
-use super::MAX_IMAGES;
 use super::fit::LEAST_FITTED;
 
 /// Pixels that are solved together.

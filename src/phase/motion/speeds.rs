@@ -1,7 +1,8 @@
 //! How fast the pixels of an image moved.
 
+use fringeflow_simd::Lanes;
+
 use crate::phase::histogram::{Histogram, quantile};
-use crate::simd::Lanes;
 
 /// Motions to either side that are told apart, rad an image, and bins of one side.
 const RANGE_RAD: f32 = 1.5;

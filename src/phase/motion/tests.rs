@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use crate::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
 
 use super::window::Scene as Known;
 use super::*;

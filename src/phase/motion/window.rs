@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{LANES, Level};
+
 use crate::phase::Validity;
 use crate::phase::harmonics::{self, Samples};
 use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
-use crate::simd::{self, LANES, Level};
 
 use super::band::{Band, BandRoom, Beside, Planes};
 use super::brightness;
@@ -97,7 +98,7 @@ fn decode_sampled<S: Sample>(
     room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
     room.bands.resize_with(height.div_ceil(rows), Default::default);
     bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
-        simd::run(level, Band { images, fits, validity, rows, room, planes });
+        fringeflow_simd::run(level, Band { images, fits, validity, rows, room, planes });
     });
     let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
     for (band, _) in &room.bands {
@@ -107,7 +108,7 @@ fn decode_sampled<S: Sample>(
     let statistics = residuals.statistics(fits.any().freedom(), images.format, fits.noise_gain());
     let one_surface = OneSurface::new(images, fits, validity, &statistics);
     bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
-        simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
+        fringeflow_simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
     });
     let mut all = Repaired::default();
     room.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));

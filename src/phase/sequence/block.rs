@@ -2,12 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::Validity;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::signal::Signal;
-use super::{MOST_IMAGES, Matrix, Vector};
+use super::{Matrix, Vector};
 
 /// Side of a block, pixels: a fringe or more, and small enough to move alike.
 const SIDE: usize = 16;
@@ -49,10 +51,11 @@ impl Block {
         blocks.resize_with(columns * rows, Self::default);
         let level = Level::in_use();
         blocks.par_chunks_mut(AT_ONCE).enumerate().for_each(|(chunk, blocks)| {
-            let greys = &mut [[0.0; PIXELS]; MOST_IMAGES];
+            let greys = &mut [[0.0; PIXELS]; MAX_IMAGES];
             for (number, block) in (chunk * AT_ONCE..).zip(blocks) {
                 let corner = [number % columns * pitch, number / columns * pitch];
-                let is_usable = simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
+                let is_usable =
+                    fringeflow_simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
                 block.signal = if is_usable { Signal::of(block, validity) } else { None };
             }
         });
@@ -91,7 +94,7 @@ impl Block {
 struct TakeKernel<'a> {
     block: &'a mut Block,
     /// Room for the grey levels of its pixels.
-    greys: &'a mut [[f32; PIXELS]; MOST_IMAGES],
+    greys: &'a mut [[f32; PIXELS]; MAX_IMAGES],
     images: &'a [GreyLevels<'a>],
     width: usize,
     /// Column and row of its first pixel.
@@ -194,10 +197,10 @@ mod tests {
         assert!(greys.len() < PIXELS && greys.len() > PIXELS / 2);
         let mean = |product: &dyn Fn(&[f64; 3]) -> f64| greys.iter().map(product).sum::<f64>() / greys.len() as f64;
         for level in Level::ALL {
-            let (mut block, mut room) = (Block::default(), [[7.0; PIXELS]; MOST_IMAGES]);
+            let (mut block, mut room) = (Block::default(), [[7.0; PIXELS]; MAX_IMAGES]);
             let (images, validity) = (&images, &validity);
             let kernel = TakeKernel { block: &mut block, greys: &mut room, images, width: WIDTH, corner, validity };
-            assert!(simd::run(level, kernel));
+            assert!(fringeflow_simd::run(level, kernel));
             for i in 0..3 {
                 assert_eq!(block.mean[i], mean(&|greys| greys[i]), "{level:?}");
                 (0..3).for_each(|j| assert_eq!(block.products[i][j], mean(&|greys| greys[i] * greys[j]), "{level:?}"));

@@ -2,14 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use crate::grey::GreyLevels;
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_base::limits::MAX_IMAGES;
+
 use crate::phase::Validity;
 
 use super::block::Block;
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
 use super::judge::{LEAST_BLOCKS, LeftRoom, Numbers, Told};
 use super::span::{self, FASTEST_RAD, Planes};
-use super::{LEAST_IMAGES, MOST_IMAGES, Vector};
+use super::{LEAST_IMAGES, Vector};
 
 /// Fastest motion that may explain other steps than the said ones, a share of a step. One of two steps back is the mirror image
 /// of a resting scene, in which what is lost looks as if it came twice.
@@ -48,14 +50,14 @@ impl SequenceCheck {
             cycle_rad.iter().cycle().skip(first_step % cycle.max(1)).take(reach).copied().collect();
         let mut check = Self { shifts_rad, images, cycle, nominal: Planes::default() };
         let mut nominal = Planes::default();
-        check.set_planes(&mut nominal, &Hypothesis::nominal(images.min(MOST_IMAGES)), FASTEST_RAD);
+        check.set_planes(&mut nominal, &Hypothesis::nominal(images.min(MAX_IMAGES)), FASTEST_RAD);
         check.nominal = nominal;
         check
     }
 
     /// What is wrong with the images of a camera, each `width · height` grey levels row by row, in the order of their times;
     /// `None` where they are as said, or where too little of them is lit to tell. Of fewer than 5 images, or more than
-    /// [`MAX_IMAGES`](crate::phase::MAX_IMAGES), nothing is told.
+    /// [`MAX_IMAGES`], nothing is told.
     #[must_use]
     pub fn fault(
         &self,
@@ -78,7 +80,7 @@ impl SequenceCheck {
         validity: &Validity,
     ) -> Option<SequenceFault> {
         let fits = |image: &GreyLevels<'_>| image.pixels() == width * height;
-        let can_tell = (LEAST_IMAGES..=MOST_IMAGES).contains(&self.images);
+        let can_tell = (LEAST_IMAGES..=MAX_IMAGES).contains(&self.images);
         if images.len() != self.images || !can_tell || !images.iter().all(fits) {
             return None;
         }
@@ -106,7 +108,7 @@ impl SequenceCheck {
     /// come about; 1 where it shows something else than fringes, and where the windows are longer than any.
     #[must_use]
     pub fn residual_share(&self, fault: SequenceFaultKind, motion_rad: f64) -> f64 {
-        if self.images > MOST_IMAGES {
+        if self.images > MAX_IMAGES {
             return 1.0;
         }
         let shares = Hypothesis::of_kind(fault, self.images).map(|hypothesis| {

@@ -3,7 +3,9 @@
 //! Householder reflections make a matrix tridiagonal, implicit QR steps with Wilkinson's shift make it diagonal (Golub and
 //! Van Loan, *Matrix Computations*, 8.3). The same numbers as nalgebra's, which asks for memory several times a matrix.
 
-use super::{MOST_IMAGES, Matrix, Vector};
+use fringeflow_base::limits::MAX_IMAGES;
+
+use super::{Matrix, Vector};
 
 /// What a symmetric matrix is made of.
 #[derive(Debug)]
@@ -59,7 +61,7 @@ impl Eigen {
 
 impl Tridiagonal {
     fn of(matrix: &mut Matrix, size: usize) -> Self {
-        let (mut beside, mut p) = ([0.0; MOST_IMAGES], [0.0; MOST_IMAGES]);
+        let (mut beside, mut p) = ([0.0; MAX_IMAGES], [0.0; MAX_IMAGES]);
         for i in 0..size.saturating_sub(1) {
             let (left, right) = matrix.split_at_mut(i + 1);
             let (axis, rest) = (&mut left[i][i + 1..size], &mut right[..size - i - 1]);
@@ -85,7 +87,7 @@ impl Tridiagonal {
                 add(&mut column[j..], along * axis[j], &axis[j..]);
             }
         }
-        let mut diagonal = [0.0; MOST_IMAGES];
+        let mut diagonal = [0.0; MAX_IMAGES];
         (0..size).for_each(|i| diagonal[i] = matrix[i][i]);
         Self { size, basis: basis(matrix, &beside, size), diagonal, beside: beside.map(f64::abs) }
     }
@@ -189,7 +191,7 @@ fn make_axis(column: &mut [f64]) -> (f64, bool) {
 
 /// The reflections one after the other: their axes stand below the diagonal, what they made of it beside.
 fn basis(axes: &Matrix, beside: &Vector, size: usize) -> Matrix {
-    let mut basis = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+    let mut basis = [[0.0; MAX_IMAGES]; MAX_IMAGES];
     (0..size).for_each(|i| basis[i][i] = 1.0);
     for i in (0..size.saturating_sub(1)).rev() {
         let (axis, sign) = (&axes[i][i + 1..size], beside[i].signum());
@@ -256,13 +258,13 @@ mod tests {
 
     #[test]
     fn eigenvalues_and_vectors_are_those_of_nalgebra_to_the_bit() {
-        for size in 2..=MOST_IMAGES {
+        for size in 2..=MAX_IMAGES {
             for (round, rank) in [1, 2, 3, size, size].into_iter().enumerate() {
                 let factor = DMatrix::from_fn(size, rank, |i, j| number((round * 97 + size) * 1000 + i * 31 + j));
                 let matrix =
                     if round == 4 { DMatrix::identity(size, size) } else { &factor * factor.transpose() * 1e4 };
                 let expected = SymmetricEigen::new(matrix.clone());
-                let mut room = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+                let mut room = [[0.0; MAX_IMAGES]; MAX_IMAGES];
                 (0..size * size).for_each(|k| room[k / size][k % size] = matrix[(k % size, k / size)]);
                 let found = Eigen::of(&mut room, size);
                 for k in 0..size {

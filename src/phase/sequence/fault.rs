@@ -1,6 +1,6 @@
 //! What may be wrong with the steps of a window, and which steps its images show then.
 
-use super::MOST_IMAGES;
+use fringeflow_base::limits::MAX_IMAGES;
 
 /// What is wrong with the images of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -60,12 +60,12 @@ impl std::fmt::Display for SequenceFaultKind {
 pub(super) struct Hypothesis {
     /// The fault; `None` where all is as said.
     pub(super) kind: Option<SequenceFaultKind>,
-    /// Number of images, [`MOST_IMAGES`] at most.
+    /// Number of images, [`MAX_IMAGES`] at most.
     pub(super) images: usize,
     /// Step of every image, counted on from that of the first.
-    pub(super) steps: [usize; MOST_IMAGES],
+    pub(super) steps: [usize; MAX_IMAGES],
     /// Time of every image, in images.
-    pub(super) times: [usize; MOST_IMAGES],
+    pub(super) times: [usize; MAX_IMAGES],
 }
 
 impl Hypothesis {

@@ -2,14 +2,16 @@
 
 use rayon::prelude::*;
 
+use fringeflow_base::limits::MAX_IMAGES;
+
 use crate::phase::Validity;
 
+use super::Vector;
 use super::block::Block;
 use super::check::SequenceCheck;
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
 use super::signal::Signal;
 use super::span::{FASTEST_RAD, Planes};
-use super::{MOST_IMAGES, Vector};
 
 /// Fewest blocks that are asked.
 pub(super) const LEAST_BLOCKS: usize = 4;
@@ -156,7 +158,7 @@ impl<'a> Told<'a> {
     /// Brightness of every image compared with the mean of all: over the whole image the fringes cancel.
     pub(super) fn brightness(&self) -> Vector {
         let images = self.check.images;
-        let mut sums = [0.0; MOST_IMAGES];
+        let mut sums = [0.0; MAX_IMAGES];
         for &number in &self.numbers.lit {
             sums[..images].iter_mut().zip(&self.blocks[number].mean).for_each(|(sum, mean)| *sum += mean);
         }

@@ -51,14 +51,15 @@ mod span;
 #[cfg(test)]
 mod tests;
 
+use fringeflow_base::limits::MAX_IMAGES;
+
 pub use check::{SequenceCheck, SequenceRoom};
 pub use fault::{SequenceFault, SequenceFaultKind};
 
-/// Fewest images of a window whose steps can be told, and most that a window has.
+/// Fewest images of a window whose steps can be told.
 const LEAST_IMAGES: usize = 5;
-const MOST_IMAGES: usize = super::MAX_IMAGES;
 
 /// A number for each image of a window.
-type Vector = [f64; MOST_IMAGES];
+type Vector = [f64; MAX_IMAGES];
 /// A number for every two images.
-type Matrix = [Vector; MOST_IMAGES];
+type Matrix = [Vector; MAX_IMAGES];

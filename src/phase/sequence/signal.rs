@@ -1,12 +1,14 @@
 //! What the moments of a block say of the order of its images.
 
-use crate::phase::Validity;
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::phase::Validity;
+
+use super::Matrix;
 use super::block::Block;
 use super::eigen::Eigen;
 use super::span::Directions;
-use super::{MOST_IMAGES, Matrix};
 
 /// Directions that fringes take: the mean and two in which they change.
 const TAKEN: usize = 3;
@@ -29,7 +31,7 @@ impl Signal {
     pub(super) fn of(block: &Block, validity: &Validity) -> Option<Self> {
         let images = block.images;
         let free = images.checked_sub(TAKEN).filter(|&free| free > 0)?;
-        let mut changes = simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
+        let mut changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
         let scatter: f64 = (0..images).map(|i| changes[i][i]).sum();
         let eigen = Eigen::of(&mut changes, images);
         let values = &eigen.values[..images];
@@ -72,7 +74,7 @@ impl Kernel for CentreKernel<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Matrix {
         let Self { products, images } = self;
-        let mut centre = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+        let mut centre = [[0.0; MAX_IMAGES]; MAX_IMAGES];
         for (i, column) in centre[..images].iter_mut().enumerate() {
             column[..images].fill(-1.0 / images as f64);
             column[i] += 1.0;
@@ -85,7 +87,7 @@ impl Kernel for CentreKernel<'_> {
 /// Product of two matrices of so many rows and columns, `[column][row]`, each sum from the first term to the last.
 #[inline(always)]
 fn times(a: &Matrix, b: &Matrix, size: usize) -> Matrix {
-    let mut product = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+    let mut product = [[0.0; MAX_IMAGES]; MAX_IMAGES];
     for j in 0..size {
         let mut first = 0;
         while first < size {
@@ -111,8 +113,8 @@ mod tests {
 
     #[test]
     fn products_without_their_means_are_those_of_nalgebra_at_every_level() {
-        for images in 3..=MOST_IMAGES {
-            let mut products = [[0.0; MOST_IMAGES]; MOST_IMAGES];
+        for images in 3..=MAX_IMAGES {
+            let mut products = [[0.0; MAX_IMAGES]; MAX_IMAGES];
             (0..images * images).for_each(|k| {
                 let (i, j) = (k / images, k % images);
                 products[i][j] = (1000 + (i + j) * 37 % 101 + i * j * 53 % 211) as f64 / 7.0;
@@ -120,9 +122,9 @@ mod tests {
             let of = DMatrix::from_fn(images, images, |i, j| products[j][i]);
             let centre = DMatrix::identity(images, images).add_scalar(-1.0 / images as f64);
             let expected = &centre * of * &centre;
-            let reference = simd::run(Level::Portable, CentreKernel { products: &products, images });
+            let reference = fringeflow_simd::run(Level::Portable, CentreKernel { products: &products, images });
             for level in Level::ALL {
-                let found = simd::run(level, CentreKernel { products: &products, images });
+                let found = fringeflow_simd::run(level, CentreKernel { products: &products, images });
                 for i in 0..images {
                     // Of larger matrices nalgebra fuses the sums where the machine can.
                     (0..images).for_each(|j| assert!((found[j][i] - expected[(i, j)]).abs() < 1e-10));

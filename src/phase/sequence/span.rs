@@ -1,15 +1,16 @@
 //! The planes that the fringes of a block may lie in, by the steps that its images show, one for each motion.
 
-use crate::simd::{self, Kernel, Lanes, Level};
+use fringeflow_base::limits::MAX_IMAGES;
+use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::{MOST_IMAGES, Vector};
+use super::Vector;
 
 /// Fastest motion that any planes reach, rad an image.
 pub(super) const FASTEST_RAD: f64 = 1.2;
 /// Motions from one that is tried to the next, times the number of images: between them a parabola tells the best.
 const MOTION_PITCH: f64 = 0.5;
 /// Most planes to either side of that of the scene at rest.
-const MOST_TO_EITHER_SIDE: usize = (FASTEST_RAD * MOST_IMAGES as f64 / MOTION_PITCH) as usize + 1;
+const MOST_TO_EITHER_SIDE: usize = (FASTEST_RAD * MAX_IMAGES as f64 / MOTION_PITCH) as usize + 1;
 /// Length below which a direction is none.
 const NOTHING: f64 = 1e-6;
 /// Planes that are asked together.
@@ -34,7 +35,7 @@ pub(super) struct Planes {
 }
 
 /// Some planes: the numbers of each image in the first and in the second direction of each plane.
-type Group = [[[f64; GROUP]; 2]; MOST_IMAGES];
+type Group = [[[f64; GROUP]; 2]; MAX_IMAGES];
 
 /// What the best plane of some leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +54,7 @@ impl Planes {
         self.pitch_rad = MOTION_PITCH / self.images.max(1) as f64;
         self.to_either_side = ((fastest_rad / self.pitch_rad).ceil() as usize).min(MOST_TO_EITHER_SIDE);
         let count = 2 * self.to_either_side + 1;
-        self.groups.resize(count.div_ceil(GROUP), [[[0.0; GROUP]; 2]; MOST_IMAGES]);
+        self.groups.resize(count.div_ceil(GROUP), [[[0.0; GROUP]; 2]; MAX_IMAGES]);
         for k in 0..count {
             let motion_rad = (k as f64 - self.to_either_side as f64) * self.pitch_rad;
             let [first, second] = plane(shifts_rad, times, motion_rad);
@@ -67,7 +68,7 @@ impl Planes {
     pub(super) fn unexplained(&self, directions: &Directions) -> Unexplained {
         /// A faster motion must leave less than a slower one by this.
         const LESS: f64 = 1e-9;
-        let squares = simd::run(Level::in_use(), BesideKernel { planes: self, directions });
+        let squares = fringeflow_simd::run(Level::in_use(), BesideKernel { planes: self, directions });
         let squares = &squares.as_flattened()[..2 * self.to_either_side + 1];
         let middle = self.to_either_side;
         let outwards = (0..=middle).flat_map(|away| [middle + away, middle - away]);
@@ -125,7 +126,7 @@ pub(super) fn directions(shifts_rad: &[f64], times: &[f64], motion_rad: f64) -> 
 }
 
 fn plane(shifts_rad: &[f64], times: &[f64], motion_rad: f64) -> Plane {
-    let [mut first, mut second] = [[0.0; MOST_IMAGES]; 2];
+    let [mut first, mut second] = [[0.0; MAX_IMAGES]; 2];
     for (image, (shift, time)) in shifts_rad.iter().zip(times).enumerate() {
         let angle = shift + motion_rad * time;
         (first[image], second[image]) = (angle.cos(), angle.sin());
@@ -162,16 +163,16 @@ mod tests {
 
     #[test]
     fn what_lies_beside_the_planes_is_what_lies_in_none_of_their_directions_at_every_level() {
-        for images in [5, 6, 18, MOST_IMAGES] {
+        for images in [5, 6, 18, MAX_IMAGES] {
             let shifts_rad: Vec<f64> = (0..images).map(|i| 1.1 * i as f64).collect();
             let times: Vec<f64> = (0..images).map(|i| i as f64).collect();
             let mut planes = Planes::default();
             // What they were makes no difference.
-            planes.set(&[0.0; MOST_IMAGES], &[1.0; MOST_IMAGES], FASTEST_RAD);
+            planes.set(&[0.0; MAX_IMAGES], &[1.0; MAX_IMAGES], FASTEST_RAD);
             planes.set(&shifts_rad, &times, FASTEST_RAD);
             let shown = directions(&shifts_rad, &times, 0.13);
             for level in Level::ALL {
-                let squares = simd::run(level, BesideKernel { planes: &planes, directions: &shown });
+                let squares = fringeflow_simd::run(level, BesideKernel { planes: &planes, directions: &shown });
                 for k in 0..=2 * planes.to_either_side {
                     let motion_rad = (k as f64 - planes.to_either_side as f64) * planes.pitch_rad;
                     let plane = plane(&shifts_rad, &times, motion_rad);

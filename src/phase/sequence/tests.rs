@@ -1,6 +1,7 @@
 use std::f64::consts::TAU;
 
-use crate::grey::GreyLevels;
+use fringeflow_base::grey::GreyLevels;
+
 use crate::phase::Validity;
 
 use super::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceRoom};

@@ -3,12 +3,14 @@
 use std::fs;
 use std::process::{Child, Stdio};
 
-use fringeflow::message::{Counts, DropReason, FrameHeader, Incident, Stage};
-use fringeflow_runtime::{ServiceArgs, channel_sizes};
 use rustix::process::Signal;
 
-use super::witness::Witness;
+use fringeflow_message::{Counts, DropReason, FrameHeader, Incident, Stage};
+use fringeflow_runtime::{ServiceArgs, channel_sizes};
+
 use crate::support::{Bench, send, wait};
+
+use super::witness::Witness;
 
 /// The capture service of camera 1 of a bench; killed when it is dropped.
 pub(crate) struct Capture<'a> {

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use fringeflow::message::{FrameHeader, ScanState};
-use fringeflow::transport::{CAM1_FRAME, ChannelSizes, Instance, Node, Publisher, SCAN_STATE, Subscriber, wait_for};
+use fringeflow_message::{FrameHeader, ScanState};
+use fringeflow_transport::{CAM1_FRAME, ChannelSizes, Instance, Node, Publisher, SCAN_STATE, Subscriber, wait_for};
 
 /// Longest wait for an image, before the rest is looked at.
 const BEAT: Duration = Duration::from_millis(50);

@@ -1,10 +1,11 @@
 //! Judging by the Gray-code reference of a captured scene.
 
+use fringeflow::cloud::Cloud;
+use fringeflow_dataset::CapturedTruth;
+
 use super::pixel_grid::{PixelGrid, pixel, point};
 use super::scores::Tally;
 use super::{EDGE_TOLERANCE_PX, Evaluation, EvaluationError, Judgement, MAX_REFERENCE_RESIDUAL_RAD, TOLERANCE_PX};
-use crate::cloud::Cloud;
-use crate::dataset::CapturedTruth;
 
 /// Metres in the unit of a captured truth's points, millimetres.
 const UNIT_M: f64 = 1e-3;

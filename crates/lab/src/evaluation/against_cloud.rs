@@ -1,9 +1,10 @@
 //! Judging by another cloud, such as that of the Gray-code reference.
 
+use fringeflow::cloud::Cloud;
+
 use super::pixel_grid::{PixelGrid, pixel, point};
 use super::scores::Tally;
 use super::{Evaluation, EvaluationError, Judgement, TOLERANCE_PX};
-use crate::cloud::Cloud;
 
 /// Judges a cloud by a reference cloud of the same images, C1 of `size_px` (width, height).
 ///

@@ -1,13 +1,14 @@
 //! Judging by the exact truth of a rendered scene.
 
+use fringeflow::cloud::{Cloud, CloudPoint};
+use fringeflow::geometry::Pose;
+use fringeflow_dataset::{RenderedTruth, Setup};
+
 use super::interior::interior;
 use super::moved_truth::moved;
 use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::{Scores, Tally};
 use super::{Evaluation, EvaluationError, Judgement};
-use crate::cloud::{Cloud, CloudPoint};
-use crate::dataset::{RenderedTruth, Setup};
-use crate::geometry::Pose;
 
 /// The frames that a cloud and the truth are compared in.
 ///
@@ -154,7 +155,7 @@ fn check_size(truth: &RenderedTruth, expected: usize) -> Result<(), EvaluationEr
 mod tests {
     use super::super::test_cloud::cloud;
     use super::*;
-    use crate::geometry::Vector3;
+    use fringeflow::geometry::Vector3;
 
     const NONE: [f32; 2] = [f32::NAN; 2];
 

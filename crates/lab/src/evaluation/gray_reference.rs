@@ -5,16 +5,16 @@
 
 use std::path::PathBuf;
 
-use crate::cloud::{Cloud, reference_cloud};
-use crate::correspondence::reference_methods::{
+use fringeflow::cloud::{Cloud, reference_cloud};
+use fringeflow::correspondence::reference_methods::{
     MatchError, ReferenceMatch, match_along_epipolar_lines, match_both_directions,
 };
-use crate::dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
-use crate::geometry::MeasurementVolume;
-use crate::phase::{
+use fringeflow::geometry::MeasurementVolume;
+use fringeflow::phase::{
     self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
     decode_gray_code,
 };
+use fringeflow_dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
 
 /// Dark pixels alone are left out: Gray code itself tells whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };

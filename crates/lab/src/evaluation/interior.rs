@@ -2,7 +2,7 @@
 //!
 //! In: the truth of a rendered scene. Out: a mask of the pixels of C1. Cost: 25 looks a reference.
 
-use crate::dataset::RenderedTruth;
+use fringeflow_dataset::RenderedTruth;
 
 /// A reference and its neighbours up to this distance must be references too, pixels.
 const REACH_PX: usize = 2;

@@ -123,7 +123,7 @@ pub enum EvaluationError {
 
 #[cfg(test)]
 mod test_cloud {
-    use crate::cloud::{Cloud, CloudPoint};
+    use fringeflow::cloud::{Cloud, CloudPoint};
 
     /// A cloud of points (pixel of C1, point in C2, depth in metres).
     pub(super) fn cloud(points: &[([u16; 2], [f32; 2], f32)]) -> Cloud {

@@ -12,10 +12,11 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use fringeflow::geometry::{MeasurementVolume, Pixel, Point3, Pose, Vector3};
+use fringeflow_dataset::{Motion, RenderedTruth, Setup};
+
 use super::against_rendered::Frames;
 use super::pixel_grid::{pixel, point};
-use crate::dataset::{Motion, RenderedTruth, Setup};
-use crate::geometry::{MeasurementVolume, Pixel, Point3, Pose, Vector3};
 
 /// A truth, and where it says all.
 pub(super) struct MovedTruth {
@@ -204,12 +205,12 @@ impl Surface<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::Unit;
-    use crate::dataset::{CameraId, Dataset};
     use crate::simulation::{
         Board, MotionOptions, NoiseLevel, Object, RigOptions, Scene, Simulation, SimulationOptions, Staging, View,
         truth,
     };
+    use fringeflow::calibration::Unit;
+    use fringeflow_dataset::{CameraId, Dataset};
 
     const SIZE_PX: [usize; 2] = [320, 256];
 

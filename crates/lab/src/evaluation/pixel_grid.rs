@@ -1,8 +1,9 @@
 //! A cloud spread over the pixels of C1.
 
+use fringeflow::cloud::{Cloud, CloudPoint};
+use fringeflow::geometry::{Pixel, Point3};
+
 use super::{EDGE_TOLERANCE_PX, EvaluationError, TOLERANCE_PX};
-use crate::cloud::{Cloud, CloudPoint};
-use crate::geometry::{Pixel, Point3};
 
 /// The points of a cloud by their pixel of C1.
 pub(super) struct PixelGrid<'a> {

@@ -1,9 +1,10 @@
 //! The paper's reference data RD of a rendered scene: the true correspondences that Gray code finds too (section 3).
 
+use fringeflow::cloud::Cloud;
+use fringeflow_dataset::RenderedTruth;
+
 use super::EvaluationError;
 use super::pixel_grid::{PixelGrid, is_close, pixel};
-use crate::cloud::Cloud;
-use crate::dataset::RenderedTruth;
 
 /// Limits the reference of `truth` to what is measurable and in `gray`, the cloud of the Gray-code reference, within
 /// [`super::TOLERANCE_PX`] of the truth; what else `gray` finds goes to `gray_cam2_px`. For images of C1 of `size_px`

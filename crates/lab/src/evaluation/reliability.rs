@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::cloud::Cloud;
+use fringeflow::cloud::Cloud;
 
 use super::Judgement;
 

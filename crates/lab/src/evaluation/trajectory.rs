@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 use serde::Serialize;
 
-use crate::geometry::{Point3, Pose};
+use fringeflow::geometry::{Point3, Pose};
 
 /// How far tracked poses are from the true ones; both count from the first.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -81,7 +81,7 @@ fn square_in_sd(tracked: &StatedPose, expected: &Pose) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector3;
+    use fringeflow::geometry::Vector3;
 
     #[test]
     fn only_what_is_off_counts() {

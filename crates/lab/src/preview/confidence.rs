@@ -1,6 +1,6 @@
 //! How sure the points of a cloud are, as C1 sees them.
 
-use crate::cloud::Cloud;
+use fringeflow::cloud::Cloud;
 
 use super::colour::{BACKGROUND, Rgb, sequential};
 use super::picture::Picture;
@@ -35,7 +35,7 @@ fn colour(share: f32) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::CloudPoint;
+    use fringeflow::cloud::CloudPoint;
 
     #[test]
     fn the_surer_a_point_the_brighter() {

@@ -1,6 +1,6 @@
 //! A cloud as C1 sees it: depth in colours, hill-shaded.
 
-use crate::cloud::Cloud;
+use fringeflow::cloud::Cloud;
 
 use super::colour::{BACKGROUND, Rgb, sequential, shaded};
 use super::picture::Picture;
@@ -61,7 +61,7 @@ fn depth_colour(share: f32) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::CloudPoint;
+    use fringeflow::cloud::CloudPoint;
 
     const SIZE: [usize; 2] = [121, 101];
 

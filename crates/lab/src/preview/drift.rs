@@ -1,6 +1,6 @@
 //! The drift of a calibration as C1 sees it.
 
-use crate::correspondence::DriftMap;
+use fringeflow::correspondence::DriftMap;
 
 use super::colour::{BACKGROUND, diverging};
 use super::picture::Picture;

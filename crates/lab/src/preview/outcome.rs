@@ -1,6 +1,6 @@
 //! How every pixel was decided.
 
-use crate::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::correspondence::{Outcome, OutcomeCounts};
 
 use super::colour::{BACKGROUND, BLUE, GREEN, INK, INVALID, MUTED, ORANGE, PURPLE, Rgb, SKY_BLUE, VERMILION, YELLOW};
 use super::legend::{Entry, with_legend};

@@ -1,6 +1,6 @@
 //! Wrapped phase and modulation as pictures.
 
-use crate::phase::{Modulation, PhaseMap};
+use fringeflow::phase::{Modulation, PhaseMap};
 
 use super::colour::{INVALID, cyclic_map};
 use super::picture::Picture;

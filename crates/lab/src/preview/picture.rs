@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::atomic_file::{WriteError, write_atomically};
-use crate::png_encoding;
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::png_encoding;
 
 use super::colour::Rgb;
 

@@ -10,7 +10,7 @@ use std::ops::AddAssign;
 
 use serde::Serialize;
 
-use crate::geometry::{Point3, Vector3};
+use fringeflow::geometry::{Point3, Vector3};
 
 use super::RigSetup;
 use super::segment::Segment;

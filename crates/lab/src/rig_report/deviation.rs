@@ -9,7 +9,7 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use serde::Serialize;
 
-use crate::geometry::{Pixel, Point3, triangulate};
+use fringeflow::geometry::{Pixel, Point3, triangulate};
 
 use super::segment::Segment;
 use super::surface::Surface;

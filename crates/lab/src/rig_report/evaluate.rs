@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::geometry::Pixel;
+use fringeflow::geometry::Pixel;
 
 use super::comb::{self, Cases, Comb, Tally};
 use super::deviation::{self, Deviation, PixelDeviation};

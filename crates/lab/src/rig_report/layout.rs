@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use serde::Serialize;
 
-use crate::geometry::{Pixel, Point3, Vector3};
+use fringeflow::geometry::{Pixel, Point3, Vector3};
 
 use super::segment::{self, Segment};
 use super::{Assumptions, Device, RigReportError, RigSetup};

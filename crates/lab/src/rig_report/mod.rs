@@ -1,6 +1,6 @@
 //! The report on a rig: what the method can be expected to do with it, before anything is built or measured.
 //!
-//! In: a calibrated [`Rig`](crate::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and what is
+//! In: a calibrated [`Rig`](fringeflow::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and what is
 //! assumed of noise and calibration ([`Assumptions`]). Out: a [`RigReport`] with lengths and angles, coverage, the
 //! number n of fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
 //! back-projection test on flat surfaces, and what changes of the rig would do to all of these.

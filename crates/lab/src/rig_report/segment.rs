@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::geometry::{Camera, Pixel, Point3, Vector3};
+use fringeflow::geometry::{Camera, Pixel, Point3, Vector3};
 
 use super::RigSetup;
 use super::surface::Surface;

@@ -2,7 +2,7 @@
 
 use nalgebra::UnitQuaternion;
 
-use crate::geometry::{FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, VolumeError};
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, VolumeError};
 
 use super::RigReportError;
 

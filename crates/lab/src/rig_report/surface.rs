@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Unit};
 
-use crate::geometry::{Point3, Vector3};
+use fringeflow::geometry::{Point3, Vector3};
 
 use super::RigSetup;
 

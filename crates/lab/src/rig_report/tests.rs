@@ -5,7 +5,7 @@
 
 use std::f64::consts::{SQRT_2, TAU};
 
-use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig};
+use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig};
 
 use super::evaluate::evaluate;
 use super::*;

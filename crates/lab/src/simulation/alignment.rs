@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
-use crate::geometry::{Point3, Pose, Vector3};
+use fringeflow::geometry::{Point3, Pose, Vector3};
 
 /// The pose that takes the first points of the pairs to the second ones; the identity for fewer than three pairs.
 pub(super) fn align(pairs: &[(Point3, Point3)]) -> Pose {

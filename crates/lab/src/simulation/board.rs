@@ -5,7 +5,7 @@
 
 use std::str::FromStr;
 
-use crate::geometry::{MeasurementVolume, Point3, Pose};
+use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
 use super::scene::MM_PER_M;
 use super::solid::PointMm;

@@ -10,7 +10,7 @@ use nalgebra::{Translation3, UnitQuaternion};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3};
+use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3};
 
 use super::SimulationError;
 use super::alignment::align;

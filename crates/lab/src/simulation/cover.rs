@@ -1,6 +1,6 @@
 //! A dark flap before the right half of a camera's image: black there in every image, and no correspondence.
 
-use crate::dataset::{CameraId, RenderedTruth};
+use fringeflow_dataset::{CameraId, RenderedTruth};
 
 use super::view::{Centre, Sample, View};
 

@@ -6,8 +6,9 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use fringeflow_dataset::CameraId;
+
 use super::{SimulationError, check_range};
-use crate::dataset::CameraId;
 
 /// How often what goes wrong; shares of all images of a camera or of all pattern events, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,7 +3,7 @@
 //! It reaches in from the right, the fingers spread. Frame: that of the object (x right, y up, z towards the sensor), shifted
 //! so that the hand lies on z = 0, which is [`GAP_MM`] before the near face of the volume. Millimetres.
 
-use crate::geometry::{MeasurementVolume, Point3, Pose};
+use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
 use super::scene::MM_PER_M;
 use super::solid::{Material, PointMm, RoundCone, Solid, smooth_union};

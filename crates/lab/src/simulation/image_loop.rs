@@ -9,8 +9,8 @@
 
 use std::ops::ControlFlow;
 
-use crate::dataset::CameraId;
-use crate::grey::{GreyLevels, PixelFormat};
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+use fringeflow_dataset::CameraId;
 
 use super::SimulationError;
 use super::pose_images::PoseImages;

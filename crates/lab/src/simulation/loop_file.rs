@@ -9,7 +9,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use crate::atomic_file::{WriteError, write_atomically};
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
 
 use super::image_loop::ImageLoop;
 use super::virtual_scanner::VirtualScanner;

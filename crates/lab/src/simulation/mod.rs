@@ -18,6 +18,7 @@
 mod alignment;
 mod board;
 mod calibration_error;
+mod configured;
 mod cover;
 mod faults;
 mod hand;
@@ -45,6 +46,7 @@ mod virtual_scanner;
 
 pub use board::{Board, BoardApart};
 pub use calibration_error::CalibrationDeviation;
+pub use configured::{ConfiguredScanner, read_configuration, setup_text};
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;
@@ -55,8 +57,6 @@ pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, RigOptions, VirtualRig};
 pub use scene::{Scene, Surface};
 pub use schedule::{Schedule, Tick};
-#[cfg(test)]
-pub(crate) use sensor::standard_normal;
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};
 pub use sequence::{Simulation, SimulationOptions, SimulationSummary};
 pub use solid::{Material, PointMm, Solid};
@@ -67,9 +67,10 @@ pub use truth::truth;
 pub use view::{Centre, Sample, View};
 pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 
-use crate::dataset::DatasetError;
+use fringeflow::geometry::VolumeError;
+use fringeflow_dataset::DatasetError;
+
 use crate::evaluation::{EvaluationError, GrayReferenceError};
-use crate::geometry::VolumeError;
 
 /// Why something could not be simulated.
 #[derive(Debug, thiserror::Error)]

@@ -10,8 +10,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Translation3, UnitQuaternion};
 
-use crate::dataset::{CameraId, Motion};
-use crate::geometry::{Pose, Vector3};
+use fringeflow::geometry::{Pose, Vector3};
+use fringeflow_dataset::{CameraId, Motion};
 
 use super::tremor::Tremor;
 use super::view::View;

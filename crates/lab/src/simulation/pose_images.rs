@@ -3,7 +3,7 @@
 //! Rays of a pose are all traced anew every few poses; between them most pixels follow from the pose before. So images
 //! must be made in the order of the poses, and every round of the sweep has the same.
 
-use crate::dataset::{CameraId, GreyImage};
+use fringeflow_dataset::{CameraId, GreyImage};
 
 use super::view::View;
 use super::{Scene, Sensor, SimulationError, VirtualScanner};

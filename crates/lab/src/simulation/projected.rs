@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::geometry::FringePattern;
+use fringeflow::geometry::FringePattern;
 
 use super::view::Sample;
 

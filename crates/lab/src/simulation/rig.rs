@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
-use crate::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
+use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
 
 use super::calibration_error::{self, CalibrationDeviation};
 use super::{SimulationError, check_range};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::Translation3;
 
-use crate::geometry::{MeasurementVolume, Point3, Pose, Rig, Vector3};
+use fringeflow::geometry::{MeasurementVolume, Point3, Pose, Rig, Vector3};
 
 use super::SimulationError;
 use super::board::{Board, BoardPlane};

@@ -9,8 +9,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::dataset::GreyImage;
-use crate::grey::PixelFormat;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::GreyImage;
 
 use super::SimulationError;
 use super::projected::Projected;
@@ -192,7 +192,7 @@ impl RowNoise {
 }
 
 /// A standard normal number (Box and Muller 1958).
-pub(crate) fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
     let (a, b): (f64, f64) = (rng.random(), rng.random());
     // 1 − a is never zero.
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()

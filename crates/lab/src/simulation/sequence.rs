@@ -5,14 +5,15 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::calibration::Unit;
-use crate::dataset::{
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::Readout;
+use fringeflow::phase::GrayCode;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
 };
+
 use crate::evaluation::{egc, limit_to_gray_code};
-use crate::geometry::Readout;
-use crate::grey::PixelFormat;
-use crate::phase::GrayCode;
 
 use super::motion::ObjectMotion;
 use super::projected::{Direction, Projected};

@@ -2,8 +2,8 @@
 //!
 //! In: an object, where it is, and the share. Out: the factor that it is scaled by about its foot on the board.
 
-use crate::dataset::CameraId;
-use crate::geometry::Pixel;
+use fringeflow::geometry::Pixel;
+use fringeflow_dataset::CameraId;
 
 use super::scene::Surface;
 use super::solid::{Material, PointMm, Solid};

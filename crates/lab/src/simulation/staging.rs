@@ -1,6 +1,6 @@
 //! What makes a scene harder than an object at rest in the middle before two free cameras.
 
-use crate::dataset::CameraId;
+use fringeflow_dataset::CameraId;
 
 use super::{MotionOptions, SimulationError, check_range};
 

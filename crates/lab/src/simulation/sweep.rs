@@ -5,7 +5,7 @@
 
 use nalgebra::{Translation3, UnitQuaternion};
 
-use crate::geometry::{Point3, Pose, Vector3};
+use fringeflow::geometry::{Point3, Pose, Vector3};
 
 use super::tremor::{Tremor, angle};
 use super::{SimulationError, check_range};

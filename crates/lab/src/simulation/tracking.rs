@@ -4,7 +4,7 @@
 //! pixel lay with its neighbours on one smooth, evenly lit piece of surface. Edges of bodies and shadows move along with it, by less
 //! than a pixel more or less, so nothing can have come in between; everywhere else rays are traced as ever.
 
-use crate::geometry::Pixel;
+use fringeflow::geometry::Pixel;
 
 use super::trace::hit_near;
 use super::view::{Centre, Eye, Sample, View};
@@ -100,7 +100,7 @@ mod tests {
     use super::super::sensor::{ImageSeed, Sensor};
     use super::super::virtual_scanner::tests::options;
     use super::super::{Object, RigOptions, SweepOptions, VirtualScanner, VirtualScannerOptions};
-    use crate::dataset::CameraId;
+    use fringeflow_dataset::CameraId;
 
     use super::*;
 

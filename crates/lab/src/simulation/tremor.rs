@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::geometry::Vector3;
+use fringeflow::geometry::Vector3;
 
 use super::sensor::standard_normal;
 use super::{SimulationError, check_range};

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::calibration::Unit;
-use crate::dataset::RenderedTruth;
-use crate::geometry::{MeasurementVolume, Rig};
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::{MeasurementVolume, Rig};
+use fringeflow_dataset::RenderedTruth;
 
 use super::scene::Scene;
 use super::trace::is_free;

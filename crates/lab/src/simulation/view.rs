@@ -6,8 +6,8 @@
 
 use rayon::prelude::*;
 
-use crate::dataset::CameraId;
-use crate::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
+use fringeflow::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
+use fringeflow_dataset::CameraId;
 
 use super::scene::Scene;
 use super::solid::{Material, PointMm};

@@ -3,10 +3,10 @@
 //! In: options. Out: the texts that a real scanner's configuration would hold ([`SetupText`]: calibration, pattern,
 //! measurement volume), and for every pose of the sweep the scene before the cameras. Cheap to make: no ray is traced.
 
-use crate::calibration::calibration_text;
-use crate::dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
-use crate::geometry::{Point3, Pose, Readout};
-use crate::grey::PixelFormat;
+use fringeflow::calibration::calibration_text;
+use fringeflow::geometry::{Point3, Pose, Readout};
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
 
 use super::object::Object;
 use super::projected::{Direction, Projected};
@@ -211,7 +211,7 @@ impl VirtualScanner {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::dataset::Setup;
+    use fringeflow_dataset::Setup;
 
     /// A small and fast scanner.
     pub(in super::super) fn options() -> VirtualScannerOptions {

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason, PATTERN_FRINGES, PatternEvent};
+use crate::{Counts, DropReason, PATTERN_FRINGES, PatternEvent};
 
 use super::lane::{Lane, Place, Placed};
 use super::numbering::{Arrival, Numbering};

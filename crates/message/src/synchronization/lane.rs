@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use crate::message::DropReason;
+use crate::DropReason;
 
 /// Items held while an earlier one may still come.
 const HOLD: usize = 2;

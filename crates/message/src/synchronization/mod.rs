@@ -26,8 +26,9 @@ mod windows;
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason, FrameHeader, MAX_WINDOW, PatternEvent, Skew, Stage, Window};
-use crate::phase::{MAX_STEPS, MIN_STEPS};
+use fringeflow_base::limits::{MAX_IMAGES, MAX_STEPS, MIN_STEPS};
+
+use crate::{Counts, DropReason, FrameHeader, PatternEvent, Skew, Stage, Window};
 
 use pairing::{Image, Pairing};
 use steps::Steps;
@@ -75,7 +76,7 @@ pub enum SettingsError {
         steps: usize,
     },
     /// A window shorter than a cycle, or too long.
-    #[error("a window has {images} image pairs; with {steps} steps it must have {steps} to {MAX_WINDOW}")]
+    #[error("a window has {images} image pairs; with {steps} steps it must have {steps} to {MAX_IMAGES}")]
     Images {
         /// The value.
         images: usize,
@@ -146,7 +147,7 @@ impl Settings {
         if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
             return Err(SettingsError::Steps { steps });
         }
-        if !(steps..=MAX_WINDOW).contains(&images) {
+        if !(steps..=MAX_IMAGES).contains(&images) {
             return Err(SettingsError::Images { images, steps });
         }
         if frame_period_ns < 1000 {

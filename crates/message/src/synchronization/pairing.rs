@@ -4,7 +4,7 @@
 //! numbers stays the same for a session; where times contradict it, the times are believed, but not by the pair that
 //! shows it. An image waits until the other camera has delivered a later one.
 
-use crate::message::{Counts, DropReason, FrameHeader, Skew};
+use crate::{Counts, DropReason, FrameHeader, Skew};
 
 use super::lane::{Lane, Place, Placed};
 use super::numbering::{Arrival, Numbering};

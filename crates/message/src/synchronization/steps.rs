@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason};
+use crate::{Counts, DropReason};
 
 use super::events::{Announcements, Origin};
 use super::pairing::Pair;

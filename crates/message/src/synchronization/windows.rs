@@ -5,7 +5,9 @@
 
 use std::collections::VecDeque;
 
-use crate::message::{Counts, DropReason, MAX_WINDOW, Skew, Window};
+use fringeflow_base::limits::MAX_IMAGES;
+
+use crate::{Counts, DropReason, Skew, Window};
 
 use super::pairing::Image;
 use super::steps::SteppedPair;
@@ -81,7 +83,7 @@ impl<F: Clone> Windows<F> {
         let images = |camera: usize| self.run.iter().map(move |stepped| &stepped.pair.0[camera]);
         let handles = |camera: usize| images(camera).map(|image| image.handle.clone()).collect();
         let sequences = |camera: usize| {
-            let mut sequences = [0; MAX_WINDOW];
+            let mut sequences = [0; MAX_IMAGES];
             sequences.iter_mut().zip(images(camera)).for_each(|(s, image)| *s = image.header.sequence);
             sequences
         };

@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 
+use fringeflow_base::grey::PixelFormat;
+
 use super::super::{SourceFormat, unpack};
 use super::raw_formats;
-use crate::grey::PixelFormat;
 
 /// Grey levels of an unpacked row.
 fn greys(format: SourceFormat, row: &[u8], width_px: usize) -> Vec<u16> {

@@ -1,10 +1,12 @@
 //! Parts of images, pixel by pixel.
 
+use fringeflow::geometry::Readout;
+use fringeflow_base::grey::{GreyLevels, PixelFormat};
+
+use crate::unpack;
+
 use super::super::{ImageReader, SourceFormat};
 use super::raw_formats;
-use crate::geometry::Readout;
-use crate::grey::{GreyLevels, PixelFormat};
-use crate::pixels::unpack;
 
 const SENSOR_PX: [usize; 2] = [72, 50];
 /// A region that begins at odd places, and the whole image.

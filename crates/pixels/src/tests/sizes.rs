@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 
+use fringeflow_base::grey::PixelFormat;
+
 use super::super::{SourceFormat, UnpackError, unpack};
 use super::raw_formats;
-use crate::grey::PixelFormat;
 
 #[test]
 fn codes_and_names_are_those_of_v4l2() {

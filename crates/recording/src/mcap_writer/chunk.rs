@@ -7,14 +7,14 @@ use crc32fast::Hasher;
 use mcap::records::{MessageHeader, op};
 
 use super::records::{push_counted, push_record, short};
-use crate::recording::recordable::Encoded;
+use crate::recordable::Encoded;
 
 /// Channel, sequence number and two times before the content of a message.
 const MESSAGE_HEAD_BYTES: u64 = 2 + 4 + 8 + 8;
 
 /// Where the content of a message is.
 #[derive(Clone, Debug)]
-pub(in crate::recording) enum Content<'a> {
+pub(crate) enum Content<'a> {
     /// Here; it is copied.
     Copied(&'a [u8]),
     /// In a buffer that the chunk holds, by its number.

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use mcap::WriteOptions;
 
 use super::*;
-use crate::recording::held::{Held, Places};
+use crate::held::{Held, Places};
 
 /// What a file is made of.
 enum Step {

@@ -3,8 +3,8 @@
 use mcap::records::op;
 
 use super::damaged;
-use crate::recording::RecordingProblem;
-use crate::recording::fields::Fields;
+use crate::RecordingProblem;
+use crate::fields::Fields;
 
 /// Fields of a chunk before its records, with no compression named.
 pub(super) const CHUNK_HEAD_BYTES: u64 = 40;

@@ -7,8 +7,8 @@ use mcap::records::op;
 
 use super::file::Reader;
 use super::{PRIVATE, Scan, damaged};
-use crate::recording::RecordingProblem;
-use crate::recording::fields::Fields;
+use crate::RecordingProblem;
+use crate::fields::Fields;
 
 impl Scan<'_, '_> {
     /// Compares a checksum; faults that were met before make it wrong, and are known already.

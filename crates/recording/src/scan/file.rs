@@ -7,7 +7,7 @@ use mcap::records::op;
 
 use super::chunk::{CHUNK_HEAD_BYTES, chunk_records, looks_like_chunk};
 use super::{RECORD_HEAD_BYTES, damaged};
-use crate::recording::RecordingProblem;
+use crate::RecordingProblem;
 
 /// Most bytes of one record.
 const MAX_RECORD_BYTES: u64 = 1 << 30;

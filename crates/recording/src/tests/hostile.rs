@@ -1,15 +1,17 @@
 //! Files that are cut, flipped, or lie.
 
-use crate::cloud::RECORD_BYTES;
+use std::collections::BTreeMap;
+
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use std::collections::BTreeMap;
+use fringeflow::cloud::RECORD_BYTES;
+
+use crate::recordable::Times;
+use crate::schema;
+use crate::writer::RecordingWriter;
 
 use super::*;
-use crate::recording::recordable::Times;
-use crate::recording::schema;
-use crate::recording::writer::RecordingWriter;
 
 fn small_recording(folder: &Folder) -> Vec<u8> {
     let recorder =

@@ -12,16 +12,17 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
-use super::*;
-use crate::correspondence::Outcome;
-use crate::dataset::{Dataset, Setup};
-use crate::health::{HealthState, Quantity};
-use crate::message::{
+use fringeflow::correspondence::Outcome;
+use fringeflow_dataset::{Dataset, Setup};
+use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_message::{
     CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport,
     Incident, MapsHeader, OUTCOMES, PatternEvent, PixelFormat, PoseReport, PriorHeader, Skew, Stage, StageReport,
     TrackingState, Window, WindowReport,
 };
-use crate::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_telemetry::health::{HealthState, Quantity};
+
+use super::*;
 
 /// Width and height of the images, pixels; as small as the virtual scanner takes them.
 const SIZE_PX: [usize; 2] = [64, 64];

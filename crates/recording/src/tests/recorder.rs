@@ -1,7 +1,8 @@
 //! The recorder: nothing is lost silently, and no half of a file is called a recording.
 
+use fringeflow::cloud::RECORD_BYTES;
+
 use super::*;
-use crate::cloud::RECORD_BYTES;
 
 #[test]
 fn a_full_queue_loses_messages_and_says_so_in_the_file() {

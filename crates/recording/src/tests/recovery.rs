@@ -6,8 +6,8 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::recording::recordable::Encoded;
-use crate::recording::writer::RecordingWriter;
+use crate::recordable::Encoded;
+use crate::writer::RecordingWriter;
 
 /// Image pairs of the recording, each in a chunk of its own.
 const PAIRS: u64 = 6;

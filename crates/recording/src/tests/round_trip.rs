@@ -1,8 +1,9 @@
 //! What goes in comes out, to the last bit.
 
+use fringeflow::cloud::RECORD_BYTES;
+use fringeflow_dataset::CameraId;
+
 use super::*;
-use crate::cloud::RECORD_BYTES;
-use crate::dataset::CameraId;
 
 #[test]
 fn every_message_reads_back_as_it_was() {
@@ -106,7 +107,7 @@ fn a_recording_carries_setup_configuration_and_origin() {
     assert_eq!(recording.origin(), origin);
     assert!(origin.started_ns > 0 && !origin.kernel.is_empty());
     assert_eq!(recording.writer_version(), env!("CARGO_PKG_VERSION"));
-    assert_eq!(recording.configuration().unwrap().settings.validity.min_modulation_grey, 4.0);
+    assert_eq!(recording.configuration_text(), "[phase]\nmin_modulation_grey = 4.0\n");
     assert!(recording.truth().unwrap().is_none());
 }
 

@@ -6,7 +6,7 @@ use prost::Message as _;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 
 use super::*;
-use crate::recording::schema::{self, DESCRIPTOR};
+use crate::schema::{self, DESCRIPTOR};
 
 const PROTO: &str = include_str!("../schema/fringeflow.proto");
 

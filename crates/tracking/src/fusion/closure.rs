@@ -1,6 +1,7 @@
 //! Whether a scan that ends where it began says so itself.
 
-use crate::geometry::{Camera, Pose};
+use fringeflow::geometry::{Camera, Pose};
+
 use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, register};
 
 /// Least share of the last cloud's points that meet the first: below, the scan has not come back.

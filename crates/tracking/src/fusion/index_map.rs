@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::{Camera, Pixel, Point3, Pose, Vector3};
+use fringeflow::geometry::{Camera, Pixel, Point3, Pose, Vector3};
+
 use crate::registration::{OrganizedSurface, SurfacePoint};
 
 use super::surfel::Surfel;

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::{Pixel, Pose};
+use fringeflow::geometry::{Pixel, Pose};
+
 use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 
 use super::index_map::IndexMap;

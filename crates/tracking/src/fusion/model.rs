@@ -1,6 +1,7 @@
 //! The model: its surfels, and how a cloud goes into it.
 
-use crate::geometry::{Camera, Point3, Pose, Vector3};
+use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
+
 use crate::registration::{OrganizedSurface, PoseCovariance};
 
 use super::clean::clean;

@@ -7,8 +7,9 @@
 
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
-use crate::geometry::{Pose, Vector3};
-use crate::prior::RigidMotion;
+use fringeflow::geometry::{Pose, Vector3};
+use fringeflow::prior::RigidMotion;
+
 use crate::registration::PoseCovariance;
 
 type Matrix12 = SMatrix<f64, 12, 12>;

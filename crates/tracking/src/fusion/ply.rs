@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::atomic_file::{WriteError, write_atomically};
-use crate::cloud::{CloudExport, Scalar, ply_header};
+use fringeflow::cloud::{CloudExport, Scalar, ply_header};
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
 
 use super::model::Model;
 use super::surfel::Surfel;

@@ -1,6 +1,6 @@
 //! A surfel: a small piece of surface, as many measurements have it.
 
-use crate::geometry::{Point3, Vector3};
+use fringeflow::geometry::{Point3, Vector3};
 
 /// A measurement that goes into a surfel, frame of the model.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,9 @@
 //! Clouds of simulated surfaces, tracked and fused, against the poses and the surface they came from.
 
-use crate::calibration::Unit;
-use crate::cloud::{Cloud, CloudExport};
-use crate::geometry::{Camera, Point3, Pose, Vector3};
+use fringeflow::calibration::Unit;
+use fringeflow::cloud::{Cloud, CloudExport};
+use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
+
 use crate::registration::Lost;
 use crate::registration::tests::{camera_of, cloud_of, hills};
 

@@ -7,10 +7,11 @@
 //! Registering takes a few thousand points, merging all of them: where time is short, only some of the clouds that were
 //! tracked go into the model. Which ones, their number decides and no clock, so that the same clouds give the same poses.
 
-use crate::cloud::Cloud;
-use crate::correspondence::KnownDrift;
-use crate::geometry::{Camera, Point3, Pose};
-use crate::prior::{Prior, Relief, RigidMotion};
+use fringeflow::cloud::Cloud;
+use fringeflow::correspondence::KnownDrift;
+use fringeflow::geometry::{Camera, Point3, Pose};
+use fringeflow::prior::{Prior, Relief, RigidMotion};
+
 use crate::registration::{
     Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register_loosely,
 };

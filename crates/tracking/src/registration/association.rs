@@ -3,7 +3,7 @@
 use nalgebra::Vector6;
 use rayon::prelude::*;
 
-use crate::geometry::{Camera, Point3, Pose};
+use fringeflow::geometry::{Camera, Point3, Pose};
 
 use super::surface::{OrganizedSurface, SurfacePoint};
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
-use crate::geometry::{Point3, Pose, Vector3};
+use fringeflow::geometry::{Point3, Pose, Vector3};
 
 /// Covariance of the error of a pose `b_from_a`, as a small motion `x + t + ω × x` of frame b: t (metres) before ω (rad).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Translation3, UnitQuaternion, Vector6};
 
-use crate::geometry::{Camera, Point3, Pose, Vector3};
+use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
 use super::association::{Association, Motion, Pair};
 use super::covariance::PoseCovariance;

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use crate::simd::{self, Kernel, LANES, Lanes, Level, filled};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
 use super::surface::OrganizedSurface;
 
@@ -92,7 +92,7 @@ fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<V
         let mut found = Vec::new();
         for row in rows.clone().filter(|row| row.is_multiple_of(step_px)) {
             let middle = row - rows.start + REACH_PX;
-            simd::run(level, Row { surface, planes: &planes, middle, row, step_px, found: &mut found });
+            fringeflow_simd::run(level, Row { surface, planes: &planes, middle, row, step_px, found: &mut found });
         }
         found
     };
@@ -346,7 +346,7 @@ impl<L: Lanes> Moments<L> {
 mod tests {
     use super::super::tests::{bowl, camera, camera_of, surface_of};
     use super::*;
-    use crate::geometry::{Point3, Vector3};
+    use fringeflow::geometry::{Point3, Vector3};
 
     fn angle_deg(surface: &OrganizedSurface, pixel: [isize; 2], truth: &Vector3) -> f64 {
         let normal = surface.at(pixel[0], pixel[1]).unwrap().unit_normal().unwrap();

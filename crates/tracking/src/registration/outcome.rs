@@ -1,6 +1,6 @@
 //! What a registration is asked for, and what it says.
 
-use crate::geometry::Pose;
+use fringeflow::geometry::Pose;
 
 use super::PoseCovariance;
 

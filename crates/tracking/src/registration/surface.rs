@@ -1,7 +1,7 @@
 //! A surface as camera 1 saw it: at most one point a pixel, with its normal where the surface is smooth.
 
-use crate::cloud::Cloud;
-use crate::geometry::{Point3, Vector3};
+use fringeflow::cloud::Cloud;
+use fringeflow::geometry::{Point3, Vector3};
 
 use super::normals::normals;
 

@@ -1,14 +1,19 @@
 //! Registration of simulated surfaces, whose poses and noise are known.
 
 use nalgebra::Vector6;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::cloud::{Cloud, CloudPoint};
-use crate::geometry::{Camera, Distortion, Pixel, Point3, Pose, Vector3};
-use crate::simulation::standard_normal;
+use fringeflow::cloud::{Cloud, CloudPoint};
+use fringeflow::geometry::{Camera, Distortion, Pixel, Point3, Pose, Vector3};
 
 use super::*;
+
+/// A normal deviate of mean 0 and sd 1 (Box and Muller 1958).
+fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (a, b): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
 
 /// A small camera; its pixels are 1.3 mm wide at 0.3 m.
 pub(crate) fn camera() -> Camera {

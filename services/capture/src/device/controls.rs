@@ -2,12 +2,14 @@
 
 use std::fmt;
 
-use fringeflow::config::ControlValue;
 use rustix::io::Errno;
 use v4l::v4l_sys as sys;
 
-use super::capability::text;
+use fringeflow_config::ControlValue;
+
 use crate::ioctl::{CallError, Device, QUERY_EXT_CTRL, QUERYMENU, menu_item, zeroed};
+
+use super::capability::text;
 
 /// Most controls of a device that are read.
 const MOST_CONTROLS: usize = 1024;

@@ -9,12 +9,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fringeflow::config::DeviceName;
-
 use rustix::io::Errno;
 
-use super::capability::Capability;
+use fringeflow_config::DeviceName;
+
 use crate::ioctl::Device;
+
+use super::capability::Capability;
 
 /// Where the kernel lists the nodes.
 const CLASS: &str = "/sys/class/video4linux";

@@ -1,16 +1,18 @@
 //! Format and size of the images: set, read back, and compared with what is wanted.
 
-use fringeflow::pixels::SourceFormat;
 use rustix::io::Errno;
 use v4l::v4l_sys::{
     v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE as CAPTURE_MPLANE, v4l2_field_V4L2_FIELD_NONE as PROGRESSIVE,
     v4l2_format, v4l2_pix_format_mplane,
 };
 
-use super::offer::{self, OfferedFormat, format_name};
+use fringeflow_pixels::SourceFormat;
+
 use crate::ioctl::{
     BufferKind, CallError, Device, G_FMT, S_FMT, multi_planar, set_multi_planar, single_planar, zeroed,
 };
+
+use super::offer::{self, OfferedFormat, format_name};
 
 /// Most planes that a buffer can have.
 const MOST_PLANES: u32 = 8;

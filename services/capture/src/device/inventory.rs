@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use fringeflow::config::{ControlValue, DeviceName};
+use fringeflow_config::{ControlValue, DeviceName};
+
+use crate::ioctl::Device;
 
 use super::capability::Capability;
 use super::controls::{self, Control};
 use super::find::{self, FindError, Node};
 use super::offer::{self, OfferedFormat};
 use super::timings;
-use crate::ioctl::Device;
 
 /// A device, with all that could be read of it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

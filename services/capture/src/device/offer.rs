@@ -4,11 +4,13 @@
 
 use std::fmt;
 
-use fringeflow::pixels::SourceFormat;
 use v4l::v4l_sys::{V4L2_FMT_FLAG_EMULATED, v4l2_fmtdesc, v4l2_fract, v4l2_frmivalenum, v4l2_frmsizeenum};
 
-use super::capability::text;
+use fringeflow_pixels::SourceFormat;
+
 use crate::ioctl::{Device, ENUM_FMT, ENUM_FRAMEINTERVALS, ENUM_FRAMESIZES, Request, intervals, sizes, zeroed};
+
+use super::capability::text;
 
 /// Most items of a list that are read.
 const MOST_ITEMS: u32 = 128;

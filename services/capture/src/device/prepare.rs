@@ -6,10 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use fringeflow::config::{ControlValue, V4l2Camera};
-use fringeflow::pixels::SourceFormat;
 use rustix::io::Errno;
 use v4l::v4l_sys::{V4L2_CID_EXPOSURE_ABSOLUTE, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_MODIFY_LAYOUT};
+
+use fringeflow_config::{ControlValue, V4l2Camera};
+use fringeflow_pixels::SourceFormat;
+
+use crate::ioctl::{BufferKind, CallError, Device};
 
 use super::capability::Capability;
 use super::controls::{self, Control};
@@ -19,7 +22,6 @@ use super::offer::{self, shown};
 use super::rate::{self, RateError};
 use super::setting::{self, ControlError, Joined};
 use super::timings::{self, Signal, TimingsError};
-use crate::ioctl::{BufferKind, CallError, Device};
 
 /// Unit of the control of the exposure, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;

@@ -3,11 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::config::V4l2Camera;
+use fringeflow_config::V4l2Camera;
+
+use crate::ioctl::{CallError, Device};
 
 use super::find::{self, FindError};
 use super::prepare::{PrepareError, Prepared, Wanted, prepare};
-use crate::ioctl::{CallError, Device};
 
 /// A camera that is there and takes its settings; it was let go again.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,12 +7,14 @@ use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::fmt;
 
-use fringeflow::config::ControlValue;
 use v4l::v4l_sys::{V4L2_CTRL_FLAG_GRABBED, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_READ_ONLY};
+
+use fringeflow_config::ControlValue;
+
+use crate::ioctl::{CallError, Device};
 
 use super::controls::{Control, ControlKind, query};
 use super::find::is_lasting;
-use crate::ioctl::{CallError, Device};
 
 /// Likeness of two names, of 1, from which one is told in place of the other.
 const LIKE: f64 = 0.75;

@@ -1,17 +1,19 @@
 //! Timings of a digital video signal: a grabber must be told which signal it gets before it tells its image size.
 
-use fringeflow::config::VideoTimings;
 use rustix::io::Errno;
 use v4l::v4l_sys::{
     V4L2_DV_FL_REDUCED_FPS, V4L2_DV_INTERLACED, V4L2_IN_CAP_DV_TIMINGS, v4l2_bt_timings, v4l2_dv_timings,
     v4l2_enum_dv_timings, v4l2_input,
 };
 
-use super::offer::{list, shown};
+use fringeflow_config::VideoTimings;
+
 use crate::ioctl::{
     CallError, Device, ENUM_DV_TIMINGS, ENUMINPUT, G_DV_TIMINGS, G_INPUT, QUERY_DV_TIMINGS, S_DV_TIMINGS,
     video_timings, zeroed,
 };
+
+use super::offer::{list, shown};
 
 /// Share by which two rates may differ and be the same: 60 and 59.94.
 const SAME_RATE: f64 = 0.01;

@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use fringeflow::config::DeviceName;
 use fringeflow_capture::{ListedControl, Listing, OfferedFormat, cameras, describe, rates_text};
+use fringeflow_config::DeviceName;
 
 use crate::failure::Failure;
 use crate::json;

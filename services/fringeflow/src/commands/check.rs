@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use fringeflow::recording::{Check, Recording};
+use fringeflow_recording::{Check, Recording};
 
 use crate::failure::Failure;
 use crate::{json, progress};

@@ -3,12 +3,13 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use fringeflow::message::{Command, ControlRequest, Text};
-use fringeflow::transport::{Instance, request};
+use fringeflow_message::{Command, ControlRequest, Text};
 use fringeflow_supervisor::headline;
+use fringeflow_transport::{Instance, request};
+
+use crate::failure::Failure;
 
 use super::status::ANSWER;
-use crate::failure::Failure;
 
 /// Arguments of `fringeflow control`.
 #[derive(clap::Args)]

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::{WriteError, WriteProblem, write_new};
+use fringeflow_base::atomic_file::{WriteError, WriteProblem, write_new};
 use fringeflow_runtime::ServiceArgs;
 
 use crate::failure::Failure;
@@ -53,7 +53,7 @@ fn configuration() -> String {
 
 #[cfg(test)]
 mod tests {
-    use fringeflow::config::ScannerConfiguration;
+    use fringeflow_config::ScannerConfiguration;
 
     use super::*;
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::{CloudExport, CloudFormat};
-use fringeflow::dataset::check_new;
-use fringeflow::recording::{Recording, Topic, export_images};
+use fringeflow_dataset::check_new;
+use fringeflow_recording::{Recording, Topic, export_images};
 
 use crate::failure::Failure;
 use crate::proposed::frames;

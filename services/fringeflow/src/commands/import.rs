@@ -4,10 +4,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::Unit;
-use fringeflow::config::{Configuration, ConfigurationError, ConfigurationProblem};
-use fringeflow::dataset::Dataset;
 use fringeflow::reconstruction::Settings;
-use fringeflow::recording::{ImportOptions, import};
+use fringeflow_config::{Configuration, ConfigurationError, ConfigurationProblem};
+use fringeflow_dataset::Dataset;
+use fringeflow_recording::{ImportOptions, import};
 
 use crate::failure::Failure;
 use crate::{json, progress};

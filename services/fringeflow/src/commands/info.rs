@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use fringeflow::recording::{Content, Recording, RecordingError, Summary, Topic};
-use fringeflow::telemetry::HealthRecord;
+use fringeflow_recording::{Content, Recording, RecordingError, Summary, Topic};
+use fringeflow_telemetry::HealthRecord;
 
 use crate::failure::Failure;
 use crate::json;

@@ -3,9 +3,9 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use fringeflow::atomic_file::check_writable;
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::{CloudExport, CloudFormat};
+use fringeflow_base::atomic_file::check_writable;
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use fringeflow::recording::{Recovered, recover};
+use fringeflow_recording::{Recovered, recover};
 
 use crate::failure::Failure;
 use crate::json;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fringeflow::atomic_file::check_writable;
+use fringeflow_base::atomic_file::check_writable;
 use fringeflow_runtime::{ServiceArgs, ServiceKind, live_services};
 use fringeflow_supervisor::{Plan, run};
 

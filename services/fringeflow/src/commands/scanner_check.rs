@@ -3,12 +3,13 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
-use fringeflow::dataset::Setup;
-use fringeflow::transport::{Instance, InstanceLock, check_shared_memory, required_bytes};
-use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras};
-use fringeflow_runtime::{ServiceArgs, channel_sizes};
 use rustix::fs::{Access, access, statvfs};
+
+use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras};
+use fringeflow_config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
+use fringeflow_dataset::Setup;
+use fringeflow_runtime::{ServiceArgs, channel_sizes};
+use fringeflow_transport::{Instance, InstanceLock, check_shared_memory, required_bytes};
 
 use crate::failure::Failure;
 use crate::json;

@@ -1,6 +1,6 @@
 //! `fringeflow service`: one process of an instance, as the supervisor starts it.
 
-use fringeflow::dataset::CameraId;
+use fringeflow_dataset::CameraId;
 use fringeflow_recorder::Outcome;
 use fringeflow_runtime::{ServiceArgs, ServiceError, ServiceKind};
 
@@ -64,14 +64,14 @@ impl Service {
     /// Runs until the service is to end; what was lost, if that is for the service to say.
     fn run(&self) -> Result<Option<String>, ServiceError> {
         let done = match self {
-            Self::VirtualProjector(arguments) => fringeflow_virtual_projector::run(arguments),
-            Self::VirtualCameras(arguments) => fringeflow_virtual_cameras::run(arguments),
+            Self::VirtualProjector(arguments) => fringeflow_virtual_rig::projector::run(arguments),
+            Self::VirtualCameras(arguments) => fringeflow_virtual_rig::cameras::run(arguments),
             Self::Camera1(arguments) => fringeflow_capture::run(arguments, CameraId::Cam1),
             Self::Camera2(arguments) => fringeflow_capture::run(arguments, CameraId::Cam2),
-            Self::Phase(arguments) => fringeflow_phase::run(arguments),
-            Self::Correspondence(arguments) => fringeflow_correspondence::run(arguments),
-            Self::Cloud(arguments) => fringeflow_cloud::run(arguments),
-            Self::Tracking(arguments) => fringeflow_tracking::run(arguments),
+            Self::Phase(arguments) => fringeflow_stages::phase::run(arguments),
+            Self::Correspondence(arguments) => fringeflow_stages::correspondence::run(arguments),
+            Self::Cloud(arguments) => fringeflow_stages::cloud::run(arguments),
+            Self::Tracking(arguments) => fringeflow_stages::tracking::run(arguments),
             Self::Monitor(arguments) => fringeflow_monitor::run(arguments),
             Self::Recorder(arguments) => return Ok(recorded(fringeflow_recorder::run(arguments)?)),
         };

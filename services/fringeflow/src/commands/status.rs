@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::Duration;
 
-use fringeflow::config::SERVICES;
-use fringeflow::message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow::telemetry::{
-    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
-};
-use fringeflow::transport::{Instance, request};
+use fringeflow_config::SERVICES;
+use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow_runtime::processors::Standing;
 use fringeflow_runtime::{accounts_folder, clock, dashboard_file};
 use fringeflow_supervisor::{Observed, headline, observe, stage_line};
+use fringeflow_telemetry::{
+    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
+};
+use fringeflow_transport::{Instance, request};
 
 use crate::failure::Failure;
 use crate::json;

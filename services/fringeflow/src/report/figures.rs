@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use fringeflow::message::{Counts, Stage};
-use fringeflow::recording::Origin;
-use fringeflow::telemetry::{
+use serde::Serialize;
+
+use fringeflow_message::{Counts, Stage};
+use fringeflow_recording::Origin;
+use fringeflow_telemetry::{
     DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
 };
-use serde::Serialize;
 
 /// Which run it was.
 #[derive(Serialize)]
@@ -129,7 +130,7 @@ impl WindowLine {
 
 fn segment_lines(run: &RunReport) -> Vec<SegmentLine> {
     let total_ns: u64 = run.segments().map(|(_, latencies)| latencies.sum_ns()).sum();
-    let line = |(segment, latencies): (Segment, &fringeflow::telemetry::Latencies)| SegmentLine {
+    let line = |(segment, latencies): (Segment, &fringeflow_telemetry::Latencies)| SegmentLine {
         segment: segment.name(),
         latency: latencies.brief(),
         share: 100.0 * latencies.sum_ns() as f64 / total_ns.max(1) as f64,

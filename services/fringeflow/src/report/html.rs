@@ -60,9 +60,9 @@ fn write_module(out: &mut impl Write) -> io::Result<()> {
 mod tests {
     use std::path::Path;
 
-    use fringeflow::message::{Counts, DropReason, Stage, StageReport};
-    use fringeflow::recording::Origin;
-    use fringeflow::telemetry::{Exposures, RunReport};
+    use fringeflow_message::{Counts, DropReason, Stage, StageReport};
+    use fringeflow_recording::Origin;
+    use fringeflow_telemetry::{Exposures, RunReport};
     use serde_json::Value;
 
     use super::*;

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, UNIX_EPOCH};
 
-use fringeflow::atomic_file::{WriteError, WriteProblem, write_atomically, write_new};
+use fringeflow_base::atomic_file::{WriteError, WriteProblem, write_atomically, write_new};
 use fringeflow_supervisor::{Outcome, Plan, named_by_time};
 
-use super::{About, RunFigures, write_html};
 use crate::output_folder;
+
+use super::{About, RunFigures, write_html};
 
 /// Most pages that begin in the same second.
 const SAME_NAMES: u32 = 100;

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use fringeflow::calibration::{Unit, write_calibration};
-use fringeflow::geometry::Camera;
 use png::{BitDepth, ColorType};
 use serde_json::json;
+
+use fringeflow::calibration::{Unit, write_calibration};
+use fringeflow::geometry::Camera;
 
 use crate::input::{self, SIZE_PX, calibration_field, image, meta_field};
 

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow::geometry::Rig;
-use fringeflow::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels; as small as the virtual scanner takes them.
 pub(crate) const SIZE_PX: [usize; 2] = [64, 64];

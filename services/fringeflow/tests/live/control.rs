@@ -3,9 +3,9 @@
 use std::ffi::OsStr;
 use std::time::Duration;
 
-use fringeflow::message::{Command, ControlRequest, Stage, Text};
-use fringeflow::recording::{Content, Recording, Topic};
-use fringeflow::transport::request;
+use fringeflow_message::{Command, ControlRequest, Stage, Text};
+use fringeflow_recording::{Content, Recording, Topic};
+use fringeflow_transport::request;
 
 use crate::support::{Arguments, Bench, NAME};
 

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use fringeflow::message::{DropReason, FrameHeader, PixelFormat};
-use fringeflow::recording::{Content, DEFAULT_QUEUE_BYTES, Opening, Recordable, Recorder, Recording};
+use fringeflow_message::{DropReason, FrameHeader, PixelFormat};
+use fringeflow_recording::{Content, DEFAULT_QUEUE_BYTES, Opening, Recordable, Recorder, Recording};
 
 use crate::support::Bench;
 

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use fringeflow::message::{CloudHeader, DropReason, FrameHeader, PatternEvent};
-use fringeflow::recording::{Content, Recording, Topic};
+use fringeflow_message::{CloudHeader, DropReason, FrameHeader, PatternEvent};
+use fringeflow_recording::{Content, Recording, Topic};
 
 use crate::support::Bench;
 

@@ -1,7 +1,8 @@
 //! Services that stand still for a while.
 
-use fringeflow::message::{DropReason, Stage};
 use rustix::process::Signal;
+
+use fringeflow_message::{DropReason, Stage};
 
 use crate::support::{Bench, Live, NAME, send};
 

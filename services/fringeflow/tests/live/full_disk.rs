@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use fringeflow::message::{DropReason, Stage};
+use fringeflow_message::{DropReason, Stage};
 
 use crate::support::Bench;
 

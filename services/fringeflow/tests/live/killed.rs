@@ -1,8 +1,9 @@
 //! Services and supervisors that are killed.
 
-use fringeflow::message::DropReason;
 use rustix::process::Signal;
 use serde_json::Value;
+
+use fringeflow_message::DropReason;
 
 use crate::support::{Bench, NAME, SERVICES, wait};
 

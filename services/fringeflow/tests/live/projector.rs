@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use fringeflow::message::{DropReason, PATTERN_FRINGES, PatternEvent, Stage};
-use fringeflow::transport::{ChannelSizes, Node, PROJECTOR_PATTERN, Publisher};
+use fringeflow_message::{DropReason, PATTERN_FRINGES, PatternEvent, Stage};
 use fringeflow_runtime::clock::now_ns;
+use fringeflow_transport::{ChannelSizes, Node, PROJECTOR_PATTERN, Publisher};
 
 use crate::support::{Bench, NAME};
 

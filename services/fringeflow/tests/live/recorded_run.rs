@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fringeflow::message::DropReason;
+use fringeflow_message::DropReason;
 
 use crate::support::{Bench, Ended};
 

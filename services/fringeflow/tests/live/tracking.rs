@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use fringeflow::message::{DropReason, PriorHeader, Stage, TrackingState};
-use fringeflow::recording::{Content, Recording, Topic};
-use fringeflow::transport::{ChannelSizes, Node, Publisher, TRACKING_PRIOR};
+use fringeflow_message::{DropReason, PriorHeader, Stage, TrackingState};
+use fringeflow_recording::{Content, Recording, Topic};
 use fringeflow_runtime::clock::now_ns;
+use fringeflow_transport::{ChannelSizes, Node, Publisher, TRACKING_PRIOR};
 
 use crate::support::{Bench, NAME};
 

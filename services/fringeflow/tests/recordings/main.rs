@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-use fringeflow::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 use serde_json::Value;
 use tempfile::TempDir;
+
+use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels.
 const SIZE_PX: [usize; 2] = [96, 80];

@@ -1,10 +1,11 @@
 //! Python's `mcap` reads a recording by the schemas in it.
 
-use fringeflow::cloud::{RECORD_BYTES, read_records};
-use fringeflow::dataset::{CALIBRATION_FILE, CameraId, Dataset, META_FILE, TRUTH_FILE};
-use fringeflow::message::{CloudHeader, DropReason, Stage, StageReport, Window};
-use fringeflow::recording::{DEFAULT_QUEUE_BYTES, Opening, Origin, Recordable, Recorder};
 use sha2::{Digest as _, Sha256};
+
+use fringeflow::cloud::{RECORD_BYTES, read_records};
+use fringeflow_dataset::{CALIBRATION_FILE, CameraId, Dataset, META_FILE, TRUTH_FILE};
+use fringeflow_message::{CloudHeader, DropReason, Stage, StageReport, Window};
+use fringeflow_recording::{DEFAULT_QUEUE_BYTES, Opening, Origin, Recordable, Recorder};
 
 use super::*;
 

@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use fringeflow::config::{RigSource, ScannerConfiguration};
-use fringeflow::dataset::CameraId;
-use fringeflow::message::PixelFormat;
-use fringeflow::recording::Recording;
-use fringeflow::simulation::{ImageLoop, VirtualScanner};
 use tempfile::TempDir;
+
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::simulation::{ConfiguredScanner, ImageLoop, VirtualScanner, read_configuration};
+use fringeflow_message::PixelFormat;
+use fringeflow_recording::Recording;
 
 use super::{done, fringeflow, json};
 
@@ -49,9 +49,9 @@ fn recorded(folder: &TempDir, more: &str) -> Recording {
 }
 
 fn scanner(folder: &TempDir) -> VirtualScanner {
-    let configuration = ScannerConfiguration::read(&folder.path().join("scanner.toml")).unwrap();
-    let Some(RigSource::Virtual(options)) = configuration.rig else { panic!("no virtual scanner") };
-    VirtualScanner::new(options.scanner).unwrap()
+    let configuration = read_configuration(&folder.path().join("scanner.toml")).unwrap();
+    let configured = ConfiguredScanner::of_instance(&configuration).unwrap().unwrap();
+    VirtualScanner::new(configured.scanner).unwrap()
 }
 
 #[test]

@@ -5,15 +5,17 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::response::{IntoResponse, Response};
-use fringeflow::message::{Command, ControlRequest, ControlResponse, Text};
-use fringeflow::transport::{Instance, TransportError, request};
 use http::header::CONTENT_TYPE;
 use http::{HeaderMap, StatusCode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::server::Answering;
+use fringeflow_message::{Command, ControlRequest, ControlResponse, Text};
+use fringeflow_transport::{Instance, TransportError, request};
+
 use crate::board::state_entry;
+
+use super::server::Answering;
 
 /// How long the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(3);

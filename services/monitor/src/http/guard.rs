@@ -4,9 +4,10 @@ use std::io;
 use std::net::IpAddr;
 use std::path::PathBuf;
 
-use fringeflow::config::MonitorConfiguration;
 use http::header::{AUTHORIZATION, COOKIE, HOST, ORIGIN};
 use http::{HeaderMap, HeaderName, StatusCode, Uri};
+
+use fringeflow_config::MonitorConfiguration;
 
 /// Name of the cookie that holds the token.
 pub(crate) const COOKIE_NAME: &str = "fringeflow_token";

@@ -13,8 +13,6 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use foxglove::Context;
-use fringeflow::config::{Listen, MonitorConfiguration};
-use fringeflow_runtime::dashboard_file;
 use http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, LOCATION, REFERRER_POLICY, SET_COOKIE, X_CONTENT_TYPE_OPTIONS,
 };
@@ -24,11 +22,15 @@ use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 
-use super::guard::{COOKIE_NAME, Guard};
-use super::{control, live, page};
+use fringeflow_config::{Listen, MonitorConfiguration};
+use fringeflow_runtime::dashboard_file;
+
 use crate::metrics::{MEDIA_TYPE, Metrics};
 use crate::shared::{Shared, ended};
 use crate::viewers;
+
+use super::guard::{COOKIE_NAME, Guard};
+use super::{control, live, page};
 
 /// Connections at once; those beyond are told so and closed.
 const CONNECTIONS: usize = 256;

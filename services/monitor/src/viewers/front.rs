@@ -9,11 +9,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use foxglove::{Context, WebSocketServer};
-use fringeflow::config::Listen;
 use http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
 use tokio::io::{AsyncReadExt, AsyncWriteExt, copy};
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
+
+use fringeflow_config::Listen;
 
 use crate::http::{Guard, bind, local_ip};
 use crate::shared::Shared;

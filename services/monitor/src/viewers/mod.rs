@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use foxglove::{ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel};
-use fringeflow::dataset::Setup;
-use fringeflow::recording::{Encoded, Recordable, Topic, standing_messages};
+
+use fringeflow_dataset::Setup;
+use fringeflow_recording::{Encoded, Recordable, Topic, standing_messages};
 
 pub(crate) use front::serve;
 
@@ -105,7 +106,7 @@ mod tests {
     use serde_json::Value;
 
     const LAYOUT: &str = include_str!("../../../../configs/foxglove-layout.json");
-    const SCHEMA: &str = include_str!("../../../../src/recording/schema/fringeflow.proto");
+    const SCHEMA: &str = include_str!("../../../../crates/recording/src/schema/fringeflow.proto");
 
     /// All texts of a JSON value that begin with a slash, keys included: topics, and paths into their messages.
     fn paths(value: &Value) -> Vec<String> {

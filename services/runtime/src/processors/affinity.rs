@@ -2,7 +2,7 @@
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use fringeflow::config::ProcessorsConfiguration;
+use fringeflow_config::ProcessorsConfiguration;
 
 /// CPUs that this process may not use.
 #[derive(Debug, thiserror::Error)]
@@ -67,7 +67,7 @@ pub(super) fn ranges(cpus: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::config::ServiceProcessors;
+    use fringeflow_config::ServiceProcessors;
 
     /// The CPUs of a thread as the system tells them: field `Cpus_allowed_list` of its `status`.
     fn told_by_the_system() -> String {

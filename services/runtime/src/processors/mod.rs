@@ -9,7 +9,7 @@ mod memory;
 mod realtime;
 mod standing;
 
-use fringeflow::config::{MemoryLock, ProcessorsConfiguration, ServiceProcessors};
+use fringeflow_config::{MemoryLock, ProcessorsConfiguration, ServiceProcessors};
 
 pub use affinity::{AffinityError, check};
 pub use standing::Standing;
@@ -59,7 +59,7 @@ pub(crate) fn take(
 mod tests {
     use super::*;
     use crate::ServiceKind;
-    use fringeflow::config::SERVICES;
+    use fringeflow_config::SERVICES;
 
     #[test]
     fn the_configuration_knows_every_service() {

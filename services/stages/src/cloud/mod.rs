@@ -4,11 +4,11 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use fringeflow::cloud::{Cloud, RECORD_BYTES, fill_with_records};
-use fringeflow::message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
-use fringeflow::transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
-use fringeflow::wire;
 use fringeflow::worker::{CloudWorker, Correspondences};
+use fringeflow_message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, clock, run_transform};
+use fringeflow_transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
+use fringeflow_wire as wire;
 
 /// Runs the service until it is to end.
 ///

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use fringeflow::health::{Health, HealthState, Quantity};
-use fringeflow::message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
 use fringeflow::phase::PhaseShifts;
-use fringeflow::telemetry::{GaugeFigures, HealthFigures};
-use fringeflow::transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
-use fringeflow::wire;
-use fringeflow::wire::health::measures;
-use fringeflow::wire::in_step::InStep;
-use fringeflow::wire::window_report::window_report;
 use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
+use fringeflow_message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
+use fringeflow_telemetry::health::{Health, HealthState, Quantity};
+use fringeflow_telemetry::{GaugeFigures, HealthFigures};
+use fringeflow_transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
+use fringeflow_wire as wire;
+use fringeflow_wire::health::measures;
+use fringeflow_wire::in_step::InStep;
+use fringeflow_wire::window_report::window_report;
 
 /// Runs the service until it is to end.
 ///

@@ -2,9 +2,9 @@
 
 use std::rc::Rc;
 
-use fringeflow::grey::GreyLevels;
-use fringeflow::message::{DropReason, FrameHeader, PixelFormat, flags};
-use fringeflow::transport::Received;
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_message::{DropReason, FrameHeader, PixelFormat, flags};
+use fringeflow_transport::Received;
 
 /// Grey levels of an image, row by row without gaps; clones share them.
 #[derive(Clone, Debug)]

@@ -2,16 +2,14 @@
 
 use std::time::Duration;
 
-use fringeflow::config::{ProjectorDriver, ScannerConfiguration};
-use fringeflow::dataset::Setup;
-use fringeflow::message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
-use fringeflow::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
-use fringeflow::transport::{
-    CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, wait_for,
-};
+use fringeflow_config::{ProjectorDriver, ScannerConfiguration};
+use fringeflow_dataset::Setup;
+use fringeflow_message::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
+use fringeflow_message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
 use fringeflow_runtime::{Account, AccountError, Arrivals, Host, ServiceError, receive};
+use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, wait_for};
 
-use crate::image::Image;
+use crate::phase::image::Image;
 
 /// Images of a camera, beyond a window, that may wait for their partner or their step.
 const WAITING_BEYOND_WINDOW: usize = 3;

@@ -6,13 +6,13 @@ mod image;
 mod intake;
 mod priors;
 
-use fringeflow::message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow::phase::{PhaseShifts, SequenceFaultKind};
-use fringeflow::synchronization::WindowImages;
-use fringeflow::transport::{PHASE_MAPS, Publisher};
-use fringeflow::wire;
 use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
+use fringeflow_message::synchronization::WindowImages;
+use fringeflow_message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, PAUSE, ServiceArgs, ServiceError, clock};
+use fringeflow_transport::{PHASE_MAPS, Publisher};
+use fringeflow_wire as wire;
 
 use image::Image;
 use intake::Intake;

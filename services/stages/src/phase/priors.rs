@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use fringeflow::message::{PriorHeader, Window};
 use fringeflow::prior::{Moment, Prior};
-use fringeflow::transport::{Subscriber, TRACKING_PRIOR, TransportError};
-use fringeflow::wire;
+use fringeflow_message::{PriorHeader, Window};
 use fringeflow_runtime::{Host, receive};
+use fringeflow_transport::{Subscriber, TRACKING_PRIOR, TransportError};
+use fringeflow_wire as wire;
 
 /// Priors that are kept: a window may have to take one that is not the last.
 const KEPT: usize = 16;

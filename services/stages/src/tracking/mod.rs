@@ -6,11 +6,12 @@
 mod shown;
 
 use fringeflow::cloud::{Cloud, read_records};
-use fringeflow::fusion::Tracker;
-use fringeflow::message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
-use fringeflow::transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, wait_for};
-use fringeflow::wire::{prior, tracking::pose_report};
+use fringeflow_message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
 use fringeflow_runtime::{Account, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, messages, receive};
+use fringeflow_tracking::fusion::Tracker;
+use fringeflow_tracking::messages::pose_report;
+use fringeflow_transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, wait_for};
+use fringeflow_wire::{drift, prior};
 
 use shown::Shown;
 
@@ -152,7 +153,7 @@ impl TrackingStage {
     /// Says what the cloud of a report tells of the windows behind it: nothing where it was lost.
     fn tell_next_windows(&mut self, report: &PoseReport, cloud: &CloudHeader) {
         let Some(Priors { output, relief }) = &mut self.priors else { return };
-        let header = prior::prior(&self.tracker, report, cloud, relief);
+        let header = prior::message(self.tracker.prior(drift::read(&cloud.drift)), report, relief);
         let header = PriorHeader { published_ns: clock::now_ns(), ..header };
         if let Err(error) = output.send(&header, relief) {
             tracing::warn!("{error}");

@@ -1,11 +1,11 @@
 //! The model as it is shown: few enough points, now and then.
 
-use fringeflow::config::TrackingConfiguration;
-use fringeflow::fusion::Tracker;
-use fringeflow::message::{ModelHeader, PoseReport};
-use fringeflow::transport::{Publisher, TRACKING_MODEL, TransportError};
-use fringeflow::wire::tracking::model;
+use fringeflow_config::TrackingConfiguration;
+use fringeflow_message::{ModelHeader, PoseReport};
 use fringeflow_runtime::{Host, clock};
+use fringeflow_tracking::fusion::Tracker;
+use fringeflow_tracking::messages::model;
+use fringeflow_transport::{Publisher, TRACKING_MODEL, TransportError};
 
 /// Puts out the model.
 pub(crate) struct Shown {

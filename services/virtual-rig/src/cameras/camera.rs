@@ -6,11 +6,11 @@
 
 use std::collections::VecDeque;
 
-use fringeflow::dataset::CameraId;
-use fringeflow::message::{FrameHeader, PixelFormat};
-use fringeflow::simulation::{Faults, ImageFault};
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::simulation::{Faults, ImageFault};
+use fringeflow_message::{FrameHeader, PixelFormat};
 
-use crate::trigger::Trigger;
+use crate::cameras::trigger::Trigger;
 
 /// How long a camera takes for what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -250,7 +250,7 @@ impl VirtualCamera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::simulation::FaultOptions;
+    use fringeflow_lab::simulation::FaultOptions;
 
     const PERIOD_NS: u64 = 20_000_000;
 

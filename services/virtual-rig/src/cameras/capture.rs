@@ -1,14 +1,14 @@
 //! A virtual camera with its channel and its account.
 
-use fringeflow::dataset::CameraId;
-use fringeflow::message::{DropReason, FrameHeader, Stage};
-use fringeflow::pixels::ImageReader;
-use fringeflow::simulation::{Faults, ImageLoop};
-use fringeflow::transport::{CAM1_FRAME, CAM2_FRAME, Publisher, TransportError};
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::simulation::{Faults, ImageLoop};
+use fringeflow_message::{DropReason, FrameHeader, Stage};
+use fringeflow_pixels::ImageReader;
 use fringeflow_runtime::{Account, AccountError, Host, ItemTimes, ServiceError, clock};
+use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, TransportError};
 
-use crate::camera::{Shot, Timing, VirtualCamera};
-use crate::trigger::Trigger;
+use crate::cameras::camera::{Shot, Timing, VirtualCamera};
+use crate::cameras::trigger::Trigger;
 
 /// A camera whose images go to a channel.
 pub(crate) struct Capture {

@@ -3,16 +3,15 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use fringeflow::config::VirtualScannerConfiguration;
-use fringeflow::simulation::{ImageLoop, VirtualScanner};
+use fringeflow_lab::simulation::{ConfiguredScanner, ImageLoop, VirtualScanner};
 use fringeflow_runtime::{Host, ServiceError};
 
 /// Poses from one line of the log to the next.
 const LOGGED_POSES: usize = 24;
 
 /// The image loop of a virtual scanner; `None` if the service is to end before it is rendered.
-pub(crate) fn prepare(host: &Host, options: &VirtualScannerConfiguration) -> Result<Option<ImageLoop>, ServiceError> {
-    let unusable = |e: fringeflow::simulation::SimulationError| ServiceError::Unusable(e.to_string());
+pub(crate) fn prepare(host: &Host, options: &ConfiguredScanner) -> Result<Option<ImageLoop>, ServiceError> {
+    let unusable = |e: fringeflow_lab::simulation::SimulationError| ServiceError::Unusable(e.to_string());
     let scanner = VirtualScanner::new(options.scanner).map_err(unusable)?;
     let speed = scanner.speed();
     tracing::info!(mean_mm = speed.mean_mm, max_mm = speed.max_mm, "motion of the object from image to image");

@@ -8,9 +8,8 @@ mod trigger;
 
 use std::time::Duration;
 
-use fringeflow::config::RigSource;
-use fringeflow::dataset::CameraId;
-use fringeflow::simulation::Faults;
+use fringeflow_dataset::CameraId;
+use fringeflow_lab::simulation::{ConfiguredScanner, Faults};
 use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock};
 
 use capture::Capture;
@@ -25,11 +24,13 @@ pub use trigger::{CableTriggers, ClockTriggers, Trigger};
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "virtual-cameras")?;
-    let Some(RigSource::Virtual(options)) = host.configuration.rig.clone() else {
+    let unusable = |what: String| ServiceError::Unusable(what);
+    let configured = ConfiguredScanner::of_instance(&host.configuration).map_err(|e| unusable(e.to_string()))?;
+    let Some(options) = configured else {
         let why = "the configuration has no virtual scanner; set cameras.source = \"virtual\"";
-        return Err(ServiceError::Unusable(why.to_owned()));
+        return Err(unusable(why.to_owned()));
     };
-    let faults = Faults::new(options.faults).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let faults = Faults::new(options.faults).map_err(|e| unusable(e.to_string()))?;
     let Some(images) = images::prepare(&host, &options)? else { return Ok(()) };
     let session = clock::now_ns();
     let [cam1, cam2] = CameraId::BOTH.map(|id| Capture::open(&host, id, session, faults));

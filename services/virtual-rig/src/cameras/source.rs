@@ -1,12 +1,12 @@
 //! Where triggers come from: the channel of the projector, or the cameras' clock; only while the scanner scans.
 
-use fringeflow::config::ProjectorDriver;
-use fringeflow::message::{DropReason, PatternEvent, ScanState};
-use fringeflow::transport::{PROJECTOR_PATTERN, SCAN_STATE, Subscriber, TransportError, wait_for};
+use fringeflow_config::ProjectorDriver;
+use fringeflow_message::{DropReason, PatternEvent, ScanState};
 use fringeflow_runtime::{Host, ServiceError, clock, receive};
+use fringeflow_transport::{PROJECTOR_PATTERN, SCAN_STATE, Subscriber, TransportError, wait_for};
 
-use crate::capture::Capture;
-use crate::trigger::{CableTriggers, ClockTriggers};
+use crate::cameras::capture::Capture;
+use crate::cameras::trigger::{CableTriggers, ClockTriggers};
 
 /// The source of triggers.
 pub(crate) struct Source {

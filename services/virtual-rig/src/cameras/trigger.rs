@@ -2,8 +2,8 @@
 //!
 //! In: pattern events, or the time. Out: triggers, numbered without gaps.
 
-use fringeflow::message::{PATTERN_FRINGES, PatternEvent};
-use fringeflow::simulation::Schedule;
+use fringeflow_lab::simulation::Schedule;
+use fringeflow_message::{PATTERN_FRINGES, PatternEvent};
 
 /// Both cameras expose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,16 +1,15 @@
 //! The virtual projector service: announces the patterns that it would show, while the scanner scans.
 
-mod projector;
+mod patterns;
 
 use std::time::Duration;
 
-use fringeflow::config::RigSource;
-use fringeflow::message::{DropReason, PatternEvent, ScanState, Stage};
-use fringeflow::simulation::Faults;
-use fringeflow::transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, wait_for};
+use fringeflow_lab::simulation::{ConfiguredScanner, Faults};
+use fringeflow_message::{DropReason, PatternEvent, ScanState, Stage};
 use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, receive};
+use fringeflow_transport::{PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber, wait_for};
 
-pub use projector::{Shown, VirtualProjector};
+pub use patterns::{Shown, VirtualProjector};
 
 /// Runs the service until it is to end.
 ///
@@ -46,11 +45,10 @@ struct Service {
 
 impl Service {
     fn open(host: &Host) -> Result<Self, ServiceError> {
-        let faults = match &host.configuration.rig {
-            Some(RigSource::Virtual(options)) => Faults::new(options.faults),
-            _ => Ok(Faults::default()),
-        };
-        let faults = faults.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+        let unusable = |what: String| ServiceError::Unusable(what);
+        let configured = ConfiguredScanner::of_instance(&host.configuration).map_err(|e| unusable(e.to_string()))?;
+        let faults = configured.map_or(Ok(Faults::default()), |configured| Faults::new(configured.faults));
+        let faults = faults.map_err(|e| unusable(e.to_string()))?;
         let (rate_hz, sequence) = (host.configuration.rate_hz, &host.setup.sequence);
         Ok(Self {
             projector: VirtualProjector::new(clock::now_ns(), rate_hz, sequence, faults),

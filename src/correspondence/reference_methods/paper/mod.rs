@@ -29,6 +29,8 @@ mod votes;
 
 use rayon::prelude::*;
 
+use fringeflow_base::outcome::Outcome;
+
 use crate::phase::PhaseMap;
 
 use super::super::candidates::{Candidate, DeltaGate};
@@ -37,7 +39,6 @@ use super::super::delta_statistics::DeltaStatistics;
 use super::super::epipolar_image::EpipolarImage;
 use super::super::explanation::explain;
 use super::super::neighbourhood::{ABSENT, TURN};
-use super::super::outcome::Outcome;
 use super::super::pool::Pool;
 use super::super::search::{Candidates, find_candidates};
 use super::super::segment_table::SegmentTable;

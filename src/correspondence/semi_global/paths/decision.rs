@@ -1,6 +1,6 @@
 //! What becomes of the sums of paths: one pass leaves its own, the other decides by both.
 
-use crate::simd::{Kernel, Lanes};
+use fringeflow_simd::{Kernel, Lanes};
 
 use super::super::evidence::{BestOfRow, NO_ORDER};
 use super::super::links::{AXES, NO_PLACE};

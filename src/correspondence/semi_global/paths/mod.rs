@@ -25,8 +25,9 @@
 mod decision;
 mod settled;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use crate::phase::PhaseMap;
-use crate::simd::{self, Kernel, Lanes, Level};
 
 use super::UNITS_PER_NAT;
 use super::evidence::{Evidence, MISSING};
@@ -103,23 +104,23 @@ fn least_energies_at(
     rayon::join(
         || {
             let visit = Leave { places: &mut *upper_places, sums: &mut *upper_sums };
-            simd::run(level, Through { sweep: &mut down, rows: above.clone(), visit });
+            fringeflow_simd::run(level, Through { sweep: &mut down, rows: above.clone(), visit });
         },
         || {
             let visit = Leave { places: &mut *lower_places, sums: &mut *lower_sums };
-            simd::run(level, Through { sweep: &mut up, rows: below.clone(), visit });
+            fringeflow_simd::run(level, Through { sweep: &mut up, rows: below.clone(), visit });
         },
     );
     rayon::join(
         || {
             let (places, sums) = (&*lower_places, &*lower_sums);
             let visit = Decide { places, sums, lanes, order: lower_order, margin: lower_margin };
-            simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
+            fringeflow_simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
         },
         || {
             let (places, sums) = (&*upper_places, &*upper_sums);
             let visit = Decide { places, sums, lanes, order: upper_order, margin: upper_margin };
-            simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
+            fringeflow_simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
         },
     );
 }

@@ -1,6 +1,6 @@
 //! Paths that are settled on one order: all others have the price of a change.
 
-use crate::simd::{Kernel, Lanes};
+use fringeflow_simd::{Kernel, Lanes};
 
 use super::super::evidence::{BestOfRow, DECIDED, MISSING};
 use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
@@ -119,7 +119,7 @@ pub(super) fn run_of_ones(bytes: &[u8], from: usize, forward: bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Arrays;
+    use fringeflow_simd::Arrays;
 
     #[test]
     fn a_settled_pixel_has_one_order_and_others_at_the_price_of_a_change() {

@@ -1,6 +1,6 @@
 //! Energies of all orders of 32 pixels.
 
-use crate::simd::{COLUMNS, Lanes};
+use fringeflow_simd::{COLUMNS, Lanes};
 
 use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
 use super::super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};

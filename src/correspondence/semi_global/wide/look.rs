@@ -7,7 +7,7 @@
 //! decided: that is between the two columns, and δ there is off the drift by no more than so many sd
 //! ```
 
-use crate::simd::Lanes;
+use fringeflow_simd::Lanes;
 
 use super::super::super::surfaces::{NO_ORDER, columns_around_each};
 use super::super::super::wide::{BLOCK, Segments, block_of, load};

@@ -8,7 +8,7 @@ mod look;
 mod pixels;
 mod selection;
 
-use crate::simd::Lanes;
+use fringeflow_simd::Lanes;
 
 use super::super::drift::DepthRow;
 use super::super::epipolar_image::EpipolarImage;

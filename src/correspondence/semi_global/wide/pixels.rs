@@ -1,6 +1,6 @@
 //! 32 pixels: their segments, the drift along them, and what follows at a column.
 
-use crate::simd::Lanes;
+use fringeflow_simd::Lanes;
 
 use super::super::super::drift::DepthBlock;
 use super::super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};

@@ -1,6 +1,6 @@
 //! The best candidates of one order of each of 32 pixels.
 
-use crate::simd::{COLUMNS, Lanes};
+use fringeflow_simd::{COLUMNS, Lanes};
 
 use super::super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};

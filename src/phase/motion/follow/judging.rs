@@ -1,11 +1,11 @@
 //! Whether what is known of the motion is true: some rows of each tile tell, whose images fit it or do not.
 
+use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
+use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::phase::shifts::MIN_STEPS;
-use crate::simd::{Kernel, LANES, Lanes, first_lanes};
 
-use super::super::MAX_IMAGES;
 use super::super::fit::MotionFit;
 use super::super::fits::MotionFits;
 use super::super::flow::FLOW_TILE_PX;

@@ -13,9 +13,10 @@ mod sampling;
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{LANES, Level};
+
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
-use crate::simd::{self, LANES, Level};
 
 use super::fit::{MotionFit, time};
 use super::fits::{Bin, MotionFits};
@@ -134,7 +135,7 @@ pub(super) fn follow<'a, S: Sample>(
         sampled.par_chunks_mut(piece).enumerate().for_each(|(place, to)| {
             let (image, tile_row) = (place / tile_rows, place % tile_rows);
             let paths = &paths[tile_row * columns..][..columns];
-            simd::run(level, Sampling { images, paths, image, tile_row, followed, to });
+            fringeflow_simd::run(level, Sampling { images, paths, image, tile_row, followed, to });
         });
     };
     each(sampled, paths, true);
@@ -144,7 +145,10 @@ pub(super) fn follow<'a, S: Sample>(
     verdicts.resize(paths.len(), Verdict::default());
     let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
     of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), room))| {
-        simd::run(level, Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, room });
+        fringeflow_simd::run(
+            level,
+            Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, room },
+        );
     });
     judge(paths, verdicts, columns);
     if !is_followed(paths) {

@@ -1,7 +1,8 @@
 //! Samples of images between their pixels: cubic along the rows, which cross the fringes, linear from row to row.
 
+use fringeflow_simd::{Kernel, LANES, Lanes};
+
 use crate::phase::sample::Sample;
-use crate::simd::{Kernel, LANES, Lanes};
 
 use super::super::fit::time;
 use super::super::flow::FLOW_TILE_PX;

@@ -1,12 +1,13 @@
 //! Errors that vivid injects at the press of a button, twenty times each: every one is counted, the images come again, and
 //! nothing is lost that is not counted.
 
-use fringeflow::message::{Counts, DropReason, Incident};
+use fringeflow_message::{Counts, DropReason, Incident};
+
+use crate::support::Bench;
 
 use super::super::capture::{Capture, Done};
 use super::super::driver::{Knob, press};
 use super::super::vivid;
-use crate::support::Bench;
 
 /// How often each error is injected.
 const TIMES: u64 = 20;

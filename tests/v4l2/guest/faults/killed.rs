@@ -1,10 +1,11 @@
 //! A capture service that is killed: the driver takes its buffers back, and the next one streams from the same device.
 
-use fringeflow::message::Stage;
+use fringeflow_message::Stage;
+
+use crate::support::Bench;
 
 use super::super::capture::Capture;
 use super::super::vivid;
-use crate::support::Bench;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

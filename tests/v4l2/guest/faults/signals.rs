@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
-use fringeflow::message::DropReason;
 use rustix::process::Signal;
+
+use fringeflow_message::DropReason;
+
+use crate::support::{Bench, send};
 
 use super::super::capture::{Capture, Done};
 use super::super::vivid;
-use crate::support::{Bench, send};
 
 #[test]
 #[ignore = "runs in the virtual machine"]

@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::message::Incident;
+use fringeflow_message::Incident;
+
+use crate::support::{Bench, wait};
 
 use super::super::capture::Capture;
 use super::super::driver::{Driver, v4l2_ctl};
 use super::super::vivid;
-use crate::support::{Bench, wait};
 
 /// How long a service is watched without its camera.
 const ABSENCE: Duration = Duration::from_secs(1);

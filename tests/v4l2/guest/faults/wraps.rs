@@ -5,13 +5,14 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::message::{DropReason, Incident};
+use fringeflow_message::{DropReason, Incident};
+
+use crate::scenes;
+use crate::support::Bench;
 
 use super::super::capture::Capture;
 use super::super::driver::{Driver, Knob, press};
 use super::super::scanner::configuration;
-use crate::scenes;
-use crate::support::Bench;
 
 /// Cameras whose time stamps wrap, and how often each.
 const SLOW: usize = 10;

@@ -1,12 +1,13 @@
 //! What comes of each format: the grey levels that the camera has sent, with all their bits.
 
-use fringeflow::message::PixelFormat;
+use fringeflow_message::PixelFormat;
+
+use crate::scenes;
+use crate::support::Bench;
 
 use super::super::capture::Capture;
 use super::super::driver::{Driver, v4l2_ctl};
 use super::super::vivid;
-use crate::scenes;
-use crate::support::Bench;
 
 /// A picture that does not change.
 const PICTURE: &str = "test_pattern = \"Gray Ramp\"\nosd_text_mode = \"None\"";

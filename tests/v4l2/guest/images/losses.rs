@@ -1,12 +1,13 @@
 //! Images that the driver drops: each is counted and none besides, and no window holds a gap.
 
-use fringeflow::message::{DropReason, FrameHeader, Stage, Window};
-use fringeflow::recording::{Content, Recording, Topic};
+use fringeflow_message::{DropReason, FrameHeader, Stage, Window};
+use fringeflow_recording::{Content, Recording, Topic};
+
+use crate::support::Bench;
 
 use super::super::capture::{Capture, gaps};
 use super::super::driver::{Knob, turn};
 use super::super::vivid;
-use crate::support::Bench;
 
 /// Percentages of images that are dropped, and how many must be so in the images of each.
 const PERCENTAGES: [(i64, u64); 3] = [(1, 1), (10, 5), (50, 60)];

@@ -1,22 +1,23 @@
 //! Compressed images: what the camera sends has other lengths from image to image, and comes out as grey levels.
 
-use fringeflow::message::{DropReason, PixelFormat};
-use fringeflow::pixels::{SourceFormat, unpack};
+use fringeflow_message::{DropReason, PixelFormat};
+use fringeflow_pixels::{SourceFormat, unpack};
+
+use crate::scenes;
+use crate::support::Bench;
 
 use super::super::capture::Capture;
 use super::DEVICES;
 use super::writer::Writer;
-use crate::scenes;
-use crate::support::Bench;
 
 /// Width and height of the images below.
 pub(crate) const SIZE: &str = "80x72";
 const SIZE_PX: [usize; 2] = [80, 72];
 /// In colours; without Huffman tables, as many cameras send it; grey.
 const IMAGES: [&[u8]; 3] = [
-    include_bytes!("../../../../src/pixels/tests/colour_420.jpg"),
-    include_bytes!("../../../../src/pixels/tests/colour_422_without_tables.jpg"),
-    include_bytes!("../../../../src/pixels/tests/grey.jpg"),
+    include_bytes!("../../../../crates/pixels/src/tests/colour_420.jpg"),
+    include_bytes!("../../../../crates/pixels/src/tests/colour_422_without_tables.jpg"),
+    include_bytes!("../../../../crates/pixels/src/tests/grey.jpg"),
 ];
 
 #[test]

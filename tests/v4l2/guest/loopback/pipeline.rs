@@ -3,15 +3,16 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use fringeflow::message::{Counts, DropReason, Stage};
-use fringeflow::recording::{Content, Recording};
-
 use rustix::process::Signal;
+
+use fringeflow_message::{Counts, DropReason, Stage};
+use fringeflow_recording::{Content, Recording};
+
+use crate::scenes::{self, STEPS};
+use crate::support::{Bench, Live, NAME, wait};
 
 use super::BUFFERS;
 use super::feeder::Feeder;
-use crate::scenes::{self, STEPS};
-use crate::support::{Bench, Live, NAME, wait};
 
 /// Images that camera 1 loses: of more than its buffers hold (or, by its version, of more than two) the driver keeps the last.
 const LOST: u64 = BUFFERS as u64;

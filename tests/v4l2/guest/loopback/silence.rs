@@ -1,11 +1,12 @@
 //! A camera that falls silent: whoever writes its images dies, and another one takes its place.
 
-use fringeflow::message::Incident;
+use fringeflow_message::Incident;
+
+use crate::scenes;
+use crate::support::Bench;
 
 use super::super::capture::Capture;
 use super::feeder::Feeder;
-use crate::scenes;
-use crate::support::Bench;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::message::PATTERN_FRINGES;
+use crate::PATTERN_FRINGES;
 
 use super::stream::PERIOD_PX;
 use super::*;

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use crate::message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
+use crate::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use super::super::{Settings, StepSource};
 

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::evaluation::Scores;
-use fringeflow::simulation::{Object, Simulation, SimulationOptions, SimulationSummary};
+use fringeflow_lab::evaluation::Scores;
+use fringeflow_lab::simulation::{Object, Simulation, SimulationOptions, SimulationSummary};
 
 use crate::failure::Failure;
 use crate::input::Input;

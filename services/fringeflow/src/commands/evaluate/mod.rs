@@ -9,11 +9,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use fringeflow::calibration::Unit;
-use fringeflow::dataset::TRUTH_FILE;
-use fringeflow::evaluation::{Evaluation, against_cloud, egc};
-use fringeflow::simulation::Object;
+use fringeflow_dataset::TRUTH_FILE;
+use fringeflow_lab::evaluation::{Evaluation, against_cloud, egc};
+use fringeflow_lab::simulation::Object;
 
-use self::sweep::Knob;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Made, Method};
@@ -21,6 +20,8 @@ use crate::output_folder;
 use crate::pictures;
 use crate::proposed::ProposedArgs;
 use crate::truth;
+
+use self::sweep::Knob;
 
 /// What a cloud is compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]

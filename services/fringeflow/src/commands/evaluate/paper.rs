@@ -2,15 +2,19 @@
 
 use std::io::Write as _;
 
-use fringeflow::evaluation::{CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table};
-use fringeflow::simulation::{Object, SimulationSummary};
 use serde::Serialize;
 
-use super::measurement::{Measurement, Simulated, options};
+use fringeflow_lab::evaluation::{
+    CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table,
+};
+use fringeflow_lab::simulation::{Object, SimulationSummary};
+
 use crate::failure::Failure;
 use crate::progress;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
+
+use super::measurement::{Measurement, Simulated, options};
 
 /// Phase steps of the paper's Table 2, in its order.
 const STEPS: [usize; 3] = [16, 8, 4];

@@ -2,14 +2,16 @@
 
 use std::io::Write as _;
 
-use fringeflow::evaluation::{Evaluation, Judgement, ReliabilityPart, Scores, reliability};
 use serde::Serialize;
 
-use super::{Against, Args};
+use fringeflow_lab::evaluation::{Evaluation, Judgement, ReliabilityPart, Scores, reliability};
+
 use crate::failure::Failure;
 use crate::method::{Made, Method};
 use crate::proposed::Proposed;
 use crate::statistics::Statistics;
+
+use super::{Against, Args};
 
 #[derive(Serialize)]
 struct Report<'a> {

@@ -1,8 +1,8 @@
 //! Tracked poses against the true ones, where the recording holds these.
 
-use fringeflow::evaluation::{StatedPose, TrajectoryScores, against_trajectory};
-use fringeflow::fusion::Tracker;
 use fringeflow::geometry::Pose;
+use fringeflow_lab::evaluation::{StatedPose, TrajectoryScores, against_trajectory};
+use fringeflow_tracking::fusion::Tracker;
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -9,12 +9,12 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::check_writable;
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::CloudExport;
-use fringeflow::config::Configuration;
-use fringeflow::fusion::{FusionSettings, Tracker, write_model};
-use fringeflow::reconstruction::TrackedStream;
+use fringeflow_base::atomic_file::check_writable;
+use fringeflow_config::Configuration;
+use fringeflow_tracking::TrackedStream;
+use fringeflow_tracking::fusion::{FusionSettings, Tracker, write_model};
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use fringeflow::fusion::{Tracked, Tracking};
-use fringeflow::reconstruction::TrackedStream;
+use fringeflow_tracking::TrackedStream;
+use fringeflow_tracking::fusion::{Tracked, Tracking};
 
 use crate::failure::Failure;
 use crate::input::Input;

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::evaluation::TrajectoryScores;
-use fringeflow::fusion::{Tracked, Tracker, Tracking};
 use serde::Serialize;
+
+use fringeflow_lab::evaluation::TrajectoryScores;
+use fringeflow_tracking::fusion::{Tracked, Tracker, Tracking};
 
 use crate::failure::Failure;
 

@@ -3,9 +3,9 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::atomic_file::{WriteError, write_atomically};
 use fringeflow::calibration::Unit;
-use fringeflow::fusion::Model;
+use fringeflow_base::atomic_file::{WriteError, write_atomically};
+use fringeflow_tracking::fusion::Model;
 
 use super::scan::Scan;
 

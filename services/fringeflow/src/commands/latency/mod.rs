@@ -4,11 +4,11 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::atomic_file::{check_writable, write_atomically};
-use fringeflow::config::ScannerConfiguration;
-use fringeflow::message::{Counts, Stage, StageReport, flags};
-use fringeflow::recording::{Content, Message, Recording, RecordingError, Topic};
-use fringeflow::telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
+use fringeflow_base::atomic_file::{check_writable, write_atomically};
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_message::{Counts, Stage, StageReport, flags};
+use fringeflow_recording::{Content, Message, Recording, RecordingError, Topic};
+use fringeflow_telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
 
 use crate::failure::Failure;
 use crate::json;

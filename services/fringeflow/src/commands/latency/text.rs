@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::time::{Duration, UNIX_EPOCH};
 
-use fringeflow::telemetry::Latency;
+use fringeflow_telemetry::Latency;
 
 use crate::failure::Failure;
 use crate::report::{RunFigures, WindowLine};

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
-use fringeflow::dataset::{CALIBRATION_FILE, META_FILE};
-use fringeflow::recording::{CONFIGURATION_FILE, Recording, Topic};
+use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow_recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
 use fringeflow_runtime::{ServiceArgs, ServiceKind, workers};
 use fringeflow_supervisor::{Plan, run};
 
-use super::{Args, no_clouds};
 use crate::failure::Failure;
 use crate::globals::Globals;
 use crate::run_summary::{self, Summary};
+
+use super::{Args, no_clouds};
 
 impl Args {
     /// Plays a recording onto the channels.

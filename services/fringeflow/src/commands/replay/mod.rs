@@ -5,7 +5,7 @@ mod verify;
 
 use std::path::{Path, PathBuf};
 
-use fringeflow::recording::Recording;
+use fringeflow_recording::Recording;
 use fringeflow_replayer::Pace;
 
 use crate::failure::Failure;

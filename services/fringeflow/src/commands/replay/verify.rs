@@ -2,11 +2,13 @@
 
 use std::io::Write as _;
 
-use fringeflow::recording::{Recording, Topic, VerifiedCloud, VerifiedPoses, VerifyOutcome};
+use fringeflow_recording::{Recording, Topic};
+use fringeflow_replay::{VerifiedCloud, VerifiedPoses, VerifyOutcome, verify, verify_poses};
 
-use super::{Args, no_clouds};
 use crate::failure::Failure;
 use crate::{json, progress};
+
+use super::{Args, no_clouds};
 
 #[derive(serde::Serialize)]
 struct Report<'a> {
@@ -27,11 +29,11 @@ impl Args {
     /// Verifies the clouds of a recording.
     pub(super) fn verify(&self, recording: &Recording) -> Result<(), Failure> {
         let bar = progress::bar("clouds", recording.count(Topic::Cloud) as u64);
-        let results = recording.verify(|_| bar.inc(1))?;
+        let results = verify(recording, |_| bar.inc(1))?;
         bar.finish_and_clear();
         let poses = (recording.count(Topic::Pose) > 0).then(|| {
             let bar = progress::bar("poses", recording.count(Topic::Pose) as u64);
-            let verified = recording.verify_poses(|| bar.inc(1));
+            let verified = verify_poses(recording, || bar.inc(1));
             bar.finish_and_clear();
             verified
         });

@@ -4,20 +4,22 @@ use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use fringeflow::atomic_file::check_writable;
-use fringeflow::config::Configuration;
-use fringeflow::correspondence::{Drift, DriftMap, ResolutionMethod};
-use fringeflow::geometry::MeasurementVolume;
-use fringeflow::health::{Limits, Quantity, median};
-use fringeflow::preview::drift_picture;
-use fringeflow::reconstruction::{Reconstruction, Reconstructor};
 use serde::Serialize;
 
-use super::{Args, Calibrated};
+use fringeflow::correspondence::{Drift, DriftMap, ResolutionMethod};
+use fringeflow::geometry::MeasurementVolume;
+use fringeflow::reconstruction::{Reconstruction, Reconstructor};
+use fringeflow_base::atomic_file::check_writable;
+use fringeflow_config::Configuration;
+use fringeflow_lab::preview::drift_picture;
+use fringeflow_telemetry::health::{Limits, Quantity, median};
+
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::proposed::{Images, Measured, configuration, reconstruct, reconstructor};
 use crate::{json, output_folder, progress};
+
+use super::{Args, Calibrated};
 
 /// The map, in the folder of --preview.
 const PICTURE: &str = "drift.png";

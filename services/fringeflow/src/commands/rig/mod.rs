@@ -9,9 +9,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::{Unit, read_calibration};
-use fringeflow::dataset::read_volume;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
-use fringeflow::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
+use fringeflow_dataset::read_volume;
+use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 
 use crate::failure::Failure;
 use crate::input::Input;

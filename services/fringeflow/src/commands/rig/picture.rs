@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fringeflow::dataset::{GreyImage, write_png};
-use fringeflow::message::PixelFormat;
-use fringeflow::rig_report::{Evaluation, PixelMap};
+use fringeflow_dataset::{GreyImage, write_png};
+use fringeflow_lab::rig_report::{Evaluation, PixelMap};
+use fringeflow_message::PixelFormat;
 
 use crate::failure::Failure;
 

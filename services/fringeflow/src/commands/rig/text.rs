@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use fringeflow::rig_report::{Advice, CalibrationQuality, Change, Comb, Evaluation, Figures, Layout, RigReport};
+use fringeflow_lab::rig_report::{Advice, CalibrationQuality, Change, Comb, Evaluation, Figures, Layout, RigReport};
 
 /// efc below which the paper recommends the method.
 const RECOMMENDED_EFC: f64 = 0.5;

@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use fringeflow::config::{ProjectorDriver, ScannerConfiguration, VirtualScannerConfiguration};
-use fringeflow::dataset::{CameraId, FringeSequence, GreyImage, Setup};
-use fringeflow::pixels::{ImageReader, UnpackError};
-use fringeflow::recording::{Recordable, RecordingProblem, TruthPose};
-use fringeflow::simulation::{Faults, PoseImages, SimulationError, VirtualScanner};
-use fringeflow_virtual_cameras::{CableTriggers, ClockTriggers, Timing, Trigger, VirtualCamera};
-use fringeflow_virtual_projector::VirtualProjector;
+use fringeflow_config::{ProjectorDriver, ScannerConfiguration};
+use fringeflow_dataset::{CameraId, FringeSequence, GreyImage, Setup};
+use fringeflow_lab::simulation::{ConfiguredScanner, Faults, PoseImages, SimulationError, VirtualScanner};
+use fringeflow_pixels::{ImageReader, UnpackError};
+use fringeflow_recording::{Recordable, RecordingProblem, TruthPose};
+use fringeflow_virtual_rig::cameras::{CableTriggers, ClockTriggers, Timing, Trigger, VirtualCamera};
+use fringeflow_virtual_rig::projector::VirtualProjector;
 
 /// When the first pattern is shown, nanoseconds.
 const START_NS: u64 = 1_000_000_000;
@@ -61,7 +61,7 @@ impl<'a> LiveScanner<'a> {
     pub(super) fn new(
         scanner: &'a VirtualScanner,
         configuration: &ScannerConfiguration,
-        options: &VirtualScannerConfiguration,
+        options: &ConfiguredScanner,
         setup: &Setup,
     ) -> Result<Self, LiveError> {
         let faults = Faults::new(options.faults)?;

@@ -7,12 +7,12 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use fringeflow::dataset::{CameraId, check_new};
-use fringeflow::message::PixelFormat;
-use fringeflow::simulation::{
+use fringeflow_dataset::{CameraId, check_new};
+use fringeflow_lab::simulation::{
     Arrangement, Board, BoardApart, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError,
     SimulationOptions, SimulationSummary, Staging,
 };
+use fringeflow_message::PixelFormat;
 
 use crate::failure::Failure;
 use crate::progress;

@@ -3,14 +3,14 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::config::RigSource;
-use fringeflow::recording::{OfflineRecorder, Opening, Origin, Topic};
-use fringeflow::simulation::VirtualScanner;
+use fringeflow_lab::simulation::{ConfiguredScanner, VirtualScanner};
+use fringeflow_recording::{OfflineRecorder, Opening, Origin, Topic};
 use fringeflow_runtime::ServiceArgs;
 
-use super::live::{LiveError, LiveScanner};
 use crate::failure::Failure;
 use crate::{json, progress};
+
+use super::live::{LiveError, LiveScanner};
 
 #[derive(serde::Serialize)]
 struct Report<'a> {
@@ -31,13 +31,14 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     let configuration = arguments.configuration()?;
     let setup = arguments.setup(&configuration)?;
     let unusable = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", config.display()));
-    let Some(RigSource::Virtual(options)) = &configuration.rig else {
+    let configured = ConfiguredScanner::of_instance(&configuration).map_err(|e| unusable(&e))?;
+    let Some(options) = configured else {
         return Err(unusable(&"there is no virtual scanner; set cameras.source = \"virtual\""));
     };
     let scanner = VirtualScanner::new(options.scanner).map_err(|e| unusable(&e))?;
     let round = scanner.sweep().poses() as u64;
     let patterns = seconds.map_or(round, |seconds| (seconds * configuration.rate_hz).round().max(1.0) as u64);
-    let live = LiveScanner::new(&scanner, &configuration, options, &setup);
+    let live = LiveScanner::new(&scanner, &configuration, &options, &setup);
     let mut live = live.map_err(|e| unusable(&e))?;
     let opening =
         Opening { setup: &setup, configuration: &configuration.text, origin: &Origin::default(), min_free_bytes: 0 };

@@ -2,8 +2,9 @@
 
 use serde_json::json;
 
+use fringeflow_message::Stage;
+
 use super::*;
-use fringeflow::message::Stage;
 
 #[test]
 fn the_page_and_its_figures_tell_what_the_instance_does() {

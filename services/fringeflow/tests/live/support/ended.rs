@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use fringeflow::message::DropReason;
 use serde_json::Value;
+
+use fringeflow_message::DropReason;
 
 /// A run that has ended.
 #[derive(Debug)]

@@ -4,9 +4,10 @@ use std::fs::File;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use fringeflow::message::{Command, ControlRequest, Stage};
-use fringeflow::transport::request;
 use rustix::process::{Pid, Signal, kill_process};
+
+use fringeflow_message::{Command, ControlRequest, Stage};
+use fringeflow_transport::request;
 
 use super::{Arguments, Bench, Ended, NAME, wait};
 

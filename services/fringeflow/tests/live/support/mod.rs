@@ -8,11 +8,12 @@ use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use fringeflow::message::{Counts, Stage};
-use fringeflow::transport::Instance;
-use fringeflow_runtime::{Account, accounts_folder};
 use serde_json::Value;
 use tempfile::TempDir;
+
+use fringeflow_message::{Counts, Stage};
+use fringeflow_runtime::{Account, accounts_folder};
+use fringeflow_transport::Instance;
 
 pub(crate) use ended::Ended;
 pub(crate) use live::{Live, send};

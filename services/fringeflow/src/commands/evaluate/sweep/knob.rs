@@ -1,8 +1,9 @@
 //! What a sweep turns, and the series of its values: three knobs that rule the expected false candidates, and two that leave
 //! them as they are, the board apart from the volume and the number of steps.
 
-use fringeflow::simulation::{Board, BoardApart, Object, RigOptions, SimulationOptions};
 use serde::Serialize;
+
+use fringeflow_lab::simulation::{Board, BoardApart, Object, RigOptions, SimulationOptions};
 
 use crate::commands::evaluate::measurement::options;
 
@@ -141,7 +142,7 @@ impl Place {
 mod tests {
     use std::f64::consts::PI;
 
-    use fringeflow::simulation::VirtualRig;
+    use fringeflow_lab::simulation::VirtualRig;
 
     use super::*;
 

@@ -10,10 +10,11 @@ mod text;
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow::atomic_file::write_atomically;
-use fringeflow::correspondence::ResolutionMethod;
-use fringeflow::simulation::{Object, SimulationSummary};
 use serde::Serialize;
+
+use fringeflow::correspondence::ResolutionMethod;
+use fringeflow_base::atomic_file::write_atomically;
+use fringeflow_lab::simulation::{Object, SimulationSummary};
 
 pub(super) use self::knob::Knob;
 use self::knob::Place;

@@ -2,9 +2,9 @@
 //!
 //! In: the time. Out: pattern events on an absolute schedule, step after step, as long as the scanner is to scan.
 
-use fringeflow::dataset::FringeSequence;
-use fringeflow::message::{PATTERN_FRINGES, PatternEvent};
-use fringeflow::simulation::{Faults, Schedule};
+use fringeflow_dataset::FringeSequence;
+use fringeflow_lab::simulation::{Faults, Schedule};
+use fringeflow_message::{PATTERN_FRINGES, PatternEvent};
 
 /// A projector that shows N-step fringes at a rate.
 #[derive(Clone, Debug)]
@@ -82,7 +82,7 @@ impl VirtualProjector {
 mod tests {
     use super::*;
     use fringeflow::geometry::FringePattern;
-    use fringeflow::simulation::FaultOptions;
+    use fringeflow_lab::simulation::FaultOptions;
 
     fn projector(faults: Faults) -> VirtualProjector {
         let pattern = FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 };

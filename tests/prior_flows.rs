@@ -1,8 +1,12 @@
+//! What a prior says of the images of the next window, against a rig whose motion is known.
+
+#![expect(clippy::unwrap_used, reason = "a rig that cannot be built fails the test")]
+
 use nalgebra::Vector3;
 
-use super::*;
-use crate::geometry::{Pixel, Point3};
-use crate::simulation::{RigOptions, VirtualRig};
+use fringeflow::geometry::{Pixel, Point3};
+use fringeflow::prior::{Moment, Prior, Relief, RigidMotion};
+use fringeflow_lab::simulation::{RigOptions, VirtualRig};
 
 fn rig() -> VirtualRig {
     VirtualRig::new(&RigOptions { size_px: [160, 128], ..RigOptions::usual(0.025) }).unwrap()

@@ -1,0 +1,193 @@
+//! The virtual scanner that a configuration describes.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use fringeflow_config::{
+    ConfigurationError, ConfigurationProblem, FaultsTable, RigSource, ScannerConfiguration, SetupTextError, SweepTable,
+    VirtualScannerConfiguration,
+};
+use fringeflow_dataset::SetupText;
+
+use super::{
+    FaultOptions, Faults, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner, VirtualScannerOptions,
+};
+
+/// What `[virtual_scanner]` of a configuration says, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConfiguredScanner {
+    /// The scanner and its sweep.
+    pub scanner: VirtualScannerOptions,
+    /// What goes wrong on purpose.
+    pub faults: FaultOptions,
+    /// File that keeps its images from one start to the next.
+    pub cache: Option<PathBuf>,
+}
+
+impl ConfiguredScanner {
+    /// Checks the words and the faults of a configuration; ranges are checked where the scanner is built.
+    ///
+    /// # Errors
+    /// [`ConfigurationProblem`], which names the key.
+    pub fn from_configuration(configuration: &VirtualScannerConfiguration) -> Result<Self, ConfigurationProblem> {
+        let table = &configuration.table;
+        let object = word("virtual_scanner.object", table.object.as_deref(), Object::Elephant)?;
+        let usual = VirtualScannerOptions::usual(object);
+        let seed = table.seed.unwrap_or(usual.seed);
+        let scanner = VirtualScannerOptions {
+            object,
+            board: word("virtual_scanner.board", table.board.as_deref(), usual.board)?,
+            rig: RigOptions {
+                arrangement: usual.rig.arrangement,
+                size_px: table.size_px.unwrap_or(usual.rig.size_px),
+                depth_m: table.depth_mm.map_or(usual.rig.depth_m, |mm| mm * 1e-3),
+                period_px: configuration.period_px,
+                sd_rad: table.sd_rad.unwrap_or(usual.rig.sd_rad),
+                lens_error: usual.rig.lens_error,
+                seed,
+            },
+            steps: configuration.steps,
+            format: configuration.format,
+            noise: word("virtual_scanner.noise", table.noise.as_deref(), usual.noise)?,
+            gamma: table.gamma.unwrap_or(usual.gamma),
+            exposure: table.exposure.unwrap_or(usual.exposure),
+            supersampling: table.supersampling.unwrap_or(usual.supersampling),
+            sweep: sweep(&table.sweep, seed),
+            seed,
+        };
+        Ok(Self { scanner, faults: faults(&table.faults, seed)?, cache: configuration.cache.clone() })
+    }
+
+    /// The virtual scanner of an instance; `None` where it has real cameras.
+    ///
+    /// # Errors
+    /// As [`Self::from_configuration`].
+    pub fn of_instance(configuration: &ScannerConfiguration) -> Result<Option<Self>, ConfigurationProblem> {
+        match &configuration.rig {
+            Some(RigSource::Virtual(virtual_scanner)) => Self::from_configuration(virtual_scanner).map(Some),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// Reads the configuration of an instance from a file, and checks its virtual scanner too.
+///
+/// # Errors
+/// [`ConfigurationError`], which names file, key and value.
+pub fn read_configuration(file: &std::path::Path) -> Result<ScannerConfiguration, ConfigurationError> {
+    let configuration = ScannerConfiguration::read(file)?;
+    match ConfiguredScanner::of_instance(&configuration) {
+        Ok(_) => Ok(configuration),
+        Err(problem) => Err(ConfigurationError { file: file.to_owned(), problem }),
+    }
+}
+
+/// The texts of the setup of an instance, with real cameras or virtual ones.
+///
+/// # Errors
+/// As [`ScannerConfiguration::setup_text`], or the virtual scanner cannot be built.
+pub fn setup_text(configuration: &ScannerConfiguration) -> Result<SetupText, SetupTextError> {
+    let refused = |what: String| SetupTextError::VirtualScanner(what);
+    match ConfiguredScanner::of_instance(configuration).map_err(|e| refused(e.to_string()))? {
+        None => configuration.setup_text(),
+        Some(configured) => {
+            let scanner = VirtualScanner::new(configured.scanner).map_err(|e| refused(e.to_string()))?;
+            configuration.setup_text_of(scanner.description(), &scanner.rig().calibrated, None)
+        }
+    }
+}
+
+fn sweep(table: &SweepTable, seed: u64) -> SweepOptions {
+    let default = SweepOptions::default();
+    SweepOptions {
+        poses: table.poses.unwrap_or(default.poses),
+        travel_mm: table.travel_mm.unwrap_or(default.travel_mm),
+        turn_deg: table.turn_deg.unwrap_or(default.turn_deg),
+        tremor_mm: table.tremor_mm.unwrap_or(default.tremor_mm),
+        tremor_deg: table.tremor_deg.unwrap_or(default.tremor_deg),
+        outside_mm: table.outside_mm.unwrap_or(default.outside_mm),
+        seed,
+    }
+}
+
+fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+    let options = FaultOptions {
+        lost: table.lost.unwrap_or(0.0),
+        duplicated: table.duplicated.unwrap_or(0.0),
+        swapped: table.swapped.unwrap_or(0.0),
+        late: table.late.unwrap_or(0.0),
+        hidden_lost: table.hidden_lost.unwrap_or(0.0),
+        hidden_duplicated: table.hidden_duplicated.unwrap_or(0.0),
+        hidden_swapped: table.hidden_swapped.unwrap_or(0.0),
+        events_lost: table.events_lost.unwrap_or(0.0),
+        seed,
+    };
+    let named =
+        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
+    Faults::new(options).map(|_| options).map_err(named)
+}
+
+/// The value that a word names.
+fn word<T: FromStr<Err = SimulationError>>(
+    key: &'static str,
+    word: Option<&str>,
+    default: T,
+) -> Result<T, ConfigurationProblem> {
+    let Some(word) = word else { return Ok(default) };
+    word.parse().map_err(|problem: SimulationError| ConfigurationProblem::Named { key, problem: problem.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use fringeflow_base::grey::PixelFormat;
+    use fringeflow_dataset::Setup;
+
+    use super::*;
+
+    const DEMO: &str = include_str!("../../../../configs/demo.toml");
+
+    fn parse(text: &str) -> ScannerConfiguration {
+        ScannerConfiguration::parse(text, Path::new("/configs")).unwrap()
+    }
+
+    #[test]
+    fn the_demo_has_a_setup() {
+        let setup = Setup::parse(setup_text(&parse(DEMO)).unwrap(), None).unwrap();
+        assert_eq!((setup.steps, setup.image_size_px), (4, [640, 512]));
+    }
+
+    #[test]
+    fn a_word_that_means_nothing_is_named_with_its_key() {
+        let changed = parse(&DEMO.replace("object = \"elephant\"", "object = \"elefant\""));
+        let problem = ConfiguredScanner::of_instance(&changed).unwrap_err().to_string();
+        assert!(problem.contains("virtual_scanner.object") && problem.contains("elefant"), "{problem}");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scanner.toml");
+        std::fs::write(&file, &changed.text).unwrap();
+        let refused = read_configuration(&file).unwrap_err().to_string();
+        assert!(refused.contains("scanner.toml") && refused.contains("virtual_scanner.object"), "{refused}");
+    }
+
+    #[test]
+    fn the_format_of_the_cameras_is_that_of_the_setup() {
+        let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\""));
+        let setup = Setup::parse(setup_text(&deep).unwrap(), None).unwrap();
+        assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
+    }
+
+    #[test]
+    fn a_part_of_the_images_has_a_setup_of_its_own() {
+        let text =
+            |cameras: &str| setup_text(&parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}"))));
+        let setup = |cameras| Setup::parse(text(cameras).unwrap(), None).unwrap();
+        let (whole, part) = (setup(""), setup("region_px = [100, 50, 320, 256]\nbinning = 2"));
+        assert_eq!((part.image_size_px, part.pixel_format), ([160, 128], Some(PixelFormat::Y10)));
+        assert_eq!((part.readout.sensor_px(), part.readout.region()), ([640, 512], [100, 50, 320, 256]));
+        assert_eq!((&part.rig, &part.volume), (&part.readout.rig(&whole.rig), &whole.volume));
+        let refused = |cameras| text(cameras).unwrap_err().to_string();
+        assert!(refused("region_px = [600, 0, 64, 64]").contains("640 × 512"));
+        assert!(refused("region_px = [0, 0, 33, 64]\nbinning = 2").contains("cameras.region_px"));
+    }
+}

@@ -1,0 +1,125 @@
+//! What was recorded is compared with what its images make.
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use tempfile::TempDir;
+
+use fringeflow::cloud::{RECORD_BYTES, write_records};
+use fringeflow_dataset::{CameraId, Dataset, GreyImage};
+use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_message::{CloudHeader, Window};
+use fringeflow_recording::{
+    Content, DEFAULT_QUEUE_BYTES, ImportOptions, Opening, Origin, Recordable, Recorder, Topic, import,
+};
+
+use super::*;
+
+/// A simulated plane with fringes wide enough for so few pixels.
+fn dataset() -> &'static Dataset {
+    static DATASET: OnceLock<(TempDir, Dataset)> = OnceLock::new();
+    let make = || {
+        let options = SimulationOptions {
+            board: Board::None,
+            rig: RigOptions { size_px: [64, 64], period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
+            steps: 4,
+            gray: false,
+            noise: NoiseLevel::None,
+            supersampling: 1,
+            ..SimulationOptions::usual(Object::Plane)
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plane");
+        Simulation::new(options).unwrap().write(&path, || ()).unwrap();
+        (folder, Dataset::open(&path, None).unwrap())
+    };
+    &DATASET.get_or_init(make).1
+}
+
+fn imported(folder: &TempDir) -> PathBuf {
+    let path = folder.path().join("plane.mcap");
+    let options = ImportOptions { period_ns: 20_000_000, configuration: "", min_free_bytes: 0 };
+    import(dataset(), &path, &options, || ()).unwrap();
+    path
+}
+
+/// Records the dataset with the clouds of its windows `steps`, as `alter` leaves them.
+fn with_cloud(folder: &TempDir, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>)) -> Recording {
+    let imported = Recording::open(&imported(folder)).unwrap();
+    let mut reconstructor: Reconstructor = reconstructor(&imported).unwrap();
+    let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
+    let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
+    let made = reconstructor.reconstruct(0, &cam1, &cam2, None).unwrap();
+    assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
+    let mut records = Vec::new();
+    write_records(&mut records, &made.cloud.points, 1.0).unwrap();
+    let mut window = Window { cam1_session: 1, cam2_session: 1, images: 4, ..Window::default() };
+    window.cam1_sequence[..4].copy_from_slice(&[0, 1, 2, 3]);
+    window.cam2_sequence = window.cam1_sequence;
+    let window = Window { first_exposure_ns: 1_000_000_000, received_ns: 1_080_000_000, ..window };
+    let mut header = CloudHeader { points: made.cloud.points.len() as u64, window, ..CloudHeader::default() };
+    alter(&mut header, &mut records);
+
+    let origin = Origin::default();
+    let opening = Opening { setup: &dataset().setup, configuration: "", origin: &origin, min_free_bytes: 0 };
+    let recorder = Recorder::create(&folder.path().join("live.mcap"), &opening, DEFAULT_QUEUE_BYTES).unwrap();
+    for topic in [Topic::Pattern, Topic::Cam1Frame, Topic::Cam2Frame] {
+        for message in imported.messages_of(topic) {
+            match message.unwrap().content {
+                Content::Frame(header, image) => recorder.push(&Recordable::Frame { header: &header, image: &image }),
+                Content::Pattern(event) => recorder.push(&Recordable::Pattern(&event)),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    recorder.push(&Recordable::Cloud { header: &header, records: &records });
+    Recording::open(&recorder.finish().unwrap().file).unwrap()
+}
+
+fn outcome(recording: &Recording) -> VerifyOutcome {
+    let [cloud] = &verify(recording, |_| ()).unwrap()[..] else { panic!("one cloud") };
+    cloud.outcome.clone()
+}
+
+#[test]
+fn a_cloud_is_made_again_of_its_images_to_the_last_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = with_cloud(&folder, |_, _| ());
+    assert_eq!(outcome(&recording), VerifyOutcome::Same);
+    assert!(recording.cloud(0).unwrap().unwrap().points.len() > 100);
+    assert!(recording.cloud(1).unwrap().is_none());
+    let check = recording.check(|| ()).unwrap();
+    assert_eq!((check.clouds, check.clouds_without_images, check.fault_count), (1, 0, 0));
+    assert!(!check.has_losses(), "{check:?}");
+}
+
+#[test]
+fn one_bit_of_one_point_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = with_cloud(&folder, |_, records| records[RECORD_BYTES * 50 + 3] ^= 1);
+    assert!(matches!(outcome(&recording), VerifyOutcome::Different { first: 50, .. }), "{:?}", outcome(&recording));
+}
+
+#[test]
+fn a_cloud_without_its_images_is_a_loss_and_one_from_before_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = with_cloud(&folder, |header, _| header.window.cam2_sequence[2] = 17);
+    assert_eq!(outcome(&recording), VerifyOutcome::ImagesMissing);
+    let check = recording.check(|| ()).unwrap();
+    assert_eq!(check.clouds_without_images, 1);
+    assert!(check.has_losses());
+    let folder = tempfile::tempdir().unwrap();
+    let recording = with_cloud(&folder, |header, _| {
+        header.window.cam1_session = 9;
+        header.window.first_exposure_ns = 900_000_000;
+    });
+    assert_eq!(outcome(&recording), VerifyOutcome::BeforeRecording);
+    assert!(!recording.check(|| ()).unwrap().has_losses());
+}
+
+#[test]
+fn images_of_the_wrong_order_make_no_such_cloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = with_cloud(&folder, |header, _| header.window.cam1_sequence.swap(0, 1));
+    assert_ne!(outcome(&recording), VerifyOutcome::Same);
+}
