@@ -91,7 +91,7 @@ fn take(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dyn Error
     let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1?), &GreyImage::levels_of(&cam2?), None)?;
     let (_, grounds) = match_phases_with_grounds(&made.cam1, &made.cam2, reconstructor.table(), &settings.matching)?;
 
-    let judgements = against_rendered(&made.cloud, setup.image_size_px, &truth, &Frames::of(setup))?.judgements;
+    let judgements = against_rendered(&made.cloud, setup.image_size_px, &truth, &Frames::from_setup(setup))?.judgements;
     let is_judged = |pixel: &usize| made.matches.outcomes[*pixel].is_found();
     for (place, pixel) in (0..judgements.len()).filter(is_judged).enumerate() {
         let is_true = !judgements[pixel].is_false();

@@ -74,7 +74,7 @@ struct TrueSurface {
 impl TrueSurface {
     fn of(scanner: VirtualScanner, object_from_cam1: Pose, exact_from_cam1: Pose) -> Self {
         let rig = scanner.rig();
-        let scene = Scene::of_object(Object::Elephant, Board::Dark, &rig.exact_volume).at(object_from_cam1.inverse());
+        let scene = Scene::from_object(Object::Elephant, Board::Dark, &rig.exact_volume).at(object_from_cam1.inverse());
         let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
         Self { scanner, object_from_cam1, exact_from_cam1, view }
     }

@@ -38,7 +38,7 @@ fn written(simulation: &Simulation, folder: &Path) -> Dataset {
 
 /// What a camera sees of an object at rest that a motion has brought there.
 fn still(rig: &VirtualRig, object: Object, motion: &Pose, camera: CameraId) -> View {
-    let scene = Scene::of_object(object, Board::Visible, &rig.exact_volume);
+    let scene = Scene::from_object(object, Board::Visible, &rig.exact_volume);
     let cam1_from_volume = rig.exact_volume.cam1_from_volume();
     let pose = cam1_from_volume * motion * cam1_from_volume.inverse() * scene.cam1_from_object();
     View::trace(&rig.exact, &scene.at(pose), camera, 1).unwrap()
@@ -133,7 +133,7 @@ fn judged(dataset: &Dataset, start: usize) -> Evaluation {
     let middle = start as f64 + (STEPS as f64 - 1.0) / 2.0;
     let judged = against_rendered_at(&made.cloud, setup, &truth, middle).unwrap();
     if Some(middle) == setup.motion.as_ref().map(|motion| motion.reference) {
-        assert_eq!(judged, against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::of(setup)).unwrap());
+        assert_eq!(judged, against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::from_setup(setup)).unwrap());
     }
     judged
 }

@@ -49,7 +49,7 @@ fn scores(scanner: &VirtualScanner) -> Scores {
         Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, Settings::default()).unwrap();
     let made = reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2), None).unwrap();
 
-    let scene = Scene::of_object(options.object, options.board, &rig.exact_volume);
+    let scene = Scene::from_object(options.object, options.board, &rig.exact_volume);
     let scene = scene.at(scanner.cam1_from_object(STEPS / 2));
     let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
     let truth = truth(&rig.exact, &rig.exact_volume, &scene, &view, Unit::Millimetre);

@@ -74,7 +74,7 @@ impl Scene {
         let Some(Truth::Rendered(truth)) = self.dataset.truth().unwrap() else {
             panic!("no truth of a rendered scene")
         };
-        against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::of(&self.dataset.setup)).unwrap().scores
+        against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::from_setup(&self.dataset.setup)).unwrap().scores
     }
 
     /// The same window as the last of a stream, and what it was told.
@@ -120,7 +120,7 @@ fn a_known_motion_makes_a_moving_scene_nearly_as_good_as_one_at_rest_and_a_wrong
         Prior { drift: KnownDrift::from_numbers(numbers), ..told.clone() }
     };
     let RigidMotion { velocity_m_s, rate_rad_s } = told.motion;
-    let still = Relief::of_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
+    let still = Relief::from_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
     let wrong = [
         ("the other way", moving(-velocity_m_s, -rate_rad_s)),
         ("across", moving(Vector3::new(velocity_m_s.y, -velocity_m_s.z, velocity_m_s.x), rate_rad_s)),

@@ -15,7 +15,7 @@ fn rig() -> VirtualRig {
 /// A plane at right angles to the view of C1.
 fn relief(depth_m: f32) -> Relief {
     let pixels = (0..128).flat_map(|v| (0..160).map(move |u| [u, v]));
-    Relief::of_points([160, 128], pixels.map(|pixel| (pixel, depth_m)))
+    Relief::from_points([160, 128], pixels.map(|pixel| (pixel, depth_m)))
 }
 
 const MOTION: RigidMotion =
@@ -76,20 +76,20 @@ fn what_tells_nothing_gives_no_flow() {
         let _ = flows(&hostile(velocity), MOMENT);
     }
     assert!(flows(&hostile(f64::NAN), MOMENT).is_none());
-    let nothing = Relief::of_points([160, 128], std::iter::empty());
+    let nothing = Relief::from_points([160, 128], std::iter::empty());
     assert!(flows(&Prior { relief: nothing, ..prior.clone() }, MOMENT).is_none());
-    let other = Relief::of_points([64, 64], std::iter::once(([0, 0], 0.3)));
+    let other = Relief::from_points([64, 64], std::iter::once(([0, 0], 0.3)));
     assert!(flows(&Prior { relief: other, ..prior }, MOMENT).is_none());
 }
 
 #[test]
 fn a_relief_is_the_mean_of_its_cells() {
     let relief =
-        Relief::of_points([40, 20], [([0, 0], 0.25), ([15, 15], 0.5), ([16, 0], 0.3), ([99, 0], 0.3)].into_iter());
+        Relief::from_points([40, 20], [([0, 0], 0.25), ([15, 15], 0.5), ([16, 0], 0.3), ([99, 0], 0.3)].into_iter());
     assert_eq!(Relief::cells_of([40, 20]), [3, 2]);
     let cells = relief.cells().to_vec();
     // 3 1/m is the mean of 4 and 2.
     assert_eq!(cells, [(3.0f64 * 65535.0 / 30.0).round() as u16, (65535.0f64 / 9.0).round() as u16, 0, 0, 0, 0]);
-    assert_eq!(Relief::of_cells([40, 20], cells.clone()), Some(relief));
-    assert_eq!(Relief::of_cells([80, 20], cells), None);
+    assert_eq!(Relief::from_cells([40, 20], cells.clone()), Some(relief));
+    assert_eq!(Relief::from_cells([80, 20], cells), None);
 }

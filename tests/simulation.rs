@@ -108,7 +108,7 @@ fn every_object_can_be_measured_and_its_truth_fits_the_rig() {
     for object in Object::ALL {
         let options = options(object);
         let rig = VirtualRig::new(&options.rig).unwrap();
-        let scene = Scene::of_object(object, Board::None, &rig.exact_volume);
+        let scene = Scene::from_object(object, Board::None, &rig.exact_volume);
         let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
         let truth = truth(&rig.exact, &rig.exact_volume, &scene, &view, Unit::Millimetre);
         let count = truth.measurable.iter().filter(|&&m| m).count();
@@ -164,7 +164,7 @@ fn sees(rig: &Rig, point: &Point3) -> bool {
 fn light_and_sight_agree_with_brute_force() {
     for object in [Object::Prism, Object::Teeth, Object::Elephant] {
         let rig = VirtualRig::new(&options(object).rig).unwrap();
-        let scene = Scene::of_object(object, Board::Visible, &rig.exact_volume);
+        let scene = Scene::from_object(object, Board::Visible, &rig.exact_volume);
         let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
         let truth = truth(&rig.exact, &rig.exact_volume, &scene, &view, Unit::Millimetre);
         let solid = object.solid();
@@ -290,7 +290,7 @@ fn the_reference_is_what_gray_code_finds_and_the_truth_confirms() {
 fn noise_has_the_spread_of_shot_and_read_noise() {
     let options = options(Object::Plane);
     let rig = VirtualRig::new(&options.rig).unwrap();
-    let scene = Scene::of_object(Object::Plane, Board::Visible, &rig.exact_volume);
+    let scene = Scene::from_object(Object::Plane, Board::Visible, &rig.exact_volume);
     let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
     let noise = NoiseLevel::Normal.noise().unwrap();
     let (noisy, quiet) = (Sensor::exposed(Some(noise), 1.0), Sensor::exposed(None, 1.0));

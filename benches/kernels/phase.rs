@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 use fringeflow::phase::{
-    MotionFit, MotionRoom, PhaseMap, Validity, decode_into, decode_moving_into, usual_extra_images,
+    MotionFit, MotionScratch, PhaseMap, Validity, decode_into, decode_moving_into, usual_extra_images,
 };
 use fringeflow_base::grey::PixelFormat;
 
@@ -37,8 +37,8 @@ pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     let fit = MotionFit::new(&cycle.take(window).collect::<Vec<_>>()).unwrap();
     let levels = &images.levels()[0][..window];
     group.bench_function(BenchmarkId::new("moving", MOVING_STEPS), |bencher| {
-        let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
-        bencher.iter(|| decode_moving_into(&mut map, &mut room, black_box(levels), width, height, &fit, &validity));
+        let (mut map, mut scratch) = (PhaseMap::default(), MotionScratch::default());
+        bencher.iter(|| decode_moving_into(&mut map, &mut scratch, black_box(levels), width, height, &fit, &validity));
     });
     group.finish();
 }

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use fringeflow::correspondence::{DeltaHistogram, EpipolarImage, estimate_drift, measure_delta};
 use fringeflow::phase::{
-    MotionFit, MotionRoom, PhaseMap, SequenceCheck, SequenceRoom, Validity, decode, decode_moving_into,
+    MotionFit, MotionScratch, PhaseMap, SequenceCheck, SequenceScratch, Validity, decode, decode_moving_into,
 };
 
 use super::bench::{Bench, Measured, STEPS};
@@ -39,7 +39,7 @@ fn of_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)
     _ = workers.cloud(0, &levels);
     let [cam1, cam2] = [workers.maps.cam1.clone(), workers.maps.cam2.clone()];
     let image = EpipolarImage::resample(&cam2, table).unwrap();
-    let histogram = DeltaHistogram::of_all_candidates(&cam1, &image, table, 0);
+    let histogram = DeltaHistogram::from_all_candidates(&cam1, &image, table, 0);
     let (settings, delta) = (Default::default(), workers.found.matches.delta);
     let shifts = shifts(STEPS);
     let (cam1, cam2, image) = (&cam1, &cam2, &image);
@@ -51,7 +51,7 @@ fn of_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)
         ("matching", contender(move || searching.search())),
         ("triangulation", contender(move || _ = black_box(triangulating.triangulate()))),
         ("resampling", contender(|| drop(black_box(EpipolarImage::resample(cam2, table))))),
-        ("histogram of δ", contender(|| _ = black_box(DeltaHistogram::of_all_candidates(cam1, image, table, 0)))),
+        ("histogram of δ", contender(|| _ = black_box(DeltaHistogram::from_all_candidates(cam1, image, table, 0)))),
         ("statistics of δ", contender(|| _ = black_box(measure_delta(cam1, image, table, &histogram, &settings)))),
         ("drift", contender(|| _ = black_box(estimate_drift(cam1, image, table, &delta)))),
     ];
@@ -74,16 +74,17 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
     let all: Vec<f64> = cycle.iter().copied().cycle().take(window_images()).collect();
     let fit = MotionFit::new(&all).unwrap();
     let check = SequenceCheck::new(&cycle, 0, window_images());
-    let (mut map, mut room, mut check_room) = (PhaseMap::default(), MotionRoom::default(), SequenceRoom::default());
+    let (mut map, mut scratch, mut check_scratch) =
+        (PhaseMap::default(), MotionScratch::default(), SequenceScratch::default());
     let names = ["decoding C1 with motion", "check of the sequence of C1"];
     let spent = interleave(
         repetitions,
         &mut [
             contender(|| {
-                decode_moving_into(&mut map, &mut room, &window[0], width, height, &fit, &validity).unwrap();
+                decode_moving_into(&mut map, &mut scratch, &window[0], width, height, &fit, &validity).unwrap();
                 black_box(&map);
             }),
-            contender(|| _ = black_box(check.fault_in(&mut check_room, &window[0], width, height, &validity))),
+            contender(|| _ = black_box(check.fault_in(&mut check_scratch, &window[0], width, height, &validity))),
         ],
     );
     names.into_iter().zip(spent).map(|(name, spent)| (name, median(spent.iter().map(|s| s.cpu_ns * 1e-6)))).collect()

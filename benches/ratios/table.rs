@@ -30,7 +30,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let file = bench_folder().join("easy.segments");
     easy.table.save(&file).unwrap();
     let (source, mut copy) = (std::fs::read(&file).unwrap(), std::fs::read(&file).unwrap());
-    let fingerprint = Fingerprint::of(&rig.calibrated, &rig.volume, &rig.columns);
+    let fingerprint = Fingerprint::new(&rig.calibrated, &rig.volume, &rig.columns);
     let mut contenders = [
         contender(|| drop(black_box(SegmentTable::load(&file, fingerprint).unwrap()))),
         contender(|| black_box(&mut copy).copy_from_slice(black_box(&source))),

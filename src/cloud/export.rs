@@ -68,7 +68,7 @@ impl CloudFormat {
     ///
     /// # Errors
     /// [`CloudWriteError::UnknownFormat`] for any other extension than `ply`, `pcd` and `npz`.
-    pub fn of_path(path: &Path) -> Result<Self, CloudWriteError> {
+    pub fn from_path(path: &Path) -> Result<Self, CloudWriteError> {
         let extension = path.extension().map(|e| e.to_string_lossy().into_owned());
         match extension.as_deref().map(str::to_ascii_lowercase).as_deref() {
             Some("ply") => Ok(Self::Ply),
@@ -108,7 +108,7 @@ impl Cloud {
     /// [`CloudWriteError`]: another extension, a number that is not finite, or a file that cannot be written; whatever
     /// stood at the path stays as it was.
     pub fn write(&self, path: &Path, export: &CloudExport<'_>) -> Result<(), CloudWriteError> {
-        let format = CloudFormat::of_path(path)?;
+        let format = CloudFormat::from_path(path)?;
         check_finite(path, &self.points, export.per_metre())?;
         write_atomically(path, |out| match format {
             CloudFormat::Ply => ply::write(out, &self.points, export),
@@ -170,7 +170,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_extension_chooses_the_format() {
-        let of = |name: &str| CloudFormat::of_path(Path::new(name));
+        let of = |name: &str| CloudFormat::from_path(Path::new(name));
         assert_eq!(of("a/nose.ply").unwrap(), CloudFormat::Ply);
         assert_eq!(of("nose.PCD").unwrap(), CloudFormat::Pcd);
         assert_eq!(of("nose.npz").unwrap(), CloudFormat::Npz);

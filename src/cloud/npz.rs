@@ -70,8 +70,8 @@ mod tests {
 
     use npyz::npz::NpzArchive;
 
-    use super::super::export::tests::{EXPORT_MM, sample_points};
     use super::*;
+    use crate::cloud::export::tests::{EXPORT_MM, sample_points};
     use crate::cloud::record::FIELDS;
 
     fn written(points: &[CloudPoint]) -> Vec<u8> {

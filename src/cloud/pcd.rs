@@ -40,8 +40,8 @@ fn type_letter(scalar: Scalar) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::export::tests::{EXPORT_MM, sample_points};
     use super::*;
+    use crate::cloud::export::tests::{EXPORT_MM, sample_points};
     use crate::cloud::record::RECORD_BYTES;
 
     const HEADER: &str = concat!(
@@ -68,7 +68,7 @@ mod tests {
     fn the_file_is_the_header_and_the_records_of_the_ply_file() {
         let (mut pcd, mut ply) = (Vec::new(), Vec::new());
         write(&mut pcd, &sample_points(), &EXPORT_MM).unwrap();
-        super::super::ply::write(&mut ply, &sample_points(), &EXPORT_MM).unwrap();
+        crate::cloud::ply::write(&mut ply, &sample_points(), &EXPORT_MM).unwrap();
         let (header, body) = pcd.split_at(HEADER.len());
         assert_eq!(std::str::from_utf8(header).unwrap(), HEADER);
         assert_eq!(body, &ply[ply.len() - 2 * RECORD_BYTES..]);

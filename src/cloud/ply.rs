@@ -35,8 +35,8 @@ fn type_name(scalar: Scalar) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::export::tests::{EXPORT_MM, sample_points};
     use super::*;
+    use crate::cloud::export::tests::{EXPORT_MM, sample_points};
     use crate::cloud::record::RECORD_BYTES;
 
     const HEADER: &str = concat!(

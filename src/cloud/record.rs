@@ -138,8 +138,8 @@ pub fn decode_record(record: &[u8; RECORD_BYTES]) -> CloudPoint {
 
 #[cfg(test)]
 mod tests {
-    use super::super::export::tests::sample_points;
     use super::*;
+    use crate::cloud::export::tests::sample_points;
 
     #[test]
     fn records_in_metres_read_back_to_the_same_points() {

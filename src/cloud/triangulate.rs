@@ -132,7 +132,7 @@ impl Kernel for RowKernel<'_, '_> {
         let mut made = 0;
         for k in 0..width.div_ceil(TILE_PX) {
             let first = v * width + TILE_PX * k;
-            let tile = Tile::of(&work, first, TILE_PX.min(width - TILE_PX * k));
+            let tile = Tile::new(&work, first, TILE_PX.min(width - TILE_PX * k));
             if tile.found.contains(&true) {
                 made += tile.points(&work, rays.of_patch(k), [TILE_PX * k, v], &mut out[made..]);
             }
@@ -158,7 +158,7 @@ struct Tile {
 impl Tile {
     /// `count` pixels from `first` on; nothing is found beyond them.
     #[inline(always)]
-    fn of(work: &Work<'_>, first: usize, count: usize) -> Self {
+    fn new(work: &Work<'_>, first: usize, count: usize) -> Self {
         let (matches, input, pixels) = (work.matches, &work.input, first..first + count);
         let outcome = fringeflow_simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
         let mut found = [false; TILE_PX];

@@ -46,8 +46,8 @@ impl Default for DeltaHistogram {
 impl DeltaHistogram {
     /// The histogram of phases of C1 that are too great by `ahead` turns · 65536.
     #[must_use]
-    pub fn of_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
-        HistogramRoom::default().count(cam1, cam2, table, ahead)
+    pub fn from_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
+        HistogramScratch::default().count(cam1, cam2, table, ahead)
     }
 
     /// Counts over −π to π rad in equal parts, from the least δ up.
@@ -126,7 +126,7 @@ impl DeltaHistogram {
 
 /// Memory in which histograms are counted, to be used from window to window.
 #[derive(Clone, Debug, Default)]
-pub(super) struct HistogramRoom(Pool<Part>);
+pub(super) struct HistogramScratch(Pool<Part>);
 
 /// What somebody counts by himself.
 #[derive(Debug, Default)]
@@ -136,8 +136,8 @@ struct Part {
     histogram: DeltaHistogram,
 }
 
-impl HistogramRoom {
-    /// As [`DeltaHistogram::of_all_candidates`].
+impl HistogramScratch {
+    /// As [`DeltaHistogram::from_all_candidates`].
     pub(super) fn count(
         &mut self,
         cam1: &PhaseMap,
@@ -146,14 +146,14 @@ impl HistogramRoom {
         ahead: u16,
     ) -> DeltaHistogram {
         let Self(parts) = self;
-        parts.rooms().iter_mut().for_each(|part| part.histogram = DeltaHistogram::default());
+        parts.scratches().iter_mut().for_each(|part| part.histogram = DeltaHistogram::default());
         let rows = cam1.height.saturating_sub(STRIDE / 2).div_ceil(STRIDE);
         (0..rows).into_par_iter().for_each_init(
             || parts.take(),
             |part, row| part.add_row((cam1, cam2), table, STRIDE / 2 + row * STRIDE, ahead),
         );
         let mut histogram = DeltaHistogram::default();
-        parts.rooms().iter().for_each(|part| histogram.add(&part.histogram));
+        parts.scratches().iter().for_each(|part| histogram.add(&part.histogram));
         histogram
     }
 }

@@ -96,12 +96,12 @@ pub fn measure_delta(
     histogram: &DeltaHistogram,
     settings: &ResolutionSettings,
 ) -> Option<DeltaStatistics> {
-    DeltaRoom::default().measure(cam1, cam2, table, histogram, settings)
+    DeltaScratch::default().measure(cam1, cam2, table, histogram, settings)
 }
 
 /// Memory in which δ is measured, to be used from window to window.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DeltaRoom {
+pub(super) struct DeltaScratch {
     /// Rows that say what δ is like.
     rows: Vec<Option<usize>>,
     sample: PhaseMap,
@@ -112,7 +112,7 @@ pub(super) struct DeltaRoom {
     differences: Vec<i16>,
 }
 
-impl DeltaRoom {
+impl DeltaScratch {
     /// As [`measure_delta`].
     pub(super) fn measure(
         &mut self,
@@ -204,12 +204,12 @@ pub(super) struct DeltaSums {
 
 impl DeltaSums {
     /// Those of so many δ with such a sum, and such a sum of their squares.
-    pub(super) fn of(count: u32, sum: i64, squares: u64) -> Self {
+    pub(super) fn new(count: u32, sum: i64, squares: u64) -> Self {
         Self { count, sum, squares }
     }
 
     pub(super) fn merged(self, other: Self) -> Self {
-        Self::of(self.count + other.count, self.sum + other.sum, self.squares + other.squares)
+        Self::new(self.count + other.count, self.sum + other.sum, self.squares + other.squares)
     }
 
     /// Mean and standard deviation, rad.
@@ -223,7 +223,7 @@ impl DeltaSums {
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
 fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
-    let each = deltas.iter().map(|&delta| DeltaSums::of(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2)));
+    let each = deltas.iter().map(|&delta| DeltaSums::new(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2)));
     each.fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
 }
 

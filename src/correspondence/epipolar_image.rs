@@ -29,7 +29,7 @@ pub struct EpipolarImage {
     pub phase: Vec<u16>,
     /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
     pub(super) marked: Vec<u16>,
-    /// Room for coefficients along rows.
+    /// Scratch for coefficients along rows.
     pub(super) coefficients: Pool<Vec<[[f32; POWERS]; 2]>>,
 }
 
@@ -44,7 +44,7 @@ impl EpipolarImage {
         image.resample_into(map, table).then_some(image)
     }
 
-    /// Resamples a phase map of C2 into the room of another image; tells whether it has the size that the table was built
+    /// Resamples a phase map of C2 into the memory of another image; tells whether it has the size that the table was built
     /// for, and else leaves the image as it is.
     ///
     /// The four neighbours are mixed bilinearly where all are valid and of one surface, else the nearest one is taken:
@@ -125,7 +125,7 @@ struct Marked<'a> {
 struct RowKernel<'a> {
     image: Marked<'a>,
     sources: SourceRow<'a>,
-    /// Room for coefficients.
+    /// Scratch for coefficients.
     along_row: &'a mut Vec<[[f32; POWERS]; 2]>,
     out: &'a mut [u16],
 }

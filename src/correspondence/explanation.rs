@@ -13,18 +13,18 @@ use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
-/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes. `rooms` is for rows of
+/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes. `scratches` is for rows of
 /// segments.
 pub(super) fn explain(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
     outcomes: &mut [Outcome],
-    rooms: &Pool<SegmentRow>,
+    scratches: &Pool<SegmentRow>,
 ) {
     let width = cam1.width.max(1);
     outcomes.par_chunks_mut(width).enumerate().for_each_init(
-        || rooms.take(),
+        || scratches.take(),
         |segments, (v, outcomes)| {
             let (mut is_here, mut guess_px) = (false, 0.0);
             for (u, outcome) in outcomes.iter_mut().enumerate() {

@@ -18,7 +18,7 @@ impl std::fmt::Display for Fingerprint {
 impl Fingerprint {
     /// Hash of calibration, measurement volume, pattern and image sizes.
     #[must_use]
-    pub fn of(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Self {
+    pub fn new(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Self {
         let mut hash = Sha256::new();
         let mut add = |values: &[f64]| values.iter().for_each(|v| hash.update(v.to_le_bytes()));
         for camera in [&rig.cam1, &rig.cam2, &rig.projector] {

@@ -10,9 +10,9 @@ use crate::phase::PhaseMap;
 use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
-use super::delta_histogram::{DeltaHistogram, HistogramRoom};
-use super::delta_statistics::{DeltaRoom, DeltaStatistics, DeltaSums, measure_delta};
-use super::drift::{Drift, DriftRoom, KnownDrift};
+use super::delta_histogram::{DeltaHistogram, HistogramScratch};
+use super::delta_statistics::{DeltaScratch, DeltaStatistics, DeltaSums, measure_delta};
+use super::drift::{Drift, DriftScratch, KnownDrift};
 use super::epipolar_image::EpipolarImage;
 use super::reference_methods::{ResolutionSettings, paper};
 use super::segment_table::SegmentTable;
@@ -156,10 +156,10 @@ pub fn match_phases_with_grounds(
 pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
     cam2: EpipolarImage,
-    histogram: HistogramRoom,
-    delta: DeltaRoom,
-    drift: DriftRoom,
-    semi_global: semi_global::Room,
+    histogram: HistogramScratch,
+    delta: DeltaScratch,
+    drift: DriftScratch,
+    semi_global: semi_global::Scratch,
 }
 
 impl Matcher {
@@ -245,17 +245,17 @@ impl Matching<'_> {
         &self,
         delta: DeltaStatistics,
         known: Option<&KnownDrift>,
-        (drift, room): (&mut DriftRoom, &mut semi_global::Room),
+        (drift, scratch): (&mut DriftScratch, &mut semi_global::Scratch),
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let [cam1, _] = self.raw;
         let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
-        let known = known.and_then(|known| Drift::of_known(known, self.table));
-        let drift = surfaces::explain(view, &delta, known.as_ref(), &mut room.surfaces, drift);
+        let known = known.and_then(|known| Drift::from_known(known, self.table));
+        let drift = surfaces::explain(view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
         if self.is_measured() {
             let ordered = check_order(&delta, || self.exchanged());
-            ordered.or_else(|error| if self.fits_exchanged(&room.surfaces) { Err(error) } else { Ok(()) })?;
+            ordered.or_else(|error| if self.fits_exchanged(&scratch.surfaces) { Err(error) } else { Ok(()) })?;
         }
         let rest = drift.rest(&delta);
         self.check_scatter(&rest)?;
@@ -269,7 +269,7 @@ impl Matching<'_> {
         };
         let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
         let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
-        room.resolve(&scene, &limits, &mut decisions, grounds);
+        scratch.resolve(&scene, &limits, &mut decisions, grounds);
         let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
         let sums = out.sums();
         check_share(&rest, doubtful, sums.found, sums.with_candidates)?;
@@ -316,18 +316,18 @@ impl Matching<'_> {
 
     /// Whether surfaces are explained better with the images exchanged: where most of an image sees what lies outside the
     /// volume, δ within it may scatter more widely than that of wrong candidates.
-    fn fits_exchanged(&self, explained: &surfaces::Room) -> bool {
-        let ([_, cam2], mut room) = (self.raw, surfaces::Room::default());
+    fn fits_exchanged(&self, explained: &surfaces::Scratch) -> bool {
+        let ([_, cam2], mut scratch) = (self.raw, surfaces::Scratch::default());
         let Some(image) = self.exchanged_image() else { return false };
         let view = surfaces::View { cam1: cam2, cam2: &image, table: self.table };
-        surfaces::explain_by_surfaces(view, &mut room, &mut DriftRoom::default());
-        room.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
+        surfaces::explain_by_surfaces(view, &mut scratch, &mut DriftScratch::default());
+        scratch.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 
     /// δ with the images of the cameras exchanged, if they are of one size.
     fn exchanged(&self) -> Option<DeltaStatistics> {
         let ([_, cam2], image) = (self.raw, self.exchanged_image()?);
-        let histogram = DeltaHistogram::of_all_candidates(cam2, &image, self.table, 0);
+        let histogram = DeltaHistogram::from_all_candidates(cam2, &image, self.table, 0);
         measure_delta(cam2, &image, self.table, &histogram, &self.settings.resolution)
     }
 
@@ -385,7 +385,7 @@ impl Kernel for SumChunk<'_> {
             sum += own;
             squares += u64::from((own * own) as u32);
         }
-        let delta = DeltaSums::of(found, i64::from(sum), squares);
+        let delta = DeltaSums::new(found, i64::from(sum), squares);
         Sums { found: found as usize, with_candidates: with_candidates as usize, delta }
     }
 }

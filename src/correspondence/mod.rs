@@ -24,6 +24,7 @@ mod claims;
 mod decay;
 mod delta_histogram;
 mod delta_statistics;
+mod disjoint_sets;
 mod drift;
 mod epipolar_image;
 mod explanation;
@@ -47,7 +48,6 @@ mod slip;
 mod source_map;
 mod support;
 mod surfaces;
-mod unions;
 mod unique;
 mod wide;
 

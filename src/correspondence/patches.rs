@@ -34,7 +34,7 @@ pub(super) struct Nodes {
 
 impl Nodes {
     /// Those of an image of a size in pixels.
-    pub(super) fn of(size_px: [usize; 2]) -> Self {
+    pub(super) fn from_size_px(size_px: [usize; 2]) -> Self {
         Self { patches: size_px.map(|side| side.div_ceil(PATCH_PX)) }
     }
 
@@ -80,7 +80,7 @@ impl<const FIELDS: usize> Patches<FIELDS> {
 
     /// Fields that are zero all over an image, to be overwritten.
     pub(super) fn zeroed(size_px: [usize; 2]) -> Self {
-        let Nodes { patches } = Nodes::of(size_px);
+        let Nodes { patches } = Nodes::from_size_px(size_px);
         Self { patches, coefficients: vec![[0.0; POWERS]; Self::groups(patches)] }
     }
 
@@ -96,7 +96,7 @@ impl<const FIELDS: usize> Patches<FIELDS> {
 
     /// Coefficients of the fields over an image.
     pub(super) fn numbers(size_px: [usize; 2]) -> usize {
-        POWERS * Self::groups(Nodes::of(size_px).patches)
+        POWERS * Self::groups(Nodes::from_size_px(size_px).patches)
     }
 
     /// Number of groups of coefficients of so many patches.
@@ -242,7 +242,7 @@ mod tests {
     }
 
     fn patches(undefined_from_px: f64) -> Patches<2> {
-        let nodes = Nodes::of([40, 23]);
+        let nodes = Nodes::from_size_px([40, 23]);
         let values = nodes.map(|u, v| (u < undefined_from_px).then(|| [exact(u, v), -exact(u, v)]));
         Patches::through(nodes, &values, [-1.0, -2.0])
     }

@@ -34,7 +34,7 @@ impl PlaceRow<'_> {
     }
 }
 
-/// Room for the places of a row.
+/// Scratch for the places of a row.
 pub(super) struct PlaceRow<'a> {
     pub(super) of_pixels: &'a mut [u32],
     pub(super) nearness: &'a mut [f32],

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::bands::{self, BAND_ROWS};
+use super::disjoint_sets::{DisjointSets, Offset};
 use super::neighbourhood::{ABSENT, MAX_STEP};
-use super::unions::{Offset, Unions};
 
 /// Pixels of a row that belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,19 +37,19 @@ pub(super) struct Regions {
     begins: Vec<usize>,
     /// Pixels of each region.
     pub(super) size_px: Vec<u32>,
-    rooms: Vec<BandRoom>,
-    unions: Unions,
+    scratches: Vec<BandScratch>,
+    sets: DisjointSets,
 }
 
 /// What is found in a band of rows.
 #[derive(Clone, Debug, Default)]
-struct BandRoom {
+struct BandScratch {
     runs: Vec<Run>,
     /// Number of runs of each row.
     counts: Vec<usize>,
     /// Runs that touch runs of the row above.
     touching: Vec<[u32; 2]>,
-    /// Room for marks of the pixels of a row.
+    /// Scratch for marks of the pixels of a row.
     marks: Vec<u8>,
 }
 
@@ -57,44 +57,44 @@ impl Regions {
     /// Finds them. Pixels beside and above each other belong together if their absolute phases run on and their z differ by no
     /// more than `max_z_step`. In: absolute phases and z of all pixels of an image that is so wide.
     pub(super) fn find(&mut self, width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) {
-        let Self { runs, begins, size_px, rooms, unions } = self;
+        let Self { runs, begins, size_px, scratches, sets } = self;
         let height = absolute.len() / width;
         let row = |v: usize| Row { absolute: &absolute[v * width..][..width], z: &z[v * width..][..width] };
         let rows_of = |band: usize| band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height);
-        bands::resize(rooms, height);
-        rooms.par_iter_mut().enumerate().for_each(|(band, room)| {
-            room.runs.clear();
-            room.counts.clear();
+        bands::resize(scratches, height);
+        scratches.par_iter_mut().enumerate().for_each(|(band, scratch)| {
+            scratch.runs.clear();
+            scratch.counts.clear();
             for v in rows_of(band) {
-                let before = room.runs.len();
-                row(v).runs(v * width, max_z_step, &mut room.marks, &mut room.runs);
-                room.counts.push(room.runs.len() - before);
+                let before = scratch.runs.len();
+                row(v).runs(v * width, max_z_step, &mut scratch.marks, &mut scratch.runs);
+                scratch.counts.push(scratch.runs.len() - before);
             }
         });
         runs.clear();
         begins.clear();
         begins.push(0);
-        for room in &*rooms {
-            runs.extend_from_slice(&room.runs);
-            for count in &room.counts {
+        for scratch in &*scratches {
+            runs.extend_from_slice(&scratch.runs);
+            for count in &scratch.counts {
                 begins.push(begins[begins.len() - 1] + count);
             }
         }
         let (all, starts) = (&*runs, &*begins);
-        rooms.par_iter_mut().enumerate().for_each(|(band, room)| {
-            room.touching.clear();
+        scratches.par_iter_mut().enumerate().for_each(|(band, scratch)| {
+            scratch.touching.clear();
             for v in rows_of(band).filter(|&v| v > 0) {
                 let runs = [&all[starts[v - 1]..starts[v]], &all[starts[v]..starts[v + 1]]];
                 let first = [starts[v - 1], starts[v]];
-                touching_runs([row(v - 1), row(v)], runs, first, max_z_step, &mut room.marks, &mut room.touching);
+                touching_runs([row(v - 1), row(v)], runs, first, max_z_step, &mut scratch.marks, &mut scratch.touching);
             }
         });
-        unions.begin(runs.iter().map(|run| run.end - run.begin));
-        for &[above, below] in rooms.iter().flat_map(|room| &room.touching) {
-            unions.unite(above, below, 0);
+        sets.begin(runs.iter().map(|run| run.end - run.begin));
+        for &[above, below] in scratches.iter().flat_map(|scratch| &scratch.touching) {
+            sets.unite(above, below, 0);
         }
         size_px.clear();
-        unions.number(|run, Offset { set, .. }| {
+        sets.number(|run, Offset { set, .. }| {
             let run = &mut runs[run];
             run.region = set;
             size_px.resize(size_px.len().max(set as usize + 1), 0);
@@ -280,7 +280,7 @@ mod tests {
             state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
             (state >> 16) % below
         };
-        // The same room for all: what was held before makes no difference.
+        // The same scratch memory for all: what it held before makes no difference.
         let mut regions = Regions::default();
         for (width, height) in [(1, 1), (37, 71), (64, 9), (8, 40)] {
             let pixels = width * height;

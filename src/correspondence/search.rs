@@ -69,7 +69,7 @@ impl Candidates {
 
     /// Candidates of so many pixels.
     #[cfg(test)]
-    pub(super) fn of_pixels(pixels: &[Vec<Candidate>]) -> Self {
+    pub(super) fn from_pixels(pixels: &[Vec<Candidate>]) -> Self {
         let ends = pixels.iter().scan(0, |end, list| {
             *end += list.len();
             Some(*end)

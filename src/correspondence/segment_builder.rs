@@ -34,9 +34,9 @@ pub(super) struct Builder<'a> {
 impl Builder<'_> {
     /// The fields of the pixels of C1.
     pub(super) fn fields(&self) -> Patches<FIELDS> {
-        let nodes = Nodes::of(self.size_px());
+        let nodes = Nodes::from_size_px(self.size_px());
         let rays = nodes.map(|u, v| self.rig.cam1.ray(&Pixel::new(u, v)));
-        let middle = MiddleSurface::of(self.volume, &rays);
+        let middle = MiddleSurface::new(self.volume, &rays);
         let values: Vec<_> = rays.par_iter().map(|ray| self.fields_of(ray.as_ref()?, &middle)).collect();
         let mut undefined = [0.0; FIELDS];
         undefined[ROW] = -1.0;
@@ -102,12 +102,12 @@ impl Builder<'_> {
             let end = (a.max(b) + margin).min(last_px);
             (begin < end).then(|| [(begin * units).floor() as u16, (end * units).ceil() as u16])
         };
-        let room = padded(width);
-        let mut limits = vec![0; 2 * room * height];
-        limits.par_chunks_mut(2 * room).enumerate().for_each(|(v, row)| {
+        let scratch = padded(width);
+        let mut limits = vec![0; 2 * scratch * height];
+        limits.par_chunks_mut(2 * scratch).enumerate().for_each(|(v, row)| {
             let fields = fields.row(v);
-            let (begin, end) = row.split_at_mut(room);
-            for u in 0..room {
+            let (begin, end) = row.split_at_mut(scratch);
+            for u in 0..scratch {
                 let [x, y, row_px] = [RAY_X, RAY_Y, ROW].map(|field| fields.at(field, u));
                 [begin[u], end[u]] = if u < width { ends(x, y, row_px).unwrap_or(NO_LIMITS) } else { NO_LIMITS };
             }
@@ -157,7 +157,7 @@ struct MiddleSurface {
 
 impl MiddleSurface {
     /// That of the rays that meet the volume, the longer they are in it the more; at the depth of its centre where none does.
-    fn of(volume: &MeasurementVolume, rays: &[Option<Vector3>]) -> Self {
+    fn new(volume: &MeasurementVolume, rays: &[Option<Vector3>]) -> Self {
         let clip = volume.seen_from_cam1();
         let inverse_depths = |ray: &Vector3| {
             let (near_m, far_m) = clip.clip(ray)?;

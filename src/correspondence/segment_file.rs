@@ -144,7 +144,7 @@ impl SegmentTable {
         pattern: &FringePattern,
     ) -> Result<Self, SegmentFileError> {
         if let Some(path) = path.filter(|path| path.exists()) {
-            return Self::load(path, Fingerprint::of(rig, volume, pattern));
+            return Self::load(path, Fingerprint::new(rig, volume, pattern));
         }
         let table = Self::build(rig, volume, pattern)?;
         if let Some(path) = path {
@@ -301,15 +301,15 @@ fn short(fingerprint: &[u8; 32]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::patches::Nodes;
     use super::*;
+    use crate::correspondence::patches::Nodes;
 
     fn table() -> SegmentTable {
         let [size_px, epipolar_size_px] = [[18, 3], [20, 2]];
-        let fields = Nodes::of(size_px);
+        let fields = Nodes::from_size_px(size_px);
         let fields =
             Patches::through(fields, &fields.map(|u, v| Some([u, 0.1 * v, 1.5, 7.0, 3.0, 0.2, 1e-3])), [0.0; 7]);
-        let places = Nodes::of(epipolar_size_px);
+        let places = Nodes::from_size_px(epipolar_size_px);
         let places = Patches::through(places, &places.map(|u, v| Some([u, v])), [0.0; 2]);
         SegmentTable {
             fingerprint: Fingerprint([7; 32]),

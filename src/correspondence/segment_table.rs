@@ -120,7 +120,7 @@ impl SegmentTable {
             return Err(builder.why_none());
         }
         let mut table = Self {
-            fingerprint: Fingerprint::of(rig, volume, pattern),
+            fingerprint: Fingerprint::new(rig, volume, pattern),
             size_px: [rig.cam1.width_px(), rig.cam1.height_px()],
             cam2_size_px: [rig.cam2.width_px(), rig.cam2.height_px()],
             epipolar_size_px: [frame.width_px(), frame.height_px()],
@@ -129,9 +129,9 @@ impl SegmentTable {
             modes: None,
             fields,
             limits,
-            sources: SourceMap::of(&frame, &rig.cam2),
+            sources: SourceMap::new(&frame, &rig.cam2),
         };
-        table.modes = DriftModes::of(rig, volume, pattern, &frame, &table);
+        table.modes = DriftModes::new(rig, volume, pattern, &frame, &table);
         Ok(table)
     }
 

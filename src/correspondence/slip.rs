@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use crate::phase::PhaseMap;
 
 use super::delta_histogram::DeltaHistogram;
-use super::drift::DriftRoom;
+use super::drift::DriftScratch;
 use super::epipolar_image::EpipolarImage;
 use super::surfaces::{self, View};
 
@@ -45,15 +45,15 @@ pub(super) fn correct_slip(
     view: View<'_>,
     as_said: &DeltaHistogram,
     steps: usize,
-    (room, drift): (&mut surfaces::Room, &mut DriftRoom),
+    (scratch, drift): (&mut surfaces::Scratch, &mut DriftScratch),
 ) -> Option<Corrected> {
     let slip_steps = find_slip(view, as_said, steps)?;
     let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
     let (mut cam1, mut cam2) = (view.cam1.clone(), view.cam2.clone());
     cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
     cam2.turn_back(of_cam2);
-    let as_said_nats = surfaces::clear_nats(view, room, drift);
-    let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, room, drift);
+    let as_said_nats = surfaces::clear_nats(view, scratch, drift);
+    let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, scratch, drift);
     (corrected_nats > EXPLAINED * as_said_nats).then_some(Corrected { slip_steps, cam1, cam2 })
 }
 
@@ -65,7 +65,7 @@ fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, ste
     }
     let mut agreements: Vec<(f64, [usize; 2])> = Vec::with_capacity(steps * steps);
     for apart in 0..steps {
-        let histogram = DeltaHistogram::of_all_candidates(cam1, cam2, table, phase_of_steps(apart, steps));
+        let histogram = DeltaHistogram::from_all_candidates(cam1, cam2, table, phase_of_steps(apart, steps));
         for of_cam2 in 0..steps {
             let agreement = histogram.agreement(of_cam2 as f64 * TAU / steps as f64, AGREEMENT_SD_RAD);
             agreements.push((agreement, [(apart + of_cam2) % steps, of_cam2]));

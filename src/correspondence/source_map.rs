@@ -22,8 +22,8 @@ pub(super) struct SourceMap {
 
 impl SourceMap {
     /// That of a frame.
-    pub(super) fn of(frame: &EpipolarFrame, cam2: &Camera) -> Self {
-        let nodes = Nodes::of([frame.width_px(), frame.height_px()]);
+    pub(super) fn new(frame: &EpipolarFrame, cam2: &Camera) -> Self {
+        let nodes = Nodes::from_size_px([frame.width_px(), frame.height_px()]);
         let values = nodes.map(|column, row| frame.cam2_pixel(&Pixel::new(column, row)).map(|raw| [raw.x, raw.y]));
         let places = Patches::through(nodes, &values, [OUTSIDE_PX; 2]);
         Self::with_places(places, [cam2.width_px(), cam2.height_px()])
@@ -111,7 +111,7 @@ mod tests {
         let mut inside = 0;
         for rig in rigs() {
             let frame = EpipolarFrame::new(&rig).unwrap();
-            let map = SourceMap::of(&frame, &rig.cam2);
+            let map = SourceMap::new(&frame, &rig.cam2);
             for row in (0..frame.height_px()).step_by(7) {
                 for column in (row % 7..frame.width_px()).step_by(7) {
                     let exact = frame.cam2_pixel(&Pixel::new(column as f64, row as f64));
@@ -132,7 +132,7 @@ mod tests {
     fn a_place_outside_is_outside_the_image() {
         for side_px in [640, 5000, 60_000] {
             for place_px in [OUTSIDE_PX, -0.01, 1e9, -1e9, side_px as f32] {
-                let nodes = Nodes::of([16, 16]);
+                let nodes = Nodes::from_size_px([16, 16]);
                 let values = nodes.map(|_, _| Some([f64::from(place_px); 2]));
                 let map = SourceMap::with_places(Patches::through(nodes, &values, [0.0; 2]), [side_px; 2]);
                 let [columns, _] = places_of(&map, 3, 0);

@@ -118,7 +118,7 @@ impl Kernel for SupportOfRow<'_> {
         let Self { image, v, rule, is_supported } = self;
         let first = (v + NEAR) * image.stride + NEAR;
         for (b, is_supported) in is_supported.chunks_mut(LANES).enumerate() {
-            let votes = Votes::of(lanes, image, first + b * LANES);
+            let votes = Votes::new(lanes, image, first + b * LANES);
             let ([mut total, mut same], mut delta_sum) = ([[0_u16; LANES]; 2], [0_i32; LANES]);
             lanes.store(votes.total, &mut total);
             lanes.store(votes.same, &mut same);
@@ -148,7 +148,7 @@ struct Votes<L: Lanes> {
 impl<L: Lanes> Votes<L> {
     /// The votes for the pixels of the block that begins with a place.
     #[inline(always)]
-    fn of(lanes: L, image: &Padded, here: usize) -> Self {
+    fn new(lanes: L, image: &Padded, here: usize) -> Self {
         let zero = lanes.word(0);
         let mut votes = Self { total: zero, same: zero, delta_sum: lanes.long(0) };
         votes.hear(lanes, image, here, |step| here - step);
@@ -211,9 +211,9 @@ fn words(plane: &[u16], place: usize) -> &[u16; LANES] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::neighbourhood::TURN;
-    use super::super::reference_methods::paper::{Side, walk};
     use super::*;
+    use crate::correspondence::neighbourhood::TURN;
+    use crate::correspondence::reference_methods::paper::{Side, walk};
 
     /// Patches of slopes of all kinds with holes, two of three pixels decided, a tenth of those for a wrong order.
     fn scene(width: usize, height: usize) -> (PhaseMap, Vec<i32>, Vec<i16>) {

@@ -121,7 +121,7 @@ impl Camera {
 pub(super) mod tests {
     use super::*;
 
-    pub(in super::super) fn camera() -> Camera {
+    pub(in crate::geometry) fn camera() -> Camera {
         let d = Distortion::from_opencv(&[-0.15, 0.66, -0.002, 0.0016, 0.1]);
         Camera::new([1851.6, 1851.9], [338.0, 239.7], d, [640, 512]).with_skew(0.3)
     }

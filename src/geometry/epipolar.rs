@@ -182,8 +182,8 @@ fn border(camera: &Camera) -> impl Iterator<Item = Pixel> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Distortion, Pose};
     use super::*;
+    use crate::geometry::{Distortion, Pose};
 
     fn rig(translation: Vector3, turn: Vector3) -> Rig {
         let d = Distortion::from_opencv(&[-0.15, 0.2, -0.002, 0.0016, 0.0]);

@@ -11,8 +11,8 @@ pub fn between(before: &Pose, after: &Pose, share: f64) -> Pose {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Vector3;
     use super::*;
+    use crate::geometry::Vector3;
 
     #[test]
     fn half_of_a_turn_is_half_its_angle() {

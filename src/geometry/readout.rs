@@ -128,9 +128,9 @@ impl Readout {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Pixel;
-    use super::super::camera::tests::camera;
     use super::*;
+    use crate::geometry::Pixel;
+    use crate::geometry::camera::tests::camera;
 
     #[test]
     fn a_pixel_that_is_left_keeps_its_ray() {

@@ -125,8 +125,8 @@ impl Lens {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Camera, Distortion, Pixel, Pose, Rig, Vector3};
     use super::*;
+    use crate::geometry::{Camera, Distortion, Pixel, Pose, Rig, Vector3};
 
     #[test]
     fn a_correspondence_sees_what_the_frame_says() {

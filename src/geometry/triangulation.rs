@@ -58,8 +58,8 @@ pub fn range_per_pixel(rig: &Rig, point_cam1: &Point3) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Camera, Distortion};
     use super::*;
+    use crate::geometry::{Camera, Distortion};
     use proptest::prelude::*;
 
     fn rig() -> Rig {

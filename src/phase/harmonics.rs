@@ -37,7 +37,7 @@ const FUNDAMENTAL: usize = 3;
 pub(super) type Samples = Vec<[f64; 3]>;
 
 /// Measures the harmonics in images with these shifts; `take` fills in the samples of a pixel, or says that it tells nothing:
-/// invalid, dim or saturated. `samples` is room.
+/// invalid, dim or saturated. `samples` is scratch memory.
 pub(super) fn measure(
     shifts_rad: &[f64],
     pixels: usize,

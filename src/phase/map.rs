@@ -52,14 +52,14 @@ impl Modulation {
     /// That of so many grey levels, rounded down; what is more than it can say is its most.
     #[must_use]
     #[inline]
-    pub fn of_grey(grey: f32) -> Self {
+    pub fn from_grey(grey: f32) -> Self {
         Self((grey * Self::PER_GREY) as u16)
     }
 
     /// That of so many steps.
     #[must_use]
     #[inline]
-    pub fn of_steps(steps: u16) -> Self {
+    pub fn from_steps(steps: u16) -> Self {
         Self(steps)
     }
 

@@ -20,8 +20,8 @@ pub use decode::{Validity, decode, decode_into};
 pub use gray_code::{AbsolutePhase, GrayCode, GrayCodeError, Threshold, decode_gray_code};
 pub use map::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
 pub use motion::{
-    FLOW_TILE_PX, Flow, MotionFit, MotionFits, MotionRoom, SurfaceMotion, decode_following_into, decode_moving,
+    FLOW_TILE_PX, Flow, MotionFit, MotionFits, MotionScratch, SurfaceMotion, decode_following_into, decode_moving,
     decode_moving_into, usual_extra_images,
 };
-pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceRoom};
+pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceScratch};
 pub use shifts::{PhaseShifts, ShiftError};

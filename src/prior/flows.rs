@@ -25,7 +25,7 @@ impl Prior {
         }
         // Frame of C1 at half an image before the middle of the window, in it, and half an image behind.
         let moments = [-0.5, 0.0, 0.5].map(|images| self.motion.pose_after(age_s + images * spacing_s).inverse());
-        let mut tiles = [&rig.cam1, &rig.cam2].map(Tiles::of);
+        let mut tiles = [&rig.cam1, &rig.cam2].map(Tiles::from_camera);
         for ([u, v], depth_m) in self.relief.places(FLOW_TILE_PX / CELL_PX) {
             let Some(ray) = rig.cam1.ray(&Pixel::new(u, v)) else { continue };
             let point = Point3::from(ray / ray.z * depth_m);
@@ -57,7 +57,7 @@ struct Tiles {
 }
 
 impl Tiles {
-    fn of(camera: &Camera) -> Self {
+    fn from_camera(camera: &Camera) -> Self {
         let size_px = [camera.width_px(), camera.height_px()];
         let [columns, rows] = Flow::tiles_of(size_px);
         Self { size_px, columns, sums: vec![None; columns * rows] }

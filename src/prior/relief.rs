@@ -22,7 +22,7 @@ impl Relief {
 
     /// The relief of points by their pixel of C1 (column, row) and depth, metres.
     #[must_use]
-    pub fn of_points(size_px: [usize; 2], points: impl Iterator<Item = ([u16; 2], f32)>) -> Self {
+    pub fn from_points(size_px: [usize; 2], points: impl Iterator<Item = ([u16; 2], f32)>) -> Self {
         let [columns, rows] = Self::cells_of(size_px);
         let mut sums = vec![(0.0, 0u32); columns * rows];
         for ([u, v], depth_m) in points {
@@ -39,7 +39,7 @@ impl Relief {
 
     /// A relief of cells as [`Self::cells`] gives them; `None` where an image of that size has another number.
     #[must_use]
-    pub fn of_cells(size_px: [usize; 2], cells: Vec<u16>) -> Option<Self> {
+    pub fn from_cells(size_px: [usize; 2], cells: Vec<u16>) -> Option<Self> {
         let [columns, rows] = Self::cells_of(size_px);
         (cells.len() == columns * rows).then_some(Self { size_px, cells })
     }

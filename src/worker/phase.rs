@@ -5,7 +5,7 @@ use fringeflow_base::grey::GreyLevels;
 use crate::correspondence::KnownDrift;
 use crate::geometry::{FringePattern, Rig};
 use crate::phase::{
-    Flow, MotionFits, MotionRoom, PhaseMap, PhaseShifts, SequenceCheck, SequenceRoom, ShiftError, Validity,
+    Flow, MotionFits, MotionScratch, PhaseMap, PhaseShifts, SequenceCheck, SequenceScratch, ShiftError, Validity,
     decode_following_into, decode_into, decode_moving_into,
 };
 use crate::prior::{Moment, Prior};
@@ -36,14 +36,14 @@ pub struct PhaseWorker {
     steps: Vec<Option<WindowSteps>>,
     window_images: usize,
     /// Memory of either camera: both are decoded at once.
-    rooms: [CameraRoom; 2],
+    scratches: [CameraScratch; 2],
 }
 
 /// Memory for the check of the steps of a camera, and for its windows of moving scenes.
 #[derive(Clone, Debug, Default)]
-struct CameraRoom {
-    check: SequenceRoom,
-    motion: MotionRoom,
+struct CameraScratch {
+    check: SequenceScratch,
+    motion: MotionScratch,
 }
 
 /// What the steps of a window tell without its images.
@@ -109,7 +109,7 @@ impl PhaseWorker {
             cam2_px,
             steps,
             window_images: 0,
-            rooms: Default::default(),
+            scratches: Default::default(),
         }
     }
 
@@ -148,11 +148,11 @@ impl PhaseWorker {
             };
             let [flow1, flow2] = flows.map_or([None, None], |flows| flows.map(Some));
             let [fit1, fit2] = &mut steps.fits;
-            let Self { rooms: [room1, room2], validity, .. } = self;
+            let Self { scratches: [scratch1, scratch2], validity, .. } = self;
             let first =
-                Decoding { camera: 1, images: cam1, size_px: self.cam1_px, fit: fit1, flow: flow1, room: room1 };
+                Decoding { camera: 1, images: cam1, size_px: self.cam1_px, fit: fit1, flow: flow1, scratch: scratch1 };
             let second =
-                Decoding { camera: 2, images: cam2, size_px: self.cam2_px, fit: fit2, flow: flow2, room: room2 };
+                Decoding { camera: 2, images: cam2, size_px: self.cam2_px, fit: fit2, flow: flow2, scratch: scratch2 };
             // What of one camera takes a single thread leaves the others to the other camera.
             let PhasePair { cam1, cam2, .. } = out;
             let (first, second) =
@@ -173,12 +173,12 @@ impl PhaseWorker {
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
     ) -> Result<(), SequenceFaults> {
-        let Self { rooms: [room1, room2], validity, .. } = self;
-        let of = |room: &mut CameraRoom, images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
-            check.fault_in(&mut room.check, images, width, height, validity)
+        let Self { scratches: [scratch1, scratch2], validity, .. } = self;
+        let of = |scratch: &mut CameraScratch, images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
+            check.fault_in(&mut scratch.check, images, width, height, validity)
         };
         let (size1_px, size2_px) = (self.cam1_px, self.cam2_px);
-        let (cam1, cam2) = rayon::join(|| of(room1, cam1, size1_px), || of(room2, cam2, size2_px));
+        let (cam1, cam2) = rayon::join(|| of(scratch1, cam1, size1_px), || of(scratch2, cam2, size2_px));
         let faults = SequenceFaults { images, cam1, cam2 };
         if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
@@ -202,19 +202,19 @@ struct Decoding<'a> {
     size_px: [usize; 2],
     fit: &'a mut WindowFit,
     flow: Option<Flow>,
-    room: &'a mut CameraRoom,
+    scratch: &'a mut CameraScratch,
 }
 
 impl Decoding<'_> {
     /// Decodes so many images.
     fn decode(self, expected_images: usize, validity: &Validity, out: &mut PhaseMap) -> Result<(), ImagesError> {
-        let Self { camera, images, size_px: size_px @ [width, height], fit, flow, room } = self;
-        let room = &mut room.motion;
+        let Self { camera, images, size_px: size_px @ [width, height], fit, flow, scratch } = self;
+        let scratch = &mut scratch.motion;
         let decoded = match fit {
             WindowFit::Resting(shifts) => decode_into(out, images, width, height, shifts, validity),
             WindowFit::Moving(fits) => match flow {
-                Some(flow) => decode_following_into(out, room, images, size_px, (fits, &flow), validity),
-                None => decode_moving_into(out, room, images, width, height, fits.resting(), validity),
+                Some(flow) => decode_following_into(out, scratch, images, size_px, (fits, &flow), validity),
+                None => decode_moving_into(out, scratch, images, width, height, fits.resting(), validity),
             },
         };
         decoded.ok_or_else(|| ImagesError::Camera {

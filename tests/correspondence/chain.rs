@@ -163,7 +163,7 @@ fn evaluation(simulation: &Simulation, made: &Reconstruction) -> Evaluation {
 fn a_simulated_scene_is_reconstructed_and_every_pixel_accounted_for() {
     let simulation = simulation(Object::Prism);
     let made = reconstruct(&simulation);
-    let counts = OutcomeCounts::of(&made.matches.outcomes);
+    let counts = OutcomeCounts::from_outcomes(&made.matches.outcomes);
     assert_eq!(counts.iter().map(|(_, n)| n).sum::<u64>(), (SIZE_PX[0] * SIZE_PX[1]) as u64);
     let found: u64 = counts.iter().filter(|(o, _)| o.is_found()).map(|(_, n)| n).sum();
     assert_eq!(found, made.cloud.points.len() as u64);
@@ -211,7 +211,7 @@ fn the_map_of_a_drift_shows_as_much_as_its_root_mean_square() {
     let table = SegmentTable::build(calibrated, volume, columns).unwrap();
     let made = reconstruct(&simulation);
     let drift = made.matches.drift.as_ref().unwrap();
-    let DriftMap { size_px, middle_rad, greatest_rad } = DriftMap::of(drift, &table);
+    let DriftMap { size_px, middle_rad, greatest_rad } = DriftMap::new(drift, &table);
     let seen: Vec<f64> = middle_rad.iter().flatten().map(|&rad| f64::from(rad)).collect();
     let rms_rad = (seen.iter().map(|rad| rad * rad).sum::<f64>() / seen.len() as f64).sqrt();
     assert!(size_px == SIZE_PX && (0.7..1.4).contains(&(rms_rad / drift.rms_rad)), "{rms_rad} {drift:?}");

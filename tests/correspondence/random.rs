@@ -73,7 +73,7 @@ impl Random {
             height,
             phase: (0..width * height).map(|i| phase(i, self.next())).collect(),
             valid: (0..width * height).map(|_| self.next() < 0.97).collect(),
-            modulation: vec![Modulation::of_grey(50.0); width * height],
+            modulation: vec![Modulation::from_grey(50.0); width * height],
             mean: vec![100; width * height],
             ..PhaseMap::default()
         }

@@ -118,7 +118,7 @@ impl PhasePlane {
             height,
             phase: (0..width * height).map(phase).collect(),
             valid: vec![true; width * height],
-            modulation: vec![Modulation::of_grey(50.0); width * height],
+            modulation: vec![Modulation::from_grey(50.0); width * height],
             mean: vec![100; width * height],
             ..PhaseMap::default()
         }

@@ -64,7 +64,7 @@ impl Supervisor {
     fn serve(&mut self) {
         let (state, asked) = (&mut self.state, &mut self.asked);
         let answer = |request: &ControlRequest| {
-            let command = Ask::of(request.command).unwrap();
+            let command = Ask::from_code(request.command).unwrap();
             asked.push((command, request.text.to_text()));
             state.revision += 1;
             match command {

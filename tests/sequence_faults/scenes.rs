@@ -104,7 +104,7 @@ impl MovingScene {
         let options = RigOptions { arrangement, size_px, seed: 3, ..RigOptions::usual(0.06) };
         let rig = VirtualRig::new(&options).unwrap();
         let cam1_from_volume = *rig.exact_volume.cam1_from_volume();
-        let resting = Scene::of_object(object, Board::Visible, &rig.exact_volume);
+        let resting = Scene::from_object(object, Board::Visible, &rig.exact_volume);
         let at = |pose: usize| -> Scene {
             let way = Vector3::from(DIRECTION).normalize() * (mm_per_image * 1e-3 * (pose as f64 - poses as f64 / 2.0));
             let moved: Pose = cam1_from_volume * Translation3::from(way) * cam1_from_volume.inverse();

@@ -49,13 +49,13 @@ impl PixelFormat {
 
     /// The format of a V4L2 code; `None` for one that is none of these.
     #[must_use]
-    pub fn of(code: u32) -> Option<Self> {
+    pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 
     /// The format of values with so many bits; `None` if there is none.
     #[must_use]
-    pub fn of_bits(bits: u8) -> Option<Self> {
+    pub fn from_bits(bits: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.bits() == bits)
     }
 
@@ -151,9 +151,9 @@ mod tests {
         assert_eq!(grey(PixelFormat::Y16, &[0x01, 0xc8]), 200.0 + 1.0 / 256.0);
         assert_eq!(PixelFormat::ALL.map(PixelFormat::max_value), [255, 1023, 4095, 16383, 65535]);
         for format in PixelFormat::ALL {
-            assert_eq!(PixelFormat::of(format.code()), Some(format));
-            assert_eq!(PixelFormat::of_bits(format.bits()), Some(format));
+            assert_eq!(PixelFormat::from_code(format.code()), Some(format));
+            assert_eq!(PixelFormat::from_bits(format.bits()), Some(format));
         }
-        assert_eq!(PixelFormat::of_bits(9), None);
+        assert_eq!(PixelFormat::from_bits(9), None);
     }
 }

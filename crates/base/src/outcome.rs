@@ -48,7 +48,7 @@ impl Outcome {
 
     /// The outcome with a code; `None` where there is none.
     #[must_use]
-    pub fn of(code: u8) -> Option<Self> {
+    pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| *outcome as u8 == code)
     }
 
@@ -85,7 +85,7 @@ pub struct OutcomeCounts([u64; Outcome::ALL.len()]);
 impl OutcomeCounts {
     /// Counts the outcomes of an image.
     #[must_use]
-    pub fn of(outcomes: &[Outcome]) -> Self {
+    pub fn from_outcomes(outcomes: &[Outcome]) -> Self {
         // Four counters in turn: neighbours are mostly alike, and one counter would wait for itself.
         let mut by_code = [[0_u64; 256]; 4];
         let (fours, rest) = outcomes.as_chunks();

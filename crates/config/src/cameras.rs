@@ -303,8 +303,8 @@ fn control((name, value): (&String, &toml::Value)) -> Result<(String, ControlVal
 mod tests {
     use std::path::Path;
 
-    use super::super::ScannerConfiguration;
     use super::*;
+    use crate::ScannerConfiguration;
 
     const TWO: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                        [cameras.cam2]\ndevice = \"serial:7\"\n";

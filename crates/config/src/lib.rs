@@ -155,7 +155,7 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        Self::of(&RawConfiguration::parse(text)?)
+        Self::from_raw(&RawConfiguration::parse(text)?)
     }
 
     /// [`Self::parse`] on the text of a recording, which may be older than this version.
@@ -166,7 +166,7 @@ impl Configuration {
         Self::parse(&former::renamed(text)?)
     }
 
-    fn of(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
+    fn from_raw(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
         let settings = Settings {
             validity: validity(&raw.phase)?,
             extra_images: extra_images(&raw.phase)?,

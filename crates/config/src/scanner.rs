@@ -146,7 +146,7 @@ impl ScannerConfiguration {
         )?;
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
-            measurement: Configuration::of(&raw)?,
+            measurement: Configuration::from_raw(&raw)?,
             segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
             rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
             readout: readout(cameras, &source)?,

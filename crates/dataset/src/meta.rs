@@ -71,7 +71,7 @@ pub struct VolumeDescription {
 
 impl RawReadout {
     /// What is written; nothing of a whole image.
-    pub(super) fn of(readout: &Readout) -> Option<Self> {
+    pub(super) fn from_readout(readout: &Readout) -> Option<Self> {
         let (sensor_size, region, binning) = (readout.sensor_px(), readout.region(), readout.binning());
         (!readout.is_whole()).then_some(Self { sensor_size, region, binning })
     }
@@ -237,7 +237,8 @@ fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
 /// The format of images with so many bits.
 fn pixel_format(bits: u8) -> Result<PixelFormat, Problem> {
     let known = || PixelFormat::ALL.map(PixelFormat::bits);
-    PixelFormat::of_bits(bits).ok_or_else(|| field("bits", format!("is {bits}; images have one of {:?} bits", known())))
+    PixelFormat::from_bits(bits)
+        .ok_or_else(|| field("bits", format!("is {bits}; images have one of {:?} bits", known())))
 }
 
 fn gray(raw: &RawGray) -> Result<GrayCode, Problem> {

@@ -107,8 +107,8 @@ impl WrittenMotion {
 
 #[cfg(test)]
 mod tests {
-    use super::super::meta;
     use super::*;
+    use crate::meta;
     use fringeflow::geometry::Vector3;
 
     fn motion() -> Motion {

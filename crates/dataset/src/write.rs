@@ -56,7 +56,7 @@ impl DatasetDescription {
             name: &self.name,
             unit: self.unit.symbol(),
             image_size: self.readout.image_size_px(),
-            readout: RawReadout::of(&self.readout),
+            readout: RawReadout::from_readout(&self.readout),
             bits: Some(self.pixel_format.bits()).filter(|&bits| bits > 8),
             steps: self.steps,
             n_phase_images: self.sequence.shifts_rad.len(),

@@ -117,7 +117,7 @@ impl Text {
 impl Command {
     /// The command of a request; `None` for a number that is none.
     #[must_use]
-    pub fn of(code: u32) -> Option<Self> {
+    pub fn from_code(code: u32) -> Option<Self> {
         const ALL: [Command; 7] = [
             Command::State,
             Command::Start,

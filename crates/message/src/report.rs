@@ -278,7 +278,7 @@ impl Stage {
 
     /// The stage of a report; `None` for a number that is none.
     #[must_use]
-    pub fn of(code: u32) -> Option<Self> {
+    pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| *stage as u32 == code)
     }
 

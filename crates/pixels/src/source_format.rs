@@ -143,7 +143,7 @@ impl SourceFormat {
 
     /// The format of a V4L2 code; `None` for one that is none of these.
     #[must_use]
-    pub fn of(code: u32) -> Option<Self> {
+    pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 

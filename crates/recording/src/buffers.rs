@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn free_buffers_that_are_too_small_make_room() {
+    fn free_buffers_that_are_too_small_make_scratch() {
         let buffers = Buffers::new(1000);
         let small = buffers.take(600).unwrap();
         buffers.give_back(small);

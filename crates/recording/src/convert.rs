@@ -13,7 +13,7 @@ use super::schema::{
 };
 
 impl FrameHeader {
-    pub(super) fn of(header: &fringeflow_message::FrameHeader) -> Self {
+    pub(super) fn from_header(header: &fringeflow_message::FrameHeader) -> Self {
         let fringeflow_message::FrameHeader {
             session,
             sequence,
@@ -77,7 +77,7 @@ impl FrameHeader {
 }
 
 impl PatternEvent {
-    pub(super) fn of(event: &fringeflow_message::PatternEvent) -> Self {
+    pub(super) fn from_event(event: &fringeflow_message::PatternEvent) -> Self {
         let fringeflow_message::PatternEvent {
             session,
             sequence,
@@ -110,7 +110,7 @@ impl PatternEvent {
 
 impl Window {
     /// `None` for more images than a window has.
-    pub(super) fn of(window: &fringeflow_message::Window) -> Option<Self> {
+    pub(super) fn from_window(window: &fringeflow_message::Window) -> Option<Self> {
         let images = window.images as usize;
         Some(Self {
             cam1_session: window.cam1_session,
@@ -150,10 +150,10 @@ impl Window {
 }
 
 impl CloudHeader {
-    pub(super) fn of(header: &fringeflow_message::CloudHeader) -> Self {
+    pub(super) fn from_header(header: &fringeflow_message::CloudHeader) -> Self {
         Self {
             published: header.published,
-            window: Window::of(&header.window),
+            window: Window::from_window(&header.window),
             points: header.points,
             delta_mean_rad: header.delta_mean_rad,
             delta_sd_rad: header.delta_sd_rad,
@@ -176,7 +176,7 @@ impl CloudHeader {
 }
 
 impl Fit {
-    fn of(fit: &fringeflow_message::Fit) -> Self {
+    fn from_fit(fit: &fringeflow_message::Fit) -> Self {
         Self {
             valid_pixels: fit.valid_pixels,
             residual_share: fit.residual_share,
@@ -216,12 +216,12 @@ impl Fit {
 }
 
 impl MapsHeader {
-    pub(super) fn of(header: &fringeflow_message::MapsHeader) -> Self {
+    pub(super) fn from_header(header: &fringeflow_message::MapsHeader) -> Self {
         Self {
             published: header.published,
-            window: Window::of(&header.window),
-            cam1: Some(Fit::of(&header.cam1)),
-            cam2: Some(Fit::of(&header.cam2)),
+            window: Window::from_window(&header.window),
+            cam1: Some(Fit::from_fit(&header.cam1)),
+            cam2: Some(Fit::from_fit(&header.cam2)),
             width_px: header.width_px,
             height_px: header.height_px,
             skew_ns: header.skew_ns,
@@ -245,10 +245,10 @@ impl MapsHeader {
 }
 
 impl CorrespondenceHeader {
-    pub(super) fn of(header: &fringeflow_message::CorrespondenceHeader) -> Self {
+    pub(super) fn from_header(header: &fringeflow_message::CorrespondenceHeader) -> Self {
         Self {
             published: header.published,
-            window: Window::of(&header.window),
+            window: Window::from_window(&header.window),
             delta_mean_rad: header.delta_mean_rad,
             delta_sd_rad: header.delta_sd_rad,
             delta_noise_sd_rad: header.delta_noise_sd_rad,
@@ -285,10 +285,10 @@ impl CorrespondenceHeader {
 
 impl StageReport {
     /// `None` for a stage that is none.
-    pub(super) fn of(report: &fringeflow_message::StageReport) -> Option<Self> {
+    pub(super) fn from_report(report: &fringeflow_message::StageReport) -> Option<Self> {
         let counts = &report.counts;
         Some(Self {
-            stage: Stage::of(report.stage)?.name().to_owned(),
+            stage: Stage::from_code(report.stage)?.name().to_owned(),
             pid: report.pid,
             restarts: report.restarts,
             of_item: report.of_item,
@@ -343,7 +343,7 @@ impl StageReport {
 }
 
 impl Drift {
-    fn of(report: &fringeflow_message::DriftReport) -> Self {
+    fn from_report(report: &fringeflow_message::DriftReport) -> Self {
         Self {
             rms_rad: report.rms_rad,
             error_px: report.error_px,
@@ -369,7 +369,7 @@ impl Gauge {
         let told = Quantity::ALL.into_iter().zip(&report.gauges).filter(|(_, gauge)| gauge.bad > 0.0);
         let gauge = |(quantity, gauge): (Quantity, &GaugeReport)| Self {
             quantity: quantity.name().to_owned(),
-            state: HealthState::of(gauge.state).name().to_owned(),
+            state: HealthState::from_code(gauge.state).name().to_owned(),
             level: gauge.known(),
             warn: gauge.warn,
             bad: gauge.bad,
@@ -393,14 +393,14 @@ impl Gauge {
 }
 
 impl WindowReport {
-    pub(super) fn of(report: &fringeflow_message::WindowReport) -> Self {
+    pub(super) fn from_report(report: &fringeflow_message::WindowReport) -> Self {
         let count = |outcome: Outcome| report.outcomes[outcome as usize];
         let outcomes = Outcome::ALL.into_iter().filter(|&outcome| count(outcome) > 0);
         Self {
             published: report.published,
-            window: Window::of(&report.window),
-            cam1: Some(Fit::of(&report.cam1)),
-            cam2: Some(Fit::of(&report.cam2)),
+            window: Window::from_window(&report.window),
+            cam1: Some(Fit::from_fit(&report.cam1)),
+            cam2: Some(Fit::from_fit(&report.cam2)),
             delta_mean_rad: report.delta_mean_rad,
             delta_sd_rad: report.delta_sd_rad,
             delta_noise_sd_rad: report.delta_noise_sd_rad,
@@ -410,7 +410,7 @@ impl WindowReport {
             expected_false_candidates: report.expected_false_candidates,
             outcomes: outcomes.map(|outcome| (outcome.name().to_owned(), count(outcome))).collect(),
             delta_counts: report.delta_counts.to_vec(),
-            drift: report.drift.measured().map(Drift::of),
+            drift: report.drift.measured().map(Drift::from_report),
             slip_steps: if report.slip_steps == [0; 2] { Vec::new() } else { report.slip_steps.to_vec() },
             health: Gauge::all_of(&report.health),
             skew_ns: report.skew_ns,

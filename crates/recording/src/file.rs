@@ -20,7 +20,7 @@ pub const UNFINISHED: &str = ".part";
 pub(super) const UNFINISHED_RECOVERY: &str = ".recovered.part";
 /// Blocks are claimed in steps of so many bytes.
 const CLAIM_BYTES: u64 = 32 << 20;
-/// Room for the end of the file: a fixed part, and indexes, of which this share of the file is four times as much as needed.
+/// Scratch for the end of the file: a fixed part, and indexes, of which this share of the file is four times as much as needed.
 const CLOSING_BYTES: u64 = 4 << 20;
 const CLOSING_SHARE: u64 = 4096;
 /// Record and index entry around a message, generously.

@@ -57,7 +57,7 @@ impl Origin {
     /// As metadata of a recording with this setup.
     pub(super) fn metadata(&self, setup: &Setup) -> BTreeMap<String, String> {
         let volume = setup.volume.as_ref();
-        let table = volume.map(|volume| Fingerprint::of(&setup.rig, volume, &setup.sequence.pattern).to_string());
+        let table = volume.map(|volume| Fingerprint::new(&setup.rig, volume, &setup.sequence.pattern).to_string());
         let [width, height] = setup.image_size_px;
         let entries = [
             ("format", FORMAT_VERSION.to_string()),
@@ -76,7 +76,7 @@ impl Origin {
     }
 
     /// Reads the metadata of a recording; what is not there stays empty.
-    pub(super) fn of(metadata: &BTreeMap<String, String>) -> Self {
+    pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Self {
         let text = |key: &str| metadata.get(key).cloned().unwrap_or_default();
         let number = |key: &str| text(key).parse().unwrap_or_default();
         Self {

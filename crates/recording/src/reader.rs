@@ -92,7 +92,7 @@ impl Recording {
     /// Where and when it was begun.
     #[must_use]
     pub fn origin(&self) -> Origin {
-        Origin::of(&self.metadata)
+        Origin::from_metadata(&self.metadata)
     }
 
     /// Version of the fringeflow that wrote it.
@@ -157,7 +157,7 @@ impl Recording {
     #[must_use]
     pub fn pixel_format(&self) -> PixelFormat {
         let first = [1, 2].into_iter().find_map(|camera| self.frame_headers(camera).next());
-        first.and_then(|header| PixelFormat::of(header.pixel_format)).unwrap_or_default()
+        first.and_then(|header| PixelFormat::from_code(header.pixel_format)).unwrap_or_default()
     }
 
     /// Headers of the clouds in the order of their times.
@@ -191,7 +191,7 @@ impl Recording {
             return Err(entry.problem(what).of(&self.path));
         }
         // Decoding has found the format to be known.
-        let format = PixelFormat::of(header.pixel_format).unwrap_or_default();
+        let format = PixelFormat::from_code(header.pixel_format).unwrap_or_default();
         let rows = data.chunks_exact((header.stride_bytes as usize).max(1));
         let pixels = rows.flat_map(|row| row.iter().take(width * format.bytes())).copied().collect();
         Ok(GreyImage { width, height, format, pixels })

@@ -170,7 +170,7 @@ impl Recordable<'_> {
                 let fits = Some(records.len() as u64) == header.points.checked_mul(RECORD_BYTES as u64);
                 (fits && has_steps(&header.window)).then_some(Topic::Cloud)
             }
-            Self::Report(report) => Stage::of(report.stage).map(|_| Topic::Report),
+            Self::Report(report) => Stage::from_code(report.stage).map(|_| Topic::Report),
             Self::WindowReport(report) => has_steps(&report.window).then_some(Topic::WindowReport),
             Self::TruthPose(_) => Some(Topic::TruthPose),
             Self::Pose(report) => (has_steps(&report.window) && report.state().is_some()).then_some(Topic::Pose),
@@ -241,7 +241,7 @@ impl Recordable<'_> {
                 out.bytes.extend_from_slice(image);
             }
             Self::Cloud { header, records } => {
-                append(bytes, &schema::CloudHeader::of(header));
+                append(bytes, &schema::CloudHeader::from_header(header));
                 out.split = bytes.len();
                 append(bytes, &point_cloud(header));
                 append_bytes(bytes, DATA_KEY, records);
@@ -249,22 +249,22 @@ impl Recordable<'_> {
             Self::Maps { header, payload } => {
                 append(
                     bytes,
-                    &schema::PhaseMaps { header: Some(schema::MapsHeader::of(header)), ..Default::default() },
+                    &schema::PhaseMaps { header: Some(schema::MapsHeader::from_header(header)), ..Default::default() },
                 );
                 append_bytes(bytes, PAYLOAD_KEY, payload);
             }
             Self::Correspondences { header, payload } => {
-                let header = Some(schema::CorrespondenceHeader::of(header));
+                let header = Some(schema::CorrespondenceHeader::from_header(header));
                 append(bytes, &schema::CorrespondenceMap { header, ..Default::default() });
                 append_bytes(bytes, PAYLOAD_KEY, payload);
             }
-            Self::Pattern(event) => append(bytes, &schema::PatternEvent::of(event)),
-            Self::Report(report) => append(bytes, &schema::StageReport::of(report).unwrap_or_default()),
-            Self::WindowReport(report) => append(bytes, &schema::WindowReport::of(report)),
+            Self::Pattern(event) => append(bytes, &schema::PatternEvent::from_event(event)),
+            Self::Report(report) => append(bytes, &schema::StageReport::from_report(report).unwrap_or_default()),
+            Self::WindowReport(report) => append(bytes, &schema::WindowReport::from_report(report)),
             Self::TruthPose(pose) => append(bytes, &truth_poses::encoded(pose)),
-            Self::Pose(report) => append(bytes, &schema::PoseReport::of(report).unwrap_or_default()),
+            Self::Pose(report) => append(bytes, &schema::PoseReport::from_report(report).unwrap_or_default()),
             Self::PoseTransform(report) => append(bytes, &tracking::transforms(report)),
-            Self::Prior { header, relief } => append(bytes, &schema::Prior::of(header, relief)),
+            Self::Prior { header, relief } => append(bytes, &schema::Prior::new(header, relief)),
             Self::Model { header, points } => {
                 append(bytes, &tracking::model_cloud(header));
                 append_bytes(bytes, DATA_KEY, points);
@@ -283,7 +283,7 @@ pub(super) fn encode_frame(header: &FrameHeader, image_bytes: usize, out: &mut E
     let Encoded { bytes, held, split } = out;
     bytes.clear();
     *held = None;
-    append(bytes, &schema::FrameHeader::of(header));
+    append(bytes, &schema::FrameHeader::from_header(header));
     *split = bytes.len();
     append(bytes, &raw_image(header));
     append_length(bytes, DATA_KEY, image_bytes);
@@ -318,7 +318,7 @@ fn append_length(bytes: &mut Vec<u8>, key: u8, length: usize) {
 
 /// What Foxglove calls the format of an image; `None` for one that is not recorded.
 pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
-    Some(match PixelFormat::of(header.pixel_format)?.bytes() {
+    Some(match PixelFormat::from_code(header.pixel_format)?.bytes() {
         1 => "mono8",
         _ => "mono16",
     })
@@ -326,7 +326,7 @@ pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
 
 /// Bytes of a row without a gap after it.
 pub(super) fn least_stride_bytes(header: &FrameHeader) -> u32 {
-    let bytes = PixelFormat::of(header.pixel_format).map_or(1, PixelFormat::bytes);
+    let bytes = PixelFormat::from_code(header.pixel_format).map_or(1, PixelFormat::bytes);
     header.width_px.saturating_mul(bytes as u32)
 }
 

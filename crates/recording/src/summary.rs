@@ -135,7 +135,7 @@ impl Recording {
             }
         }
         let summary = |report: &StageReport| StageSummary {
-            stage: Stage::of(report.stage).map_or("", Stage::name),
+            stage: Stage::from_code(report.stage).map_or("", Stage::name),
             taken: report.counts.taken,
             passed: report.counts.passed,
             dropped: report.counts.reasons().map(|(reason, count)| (reason.name(), count)).collect(),

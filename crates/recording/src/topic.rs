@@ -100,7 +100,7 @@ impl Topic {
 
     /// The topic of a name; `None` for one that is none of ours.
     #[must_use]
-    pub fn of(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
     }
 

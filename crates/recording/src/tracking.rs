@@ -56,7 +56,7 @@ pub(super) fn model_cloud(header: &ModelHeader) -> PointCloud {
 
 impl PoseReport {
     /// `None` for a state or window that cannot be.
-    pub(super) fn of(report: &fringeflow_message::PoseReport) -> Option<Self> {
+    pub(super) fn from_report(report: &fringeflow_message::PoseReport) -> Option<Self> {
         let pose = report.has_pose().then(|| TrackedPose {
             position_m: report.position_m.to_vec(),
             rotation: report.rotation.to_vec(),
@@ -66,7 +66,7 @@ impl PoseReport {
             published: report.published,
             cloud: report.cloud,
             first_cloud: report.first_cloud,
-            window: Window::of(&report.window),
+            window: Window::from_window(&report.window),
             published_ns: report.published_ns,
             state: report.state()?.name().to_owned(),
             reason: report.reason().map_or("", LostReason::name).to_owned(),
@@ -118,7 +118,7 @@ impl PoseReport {
 }
 
 impl Prior {
-    pub(super) fn of(header: &fringeflow_message::PriorHeader, relief: &[u8]) -> Self {
+    pub(super) fn new(header: &fringeflow_message::PriorHeader, relief: &[u8]) -> Self {
         Self {
             published: header.published,
             cloud: header.cloud,
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn what_is_no_pose_is_refused() {
-        let whole = PoseReport::of(&pose_report()).unwrap();
+        let whole = PoseReport::from_report(&pose_report()).unwrap();
         assert_eq!(whole.to_message().unwrap(), pose_report());
         let changed = |change: fn(&mut PoseReport)| {
             let mut report = whole.clone();
@@ -200,6 +200,6 @@ mod tests {
             covariance: [[0.0; 6]; 6],
             ..pose_report()
         };
-        assert_eq!(PoseReport::of(&lost).unwrap().to_message(), Some(lost));
+        assert_eq!(PoseReport::from_report(&lost).unwrap().to_message(), Some(lost));
     }
 }

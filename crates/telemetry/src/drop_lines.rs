@@ -36,12 +36,12 @@ impl DropLine {
     #[must_use]
     pub fn all_of(counts: &[(Stage, Counts)]) -> Vec<Self> {
         let mut lines: Vec<Self> =
-            counts.iter().flat_map(|(stage, counts)| Self::of_stage(stage.name(), counts)).collect();
+            counts.iter().flat_map(|(stage, counts)| Self::all_of_stage(stage.name(), counts)).collect();
         lines.sort_by(|a, b| a.kind.cmp(&b.kind).then(b.count.cmp(&a.count)));
         lines
     }
 
-    fn of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
+    fn all_of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
         let dropped = counts.reasons().map(move |(reason, count)| Self {
             kind: if reason.is_loss() { DropKind::Loss } else { DropKind::Decision },
             stage,

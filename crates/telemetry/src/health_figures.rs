@@ -68,10 +68,10 @@ pub struct GaugeRecord {
 impl HealthFigures {
     /// The health that a report tells; `None` for one of an older recording.
     #[must_use]
-    pub fn of(report: &WindowReport) -> Option<Self> {
+    pub fn from_report(report: &WindowReport) -> Option<Self> {
         let told = Quantity::ALL.into_iter().zip(&report.health.gauges);
         let quantities: Vec<_> =
-            told.map(|(quantity, gauge)| GaugeFigures::of(quantity, gauge)).filter(|gauge| gauge.bad > 0.0).collect();
+            told.map(|(quantity, gauge)| GaugeFigures::new(quantity, gauge)).filter(|gauge| gauge.bad > 0.0).collect();
         let state = quantities.iter().map(|gauge| gauge.state).max()?;
         Some(Self { state, quantities })
     }
@@ -92,12 +92,12 @@ impl HealthFigures {
 }
 
 impl GaugeFigures {
-    fn of(quantity: Quantity, report: &GaugeReport) -> Self {
+    fn new(quantity: Quantity, report: &GaugeReport) -> Self {
         Self {
             quantity,
             title: quantity.title(),
             unit: quantity.unit(),
-            state: HealthState::of(report.state),
+            state: HealthState::from_code(report.state),
             level: report.known(),
             warn: report.warn,
             bad: report.bad,
@@ -153,7 +153,7 @@ impl fmt::Display for GaugeFigures {
 impl HealthRecord {
     /// Takes what a window tells.
     pub fn add(&mut self, report: &WindowReport) {
-        let Some(figures) = HealthFigures::of(report) else { return };
+        let Some(figures) = HealthFigures::from_report(report) else { return };
         self.windows += 1;
         self.worst = self.worst.max(figures.state);
         for gauge in figures.quantities {
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn figures_tell_state_limit_and_remedy_and_nothing_of_what_is_not_known() {
-        let figures = HealthFigures::of(&report(0.25, HealthState::Bad)).unwrap();
+        let figures = HealthFigures::from_report(&report(0.25, HealthState::Bad)).unwrap();
         assert_eq!(figures.state, HealthState::Bad);
         let text = figures.beyond_limits()[0].to_string();
         for part in
@@ -255,7 +255,7 @@ mod tests {
         );
         let json = serde_json::to_value(harmonics).unwrap();
         assert_eq!((&json["level"], &json["state"]), (&serde_json::Value::Null, &"not known".into()));
-        assert_eq!(HealthFigures::of(&WindowReport::default()), None);
+        assert_eq!(HealthFigures::from_report(&WindowReport::default()), None);
     }
 
     #[test]

@@ -97,7 +97,7 @@ impl Interval {
 
     /// Takes a report, and the journey that it ended.
     pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
-        let Some(stage) = Stage::of(report.stage) else { return };
+        let Some(stage) = Stage::from_code(report.stage) else { return };
         let span = self.stages.entry(stage).or_insert_with(|| StageSpan::new(report.counts.passed));
         span.counts = report.counts;
         if report.of_item != 0 {
@@ -145,8 +145,10 @@ impl Interval {
             segments: (self.journeys > 0).then(|| self.segments_ns.map(|sum| sum as f64 * 1e-6 / self.journeys as f64)),
             rates: self.stages.iter().map(|(stage, span)| (stage.name(), rate(span))).collect(),
             dropped: self.stages.iter().map(|(stage, span)| (stage.name(), losses(&span.counts))).collect(),
-            lost: Losses::of(&self.stages.iter().map(|(stage, span)| (*stage, span.counts)).collect::<Vec<_>>()),
-            window: self.window.as_ref().map(WindowSample::of),
+            lost: Losses::from_counts(
+                &self.stages.iter().map(|(stage, span)| (*stage, span.counts)).collect::<Vec<_>>(),
+            ),
+            window: self.window.as_ref().map(WindowSample::from_report),
         }
     }
 }
@@ -168,8 +170,8 @@ impl StageSpan {
 }
 
 impl WindowSample {
-    fn of(report: &WindowReport) -> Self {
-        let figures = WindowFigures::of(report);
+    fn from_report(report: &WindowReport) -> Self {
+        let figures = WindowFigures::from_report(report);
         Self {
             sd_rad: figures.sd_rad,
             n: figures.n,

@@ -65,7 +65,7 @@ impl Segment {
 
 impl Journey {
     /// From reports of the three working stages on the same window.
-    fn of(phase: &StageReport, correspondence: &StageReport, cloud: &StageReport) -> Self {
+    fn new(phase: &StageReport, correspondence: &StageReport, cloud: &StageReport) -> Self {
         let ends_ns = [
             phase.received_ns,
             phase.taken_ns,
@@ -121,7 +121,7 @@ impl Journeys {
     /// Takes a report; the journey of a window whose last report it is. That need not be the one of the cloud: a stage puts
     /// out first and reports then, and the next one may be faster.
     pub(super) fn add(&mut self, report: &StageReport) -> Option<Journey> {
-        let place = match Stage::of(report.stage).filter(|_| report.of_item != 0)? {
+        let place = match Stage::from_code(report.stage).filter(|_| report.of_item != 0)? {
             Stage::Phase => 0,
             Stage::Correspondence => 1,
             Stage::Cloud => 2,
@@ -130,7 +130,7 @@ impl Journeys {
         let reports = self.under_way.entry(report.exposure_start_ns).or_default();
         reports[place] = Some(*report);
         if let [Some(phase), Some(correspondence), Some(cloud)] = reports {
-            let journey = Journey::of(phase, correspondence, cloud);
+            let journey = Journey::new(phase, correspondence, cloud);
             self.under_way.remove(&report.exposure_start_ns);
             return Some(journey);
         }

@@ -32,7 +32,7 @@ const FOLLOWING: [DropReason; 4] =
 impl Losses {
     /// The losses in these accounts.
     #[must_use]
-    pub fn of(counts: &[(Stage, Counts)]) -> Self {
+    pub fn from_counts(counts: &[(Stage, Counts)]) -> Self {
         let of =
             |stage: Stage| counts.iter().find(|(of, _)| *of == stage).map(|(_, counts)| *counts).unwrap_or_default();
         let lost = |stage: Stage| of(stage).losses().map(|(_, n)| n).sum::<u64>();
@@ -115,7 +115,7 @@ mod tests {
             (Stage::Windowing, counts(535, &[(DropReason::Beginning, 5), (DropReason::Incomplete, 50)])),
             (Stage::Phase, counts(535, &[])),
         ];
-        let losses = Losses::of(&lost);
+        let losses = Losses::from_counts(&lost);
         assert_eq!((losses.images, losses.clouds), (10, 60));
         assert_eq!(losses.to_string(), "10 images were lost; 60 clouds missing for it");
     }
@@ -126,17 +126,20 @@ mod tests {
             (Stage::Pairing, counts(40, &[(DropReason::Unpaired, 30)])),
             (Stage::Windowing, counts(4, &[(DropReason::Beginning, 5), (DropReason::BetweenWindows, 12)])),
         ];
-        let losses = Losses::of(&silent);
+        let losses = Losses::from_counts(&silent);
         assert_eq!((losses.images, losses.clouds), (30, 8));
     }
 
     #[test]
     fn what_only_images_tell_is_no_count_of_images() {
         let hidden = [(Stage::Phase, counts(100, &[(DropReason::HiddenLoss, 9), (DropReason::NextStageBusy, 50)]))];
-        let losses = Losses::of(&hidden);
+        let losses = Losses::from_counts(&hidden);
         assert_eq!((losses.images, losses.refused_windows, losses.clouds), (0, 9, 9));
         assert_eq!(losses.to_string(), "9 windows were refused, whose images tell of faults; 9 clouds missing for it");
-        assert_eq!(Losses::of(&[(Stage::Windowing, counts(9, &[(DropReason::Beginning, 5)]))]), Losses::default());
+        assert_eq!(
+            Losses::from_counts(&[(Stage::Windowing, counts(9, &[(DropReason::Beginning, 5)]))]),
+            Losses::default()
+        );
         assert_eq!(Losses::default().to_string(), "nothing was lost");
     }
 }

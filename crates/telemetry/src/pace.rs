@@ -26,7 +26,7 @@ impl Pace {
     /// The pace of so many clouds a second, by what the stage of the phases counted since the start; `None` where hardly a window was
     /// left out because the next stage was busy.
     #[must_use]
-    pub fn of(clouds_hz: f64, phase: &Counts) -> Option<Self> {
+    pub fn new(clouds_hz: f64, phase: &Counts) -> Option<Self> {
         let (made, left_out) = (phase.passed as f64, phase.dropped(DropReason::NextStageBusy) as f64);
         let times = (made + left_out) / made;
         let every_times = (times - SLACK).ceil() as u32;
@@ -36,8 +36,8 @@ impl Pace {
 
     /// The pace of an instance that runs, by the reports of its stages.
     #[must_use]
-    pub fn of_tally(tally: &Tally) -> Option<Self> {
-        Self::of(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
+    pub fn from_tally(tally: &Tally) -> Option<Self> {
+        Self::new(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
     }
 }
 
@@ -61,7 +61,7 @@ mod tests {
         let of = |clouds_hz, passed, left_out| {
             let mut counts = Counts { passed, ..Counts::default() };
             counts.drop_many(DropReason::NextStageBusy, left_out);
-            Pace::of(clouds_hz, &counts)
+            Pace::new(clouds_hz, &counts)
         };
         let times = |passed, left_out| of(10.0, passed, left_out).map(|pace| pace.every_times);
         assert_eq!(times(160, 140), Some(2));

@@ -52,7 +52,7 @@ impl RunReport {
         if let Some(journey) = &journey {
             self.worst.add(journey);
         }
-        if Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
+        if Stage::from_code(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
             self.clouds_ns =
                 Some([self.clouds_ns.map_or(report.passed_ns, |[first_ns, _]| first_ns), report.passed_ns]);
         }
@@ -62,7 +62,7 @@ impl RunReport {
     pub fn add_window(&mut self, report: &WindowReport) {
         self.history.add_window(report);
         self.health.add(report);
-        self.window = Some(WindowFigures::of(report));
+        self.window = Some(WindowFigures::from_report(report));
     }
 
     /// What the times of exposures are worth.

@@ -42,7 +42,7 @@ pub struct SkewFigures {
 impl StageFigures {
     /// Of a stage with these counts; `tally` is what it reported, if it did.
     #[must_use]
-    pub fn of(stage: Stage, counts: &Counts, tally: Option<&StageTally>) -> Self {
+    pub fn new(stage: Stage, counts: &Counts, tally: Option<&StageTally>) -> Self {
         Self {
             stage: stage.name(),
             taken: counts.taken,
@@ -50,7 +50,7 @@ impl StageFigures {
             dropped: counts.reasons().map(|(reason, n)| (reason.name(), n)).collect(),
             incidents: counts.incidents().map(|(incident, n)| (incident.name(), n)).collect(),
             latency: tally.and_then(|tally| tally.latencies.brief()),
-            skew: tally.and_then(|tally| SkewFigures::of(&tally.skew)),
+            skew: tally.and_then(|tally| SkewFigures::from_skew(&tally.skew)),
         }
     }
 }
@@ -58,7 +58,7 @@ impl StageFigures {
 impl SkewFigures {
     /// `None` without a pair.
     #[must_use]
-    pub fn of(skew: &Skew) -> Option<Self> {
+    pub fn from_skew(skew: &Skew) -> Option<Self> {
         let ms = |ns: i64| ns as f64 * 1e-6;
         let mean_ms = skew.mean_ns()? * 1e-6;
         Some(Self { mean_ms, least_ms: ms(skew.least_ns), greatest_ms: ms(skew.greatest_ns) })

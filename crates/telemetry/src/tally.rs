@@ -44,7 +44,7 @@ pub struct StageTally {
 impl Tally {
     /// Takes a report; one of a stage that does not exist is passed over. The journey of a window whose last report it is.
     pub fn add(&mut self, report: &StageReport) -> Option<Journey> {
-        let stage = Stage::of(report.stage)?;
+        let stage = Stage::from_code(report.stage)?;
         let tally = self.stages.entry(stage).or_insert_with(|| StageTally::new(report));
         tally.add(report);
         if stage == Stage::Cloud && report.of_item != 0 {

@@ -37,7 +37,7 @@ impl<W: Write> TraceWriter<W> {
     /// # Errors
     /// What the writer says.
     pub fn add(&mut self, report: &StageReport) -> io::Result<()> {
-        let Some(stage) = Stage::of(report.stage).filter(|_| report.of_item != 0) else { return Ok(()) };
+        let Some(stage) = Stage::from_code(report.stage).filter(|_| report.of_item != 0) else { return Ok(()) };
         if self.named.insert((report.pid, stage)) {
             self.name(report.pid, stage)?;
         }

@@ -120,7 +120,7 @@ pub struct DeltaCounts {
 impl WindowFigures {
     /// The figures of a report.
     #[must_use]
-    pub fn of(report: &WindowReport) -> Self {
+    pub fn from_report(report: &WindowReport) -> Self {
         let pixels: u64 = report.outcomes.iter().sum();
         let points = Outcome::ALL.into_iter().filter(|o| o.is_found()).map(|o| report.outcomes[o as usize]).sum();
         let valid = |fit: &Fit| percent(fit.valid_pixels, pixels);
@@ -131,24 +131,24 @@ impl WindowFigures {
             thr_rad: report.delta_threshold_rad,
             n: report.mean_periods,
             efc: report.expected_false_candidates,
-            drift: report.drift.measured().map(DriftFigures::of),
-            outcomes: Shares::of(report),
+            drift: report.drift.measured().map(DriftFigures::from_drift),
+            outcomes: Shares::from_report(report),
             delta_mean_rad: report.delta_mean_rad,
             delta_median_rad: report.delta_median_rad,
             residual: [&report.cam1, &report.cam2].map(residual),
             valid: [&report.cam1, &report.cam2].map(valid),
-            cameras: [&report.cam1, &report.cam2].map(CameraFigures::of),
+            cameras: [&report.cam1, &report.cam2].map(CameraFigures::from_fit),
             skew_ms: report.skew_ns as f64 * 1e-6,
             slip_steps: report.slip_steps,
-            health: HealthFigures::of(report),
+            health: HealthFigures::from_report(report),
             points,
-            delta_histogram: DeltaCounts::of(&report.delta_counts),
+            delta_histogram: DeltaCounts::from_counts(&report.delta_counts),
         }
     }
 }
 
 impl CameraFigures {
-    fn of(fit: &Fit) -> Self {
+    fn from_fit(fit: &Fit) -> Self {
         let of_lit = |pixels: u64| (fit.lit_pixels > 0).then(|| percent(pixels, fit.lit_pixels));
         let known = |share: f32| (share >= 0.0).then_some(share);
         let motion = MotionFigures {
@@ -171,7 +171,7 @@ impl CameraFigures {
 impl DriftFigures {
     /// The figures of a report whose drift was measured.
     #[must_use]
-    pub fn of(drift: &DriftReport) -> Self {
+    pub fn from_drift(drift: &DriftReport) -> Self {
         Self {
             rms_rad: drift.rms_rad,
             error_px: drift.error_px,
@@ -198,7 +198,7 @@ impl Shares {
         ]
     }
 
-    fn of(report: &WindowReport) -> Self {
+    fn from_report(report: &WindowReport) -> Self {
         let count = |outcome: Outcome| report.outcomes[outcome as usize];
         let valid = report.outcomes.iter().sum::<u64>() - count(Outcome::Invalid);
         let mut shares = Self::default();
@@ -218,7 +218,7 @@ impl Shares {
 }
 
 impl DeltaCounts {
-    fn of(counts: &[u32; DELTA_PARTS]) -> Self {
+    fn from_counts(counts: &[u32; DELTA_PARTS]) -> Self {
         Self { first_rad: -PI, last_rad: PI, counts: counts.to_vec() }
     }
 }
@@ -247,7 +247,7 @@ mod tests {
         }
         report.cam1.valid_pixels = 100;
         report.cam2.residual_share = -1.0;
-        let figures = WindowFigures::of(&report);
+        let figures = WindowFigures::from_report(&report);
         let Shares { unique, decided, undecided, rejected, nothing } = figures.outcomes;
         assert_eq!([unique, decided, undecided, rejected, nothing], [60.0, 20.0, 5.0, 5.0, 10.0]);
         assert_eq!((figures.points, figures.residual), (80, [Some(0.0), None]));
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn an_empty_report_has_finite_figures() {
-        let figures = WindowFigures::of(&WindowReport::default());
+        let figures = WindowFigures::from_report(&WindowReport::default());
         assert_eq!(figures.outcomes, Shares::default());
         assert_eq!(figures.valid, [0.0; 2]);
     }

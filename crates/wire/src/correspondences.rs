@@ -92,7 +92,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
         passing: next_plane(&mut rest, pixels),
         mean: next_plane(&mut rest, pixels),
     };
-    let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::of(code as u8));
+    let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::from_code(code as u8));
     let outcome = |&code: &u8| known[usize::from(code)];
     if let Some(pixel) = planes.outcome.iter().position(|code| outcome(code).is_none()) {
         return Err(WireError::Outcome { pixel, code: planes.outcome[pixel] });
@@ -162,7 +162,7 @@ mod tests {
             width: 7,
             matches,
             mean: (0..35).collect(),
-            modulation: (0..35).map(|i| Modulation::of_grey(i as f32 * 0.7)).collect(),
+            modulation: (0..35).map(|i| Modulation::from_grey(i as f32 * 0.7)).collect(),
             phase_noise_grey: [1.5, 2.5],
         }
     }

@@ -219,6 +219,6 @@ mod tests {
         let told = health_report(&health).gauges[Quantity::Drift as usize];
         let limits = HealthLimits::default().of(Quantity::Drift);
         assert_eq!((told.known(), told.warn, told.bad), (Some(0.15), limits.warn, limits.bad));
-        assert_eq!((HealthState::of(told.state), told.since_ns), (HealthState::Warn, 104));
+        assert_eq!((HealthState::from_code(told.state), told.since_ns), (HealthState::Warn, 104));
     }
 }

@@ -158,7 +158,7 @@ mod tests {
             width,
             height,
             phase: (0..pixels).map(|i| (i * 7919 + seed) as u16).collect(),
-            modulation: (0..pixels).map(|i| Modulation::of_grey((i + seed) as f32 / 3.0)).collect(),
+            modulation: (0..pixels).map(|i| Modulation::from_grey((i + seed) as f32 / 3.0)).collect(),
             mean: (0..pixels).map(|i| (i + seed) as u8).collect(),
             valid: (0..pixels).map(|i| (i + seed).is_multiple_of(3)).collect(),
             fit: FitStatistics { valid_pixels: 5, residual_share: None, noise_grey: 1.5, noise_gain: 0.7 },

@@ -48,7 +48,7 @@ pub fn read(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
     let size_px = [header.width_px, header.height_px].map(|length| length as usize);
     let cells = payload.as_chunks().0.iter().map(|cell| u16::from_le_bytes(*cell)).collect();
     let [velocity_m_s, rate_rad_s] = [header.velocity_m_s, header.rate_rad_s].map(Vector3::from);
-    let (motion, relief) = (RigidMotion { velocity_m_s, rate_rad_s }, Relief::of_cells(size_px, cells)?);
+    let (motion, relief) = (RigidMotion { velocity_m_s, rate_rad_s }, Relief::from_cells(size_px, cells)?);
     Some(Prior { motion, relief, drift: drift::read(&header.drift) })
 }
 

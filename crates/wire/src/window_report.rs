@@ -16,7 +16,7 @@ use super::health::health_report;
 pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, health: &Health) -> WindowReport {
     let (matches, delta) = (&found.matches, &found.matches.delta);
     let mut outcomes = [0; OUTCOMES];
-    for (outcome, count) in OutcomeCounts::of(&matches.outcomes).iter() {
+    for (outcome, count) in OutcomeCounts::from_outcomes(&matches.outcomes).iter() {
         outcomes[outcome as usize] = count;
     }
     WindowReport {

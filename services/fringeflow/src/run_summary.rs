@@ -60,14 +60,14 @@ pub(crate) fn check_balance(outcome: &Outcome) -> Result<(), Failure> {
 pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
     check_balance(outcome)?;
     if outcome.balance.0.iter().any(|(_, counts)| counts.losses().next().is_some()) {
-        return Err(Failure::Losses(Losses::of(&outcome.balance.0).to_string()));
+        return Err(Failure::Losses(Losses::from_counts(&outcome.balance.0).to_string()));
     }
     if outcome.ended_badly.is_empty() { Ok(()) } else { Err(Failure::Losses(ended_badly(outcome))) }
 }
 
 fn pace(outcome: &Outcome) -> Option<Pace> {
     let (_, phase) = outcome.balance.0.iter().find(|(stage, _)| *stage == Stage::Phase)?;
-    Pace::of(outcome.run.cloud_rate_hz()?, phase)
+    Pace::new(outcome.run.cloud_rate_hz()?, phase)
 }
 
 fn ended_badly(outcome: &Outcome) -> String {
@@ -85,13 +85,13 @@ impl<'a> Summary<'a> {
     /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
     pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
         let stage =
-            |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, outcome.run.tally().stage(*stage));
+            |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, outcome.run.tally().stage(*stage));
         Self {
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             health: outcome.run.health(),
-            lost: Losses::of(&outcome.balance.0),
+            lost: Losses::from_counts(&outcome.balance.0),
             pace: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),

@@ -146,7 +146,7 @@ impl Statistics {
                 .zip(made.cam2.motion)
                 .map(|(a, b)| [a, b].map(|motion| MotionFigures::of(&motion))),
             slip_steps: matches.slip_steps,
-            pixels: OutcomeCounts::of(&matches.outcomes)
+            pixels: OutcomeCounts::from_outcomes(&matches.outcomes)
                 .iter()
                 .filter(|&(outcome, _)| outcome != Outcome::GrayCode)
                 .map(|(outcome, count)| (outcome.name(), count))

@@ -99,7 +99,7 @@ impl Board {
 
     pub(crate) fn take_window(&mut self, report: &WindowReport) {
         self.interval.add_window(report);
-        self.window = Some(WindowFigures::of(report));
+        self.window = Some(WindowFigures::from_report(report));
     }
 
     pub(crate) fn take_pose(&mut self, report: &PoseReport) {
@@ -176,9 +176,9 @@ impl Board {
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::all_of(&counts),
-            "losses": Losses::of(&counts).to_string(),
-            "pace": Pace::of_tally(&self.tally).map(|pace| pace.to_string()),
-            "skew": SkewFigures::of(&self.skew),
+            "losses": Losses::from_counts(&counts).to_string(),
+            "pace": Pace::from_tally(&self.tally).map(|pace| pace.to_string()),
+            "skew": SkewFigures::from_skew(&self.skew),
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),
             "tracking": self.tracking,
@@ -197,7 +197,7 @@ impl Board {
     fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {
         let of_stage = self.tally.stage(stage)?;
         Some(StageEntry {
-            figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
+            figures: StageFigures::new(stage, &of_stage.counts, Some(of_stage)),
             rate_hz: of_stage.rate_hz,
             in_work: self.in_work(stage),
             waiting: self.waiting(stage),

@@ -232,7 +232,7 @@ mod tests {
             let mut report = WindowReport::default();
             report.health.gauges[Quantity::Drift as usize] =
                 GaugeReport { level, warn: 0.1, bad: 0.2, since_ns: 1, state: state as u32, is_known: 1 };
-            log.look_at_health(HealthFigures::of(&report).as_ref(), 0.0);
+            log.look_at_health(HealthFigures::from_report(&report).as_ref(), 0.0);
             log.look_at_health(None, 0.0);
         }
         let levels: Vec<Level> = log.after(0).map(|event| event.level).collect();

@@ -50,7 +50,7 @@ pub(crate) struct Pictures {
 impl Pictures {
     /// Adds an image of a camera; one whose header contradicts it is left out.
     pub(crate) fn add_frame(&mut self, header: &FrameHeader, image: &[u8]) {
-        let Some(format) = PixelFormat::of(header.pixel_format) else { return };
+        let Some(format) = PixelFormat::from_code(header.pixel_format) else { return };
         let [width, height, stride] =
             [header.width_px, header.height_px, header.stride_bytes].map(|number| number as usize);
         let is_whole = width * format.bytes() <= stride && stride.checked_mul(height) == Some(image.len());

@@ -27,7 +27,7 @@ impl Control {
     /// Carries out a request, and says what came of it.
     pub(crate) fn answer(&mut self, request: &ControlRequest) -> ControlResponse {
         let text = request.text.to_text();
-        let done = match Command::of(request.command) {
+        let done = match Command::from_code(request.command) {
             Some(command) => self.carry_out(command, &text),
             None => Err(format!("command {} does not exist; known are 0 to 6", request.command)),
         };

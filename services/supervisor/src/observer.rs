@@ -38,7 +38,7 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
             tally.add(&report);
         }
         while let Some(report) = windows.receive()? {
-            window = Some(WindowFigures::of(&report));
+            window = Some(WindowFigures::from_report(&report));
         }
         while let Some(report) = poses.receive()? {
             watch.add(&report);

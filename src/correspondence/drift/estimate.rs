@@ -6,14 +6,14 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::super::delta_statistics::DeltaStatistics;
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment_table::SegmentTable;
-use super::super::surfaces::Decided;
 use super::known::KnownDrift;
 use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
 use super::place::{DepthRow, Places, Polynomial, TERMS};
+use crate::correspondence::delta_statistics::DeltaStatistics;
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::surfaces::Decided;
 
 /// Pixels that the estimate rests on, those on which starts are followed, and those by which drawn ones are compared.
 const PIXELS: usize = 3000;
@@ -42,7 +42,7 @@ const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
 const USUAL_SD_RAD: f64 = 0.06;
 /// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
 /// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
-pub(in super::super) const MODEL_SD_TURNS: f64 = 0.0012;
+pub(in crate::correspondence) const MODEL_SD_TURNS: f64 = 0.0012;
 /// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
@@ -99,7 +99,7 @@ impl Drift {
     }
 
     /// No drift but a mean, rad, with such an sd about it.
-    pub(in super::super) fn level(mean_rad: f64, sd_rad: f64) -> Self {
+    pub(in crate::correspondence) fn level(mean_rad: f64, sd_rad: f64) -> Self {
         let mut field = [0.0; TERMS];
         field[0] = mean_rad / TAU;
         let coefficients = std::iter::once(field[0]).collect();
@@ -136,7 +136,7 @@ impl Drift {
     }
 
     /// The drift of a rig that is known beforehand; `None` where the fields of its drift are not.
-    pub(in super::super) fn of_known(known: &KnownDrift, table: &SegmentTable) -> Option<Self> {
+    pub(in crate::correspondence) fn from_known(known: &KnownDrift, table: &SegmentTable) -> Option<Self> {
         let modes = table.drift_modes()?;
         let mut coefficients: Coefficients = known.coefficients.into_iter().map(f64::from).collect();
         coefficients.resize(1 + modes.fields.len());
@@ -145,7 +145,7 @@ impl Drift {
     }
 
     /// Root mean square of its difference from another one of the rig, turns.
-    pub(in super::super) fn distance_turns(&self, other: &Self, table: &SegmentTable) -> f64 {
+    pub(in crate::correspondence) fn distance_turns(&self, other: &Self, table: &SegmentTable) -> f64 {
         let rms_turns = std::iter::once(&1.0).chain(table.drift_modes().map_or(&[][..], |modes| &modes.rms_turns));
         let pairs = self.coefficients.iter().zip(&*other.coefficients);
         pairs.zip(rms_turns).map(|((a, b), rms)| ((a - b) * rms).powi(2)).sum::<f64>().sqrt()
@@ -165,13 +165,13 @@ impl Drift {
     }
 
     /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it closely.
-    pub(in super::super) fn is_improbable(&self) -> bool {
+    pub(in crate::correspondence) fn is_improbable(&self) -> bool {
         let is_narrow = self.residual_sd_rad < NARROW_SD_RAD;
         self.error_px > IMPROBABLE_PX || !(self.is_of_most_pixels() || is_narrow)
     }
 
     /// δ that true candidates of the pixels of a row of C1 have along their segments, turns.
-    pub(in super::super) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
+    pub(in crate::correspondence) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
         self.places.along_row(&self.field, v as f64).along_segments(width, out);
     }
 }
@@ -183,22 +183,22 @@ impl Drift {
 /// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    DriftRoom::default().estimates((cam1, cam2), table, delta).0
+    DriftScratch::default().estimates((cam1, cam2), table, delta).0
 }
 
 /// Memory in which the drift is estimated, to be used from window to window.
 #[derive(Clone, Debug, Default)]
-pub(in super::super) struct DriftRoom {
+pub(in crate::correspondence) struct DriftScratch {
     usable: Usable,
     sample: Sample,
     thinned: Sample,
     solver: Solver,
 }
 
-impl DriftRoom {
+impl DriftScratch {
     /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of false ones
     /// over so many turns; they are such a share of the image. `None` where nothing was decided.
-    pub(in super::super) fn of_decided(
+    pub(in crate::correspondence) fn of_decided(
         &mut self,
         table: &SegmentTable,
         decided: &[Decided],
@@ -218,7 +218,7 @@ impl DriftRoom {
     }
 
     /// As [`estimate_drift`], and the other of the best drifts within the volume and beyond it, if candidates were found there.
-    pub(in super::super) fn estimates(
+    pub(in crate::correspondence) fn estimates(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
         table: &SegmentTable,

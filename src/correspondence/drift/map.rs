@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::super::segment::SegmentRow;
-use super::super::segment_table::SegmentTable;
 use super::estimate::Drift;
 use super::place::DepthRow;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::segment_table::SegmentTable;
 
 /// Places along a segment, as shares of it, at which the greatest drift is sought: beginning, middle and end of the volume
 /// among them.
@@ -25,7 +25,7 @@ pub struct DriftMap {
 impl DriftMap {
     /// The map of a drift over the segments of its rig.
     #[must_use]
-    pub fn of(drift: &Drift, table: &SegmentTable) -> Self {
+    pub fn new(drift: &Drift, table: &SegmentTable) -> Self {
         let size_px @ [width, height] = table.size_px();
         let (mut middle_rad, mut greatest_rad) = (Vec::with_capacity(width * height), 0.0_f32);
         let (mut segments, mut along_row) = (SegmentRow::default(), DepthRow::default());

@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::decay::decay;
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::row_view::RowView;
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::surfaces::Decided;
 use crate::phase::PhaseMap;
 
-use super::super::decay::decay;
-use super::super::epipolar_image::EpipolarImage;
-use super::super::row_view::RowView;
-use super::super::segment_table::SegmentTable;
-use super::super::surfaces::Decided;
 use super::modes::{DriftModes, MAX_MODES};
 
 /// Share of pixels that may have no true candidate.

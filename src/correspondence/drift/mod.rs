@@ -23,7 +23,7 @@ mod modes;
 mod place;
 
 pub use estimate::{Drift, estimate_drift};
-pub(super) use estimate::{DriftRoom, MODEL_SD_TURNS};
+pub(super) use estimate::{DriftScratch, MODEL_SD_TURNS};
 pub use known::KnownDrift;
 pub use map::DriftMap;
 pub use modes::DriftModes;

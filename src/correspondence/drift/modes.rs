@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::segment_table::SegmentTable;
 use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
 
-use super::super::segment_table::SegmentTable;
 use super::place::{Places, Polynomial, TERMS, monomials};
 
 /// Most modes that are kept.
@@ -44,10 +44,10 @@ pub struct DriftModes {
 
 impl DriftModes {
     /// Numbers that hold the modes of any rig.
-    pub(in super::super) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
+    pub(in crate::correspondence) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
 
     /// The modes of a rig whose segments are in a table; none where the geometry leaves nothing to sample.
-    pub(in super::super) fn of(
+    pub(in crate::correspondence) fn new(
         rig: &Rig,
         volume: &MeasurementVolume,
         pattern: &FringePattern,
@@ -57,11 +57,11 @@ impl DriftModes {
         let places = Places::fit(table.size_px(), |pixel| table.limits_px(pixel))?;
         let samples = Samples::new(rig, volume, pattern, frame, &places);
         let (fields, rms_turns) = samples.principal_fields()?;
-        Some(Self { places, by_term: ModesByTerm::of(places, &fields), fields, rms_turns })
+        Some(Self { places, by_term: ModesByTerm::new(places, &fields), fields, rms_turns })
     }
 
     /// As numbers for a file.
-    pub(in super::super) fn to_numbers(&self) -> Vec<f64> {
+    pub(in crate::correspondence) fn to_numbers(&self) -> Vec<f64> {
         let mut numbers = self.places.to_numbers().to_vec();
         for (rms, field) in self.rms_turns.iter().zip(&self.fields) {
             numbers.push(*rms);
@@ -72,7 +72,7 @@ impl DriftModes {
     }
 
     /// From the numbers of a file; `None` if they are not those of modes.
-    pub(in super::super) fn from_numbers(numbers: &[f64]) -> Option<Self> {
+    pub(in crate::correspondence) fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (places, modes) = numbers.split_first_chunk::<{ Places::NUMBERS }>()?;
         let used = modes.chunks_exact(1 + TERMS).take_while(|mode| mode[0] > 0.0);
         let (rms_turns, fields): (Vec<f64>, Vec<Polynomial>) =
@@ -81,14 +81,14 @@ impl DriftModes {
         let places = Places::from_numbers(*places);
         (sound && places.scale_px() >= 1.0).then(|| Self {
             places,
-            by_term: ModesByTerm::of(places, &fields),
+            by_term: ModesByTerm::new(places, &fields),
             fields,
             rms_turns,
         })
     }
 
     /// Mean half length of a segment, pixels of the epipolar frame.
-    pub(in super::super) fn half_segment_px(&self) -> f64 {
+    pub(in crate::correspondence) fn half_segment_px(&self) -> f64 {
         self.places.scale_px()
     }
 }
@@ -106,7 +106,7 @@ pub(super) struct ModesByTerm {
 }
 
 impl ModesByTerm {
-    fn of(places: Places, fields: &[Polynomial]) -> Self {
+    fn new(places: Places, fields: &[Polynomial]) -> Self {
         let group = |modes: &[Polynomial]| {
             let mut factors = [[0.0; GROUP]; TERMS];
             for (k, mode) in modes.iter().enumerate() {

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::super::wide::load;
+use crate::correspondence::wide::load;
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
@@ -139,7 +139,7 @@ const BLOCK: usize = 16;
 
 /// A field along the segments of a row of pixels, one array a number. Each has a multiple of sixteen numbers.
 #[derive(Clone, Debug, Default)]
-pub(in super::super) struct DepthRow {
+pub(in crate::correspondence) struct DepthRow {
     /// Factor of dᵏ of each pixel at `[k]`.
     coefficients: [Vec<f32>; DEGREE + 1],
     /// Where d is 0, pixels.
@@ -154,7 +154,7 @@ pub(in super::super) struct DepthRow {
 impl DepthRow {
     /// The field along the segment of the pixel in a column.
     #[inline]
-    pub(in super::super) fn segment(&self, u: usize) -> DepthPolynomial {
+    pub(in crate::correspondence) fn segment(&self, u: usize) -> DepthPolynomial {
         let mut coefficients = [0.0; DEGREE + 1];
         coefficients.iter_mut().zip(&self.coefficients).for_each(|(c, of_pixels)| *c = of_pixels[u]);
         DepthPolynomial { coefficients, middle_px: self.middle_px[u], per_px: self.per_px }
@@ -162,16 +162,16 @@ impl DepthRow {
 }
 
 /// A field along the segments of some pixels.
-pub(in super::super) struct DepthBlock<L: Lanes> {
-    pub(in super::super) coefficients: [L::Floats; DEGREE + 1],
-    pub(in super::super) middle_px: L::Floats,
-    pub(in super::super) per_px: f32,
+pub(in crate::correspondence) struct DepthBlock<L: Lanes> {
+    pub(in crate::correspondence) coefficients: [L::Floats; DEGREE + 1],
+    pub(in crate::correspondence) middle_px: L::Floats,
+    pub(in crate::correspondence) per_px: f32,
 }
 
 impl DepthRow {
     /// Those of a block of pixels from one on.
     #[inline(always)]
-    pub(in super::super) fn block<L: Lanes>(&self, lanes: L, first: usize) -> DepthBlock<L> {
+    pub(in crate::correspondence) fn block<L: Lanes>(&self, lanes: L, first: usize) -> DepthBlock<L> {
         // Written out: no closure may stand between the kernel and its instructions.
         let c = &self.coefficients;
         let coefficients = [
@@ -189,7 +189,7 @@ impl DepthRow {
 impl<L: Lanes> DepthBlock<L> {
     /// The same polynomial at all places.
     #[inline(always)]
-    pub(in super::super) fn of_one(lanes: L, of_pixel: &DepthPolynomial) -> Self {
+    pub(in crate::correspondence) fn splat(lanes: L, of_pixel: &DepthPolynomial) -> Self {
         // A closure is no part of what is compiled for a level unless it is inlined: a loop always is.
         let mut coefficients = [lanes.float(0.0); DEGREE + 1];
         for (all, &one) in coefficients.iter_mut().zip(&of_pixel.coefficients) {
@@ -200,7 +200,7 @@ impl<L: Lanes> DepthBlock<L> {
 
     /// Its values at columns, as [`DepthPolynomial::at`] has them.
     #[inline(always)]
-    pub(in super::super) fn at(&self, lanes: L, column_px: L::Floats) -> L::Floats {
+    pub(in crate::correspondence) fn at(&self, lanes: L, column_px: L::Floats) -> L::Floats {
         let place = lanes.times_float(lanes.sub_float(column_px, self.middle_px), lanes.float(self.per_px));
         let d = lanes.min_float(lanes.max_float(place, lanes.float(-EDGE)), lanes.float(EDGE));
         let then = |sum: L::Floats, c: L::Floats| lanes.add_float(lanes.times_float(sum, d), c);
@@ -252,16 +252,16 @@ impl Kernel for DepthKernel<'_> {
 
 /// A field along one segment.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in super::super) struct DepthPolynomial {
-    pub(in super::super) coefficients: [f32; DEGREE + 1],
-    pub(in super::super) middle_px: f32,
-    pub(in super::super) per_px: f32,
+pub(in crate::correspondence) struct DepthPolynomial {
+    pub(in crate::correspondence) coefficients: [f32; DEGREE + 1],
+    pub(in crate::correspondence) middle_px: f32,
+    pub(in crate::correspondence) per_px: f32,
 }
 
 impl DepthPolynomial {
     /// Its value at a column of the epipolar frame.
     #[inline]
-    pub(in super::super) fn at(&self, column_px: f32) -> f32 {
+    pub(in crate::correspondence) fn at(&self, column_px: f32) -> f32 {
         let place = (column_px - self.middle_px) * self.per_px;
         let d = place.clamp(-EDGE, EDGE);
         let (mut value, mut rise) = (self.coefficients[DEGREE], 0.0);

@@ -147,8 +147,8 @@ fn bilinear(phases: [&AbsolutePhase; 2], at: &Pixel) -> Option<(Vector2<f64>, Ma
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scene::Scene;
     use super::*;
+    use crate::correspondence::reference_methods::test_scene::Scene;
 
     #[test]
     fn points_of_a_plane_are_found_within_a_fiftieth_of_a_pixel() {

@@ -171,8 +171,8 @@ fn nearest(crossings: &[Crossing], line_rises: bool, near_last: bool) -> Option<
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scene::Scene;
     use super::*;
+    use crate::correspondence::reference_methods::test_scene::Scene;
 
     #[test]
     fn points_of_a_plane_are_found_within_a_fiftieth_of_a_pixel() {

@@ -8,7 +8,8 @@ use std::sync::LazyLock;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::super::decay::decay;
+use crate::correspondence::decay::decay;
+
 use super::UNITS_PER_NAT;
 use super::grounds::Grounds;
 use super::paths::PATHS;

@@ -8,16 +8,16 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::drift::DepthRow;
+use crate::correspondence::outlook::Outlook;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::surfaces::{self, NO_ORDER as NO_LOOK};
+use crate::correspondence::wide::{BLOCK, Ends, block_of_mut};
 use crate::phase::Modulation;
 
-use super::super::drift::DepthRow;
-use super::super::outlook::Outlook;
-use super::super::segment::SegmentRow;
-use super::super::surfaces::{self, NO_ORDER as NO_LOOK};
-use super::super::wide::{BLOCK, Ends, block_of_mut};
 use super::bands::{self, BAND_ROWS};
 use super::selection::{SelectedRow, Selection};
-use super::wide::{self, BestOfBlock, EvidenceRoom, OrdersOfBlock};
+use super::wide::{self, BestOfBlock, EvidenceScratch, OrdersOfBlock};
 use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
@@ -53,7 +53,7 @@ pub(super) struct DeltaScale {
 }
 
 impl DeltaScale {
-    pub(super) fn of(scene: &Scene<'_>) -> Self {
+    pub(super) fn from_scene(scene: &Scene<'_>) -> Self {
         let cam1 = scene.cam1;
         let median_grey = median_modulation(&cam1.modulation, &cam1.valid, cam1.width).map_or(1.0, Modulation::grey);
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
@@ -90,7 +90,7 @@ fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) ->
         let is_near = valid && usize::from(modulation.steps() >> 8) == byte;
         lower[usize::from(modulation.steps() & 0xff)] += u32::from(is_near);
     }
-    ranked(&lower, rank).map(|(lower, _)| Modulation::of_steps((byte << 8 | lower) as u16))
+    ranked(&lower, rank).map(|(lower, _)| Modulation::from_steps((byte << 8 | lower) as u16))
 }
 
 /// In which place the number of a rank is counted, and its rank there.
@@ -168,7 +168,7 @@ pub(super) struct Asked<'a> {
     /// The same without what C2 is known to see outside the volume.
     pub(super) open: &'a Scene<'a>,
     pub(super) scale: &'a DeltaScale,
-    pub(super) surfaces: &'a surfaces::Room,
+    pub(super) surfaces: &'a surfaces::Scratch,
     /// Pixels that are known to see something outside the volume.
     pub(super) outside: &'a [bool],
 }
@@ -181,7 +181,7 @@ pub(super) struct Evidence {
     pub(super) best: Best,
     /// Whether some order fits a pixel, or surfaces tell one: 1 or 0.
     pub(super) is_explained: Vec<u8>,
-    rooms: Vec<BandRoom>,
+    scratches: Vec<BandScratch>,
 }
 
 /// What the energies of each pixel come to; without meaning where there is no window.
@@ -221,7 +221,7 @@ impl Best {
 
 /// What a band of rows is worked on with.
 #[derive(Clone, Debug, Default)]
-struct BandRoom {
+struct BandScratch {
     row: OutlookRow,
     /// Orders that surfaces tell.
     orders: Vec<i16>,
@@ -268,20 +268,20 @@ impl Evidence {
     ) -> usize {
         let (lanes, reach, width) = (windows.lanes, windows.reach, scene.cam1.width.max(1));
         self.energies.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
-        bands::resize(&mut self.rooms, scene.cam1.height);
+        bands::resize(&mut self.scratches, scene.cam1.height);
         let of_band = BAND_ROWS * width;
         let Best { place, least, second } = &mut self.best;
         let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
         let windows = windows.first.par_chunks_mut(of_band).zip(windows.count.par_chunks_mut(of_band));
         let out = self.energies.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
-        let rooms = self.is_explained.par_chunks_mut(of_band).zip(&mut self.rooms);
-        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(rooms).enumerate();
-        bands.for_each(|(band, (((out, (first, count)), mut selected), (is_explained, room)))| {
+        let scratches = self.is_explained.par_chunks_mut(of_band).zip(&mut self.scratches);
+        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(scratches).enumerate();
+        bands.for_each(|(band, (((out, (first, count)), mut selected), (is_explained, scratch)))| {
             let ((tile, passing), ((place, least), second)) = out;
-            room.most = 0;
+            scratch.most = 0;
             for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
                 let v = band * BAND_ROWS + i;
-                let BandRoom { row, orders, asked, most } = &mut *room;
+                let BandScratch { row, orders, asked, most } = &mut *scratch;
                 row.turn_to(scene, scale, v);
                 let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
                 let own = v * width..(v + 1) * width;
@@ -319,7 +319,7 @@ impl Evidence {
                 tell_decided(first, &selected, best, &mut second[pixels]);
             }
         });
-        self.rooms.iter().map(|room| room.most).max().unwrap_or(0)
+        self.scratches.iter().map(|scratch| scratch.most).max().unwrap_or(0)
     }
 }
 
@@ -369,7 +369,7 @@ struct EvidenceRow<'a> {
     first: &'a [i16],
     count: &'a [u8],
     energies: &'a Energies,
-    /// Room for the orders of a pixel.
+    /// Scratch for the orders of a pixel.
     lanes: usize,
     tile: &'a mut [u8],
     passing: &'a mut [u8],
@@ -385,7 +385,7 @@ impl Kernel for EvidenceRow<'_> {
     fn run<L: Lanes>(mut self, level: L) {
         let row = self.row.wide(self.scene, self.reach);
         let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
-        let (mut room, mut ends): (_, Ends) = (EvidenceRoom::new(level), [[0; _]; 3]);
+        let (mut scratch, mut ends): (_, Ends) = (EvidenceScratch::new(level), [[0; _]; 3]);
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else {
@@ -395,7 +395,7 @@ impl Kernel for EvidenceRow<'_> {
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
             let tile = &mut self.tile[begin * self.lanes..][..BLOCK * self.lanes];
             let orders = OrdersOfBlock { first, count, most };
-            let best = of_block.evidence(&orders, self.energies, &mut room, &mut ends, tile, self.lanes);
+            let best = of_block.evidence(&orders, self.energies, &mut scratch, &mut ends, tile, self.lanes);
             let BestOfBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
@@ -489,7 +489,7 @@ impl Best {
 #[cfg(test)]
 impl Evidence {
     /// Energies that were found elsewhere.
-    pub(super) fn of(energies: Vec<u8>, windows: &Windows) -> Self {
+    pub(super) fn new(energies: Vec<u8>, windows: &Windows) -> Self {
         let mut best = Best::default();
         for (energies, &count) in energies.chunks(windows.lanes).zip(&windows.count) {
             let mut own = energies[..usize::from(count)].to_vec();
@@ -505,14 +505,14 @@ impl Evidence {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scene::TestScene;
     use super::*;
+    use crate::correspondence::semi_global::test_scene::TestScene;
 
     #[test]
     fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, energies, width) = (DeltaScale::of(&scene), Energies::new(), scene.cam1.width);
+        let (scale, energies, width) = (DeltaScale::from_scene(&scene), Energies::new(), scene.cam1.width);
         let (mut windows, mut row, mut known) = (Windows::default(), OutlookRow::default(), 0);
         windows.ready(&scene, false);
         let reach = windows.reach;
@@ -565,7 +565,7 @@ mod tests {
     fn the_median_modulation_is_that_of_sorting() {
         for count in [0, 1, 2, 7, 1000, 1001] {
             let modulation: Vec<Modulation> =
-                (0..count).map(|i: u32| Modulation::of_steps((i * 40_503 % 5003) as u16)).collect();
+                (0..count).map(|i: u32| Modulation::from_steps((i * 40_503 % 5003) as u16)).collect();
             let valid: Vec<bool> = (0..count).map(|i| i % 3 != 1).collect();
             let mut lit: Vec<Modulation> =
                 modulation.iter().zip(&valid).filter(|(_, valid)| **valid).map(|(m, _)| *m).collect();

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::super::neighbourhood::MAX_STEP;
+use crate::correspondence::neighbourhood::MAX_STEP;
+
 use super::selection::ABSENT;
 
 /// Pixels on either side within which support counts.

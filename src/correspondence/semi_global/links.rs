@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use crate::phase::PhaseMap;
 
-use super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use super::bands::{self, BAND_ROWS};
 use super::windows::Windows;
 
@@ -29,17 +29,17 @@ pub(super) struct Links {
     shifts: [Vec<u8>; AXES.len()],
     /// Width of the image, pixels.
     width: usize,
-    rooms: Vec<[Rises; 3]>,
+    scratches: Vec<[Rises; 3]>,
 }
 
 impl Links {
     /// Finds the links of all pixels.
     pub(super) fn find(&mut self, cam1: &PhaseMap, windows: &Windows) {
         self.width = cam1.width.max(1);
-        bands::resize(&mut self.rooms, cam1.height);
+        bands::resize(&mut self.scratches, cam1.height);
         for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
             shifts.resize(cam1.phase.len(), NONE);
-            let bands = shifts.par_chunks_mut(self.width * BAND_ROWS).zip(&mut self.rooms).enumerate();
+            let bands = shifts.par_chunks_mut(self.width * BAND_ROWS).zip(&mut self.scratches).enumerate();
             bands.for_each(|(band, (shifts, rises))| {
                 rises.iter_mut().for_each(|rises| rises.resize(cam1.width));
                 LinkBand { cam1, windows, axis, rises }.find(band * BAND_ROWS, shifts);
@@ -141,7 +141,7 @@ struct LinkBand<'a> {
     cam1: &'a PhaseMap,
     windows: &'a Windows,
     axis: [isize; 2],
-    /// Room for the rises to the pixels before those of a row, to these, and to those behind.
+    /// Scratch for the rises to the pixels before those of a row, to these, and to those behind.
     rises: &'a mut [Rises; 3],
 }
 

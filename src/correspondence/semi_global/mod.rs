@@ -56,9 +56,9 @@ pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
 use evidence::{DeltaScale, Evidence};
-use paths::{PathRoom, Verdicts};
+use paths::{PathScratch, Verdicts};
 use selection::Selection;
-use verification::VerificationRoom;
+use verification::VerificationScratch;
 pub(super) use windows::Reach;
 use windows::Windows;
 
@@ -92,24 +92,24 @@ pub(super) struct Limits {
     pub(super) min_confidence: f32,
 }
 
-/// Room for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
+/// Scratch for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Room {
-    pub(super) surfaces: surfaces::Room,
+pub(super) struct Scratch {
+    pub(super) surfaces: surfaces::Scratch,
     /// Whether a pixel is known to see something outside the volume.
     outside: Vec<bool>,
     /// C2 without what it is known to see there.
     open: EpipolarImage,
     windows: Windows,
     evidence: Evidence,
-    paths: PathRoom,
+    paths: PathScratch,
     verdicts: Verdicts,
     selection: Selection,
-    verification: VerificationRoom,
+    verification: VerificationScratch,
     segments: Pool<SegmentRow>,
 }
 
-impl Room {
+impl Scratch {
     /// Decides every pixel. The grounds of the decisions go where they are asked for.
     pub(super) fn resolve(
         &mut self,
@@ -120,7 +120,7 @@ impl Room {
     ) {
         let Self { surfaces, outside, open, windows, evidence, paths, verdicts, selection, verification, segments } =
             self;
-        let scale = DeltaScale::of(scene);
+        let scale = DeltaScale::from_scene(scene);
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
         let near_px = windows.near_px(scene.table);
         let far = surfaces.mark_outside(view, scene.drift, near_px, outside);

@@ -5,18 +5,18 @@
 
 use rayon::prelude::*;
 
-use super::super::candidates::Candidate;
-pub(super) use super::super::neighbourhood::ABSENT;
-use super::super::neighbourhood::TURN;
-use super::super::outlook::Outlook;
-use super::super::surfaces::NO_ORDER;
-use super::super::wide::{BLOCK, block_of_mut};
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::evidence::{DeltaScale, OutlookRow};
 use super::places::{PlaceRow, Places};
-use super::wide::{self, SelectionRoom};
+use super::wide::{self, SelectionScratch};
 use super::windows::{Reach, Windows};
+use crate::correspondence::candidates::Candidate;
+pub(super) use crate::correspondence::neighbourhood::ABSENT;
+use crate::correspondence::neighbourhood::TURN;
+use crate::correspondence::outlook::Outlook;
+use crate::correspondence::surfaces::NO_ORDER;
+use crate::correspondence::wide::{BLOCK, block_of_mut};
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
@@ -41,15 +41,15 @@ pub(super) struct Selection {
     pub(super) is_decided: Vec<bool>,
     /// Where it lies in C2.
     pub(super) places: Places,
-    rooms: Vec<RowRoom>,
-    /// Room for the median of z.
+    scratches: Vec<RowScratch>,
+    /// Scratch for the median of z.
     counts: Vec<u32>,
     near: Vec<f32>,
 }
 
 /// What the rows of a band are worked on with.
 #[derive(Clone, Debug, Default)]
-struct RowRoom {
+struct RowScratch {
     row: OutlookRow,
     /// Numbers of orders of the pixels that are not decided.
     asked: Vec<u8>,
@@ -71,10 +71,10 @@ impl Selection {
     /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
     pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
         let width = scene.cam1.width.max(1);
-        let mut rooms = std::mem::take(&mut self.rooms);
-        bands::resize(&mut rooms, scene.cam1.height);
-        let bands = self.bands(BAND_ROWS * width).zip(&mut rooms).enumerate();
-        bands.for_each(|(band, (mut selected, RowRoom { row, asked }))| {
+        let mut scratches = std::mem::take(&mut self.scratches);
+        bands::resize(&mut scratches, scene.cam1.height);
+        let bands = self.bands(BAND_ROWS * width).zip(&mut scratches).enumerate();
+        bands.for_each(|(band, (mut selected, RowScratch { row, asked }))| {
             for i in 0..selected.absolute.len() / width {
                 let v = band * BAND_ROWS + i;
                 row.turn_to(scene, scale, v);
@@ -88,7 +88,7 @@ impl Selection {
                 places.find(scene.table, &row.segments, out.column_px);
             }
         });
-        self.rooms = rooms;
+        self.scratches = scratches;
         self.normalize(width);
     }
 
@@ -180,7 +180,7 @@ impl CandidateRow<'_> {
     }
 }
 
-/// Room for the selected candidates of some rows.
+/// Scratch for the selected candidates of some rows.
 pub(super) struct SelectedBand<'a> {
     pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
@@ -210,7 +210,7 @@ impl SelectedBand<'_> {
     }
 }
 
-/// Room for the selected candidates of a row.
+/// Scratch for the selected candidates of a row.
 pub(super) struct SelectedRow<'a> {
     pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
@@ -231,7 +231,7 @@ pub(super) struct SelectedBlock<'a> {
     pub(super) in_volume: &'a mut [bool; BLOCK],
 }
 
-/// Room for the same of a block, of which not all is taken.
+/// Scratch for the same of a block, of which not all is taken.
 #[derive(Default)]
 struct FoundBlock {
     absolute: [i32; BLOCK],
@@ -322,11 +322,11 @@ impl Kernel for SelectionRow<'_, '_> {
     fn run<L: Lanes>(mut self, level: L) {
         let row = self.row.wide(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let (mut room, mut found) = (SelectionRoom::new(level), FoundBlock::default());
+        let (mut scratch, mut found) = (SelectionScratch::new(level), FoundBlock::default());
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else { continue };
-            of_block.select(order, &mut room, &mut found.block());
+            of_block.select(order, &mut scratch, &mut found.block());
             self.take(begin, of_block.regular(), &found);
             self.select_pixels(begin, of_block.irregular());
         }
@@ -408,9 +408,9 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::{Asked, Evidence};
-    use super::super::test_scene::TestScene;
     use super::*;
+    use crate::correspondence::semi_global::evidence::{Asked, Evidence};
+    use crate::correspondence::semi_global::test_scene::TestScene;
 
     /// What a pixel has selected, as bits.
     type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
@@ -440,7 +440,7 @@ mod tests {
     fn candidates_of_many_pixels_are_those_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
+        let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
         let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
         windows.ready(&scene, false);
@@ -476,7 +476,7 @@ mod tests {
     fn what_one_look_decides_is_the_candidate_of_its_order_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, width) = (DeltaScale::of(&scene), scene.cam1.width);
+        let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
         let (mut windows, mut row, mut orders) = (Windows::default(), OutlookRow::default(), Vec::new());
         windows.ready(&scene, false);
         let (surfaces, reach) = (test_scene.surfaces(), windows.reach);

@@ -11,8 +11,8 @@
 //! a wrong one runs through zero: candidates are selected where it passes by, and end on either side though the surface does
 //! not.
 
-use super::super::regions::{Regions, Run};
-use super::super::surfaces;
+use crate::correspondence::regions::{Regions, Run};
+use crate::correspondence::surfaces;
 
 /// Fewest pixels of a region whose shape tells anything.
 const MIN_PIXELS: f64 = 10.0;
@@ -59,7 +59,7 @@ pub(super) struct Strips {
 
 impl Strips {
     /// Tells which regions are strips, from z of all pixels of an image that is so wide.
-    pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], surfaces: &surfaces::Room) {
+    pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], surfaces: &surfaces::Scratch) {
         let Self { moments, is_strip } = self;
         moments.clear();
         moments.resize(regions.count(), Moments::default());
@@ -73,7 +73,7 @@ impl Strips {
 }
 
 impl Moments {
-    fn add(&mut self, width: usize, run: &Run, z: &[f32], surfaces: &surfaces::Room) {
+    fn add(&mut self, width: usize, run: &Run, z: &[f32], surfaces: &surfaces::Scratch) {
         let pixels = run.pixels();
         let (row, begin) = (pixels.start / width, pixels.start % width);
         let count = pixels.len() as f64;

@@ -16,7 +16,8 @@ use rayon::prelude::*;
 
 use fringeflow_base::outcome::Outcome;
 
-use super::super::surfaces;
+use crate::correspondence::surfaces;
+
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, OfRegion, TABLES, confidences, margin_nats};
@@ -53,11 +54,11 @@ const DOUBT_NATS: f32 = 0.6;
 /// Share of a region's places that better founded ones may take.
 const MAX_LOST_SHARE: f64 = 0.3;
 
-/// Room for what is known of each pixel.
+/// Scratch for what is known of each pixel.
 #[derive(Clone, Debug, Default)]
-pub(super) struct VerificationRoom {
+pub(super) struct VerificationScratch {
     regions: Regions,
-    of_regions: RegionRoom,
+    of_regions: RegionScratch,
     strips: Strips,
     claims: Claims,
     surroundings: Surroundings,
@@ -65,14 +66,14 @@ pub(super) struct VerificationRoom {
     beside: Vec<u8>,
     around: Vec<u8>,
     is_hidden: Vec<bool>,
-    rooms: Vec<ConfidenceRoom>,
+    scratches: Vec<ConfidenceScratch>,
     /// Regions of what is left.
     left: Regions,
 }
 
 /// What is known of each region.
 #[derive(Clone, Debug, Default)]
-struct RegionRoom {
+struct RegionScratch {
     /// Mean lead of the decided orders over the next best ones, nats a path.
     leads_nats: Vec<f32>,
     /// The same, less where only that speaks for it.
@@ -85,9 +86,9 @@ struct RegionRoom {
     sums: Vec<u64>,
 }
 
-/// Room for the confidences of a row.
+/// Scratch for the confidences of a row.
 #[derive(Clone, Debug, Default)]
-struct ConfidenceRoom {
+struct ConfidenceScratch {
     of_regions: Vec<f32>,
     log_odds: Vec<f32>,
 }
@@ -96,7 +97,7 @@ struct ConfidenceRoom {
 pub(super) struct Decided<'a> {
     pub(super) verdicts: &'a Verdicts,
     /// Where the wrapped phase runs on.
-    pub(super) surfaces: &'a surfaces::Room,
+    pub(super) surfaces: &'a surfaces::Scratch,
 }
 
 /// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
@@ -106,24 +107,24 @@ pub(super) fn verify(
     selection: &mut Selection,
     &Decided { verdicts, surfaces }: &Decided<'_>,
     limits: &Limits,
-    room: &mut VerificationRoom,
+    scratch: &mut VerificationScratch,
     decisions: &mut Decisions<'_>,
     grounds: Option<&mut Vec<Grounds>>,
 ) {
     let width = scene.cam1.width.max(1);
-    room.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
+    scratch.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
-    verification.look_at_regions(room, surfaces);
-    verification.judge_regions(room);
-    verification.contradict_by_foundation(room);
-    verification.look_around(room);
-    verification.ask_regions(room);
-    verification.state_confidence(room, decisions.confidence);
+    verification.look_at_regions(scratch, surfaces);
+    verification.judge_regions(scratch);
+    verification.contradict_by_foundation(scratch);
+    verification.look_around(scratch);
+    verification.ask_regions(scratch);
+    verification.state_confidence(scratch, decisions.confidence);
     if let Some(grounds) = grounds {
-        *grounds = verification.grounds(room);
+        *grounds = verification.grounds(scratch);
     }
-    verification.stand_by_confidence(room, decisions);
-    verification.drop_small_regions(&mut room.left, decisions.outcomes);
+    verification.stand_by_confidence(scratch, decisions);
+    verification.drop_small_regions(&mut scratch.left, decisions.outcomes);
     verification.finish(decisions);
 }
 
@@ -137,14 +138,14 @@ struct Verification<'a> {
 
 impl Verification<'_> {
     /// Finds by how much each region leads, and which are strips.
-    fn look_at_regions(&self, room: &mut VerificationRoom, surfaces: &surfaces::Room) {
-        let VerificationRoom { regions, of_regions, strips, .. } = room;
+    fn look_at_regions(&self, scratch: &mut VerificationScratch, surfaces: &surfaces::Scratch) {
+        let VerificationScratch { regions, of_regions, strips, .. } = scratch;
         let (regions, z) = (&*regions, &self.selection.z);
         rayon::join(|| self.find_leads(regions, of_regions), || strips.find(self.width, regions, z, surfaces));
     }
 
-    fn find_leads(&self, regions: &Regions, of_regions: &mut RegionRoom) {
-        let RegionRoom { leads_nats, sums, .. } = of_regions;
+    fn find_leads(&self, regions: &Regions, of_regions: &mut RegionScratch) {
+        let RegionScratch { leads_nats, sums, .. } = of_regions;
         regions.sum(sums, |run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
         let of_region = |(&margins, &size_px): (&u64, &u32)| {
             (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
@@ -153,8 +154,8 @@ impl Verification<'_> {
         leads_nats.extend(sums.iter().zip(&regions.size_px).map(of_region));
     }
 
-    fn judge_regions(&self, VerificationRoom { regions, of_regions, strips, .. }: &mut VerificationRoom) {
-        let RegionRoom { leads_nats, foundations_nats, verdicts, sums, .. } = of_regions;
+    fn judge_regions(&self, VerificationScratch { regions, of_regions, strips, .. }: &mut VerificationScratch) {
+        let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = of_regions;
         // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.region as usize];
@@ -187,8 +188,11 @@ impl Verification<'_> {
     }
 
     /// Drops regions of which a good part claims places of C2 that better founded regions claim for other orders.
-    fn contradict_by_foundation(&self, VerificationRoom { regions, of_regions, claims, .. }: &mut VerificationRoom) {
-        let RegionRoom { foundations_nats, verdicts, sums, .. } = of_regions;
+    fn contradict_by_foundation(
+        &self,
+        VerificationScratch { regions, of_regions, claims, .. }: &mut VerificationScratch,
+    ) {
+        let RegionScratch { foundations_nats, verdicts, sums, .. } = of_regions;
         let standing = || foundations_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(nats, _)| *nats);
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
@@ -221,8 +225,8 @@ impl Verification<'_> {
     }
 
     /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
-    fn look_around(&self, room: &mut VerificationRoom) {
-        let VerificationRoom { regions, of_regions, claims, surroundings, beside, around, is_hidden, .. } = room;
+    fn look_around(&self, scratch: &mut VerificationScratch) {
+        let VerificationScratch { regions, of_regions, claims, surroundings, beside, around, is_hidden, .. } = scratch;
         let (regions, width, absolute) = (&*regions, self.width, &self.selection.absolute);
         let stands = |run: &&Run| of_regions.verdicts[run.region as usize].is_none();
         let fill = || {
@@ -256,8 +260,8 @@ impl Verification<'_> {
     }
 
     /// Asks what each region says of its pixels.
-    fn ask_regions(&self, VerificationRoom { regions, of_regions, is_hidden, .. }: &mut VerificationRoom) {
-        let RegionRoom { leads_nats, says, odds, sums, .. } = of_regions;
+    fn ask_regions(&self, VerificationScratch { regions, of_regions, is_hidden, .. }: &mut VerificationScratch) {
+        let RegionScratch { leads_nats, says, odds, sums, .. } = of_regions;
         regions.sum(sums, |run| is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
         let of_region = |((&region_px, &lead_nats), &hidden): ((&u32, &f32), &u64)| OfRegion {
             region_px,
@@ -272,14 +276,14 @@ impl Verification<'_> {
     }
 
     /// How likely each selected candidate is true; without meaning elsewhere.
-    fn state_confidence(&self, room: &mut VerificationRoom, confidence: &mut Vec<Confidence>) {
-        let VerificationRoom { regions, of_regions, beside, around, is_hidden, rooms, .. } = room;
+    fn state_confidence(&self, scratch: &mut VerificationScratch, confidence: &mut Vec<Confidence>) {
+        let VerificationScratch { regions, of_regions, beside, around, is_hidden, scratches, .. } = scratch;
         let (regions, odds, width) = (&*regions, &of_regions.odds, self.width);
         let pixels = self.selection.absolute.len();
         confidence.resize(pixels, Confidence::NONE);
-        bands::resize(rooms, pixels / width);
-        let bands = confidence.par_chunks_mut(BAND_ROWS * width).zip(rooms).enumerate();
-        bands.for_each(|(band, (confidence, ConfidenceRoom { of_regions, log_odds }))| {
+        bands::resize(scratches, pixels / width);
+        let bands = confidence.par_chunks_mut(BAND_ROWS * width).zip(scratches).enumerate();
+        bands.for_each(|(band, (confidence, ConfidenceScratch { of_regions, log_odds }))| {
             for (i, confidence) in confidence.chunks_mut(width).enumerate() {
                 let v = band * BAND_ROWS + i;
                 let columns = regions.columns_of_row(v, width);
@@ -304,19 +308,19 @@ impl Verification<'_> {
     }
 
     /// The grounds of every pixel with a selected candidate.
-    fn grounds(&self, room: &VerificationRoom) -> Vec<Grounds> {
+    fn grounds(&self, scratch: &VerificationScratch) -> Vec<Grounds> {
         let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
-        for run in &room.regions.runs {
-            let OfRegion { region_px, lead_nats, hidden_share } = room.of_regions.says[run.region as usize];
+        for run in &scratch.regions.runs {
+            let OfRegion { region_px, lead_nats, hidden_share } = scratch.of_regions.says[run.region as usize];
             for pixel in run.pixels() {
                 grounds[pixel] = Grounds {
                     margin_nats: margin_nats(self.verdicts.margin[pixel]),
                     abs_z: self.selection.z[pixel].abs(),
                     region_px,
                     region_lead_nats: lead_nats,
-                    beside: room.beside[pixel],
-                    around: room.around[pixel],
-                    is_hidden: room.is_hidden[pixel],
+                    beside: scratch.beside[pixel],
+                    around: scratch.around[pixel],
+                    is_hidden: scratch.is_hidden[pixel],
                     hidden_share,
                 };
             }
@@ -325,20 +329,20 @@ impl Verification<'_> {
     }
 
     /// Lets every selected candidate stand that is confident enough, and no other.
-    fn stand_by_confidence(&mut self, room: &VerificationRoom, decisions: &mut Decisions<'_>) {
+    fn stand_by_confidence(&mut self, scratch: &VerificationScratch, decisions: &mut Decisions<'_>) {
         let least = Confidence::at_least(self.limits.min_confidence);
-        let (width, regions, verdicts) = (self.width, &room.regions, &room.of_regions.verdicts);
+        let (width, regions, verdicts) = (self.width, &scratch.regions, &scratch.of_regions.verdicts);
         let Selection { absolute, z, in_volume, .. } = &mut *self.selection;
         decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
         let selected = z.par_chunks(width).zip(in_volume.par_chunks(width));
-        let rows = absolute.par_chunks_mut(width).zip(selected).zip(room.is_hidden.par_chunks(width));
+        let rows = absolute.par_chunks_mut(width).zip(selected).zip(scratch.is_hidden.par_chunks(width));
         let decided = decisions.outcomes.par_chunks_mut(width).zip(decisions.confidence.par_chunks(width));
         rows.zip(decided).enumerate().for_each(
             |(v, (((absolute, (z, in_volume)), is_hidden), (outcomes, confidence)))| {
                 outcomes.fill(Outcome::NoCandidate);
                 for run in regions.of_row(v) {
                     let (verdict, is_strip) =
-                        (verdicts[run.region as usize], room.strips.is_strip[run.region as usize]);
+                        (verdicts[run.region as usize], scratch.strips.is_strip[run.region as usize]);
                     for u in run.pixels().start - v * width..run.pixels().end - v * width {
                         // Beyond the volume the drift is not known, and may well run.
                         if confidence[u] < least || (is_strip && in_volume[u]) {

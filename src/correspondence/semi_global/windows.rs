@@ -2,9 +2,10 @@
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::super::fingerprint::Fingerprint;
-use super::super::segment::SegmentRow;
-use super::super::segment_table::SegmentTable;
+use crate::correspondence::fingerprint::Fingerprint;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::segment_table::SegmentTable;
+
 use super::Scene;
 
 /// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
@@ -31,7 +32,7 @@ pub(super) struct Windows {
     pub(super) first: Vec<i16>,
     /// Number of orders of each pixel; 0 where there is no phase or no segment.
     pub(super) count: Vec<u8>,
-    /// Room for the orders of a pixel, a multiple of [`LANE_STEP`].
+    /// Scratch for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
     /// The table that room and reach were found for, and whether part of the scene lies far beyond the volume.
@@ -42,7 +43,7 @@ pub(super) struct Windows {
 
 /// The columns in which candidates are sought.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in super::super) struct Reach {
+pub(in crate::correspondence) struct Reach {
     /// How far segments reach beyond the volume, pixels of the epipolar frame.
     pub(super) beyond_px: f32,
     /// Last column of the epipolar frame, pixels.
@@ -92,7 +93,7 @@ impl Windows {
 impl Reach {
     /// First and last column at which candidates of a segment are sought, pixels.
     #[inline(always)]
-    pub(in super::super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
+    pub(in crate::correspondence) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
         [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
     }
 }

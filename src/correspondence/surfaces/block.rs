@@ -2,10 +2,11 @@
 
 use fringeflow_simd::{LANES, Lanes, filled};
 
-use super::super::drift::{DepthBlock, DepthRow};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
-use super::super::wide::Segments;
+use crate::correspondence::drift::{DepthBlock, DepthRow};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::wide::Segments;
+
 use super::NO_ORDER;
 use super::sight::{columns_around_each, rest_turns};
 
@@ -36,10 +37,10 @@ pub(super) struct Off<L: Lanes> {
 impl<L: Lanes> Block<L> {
     /// That of a row from a pixel on.
     #[inline(always)]
-    pub(super) fn of(lanes: L, segments: &SegmentRow, drift: &DepthRow, phase: &[u16], first: usize) -> Self {
+    pub(super) fn new(lanes: L, segments: &SegmentRow, drift: &DepthRow, phase: &[u16], first: usize) -> Self {
         let phases = lanes.load(&filled(&phase[first..], 0));
         let phase_turns = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), lanes.float(1.0 / 65536.0));
-        let segments = Segments::of(lanes, segments, first);
+        let segments = Segments::new(lanes, segments, first);
         Self { lanes, segments, drift: drift.block(lanes, first), phases, phase_turns }
     }
 

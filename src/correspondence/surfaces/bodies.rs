@@ -16,12 +16,13 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use super::super::drift::{DepthRow, Drift};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
+use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::{RowRoom, View};
+use super::evidence::{RowScratch, View};
 use super::nodes::{NONE, Node, Nodes};
 use super::outside::WITHIN_SD;
 use super::runs::Runs;
@@ -33,7 +34,7 @@ const MIN_CLOSE: f32 = 0.6;
 /// Fewest pixels that tell it.
 const MIN_PIXELS: u32 = 24;
 
-/// Room for a row of tiles.
+/// Scratch for a row of tiles.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BodyRow {
     /// The orders of the pixels of a row.
@@ -45,7 +46,7 @@ pub(super) struct BodyRow {
 }
 
 /// Tells which nodes hold a part of a body, where those beside it that see into the volume are known.
-pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes, rows: &mut [RowRoom]) {
+pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes, rows: &mut [RowScratch]) {
     let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
     for node in &mut nodes.nodes {
         node.asks_for_body = !node.is_within && node.within_beside.is_some();
@@ -53,18 +54,18 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes
     let mut goes_on = nodes.nodes.iter().any(|node| node.asks_for_body);
     while goes_on {
         let all = &*nodes;
-        rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
-            room.bodies.counts.clear();
+        rows.par_iter_mut().enumerate().for_each(|(tile_row, scratch)| {
+            scratch.bodies.counts.clear();
             for v in all.rows_of_tiles(tile_row) {
-                room.count_fitting(view, drift, reach_turns, (runs, all), v);
+                scratch.count_fitting(view, drift, reach_turns, (runs, all), v);
             }
         });
         nodes.nodes.iter_mut().for_each(|node| node.asks_for_body = false);
         goes_on = false;
-        for room in &mut *rows {
+        for scratch in &mut *rows {
             // All pieces of a node lie in one row of tiles.
-            room.bodies.counts.sort_unstable();
-            for counts in room.bodies.counts.chunk_by(|(a, _), (b, _)| a == b) {
+            scratch.bodies.counts.sort_unstable();
+            for counts in scratch.bodies.counts.chunk_by(|(a, _), (b, _)| a == b) {
                 let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
                 if fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32 {
                     nodes.nodes[counts[0].0 as usize].holds_body = true;
@@ -90,7 +91,7 @@ impl Nodes {
     }
 }
 
-impl RowRoom {
+impl RowScratch {
     /// Counts the pixels of a row that fit the orders that are asked about.
     fn count_fitting(
         &mut self,
@@ -150,7 +151,7 @@ impl Kernel for FittingRow<'_> {
                 fitting.push([0; 2]);
                 continue;
             }
-            let block = Block::of(lanes, segments, drift, phase, i * LANES);
+            let block = Block::new(lanes, segments, drift, phase, i * LANES);
             let off = block.off_turns(cam2, &block.place(orders));
             let [wide, close] = reach_turns;
             fitting.push([lanes.bits(block.is_nearer(&off, wide)), lanes.bits(block.is_nearer(&off, close))]);

@@ -7,12 +7,12 @@
 //! a part tells of the drift if δ scatters little over it: over a surface that lies elsewhere δ of a wrong order is anything
 //! ```
 
-use super::super::drift::Drift;
-use super::super::outlook::Outlook;
-use super::super::unions::Unions;
-use super::evidence::{Room, RowRoom, View};
+use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{NONE, Node, Piece};
 use super::sight::Space;
+use crate::correspondence::disjoint_sets::DisjointSets;
+use crate::correspondence::drift::Drift;
+use crate::correspondence::outlook::Outlook;
 
 /// Pixels that are asked, about.
 const PIXELS: usize = 6000;
@@ -36,25 +36,25 @@ pub(super) struct Wanted {
 
 /// A candidate of the order that was decided for its pixel.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Decided {
+pub(in crate::correspondence) struct Decided {
     /// Column and row of the pixel of C1.
-    pub(in super::super) pixel: [usize; 2],
+    pub(in crate::correspondence) pixel: [usize; 2],
     /// Column of the candidate in the epipolar frame.
-    pub(in super::super) column_px: f32,
+    pub(in crate::correspondence) column_px: f32,
     /// δ, turns.
-    pub(in super::super) delta_turns: f32,
+    pub(in crate::correspondence) delta_turns: f32,
     /// δ less the drift that was known, turns.
     rest_turns: f32,
     /// Node that decided; [`NONE`] of an open pixel.
     node: u32,
 }
 
-/// Room for decided candidates.
+/// Scratch for decided candidates.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DecidedRoom {
+pub(super) struct DecidedScratch {
     pub(super) candidates: Vec<Decided>,
-    row: RowRoom,
-    unions: Unions,
+    row: RowScratch,
+    sets: DisjointSets,
     /// Part of each node.
     part_of: Vec<u32>,
     parts: Vec<Part>,
@@ -68,7 +68,7 @@ struct Part {
     squares: f32,
 }
 
-impl Room {
+impl Scratch {
     /// Finds the decided candidates that are wanted; yields their share of the pixels that were asked.
     pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted) -> f64 {
         let pixels = view.cam1.phase.len();
@@ -83,8 +83,8 @@ impl Room {
 
     fn ask_row(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted, stride: usize, v: usize) {
         let Wanted { cap_turns, with_open, .. } = wanted;
-        let Self { runs, nodes, decided: DecidedRoom { candidates, row, .. }, .. } = self;
-        let (width, space) = (view.cam1.width, Space::of(view.table));
+        let Self { runs, nodes, decided: DecidedScratch { candidates, row, .. }, .. } = self;
+        let (width, space) = (view.cam1.width, Space::from_table(view.table));
         row.turn_to(view, drift, v);
         for piece in nodes.of_row(v) {
             let &Piece { node, offset, .. } = piece;
@@ -127,20 +127,20 @@ impl Room {
     }
 }
 
-impl DecidedRoom {
+impl DecidedScratch {
     /// Leaves out candidates of parts that do not tell of the drift.
     fn keep_smooth_parts(&mut self, nodes: &[Node], max_sd_turns: f32) {
-        let Self { candidates, unions, part_of, parts, .. } = self;
-        unions.begin(nodes.iter().map(|node| node.size_px));
+        let Self { candidates, sets, part_of, parts, .. } = self;
+        sets.begin(nodes.iter().map(|node| node.size_px));
         for (i, node) in nodes.iter().enumerate() {
             for other in node.beside.into_iter().filter(|&other| other != NONE && other > i as u32) {
                 if nodes[other as usize].label == node.label {
-                    unions.unite(i as u32, other, 0);
+                    sets.unite(i as u32, other, 0);
                 }
             }
         }
         part_of.clear();
-        let count = unions.number(|_, offset| part_of.push(offset.set));
+        let count = sets.number(|_, offset| part_of.push(offset.set));
         parts.clear();
         parts.resize(count, Part::default());
         for decided in candidates.iter().filter(|decided| decided.node != NONE) {

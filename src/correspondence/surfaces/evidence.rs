@@ -2,14 +2,14 @@
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
+use crate::correspondence::drift::{DepthPolynomial, DepthRow, Drift};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::segment_table::SegmentTable;
 use crate::phase::PhaseMap;
 
-use super::super::drift::{DepthPolynomial, DepthRow, Drift};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
-use super::super::segment_table::SegmentTable;
 use super::bodies::BodyRow;
-use super::decided::DecidedRoom;
+use super::decided::DecidedScratch;
 use super::nodes::{NONE, Node, Nodes, Piece};
 use super::outside::OutsideRow;
 use super::runs::Runs;
@@ -54,23 +54,23 @@ pub(super) struct Gate {
     pub(super) most_turns: f32,
 }
 
-/// Room in which an image is explained, to be used from window to window.
+/// Scratch in which an image is explained, to be used from window to window.
 #[derive(Clone, Debug, Default)]
-pub(in super::super) struct Room {
+pub(in crate::correspondence) struct Scratch {
     pub(super) runs: Runs,
     pub(super) nodes: Nodes,
     pub(super) evidence: Vec<[i16; LABELS]>,
     messages: belief::Messages,
-    /// Room for each row of tiles.
-    pub(super) rows: Vec<RowRoom>,
-    pub(super) decided: DecidedRoom,
+    /// Scratch for each row of tiles.
+    pub(super) rows: Vec<RowScratch>,
+    pub(super) decided: DecidedScratch,
     /// Which places of C2 are taken by what lies outside.
     pub(super) taken: Vec<u8>,
 }
 
 /// A row of pixels, and the drift along their segments.
 #[derive(Clone, Debug, Default)]
-pub(super) struct RowRoom {
+pub(super) struct RowScratch {
     pub(super) segments: SegmentRow,
     pub(super) drift: DepthRow,
     pub(super) bodies: BodyRow,
@@ -78,7 +78,7 @@ pub(super) struct RowRoom {
     pub(super) taken: TakenRow,
 }
 
-impl RowRoom {
+impl RowScratch {
     /// Turns to the segments and the drift of a row.
     pub(super) fn turn_to(&mut self, view: View<'_>, drift: &Drift, v: usize) {
         view.table.row(v, &mut self.segments);
@@ -88,17 +88,17 @@ impl RowRoom {
 
 /// What is read.
 #[derive(Clone, Copy)]
-pub(in super::super) struct View<'a> {
-    pub(in super::super) cam1: &'a PhaseMap,
-    pub(in super::super) cam2: &'a EpipolarImage,
-    pub(in super::super) table: &'a SegmentTable,
+pub(in crate::correspondence) struct View<'a> {
+    pub(in crate::correspondence) cam1: &'a PhaseMap,
+    pub(in crate::correspondence) cam2: &'a EpipolarImage,
+    pub(in crate::correspondence) table: &'a SegmentTable,
 }
 
-impl Room {
+impl Scratch {
     /// Divides the image into nodes.
     pub(super) fn divide(&mut self, view: View<'_>) {
         self.runs.find(view.cam1, view.table);
-        self.nodes.find(view, &Space::of(view.table), &self.runs);
+        self.nodes.find(view, &Space::from_table(view.table), &self.runs);
         let strides = [FEW_OF_TILE, MANY_OF_TILE].map(|of_tile| self.nodes.tile_px / of_tile);
         self.nodes.find_heard(view.cam1.width, strides);
     }
@@ -120,8 +120,8 @@ impl Room {
                 node.asked *= FEW_FOR_MANY as u32;
             }
         }
-        rows.resize(view.cam1.height.div_ceil(tile_px), RowRoom::default());
-        let asking = Asking { view, space: Space::of(view.table), drift, gate, stride, runs, nodes };
+        rows.resize(view.cam1.height.div_ceil(tile_px), RowScratch::default());
+        let asking = Asking { view, space: Space::from_table(view.table), drift, gate, stride, runs, nodes };
         asking.ask(0, rows, evidence);
         belief::decide(nodes, evidence, messages);
         nodes.count_asked(view.cam1.width, stride);
@@ -136,7 +136,7 @@ impl Room {
     }
 
     /// Finds the orders of the pixels of a row whose nodes tell them, [`super::NO_ORDER`] elsewhere; whether there are any.
-    pub(in super::super) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
+    pub(in crate::correspondence) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
             let asked = node.asked as f32;
             let tells = node.is_clear()
@@ -150,7 +150,7 @@ impl Room {
 
     /// Leaves no pixel of a row decided where surfaces told the orders of more pixels beside it wrongly: a wrong order fits where its
     /// δ runs through zero.
-    pub(in super::super) fn doubt_few(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
+    pub(in crate::correspondence) fn doubt_few(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
         for piece in self.nodes.of_row(v) {
             let of_piece = &mut is_decided[piece.begin as usize - v * width..piece.end as usize - v * width];
             let decided = of_piece.iter().map(|&decided| usize::from(decided)).sum::<usize>();
@@ -161,12 +161,12 @@ impl Room {
     }
 
     /// Whether the phase of C1 runs on to a pixel of a row from the pixel to the left.
-    pub(in super::super) fn runs_on(&self, v: usize, pixel: usize) -> bool {
+    pub(in crate::correspondence) fn runs_on(&self, v: usize, pixel: usize) -> bool {
         self.runs.run_on(v, pixel)
     }
 
     /// Share of the pixels that were asked that fit the orders of their nodes, where C2 can see these.
-    pub(in super::super) fn fitting_share(&self) -> f32 {
+    pub(in crate::correspondence) fn fitting_share(&self) -> f32 {
         let seen = self.nodes.nodes.iter().filter(|node| !node.is_unseen());
         let (fitting, asked) = seen.fold((0.0, 0), |(f, a), node| (f + node.fitting, a + u64::from(node.asked)));
         fitting / asked.max(1) as f32
@@ -195,7 +195,7 @@ struct Asking<'a> {
 
 impl Asking<'_> {
     /// Asks rows of tiles from one on: the evidence is that of their nodes.
-    fn ask(self, first: usize, rows: &mut [RowRoom], evidence: &mut [[i16; LABELS]]) {
+    fn ask(self, first: usize, rows: &mut [RowScratch], evidence: &mut [[i16; LABELS]]) {
         match rows {
             [] => {}
             [row] => self.ask_tiles(first, row, evidence),
@@ -209,12 +209,15 @@ impl Asking<'_> {
         }
     }
 
-    fn ask_tiles(self, tile_row: usize, room: &mut RowRoom, evidence: &mut [[i16; LABELS]]) {
+    fn ask_tiles(self, tile_row: usize, scratch: &mut RowScratch, evidence: &mut [[i16; LABELS]]) {
         let Self { view, drift, stride, .. } = self;
         for v in self.nodes.rows_of_tiles(tile_row).filter(|v| v % stride == stride / 2) {
-            room.turn_to(view, drift, v);
+            scratch.turn_to(view, drift, v);
             let first = self.nodes.heard_rows[tile_row];
-            fringeflow_simd::run(Level::in_use(), AskedRow { asking: self, room, v, first, evidence: &mut *evidence });
+            fringeflow_simd::run(
+                Level::in_use(),
+                AskedRow { asking: self, scratch, v, first, evidence: &mut *evidence },
+            );
         }
     }
 }
@@ -222,7 +225,7 @@ impl Asking<'_> {
 /// Asks some pixels of a row.
 struct AskedRow<'a> {
     asking: Asking<'a>,
-    room: &'a RowRoom,
+    scratch: &'a RowScratch,
     v: usize,
     /// Where the evidence of the row of tiles begins.
     first: usize,
@@ -234,7 +237,7 @@ impl Kernel for AskedRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { asking, room, v, first, evidence } = self;
+        let Self { asking, scratch, v, first, evidence } = self;
         let Asking { view, space, gate, stride, runs, nodes, .. } = asking;
         let row = v * view.cam1.width;
         for piece in nodes.of_row(v) {
@@ -247,11 +250,11 @@ impl Kernel for AskedRow<'_> {
             let scores = &mut evidence[of_node.evidence as usize - first];
             for u in piece.asked(row, stride) {
                 let pixel = row + u;
-                let segment = room.segments.segment(u);
+                let segment = scratch.segments.segment(u);
                 let sight = Sight {
                     limits_px: space.limits_px(&segment, [u, v]),
                     segment,
-                    drift: room.drift.segment(u),
+                    drift: scratch.drift.segment(u),
                     phase: view.cam1.phase[pixel],
                     gate,
                     half_px: space.half_px,

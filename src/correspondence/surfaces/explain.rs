@@ -12,10 +12,10 @@
 
 use std::f64::consts::TAU;
 
-use super::super::delta_statistics::DeltaStatistics;
-use super::super::drift::{Drift, DriftRoom, MODEL_SD_TURNS};
 use super::decided::Wanted;
-use super::evidence::{Asked, Gate, Room, View};
+use super::evidence::{Asked, Gate, Scratch, View};
+use crate::correspondence::delta_statistics::DeltaStatistics;
+use crate::correspondence::drift::{Drift, DriftScratch, MODEL_SD_TURNS};
 
 /// Limits of δ where nothing is known of the drift, turns (18°): those of rigs that are off by a pixel.
 const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
@@ -55,59 +55,63 @@ const MAX_SD_RAD: f64 = 0.05;
 const MAX_NOISE: f64 = 1.8;
 
 /// Decides the nodes of all surfaces about the drift that they show themselves; `None` if they show none.
-pub(in super::super) fn explain_by_surfaces(
+pub(in crate::correspondence) fn explain_by_surfaces(
     view: View<'_>,
-    room: &mut Room,
-    drift_room: &mut DriftRoom,
+    scratch: &mut Scratch,
+    drift_scratch: &mut DriftScratch,
 ) -> Option<Drift> {
-    room.divide(view);
-    room.explain_from_none(view, drift_room)
+    scratch.divide(view);
+    scratch.explain_from_none(view, drift_scratch)
 }
 
 /// How much more likely than by chance the orders and the drift that surfaces show make δ of a pixel, nats, of pixels whose nodes lead
 /// clearly; 0 if they show none.
-pub(in super::super) fn clear_nats(view: View<'_>, room: &mut Room, drift_room: &mut DriftRoom) -> f64 {
-    explain_by_surfaces(view, room, drift_room).map_or(0.0, |drift| room.clear_share() * fit_nats(&drift))
+pub(in crate::correspondence) fn clear_nats(
+    view: View<'_>,
+    scratch: &mut Scratch,
+    drift_scratch: &mut DriftScratch,
+) -> f64 {
+    explain_by_surfaces(view, scratch, drift_scratch).map_or(0.0, |drift| scratch.clear_share() * fit_nats(&drift))
 }
 
 /// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it, and `known` what an
 /// earlier window showed.
-pub(in super::super) fn explain(
+pub(in crate::correspondence) fn explain(
     view: View<'_>,
     delta: &DeltaStatistics,
     known: Option<&Drift>,
-    room: &mut Room,
-    drift_room: &mut DriftRoom,
+    scratch: &mut Scratch,
+    drift_scratch: &mut DriftScratch,
 ) -> Drift {
-    room.divide(view);
-    if let Some(found) = known.and_then(|known| room.explain_from(view, known, delta, drift_room)) {
+    scratch.divide(view);
+    if let Some(found) = known.and_then(|known| scratch.explain_from(view, known, delta, drift_scratch)) {
         return found;
     }
-    match room.explain_from_none(view, drift_room) {
-        Some(found) if room.bears_out(&found, delta) => found,
+    match scratch.explain_from_none(view, drift_scratch) {
+        Some(found) if scratch.bears_out(&found, delta) => found,
         found => {
-            let (mut drift, other) = drift_room.estimates((view.cam1, view.cam2), view.table, delta);
-            let mut most = room.told_nats(view, &drift);
+            let (mut drift, other) = drift_scratch.estimates((view.cam1, view.cam2), view.table, delta);
+            let mut most = scratch.told_nats(view, &drift);
             for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
-                let told = room.told_nats(view, &other);
-                if told > most && room.fitting_share() > MIN_FITTING_SHARE {
+                let told = scratch.told_nats(view, &other);
+                if told > most && scratch.fitting_share() > MIN_FITTING_SHARE {
                     (most, drift) = (told, other);
                 }
             }
-            room.decide(view, &drift, narrow(&drift), Asked::Many);
+            scratch.decide(view, &drift, narrow(&drift), Asked::Many);
             drift
         }
     }
 }
 
-impl Room {
+impl Scratch {
     /// Decides the nodes about the drift that they show.
-    fn explain_from_none(&mut self, view: View<'_>, drift_room: &mut DriftRoom) -> Option<Drift> {
+    fn explain_from_none(&mut self, view: View<'_>, drift_scratch: &mut DriftScratch) -> Option<Drift> {
         let level = Drift::level(0.0, WIDE_SD_RAD);
         self.decide(view, &level, WIDE, Asked::Few);
         let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
-        let first = self.refined(view, &level, wide, WIDE_SD_RAD, drift_room)?;
-        Some(self.explain_about(view, first, drift_room))
+        let first = self.refined(view, &level, wide, WIDE_SD_RAD, drift_scratch)?;
+        Some(self.explain_about(view, first, drift_scratch))
     }
 
     /// The same where one is known beforehand; `None` where the images do not bear it out.
@@ -116,25 +120,25 @@ impl Room {
         view: View<'_>,
         known: &Drift,
         delta: &DeltaStatistics,
-        drift_room: &mut DriftRoom,
+        drift_scratch: &mut DriftScratch,
     ) -> Option<Drift> {
         let most_turns = (known.mean_rad.abs() + 2.0 * known.rms_rad) / TAU;
         if most_turns > MOST_KNOWN_TURNS || known.error_px > MOST_KNOWN_PX || known.residual_sd_rad > MAX_SD_RAD {
             return None;
         }
-        let found = self.explain_about(view, known.clone(), drift_room);
+        let found = self.explain_about(view, known.clone(), drift_scratch);
         let is_near = found.distance_turns(known, view.table) < NEAR_KNOWN_TURNS;
         (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.bears_out(&found, delta)).then_some(found)
     }
 
     /// The same about a first estimate.
-    fn explain_about(&mut self, view: View<'_>, first: Drift, drift_room: &mut DriftRoom) -> Drift {
+    fn explain_about(&mut self, view: View<'_>, first: Drift, drift_scratch: &mut DriftScratch) -> Drift {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
         self.decide(view, &first, gate, Asked::Few);
         let Gate { cap_turns, .. } = gate;
         let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
         let sd_rad = first.residual_sd_rad;
-        let found = self.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_room).unwrap_or(first);
+        let found = self.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_scratch).unwrap_or(first);
         self.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
         found
     }
@@ -162,11 +166,11 @@ impl Room {
         known: &Drift,
         [cap_turns, part_turns, spread_turns]: [f32; 3],
         sd_rad: f64,
-        drift_room: &mut DriftRoom,
+        drift_scratch: &mut DriftScratch,
     ) -> Option<Drift> {
         let wanted = Wanted { cap_turns, max_sd_turns: part_turns, with_open: known.error_px > 0.0 };
         let share = self.find_decided(view, known, wanted);
-        drift_room.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
+        drift_scratch.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
 }
 

@@ -34,7 +34,7 @@ mod taken;
 mod tests;
 
 pub(super) use decided::Decided;
-pub(super) use evidence::{Room, View};
+pub(super) use evidence::{Scratch, View};
 pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
 pub(super) use sight::columns_around_each;
 

@@ -16,11 +16,12 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use super::super::drift::Drift;
+use crate::correspondence::drift::Drift;
+
 use super::NO_ORDER;
 use super::block::{Block, Place};
 use super::bodies;
-use super::evidence::{Room, RowRoom, View};
+use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{Node, Nodes};
 use super::sight::Space;
 
@@ -53,7 +54,7 @@ const VERY_FAR_HALVES: f32 = 6.0;
 /// Share of the image from which what lies outside is believed to be there.
 const MIN_SHARE: f32 = 0.03;
 
-/// Room for a row.
+/// Scratch for a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OutsideRow {
     /// The orders of the pixels that are asked about.
@@ -66,10 +67,10 @@ pub(super) struct OutsideRow {
     far: [u32; 2],
 }
 
-impl Room {
+impl Scratch {
     /// Marks the pixels that see something outside, if a good part of the image sees what is farther beyond the volume than so many
     /// pixels, where orders are asked pixel by pixel. A few nodes err where a surface is hidden or dark.
-    pub(in super::super) fn mark_outside(
+    pub(in crate::correspondence) fn mark_outside(
         &mut self,
         view: View<'_>,
         drift: &Drift,
@@ -79,7 +80,7 @@ impl Room {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, evidence, .. } = self;
-        let half_px = Space::of(view.table).half_px;
+        let half_px = Space::from_table(view.table).half_px;
         for (&node, evidence) in nodes.heard.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
             // Pole and infinity are beyond too.
@@ -101,12 +102,12 @@ impl Room {
         let within_turns = (WITHIN_SD * drift.residual_sd_rad / TAU) as f32;
         let limits = Limits { beyond_px, within_turns };
         let tiles = outside.par_chunks_mut(nodes.tile_px * width).zip(rows).enumerate();
-        tiles.for_each(|(tile_row, (outside, room))| {
-            room.outside.far = [0; 2];
+        tiles.for_each(|(tile_row, (outside, scratch))| {
+            scratch.outside.far = [0; 2];
             for (i, outside) in outside.chunks_mut(width).enumerate() {
                 let v = tile_row * nodes.tile_px + i;
                 outside.fill(false);
-                let OutsideRow { orders, within, of_bodies, .. } = &mut room.outside;
+                let OutsideRow { orders, within, of_bodies, .. } = &mut scratch.outside;
                 if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond.then_some(node.label), orders) {
                     continue;
                 }
@@ -115,13 +116,13 @@ impl Room {
                 };
                 nodes.fill_orders(runs, (v, width), beside(false), within);
                 nodes.fill_orders(runs, (v, width), beside(true), of_bodies);
-                room.turn_to(view, drift, v);
-                let far = fringeflow_simd::run(Level::in_use(), MarkRow { view, limits, room, v, outside });
-                room.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
+                scratch.turn_to(view, drift, v);
+                let far = fringeflow_simd::run(Level::in_use(), MarkRow { view, limits, scratch, v, outside });
+                scratch.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }
         });
         let is_good_part = |count: fn(&OutsideRow) -> u32| {
-            let sum: u32 = self.rows.iter().map(|room| count(&room.outside)).sum();
+            let sum: u32 = self.rows.iter().map(|scratch| count(&scratch.outside)).sum();
             sum as f32 >= MIN_SHARE * view.cam1.phase.len() as f32
         };
         let found = Far { is_far: is_good_part(|row| row.far[0]), is_very_far: is_good_part(|row| row.far[1]) };
@@ -137,9 +138,9 @@ impl Room {
 
 /// Whether a good part of the image sees what is far beyond the volume, and very far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) struct Far {
-    pub(in super::super) is_far: bool,
-    pub(in super::super) is_very_far: bool,
+pub(in crate::correspondence) struct Far {
+    pub(in crate::correspondence) is_far: bool,
+    pub(in crate::correspondence) is_very_far: bool,
 }
 
 /// What pixels see outside.
@@ -176,7 +177,7 @@ fn is_asked(nodes: &Nodes, node: &Node) -> bool {
 struct MarkRow<'a> {
     view: View<'a>,
     limits: Limits,
-    room: &'a RowRoom,
+    scratch: &'a RowScratch,
     v: usize,
     outside: &'a mut [bool],
 }
@@ -187,17 +188,17 @@ impl Kernel for MarkRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> [u32; 2] {
-        let Self { view, limits, room, v, outside } = self;
+        let Self { view, limits, scratch, v, outside } = self;
         let mut all_far = [0; 2];
         let phase = &view.cam1.phase[v * view.cam1.width..];
-        let OutsideRow { orders, within, of_bodies, .. } = &room.outside;
+        let OutsideRow { orders, within, of_bodies, .. } = &scratch.outside;
         let [orders, within, of_bodies] = [orders, within, of_bodies].map(|row| row.as_chunks::<LANES>().0);
         let all = orders.iter().zip(within.iter().zip(of_bodies)).zip(outside.chunks_mut(LANES));
         for (block, ((orders, (within, of_bodies)), outside)) in all.enumerate() {
             if *orders == [NO_ORDER; LANES] {
                 continue;
             }
-            let block = Block::of(lanes, &room.segments, &room.drift, phase, block * LANES);
+            let block = Block::new(lanes, &scratch.segments, &scratch.drift, phase, block * LANES);
             let [found, far @ ..] = Sight { lanes, view, block }.marks(limits, orders, [within, of_bodies]);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
             all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());

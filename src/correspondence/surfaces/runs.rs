@@ -6,12 +6,11 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::bands::{self, BAND_ROWS};
+use crate::correspondence::disjoint_sets::{DisjointSets, Offset};
+use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::segment_table::SegmentTable;
 use crate::phase::PhaseMap;
-
-use super::super::bands::{self, BAND_ROWS};
-use super::super::neighbourhood::MAX_STEP;
-use super::super::segment_table::SegmentTable;
-use super::super::unions::{Offset, Unions};
 
 /// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends, if it bends so on both sides of a step: one
 /// spoilt pixel bends on one side alone.
@@ -50,24 +49,24 @@ pub(super) struct Runs {
     pub(super) relative: Vec<i16>,
     /// Number of surfaces.
     pub(super) surfaces: usize,
-    rooms: Vec<BandRoom>,
-    unions: Unions,
+    scratches: Vec<BandScratch>,
+    sets: DisjointSets,
 }
 
 /// What is found in a band of rows.
 #[derive(Clone, Debug, Default)]
-struct BandRoom {
+struct BandScratch {
     runs: Vec<Run>,
     /// Number of runs of each row.
     counts: Vec<usize>,
     /// Runs of neighbouring rows and by how much the order of the lower one is greater.
     united: Vec<(u32, u32, i32)>,
-    row: RowRoom,
+    row: RowScratch,
 }
 
 /// What is known of the pixels of a row.
 #[derive(Clone, Debug, Default)]
-struct RowRoom {
+struct RowScratch {
     /// Whether a pixel has a phase and a segment: 1 or 0.
     usable: Vec<u8>,
     /// Step of the phase to each pixel from the one before.
@@ -82,40 +81,40 @@ impl Runs {
     /// Finds the runs of pixels with a segment, and unites them.
     pub(super) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable) {
         let (width, height) = (cam1.width.max(1), cam1.height);
-        let Self { runs, begins, relative, surfaces, rooms, unions } = self;
+        let Self { runs, begins, relative, surfaces, scratches, sets } = self;
         relative.resize(cam1.phase.len(), 0);
-        bands::resize(rooms, height);
-        let bands = rooms.par_iter_mut().zip(relative.par_chunks_mut(BAND_ROWS * width)).enumerate();
-        bands.for_each(|(band, (room, relative))| {
-            room.runs.clear();
-            room.counts.clear();
+        bands::resize(scratches, height);
+        let bands = scratches.par_iter_mut().zip(relative.par_chunks_mut(BAND_ROWS * width)).enumerate();
+        bands.for_each(|(band, (scratch, relative))| {
+            scratch.runs.clear();
+            scratch.counts.clear();
             for (i, relative) in relative.chunks_mut(width).enumerate() {
-                let (v, before) = (band * BAND_ROWS + i, room.runs.len());
-                room.row.find(cam1, table, v);
-                room.row.divide(v * width, relative, &mut room.runs);
-                room.counts.push(room.runs.len() - before);
+                let (v, before) = (band * BAND_ROWS + i, scratch.runs.len());
+                scratch.row.find(cam1, table, v);
+                scratch.row.divide(v * width, relative, &mut scratch.runs);
+                scratch.counts.push(scratch.runs.len() - before);
             }
         });
         runs.clear();
         begins.clear();
         begins.push(0);
-        for room in &*rooms {
-            runs.extend_from_slice(&room.runs);
-            room.counts.iter().for_each(|count| begins.push(begins[begins.len() - 1] + count));
+        for scratch in &*scratches {
+            runs.extend_from_slice(&scratch.runs);
+            scratch.counts.iter().for_each(|count| begins.push(begins[begins.len() - 1] + count));
         }
         let (all, starts, relative) = (&*runs, &*begins, &*relative);
-        rooms.par_iter_mut().enumerate().for_each(|(band, room)| {
-            room.united.clear();
+        scratches.par_iter_mut().enumerate().for_each(|(band, scratch)| {
+            scratch.united.clear();
             for v in (band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height)).filter(|&v| v > 0) {
                 let rows = [&all[starts[v - 1]..starts[v]], &all[starts[v]..starts[v + 1]]];
-                unite_rows(cam1, relative, rows, [starts[v - 1], starts[v]], &mut room.united);
+                unite_rows(cam1, relative, rows, [starts[v - 1], starts[v]], &mut scratch.united);
             }
         });
-        unions.begin(runs.iter().map(|run| run.end - run.begin));
-        for &(above, below, by) in rooms.iter().flat_map(|room| &room.united) {
-            unions.unite(above, below, by);
+        sets.begin(runs.iter().map(|run| run.end - run.begin));
+        for &(above, below, by) in scratches.iter().flat_map(|scratch| &scratch.united) {
+            sets.unite(above, below, by);
         }
-        *surfaces = unions.number(|run, Offset { set, by }| (runs[run].surface, runs[run].offset) = (set, by));
+        *surfaces = sets.number(|run, Offset { set, by }| (runs[run].surface, runs[run].offset) = (set, by));
     }
 
     /// Whether the phase runs on to a pixel of a row from the pixel to the left.
@@ -131,7 +130,7 @@ impl Runs {
     }
 }
 
-impl RowRoom {
+impl RowScratch {
     fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize) {
         let width = cam1.width;
         let Self { usable, step, runs_on, carry } = self;
@@ -181,7 +180,7 @@ impl RowRoom {
 struct StepKernel<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
-    row: &'a mut RowRoom,
+    row: &'a mut RowScratch,
 }
 
 impl Kernel for StepKernel<'_> {
@@ -189,7 +188,7 @@ impl Kernel for StepKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { phase, valid, row: RowRoom { usable, step, runs_on, carry } } = self;
+        let Self { phase, valid, row: RowScratch { usable, step, runs_on, carry } } = self;
         let width = phase.len();
         let (usable, valid) = (&mut usable[..width], &valid[..width]);
         for u in 0..width {

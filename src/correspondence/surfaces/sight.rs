@@ -10,12 +10,13 @@
 
 use fringeflow_simd::{LANES, Lanes, first_lanes};
 
-use super::super::drift::{DepthBlock, DepthPolynomial};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::row_view::MAX_COLUMN_STEP;
-use super::super::segment::Segment;
-use super::super::segment_table::SegmentTable;
-use super::super::wide::mix_rows;
+use crate::correspondence::drift::{DepthBlock, DepthPolynomial};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::row_view::MAX_COLUMN_STEP;
+use crate::correspondence::segment::Segment;
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::wide::mix_rows;
+
 use super::FULL_SCORE;
 use super::evidence::Gate;
 
@@ -46,7 +47,7 @@ pub(super) struct Space {
 }
 
 impl Space {
-    pub(super) fn of(table: &SegmentTable) -> Self {
+    pub(super) fn from_table(table: &SegmentTable) -> Self {
         let half_px = table.drift_modes().map_or(1.0, |modes| modes.half_segment_px() as f32);
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
     }
@@ -133,7 +134,7 @@ pub(super) fn scores_of<L: Lanes>(
     // Columns a turn.
     let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
     let column = lanes.add_float(along, float(segment.reference_px));
-    let drift = DepthBlock::of_one(lanes, &sight.drift).at(lanes, column);
+    let drift = DepthBlock::splat(lanes, &sight.drift).at(lanes, column);
     let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
     let last_px = (image.width - 2) as f32;
     let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
@@ -172,14 +173,14 @@ const RAMP: [i16; LANES] = {
 };
 
 /// What C2 sees in the columns around a place.
-pub(in super::super) struct Around<L: Lanes> {
+pub(in crate::correspondence) struct Around<L: Lanes> {
     /// Phase in the column before it less that of the pixel, and the step to the column behind it.
-    pub(in super::super) value: L::Words,
-    pub(in super::super) slope: L::Words,
+    pub(in crate::correspondence) value: L::Words,
+    pub(in crate::correspondence) slope: L::Words,
     /// How far behind the first column the place lies, pixels.
-    pub(in super::super) share: L::Floats,
+    pub(in crate::correspondence) share: L::Floats,
     /// Whether both columns have a phase, and see one surface.
-    pub(in super::super) known: L::Mask,
+    pub(in crate::correspondence) known: L::Mask,
 }
 
 /// By how much δ of the crossing near the places differs from the drift, turns, as Φ takes so many columns a turn there.
@@ -206,7 +207,7 @@ fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase:
 
 /// What many pixels see around a column each.
 #[inline(always)]
-pub(in super::super) fn columns_around_each<L: Lanes>(
+pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
     row_px: L::Floats,

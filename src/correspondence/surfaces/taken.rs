@@ -16,12 +16,13 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use super::super::drift::{DepthRow, Drift};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
+use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::{Room, RowRoom, View};
+use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{Node, Nodes};
 
 /// Share of the pixels of a node that must fit its order where it takes places.
@@ -34,7 +35,7 @@ const FREE: u8 = 0;
 /// Stands for no column.
 const NO_COLUMN_PX: f32 = -1.0;
 
-/// Room for a row of tiles.
+/// Scratch for a row of tiles.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TakenRow {
     /// Orders of the pixels of a row, and their columns in C2.
@@ -53,7 +54,7 @@ struct Span {
 
 impl Span {
     /// The place of one pixel.
-    fn of(row_px: f32, column_px: f32) -> Self {
+    fn new(row_px: f32, column_px: f32) -> Self {
         let [row, begin] = [row_px, column_px].map(|px| (px + 0.5) as u32);
         Self { row, begin, end: begin + 1 }
     }
@@ -68,9 +69,9 @@ impl Span {
     }
 }
 
-impl Room {
+impl Scratch {
     /// Leaves of C2 what is not known to lie outside, where pixels of C1 are known to see something there; whether there are such.
-    pub(in super::super) fn leave_open(
+    pub(in crate::correspondence) fn leave_open(
         &mut self,
         view: View<'_>,
         drift: &Drift,
@@ -112,18 +113,18 @@ impl Room {
     ) {
         let Self { runs, nodes, rows, taken, .. } = self;
         let (runs, nodes, width) = (&*runs, &*nodes, view.cam1.width);
-        rows.par_iter_mut().enumerate().for_each(|(tile_row, room)| {
-            room.taken.spans.clear();
+        rows.par_iter_mut().enumerate().for_each(|(tile_row, scratch)| {
+            scratch.taken.spans.clear();
             for v in nodes.rows_of_tiles(tile_row) {
                 let label = |node: &Node| of_node(node).then_some(node.label);
-                if nodes.fill_orders(runs, (v, width), label, &mut room.taken.orders) {
-                    room.turn_to(view, drift, v);
-                    room.find_spans(view, nodes, v, &of_pixel);
+                if nodes.fill_orders(runs, (v, width), label, &mut scratch.taken.orders) {
+                    scratch.turn_to(view, drift, v);
+                    scratch.find_spans(view, nodes, v, &of_pixel);
                 }
             }
         });
         let width = view.cam2.width;
-        for span in rows.iter().flat_map(|room| &room.taken.spans) {
+        for span in rows.iter().flat_map(|scratch| &scratch.taken.spans) {
             let [begin, end] = [span.begin, span.end].map(|column| span.row as usize * width + column as usize);
             if let Some(places) = taken.get_mut(begin..end) {
                 places.fill(to);
@@ -132,7 +133,7 @@ impl Room {
     }
 }
 
-impl RowRoom {
+impl RowScratch {
     /// Finds the places of the pixels of a row that have an order.
     fn find_spans(&mut self, view: View<'_>, nodes: &Nodes, v: usize, of_pixel: impl Fn(usize) -> bool) {
         let first = v * view.cam1.width;
@@ -147,7 +148,7 @@ impl RowRoom {
                 if !(0.0..=last_px).contains(&column_px) {
                     continue;
                 }
-                let next = Span::of(row_px, column_px);
+                let next = Span::new(row_px, column_px);
                 if !spans.last_mut().is_some_and(|span| span.takes_in(next)) {
                     spans.push(next);
                 }
@@ -177,7 +178,7 @@ impl Kernel for ColumnRow<'_> {
                 *columns_px = [NO_COLUMN_PX; LANES];
                 continue;
             }
-            let block = Block::of(lanes, segments, drift, phase, i * LANES);
+            let block = Block::new(lanes, segments, drift, phase, i * LANES);
             let place = block.place(orders);
             lanes.store_floats(block.seen_at(&place), columns_px);
             let asked = lanes.bits(place.asked);

@@ -1,8 +1,9 @@
 use fringeflow_simd::Level;
 
-use super::super::drift::{Drift, DriftRoom, KnownDrift};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::semi_global::test_scene::TestScene;
+use crate::correspondence::drift::{Drift, DriftScratch, KnownDrift};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::semi_global::test_scene::TestScene;
+
 use super::evidence::{Asked, Gate};
 use super::*;
 
@@ -15,20 +16,20 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
     let scene = TestScene::new();
     let explained = Level::ALL.map(|level| {
         level.limit_to();
-        let mut room = Room::default();
-        let drift = explain(view(&scene), &scene.delta, None, &mut room, &mut DriftRoom::default());
-        (drift, room)
+        let mut scratch = Scratch::default();
+        let drift = explain(view(&scene), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
+        (drift, scratch)
     });
-    let [(drift, room), others @ ..] = &explained;
+    let [(drift, scratch), others @ ..] = &explained;
     for (other, of_other) in others {
-        assert!(other == drift && of_other.nodes.nodes == room.nodes.nodes);
+        assert!(other == drift && of_other.nodes.nodes == scratch.nodes.nodes);
     }
-    assert!(room.clear_share() > 0.7, "{}", room.clear_share());
+    assert!(scratch.clear_share() > 0.7, "{}", scratch.clear_share());
     let (mut right, mut wrong) = (0, 0);
-    for piece in (0..scene.cam1.height).flat_map(|v| room.nodes.of_row(v)) {
-        let node = &room.nodes.nodes[piece.node as usize];
+    for piece in (0..scene.cam1.height).flat_map(|v| scratch.nodes.of_row(v)) {
+        let node = &scratch.nodes.nodes[piece.node as usize];
         for pixel in (piece.begin as usize..piece.end as usize).filter(|_| node.is_clear()) {
-            let order = node.order(piece.offset + i32::from(room.runs.relative[pixel]));
+            let order = node.order(piece.offset + i32::from(scratch.runs.relative[pixel]));
             let turns = f64::from(order) + f64::from(scene.cam1.phase[pixel]) / 65536.0;
             // Some pixels are off by anything, by the scene.
             let off = (turns - f64::from(scene.turns[pixel])).abs();
@@ -43,9 +44,10 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
 fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
     let scene = TestScene::new();
     let explained = |known: Option<KnownDrift>| {
-        let (mut room, known) = (Room::default(), known.and_then(|known| Drift::of_known(&known, &scene.table)));
-        let drift = explain(view(&scene), &scene.delta, known.as_ref(), &mut room, &mut DriftRoom::default());
-        (drift, room.nodes.nodes)
+        let (mut scratch, known) =
+            (Scratch::default(), known.and_then(|known| Drift::from_known(&known, &scene.table)));
+        let drift = explain(view(&scene), &scene.delta, known.as_ref(), &mut scratch, &mut DriftScratch::default());
+        (drift, scratch.nodes.nodes)
     };
     let (alone, nodes) = explained(None);
     let told = alone.known();
@@ -74,11 +76,11 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
 #[test]
 fn nothing_of_a_plane_in_the_volume_sees_outside() {
     let scene = TestScene::new();
-    let (mut room, mut outside) = (Room::default(), Vec::new());
-    let drift = explain(view(&scene), &scene.delta, None, &mut room, &mut DriftRoom::default());
-    assert!(!room.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
+    let (mut scratch, mut outside) = (Scratch::default(), Vec::new());
+    let drift = explain(view(&scene), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
+    assert!(!scratch.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
     assert!(outside.iter().all(|outside| !outside));
-    assert!(!room.leave_open(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
+    assert!(!scratch.leave_open(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
 }
 
 #[test]
@@ -86,13 +88,13 @@ fn a_plane_behind_the_volume_takes_the_places_that_it_is_seen_in() {
     let scene = TestScene::behind();
     let left = Level::ALL.map(|level| {
         level.limit_to();
-        let (mut room, mut outside, mut open) = (Room::default(), Vec::new(), EpipolarImage::default());
+        let (mut scratch, mut outside, mut open) = (Scratch::default(), Vec::new(), EpipolarImage::default());
         let drift = Drift::level(0.0, 0.05);
-        room.divide(view(&scene));
+        scratch.divide(view(&scene));
         let gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
-        room.decide(view(&scene), &drift, gate, Asked::Many);
-        assert!(room.mark_outside(view(&scene), &drift, 1.0, &mut outside).is_far);
-        assert!(room.leave_open(view(&scene), &drift, &outside, &mut open));
+        scratch.decide(view(&scene), &drift, gate, Asked::Many);
+        assert!(scratch.mark_outside(view(&scene), &drift, 1.0, &mut outside).is_far);
+        assert!(scratch.leave_open(view(&scene), &drift, &outside, &mut open));
         open.phase
     });
     let with_phase = |phase: &[u16]| phase.iter().filter(|&&phase| phase != EpipolarImage::NO_PHASE).count();
@@ -114,9 +116,9 @@ fn no_node_lies_across_a_seam() {
         *phase = (3.0 * y.atan2(x) / std::f64::consts::TAU * 65536.0).round() as i64 as u16;
     }
     cam1.valid.fill(true);
-    let mut room = Room::default();
-    room.divide(View { cam1: &cam1, ..view(&scene) });
-    let (nodes, runs) = (&room.nodes, &room.runs);
+    let mut scratch = Scratch::default();
+    scratch.divide(View { cam1: &cam1, ..view(&scene) });
+    let (nodes, runs) = (&scratch.nodes, &scratch.runs);
     let absolute = |piece: &nodes::Piece, pixel: usize| {
         (piece.offset + i32::from(runs.relative[pixel])) * 65536 + i32::from(cam1.phase[pixel])
     };

@@ -26,12 +26,12 @@ pub struct UniqueCandidates {
     pub absolute: Vec<i32>,
     /// δ, turns · 65536; without meaning there.
     pub delta: Vec<i16>,
-    rooms: Pool<Room>,
+    scratches: Pool<Scratch>,
 }
 
-/// Room for the segments of a row, and for the candidates of a pixel.
+/// Scratch for the segments of a row, and for the candidates of a pixel.
 #[derive(Debug, Default)]
-struct Room {
+struct Scratch {
     segments: SegmentRow,
     list: Vec<Candidate>,
 }
@@ -64,15 +64,15 @@ pub fn find_unique_candidates(
 impl UniqueCandidates {
     /// Those of some rows of C1, one below the other; a row that is `None` has none.
     pub(super) fn find(&mut self, search: Search<'_>, rows: &[Option<usize>]) {
-        let Self { absolute, delta, rooms } = self;
+        let Self { absolute, delta, scratches } = self;
         let width = search.cam1.width;
         absolute.resize(width * rows.len(), ABSENT);
         delta.resize(width * rows.len(), 0);
         let places = absolute.par_chunks_mut(width.max(1)).zip(delta.par_chunks_mut(width.max(1))).zip(rows);
         places.for_each_init(
-            || rooms.take(),
-            |room, ((absolute, delta), v)| {
-                let Room { segments, list } = &mut **room;
+            || scratches.take(),
+            |scratch, ((absolute, delta), v)| {
+                let Scratch { segments, list } = &mut **scratch;
                 absolute.fill(ABSENT);
                 if let Some(v) = *v {
                     search.table.row(v, segments);

@@ -7,10 +7,12 @@
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
-use super::super::candidates::{Candidate, DeltaGate};
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
-use super::super::wide::{BLOCK, Crossing, Differences, Ends, Rows, Segments, Tables, column_and_slope, crosses};
+use crate::correspondence::candidates::{Candidate, DeltaGate};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::wide::{
+    BLOCK, Crossing, Differences, Ends, Rows, Segments, Tables, column_and_slope, crosses,
+};
 
 /// Turns by which the test is widened where columns are sought, against rounding.
 const PHASE_MARGIN_TURNS: f32 = 1e-3;
@@ -42,7 +44,7 @@ pub(super) struct Found {
     column_px: [[f32; BLOCK]; SLOTS],
     order: [[i16; BLOCK]; SLOTS],
     delta: [[i16; BLOCK]; SLOTS],
-    /// Room for columns at the end of the image.
+    /// Scratch for columns at the end of the image.
     ends: Ends,
 }
 
@@ -91,7 +93,7 @@ impl Search<'_> {
         valid: &[u8; BLOCK],
         found: &mut Found,
     ) {
-        let segments = Segments::of(lanes, self.segments, first);
+        let segments = Segments::new(lanes, self.segments, first);
         let has_phase = lanes.is_greater(lanes.words_of_bytes(valid), lanes.word(0));
         let wanted = lanes.and(has_phase, lanes.mask_of(lanes.reaches(segments.end, segments.begin)));
         (found.searched, found.irregular, found.passing) = (lanes.bits(wanted), 0, [0; SLOTS]);
@@ -99,9 +101,9 @@ impl Search<'_> {
             return;
         }
         let phases = lanes.load(phase);
-        let pixels = Pixels::of(lanes, segments, phases, self.gate);
+        let pixels = Pixels::new(lanes, segments, phases, self.gate);
         let regular = lanes.and(wanted, pixels.regular);
-        let (rows, in_rows) = Rows::of(lanes, self.image, pixels.segments.row, regular);
+        let (rows, in_rows) = Rows::new(lanes, self.image, pixels.segments.row, regular);
         let regular = lanes.and(regular, in_rows);
         let orders = lanes.narrow_signed(lanes.longs(pixels.count));
         let orders = lanes.select(lanes.is_greater(orders, lanes.word(0)), orders, lanes.word(0));
@@ -156,7 +158,7 @@ impl Search<'_> {
                 let mut at = lanes.sub(begin, bases);
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16 - width + 1), at));
                 todo = lanes.and_not(todo, here);
-                let tables = Tables::of(lanes, self.image, rows, *pair, base, phases, ends);
+                let tables = Tables::new(lanes, self.image, rows, *pair, base, phases, ends);
                 let mut before: Differences<L> = tables.difference(at);
                 let mut crossing = Crossing::none(lanes);
                 for _ in 1..width {
@@ -216,7 +218,7 @@ struct Pixels<L: Lanes> {
 
 impl<L: Lanes> Pixels<L> {
     #[inline(always)]
-    fn of(lanes: L, segments: Segments<L>, phases: L::Words, gate: &DeltaGate) -> Self {
+    fn new(lanes: L, segments: Segments<L>, phases: L::Words, gate: &DeltaGate) -> Self {
         let phase_turns = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), lanes.float(1.0 / 65536.0));
         let (at_begin, at_end) = (segments.phase_turns(segments.begin), segments.phase_turns(segments.end));
         let (least, most) = (lanes.min_float(at_begin, at_end), lanes.max_float(at_begin, at_end));

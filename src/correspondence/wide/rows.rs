@@ -2,14 +2,14 @@
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
-use super::super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
-use super::super::row_view::MAX_COLUMN_STEP;
+use crate::correspondence::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use crate::correspondence::row_view::MAX_COLUMN_STEP;
 
 /// Pairs of rows that a block may look into.
 const MAX_PAIRS: usize = 4;
 
 /// The rows of C2 that the pixels of a block look into, two pairs at a time.
-pub(in super::super) struct Rows<L: Lanes> {
+pub(in crate::correspondence) struct Rows<L: Lanes> {
     pairs: [RowPair<L>; MAX_PAIRS],
     count: usize,
     /// Share of the lower row, 1/65536.
@@ -18,9 +18,9 @@ pub(in super::super) struct Rows<L: Lanes> {
 
 /// Two pairs of neighbouring rows: the first and the second row, and the second and the third.
 #[derive(Clone, Copy)]
-pub(in super::super) struct RowPair<L: Lanes> {
+pub(in crate::correspondence) struct RowPair<L: Lanes> {
     /// Pixels that look into either.
-    pub(in super::super) pixels: L::Mask,
+    pub(in crate::correspondence) pixels: L::Mask,
     /// Where the rows begin.
     begins: [usize; 3],
     /// Pixels of the second pair.
@@ -32,7 +32,12 @@ pub(in super::super) struct RowPair<L: Lanes> {
 impl<L: Lanes> Rows<L> {
     /// Those of pixels with segments in such rows; and which of them the rows are found of.
     #[inline(always)]
-    pub(in super::super) fn of(lanes: L, image: &EpipolarImage, row: L::Floats, pixels: L::Mask) -> (Self, L::Mask) {
+    pub(in crate::correspondence) fn new(
+        lanes: L,
+        image: &EpipolarImage,
+        row: L::Floats,
+        pixels: L::Mask,
+    ) -> (Self, L::Mask) {
         let width = image.width;
         let last = image.phase.len() / width - 1;
         let (zero, none) = (lanes.float(0.0), lanes.mask(0));
@@ -63,13 +68,13 @@ impl<L: Lanes> Rows<L> {
 
     /// The pairs, one after the other.
     #[inline(always)]
-    pub(in super::super) fn pairs(&self) -> &[RowPair<L>] {
+    pub(in crate::correspondence) fn pairs(&self) -> &[RowPair<L>] {
         &self.pairs[..self.count]
     }
 }
 
 /// 64 columns of three rows.
-pub(in super::super) struct Tables<'a, L: Lanes> {
+pub(in crate::correspondence) struct Tables<'a, L: Lanes> {
     lanes: L,
     rows: [L::Table<'a>; 3],
     pair: RowPair<L>,
@@ -77,13 +82,13 @@ pub(in super::super) struct Tables<'a, L: Lanes> {
     phases: L::Words,
 }
 
-/// Room for columns at the end of the image.
-pub(in super::super) type Ends = [[u16; COLUMNS]; 3];
+/// Scratch for columns at the end of the image.
+pub(in crate::correspondence) type Ends = [[u16; COLUMNS]; 3];
 
 impl<'a, L: Lanes> Tables<'a, L> {
     /// The columns from `base` on, for pixels with such phases.
     #[inline(always)]
-    pub(in super::super) fn of(
+    pub(in crate::correspondence) fn new(
         lanes: L,
         image: &'a EpipolarImage,
         rows: &Rows<L>,
@@ -102,9 +107,9 @@ impl<'a, L: Lanes> Tables<'a, L> {
         Self { lanes, rows: rows_of, pair, below: rows.below, phases }
     }
 
-    /// The phase at places of the tables less that of the pixels, as [`super::super::row_view::RowView`] has it.
+    /// The phase at places of the tables less that of the pixels, as [`crate::correspondence::row_view::RowView`] has it.
     #[inline(always)]
-    pub(in super::super) fn difference(&self, place: L::Words) -> Differences<L> {
+    pub(in crate::correspondence) fn difference(&self, place: L::Words) -> Differences<L> {
         let lanes = self.lanes;
         let [first, second, third] = self.rows;
         let (mut upper, mut lower) = (lanes.look_up(first, place), lanes.look_up(second, place));
@@ -117,10 +122,10 @@ impl<'a, L: Lanes> Tables<'a, L> {
     }
 }
 
-/// The phases between two rows, the lower of which has a share, 1/65536, as [`super::super::row_view::RowView`] has them, and where
+/// The phases between two rows, the lower of which has a share, 1/65536, as [`crate::correspondence::row_view::RowView`] has them, and where
 /// there are any.
 #[inline(always)]
-pub(in super::super) fn mix_rows<L: Lanes>(
+pub(in crate::correspondence) fn mix_rows<L: Lanes>(
     lanes: L,
     upper: L::Words,
     lower: L::Words,
@@ -157,21 +162,21 @@ fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMN
 
 /// Phases less those of the pixels, and where there are any.
 #[derive(Clone, Copy)]
-pub(in super::super) struct Differences<L: Lanes> {
-    pub(in super::super) value: L::Words,
-    pub(in super::super) known: L::Mask,
+pub(in crate::correspondence) struct Differences<L: Lanes> {
+    pub(in crate::correspondence) value: L::Words,
+    pub(in crate::correspondence) known: L::Mask,
 }
 
 impl<L: Lanes> Differences<L> {
     #[inline(always)]
-    pub(in super::super) fn none(lanes: L) -> Self {
+    pub(in crate::correspondence) fn none(lanes: L) -> Self {
         Self { value: lanes.word(0), known: lanes.mask(0) }
     }
 }
 
 /// Between which neighbours the phase of the pixel lies.
 #[inline(always)]
-pub(in super::super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
+pub(in crate::correspondence) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);
     let (was_above, rises) = (lanes.is_greater(before.value, zero), lanes.is_greater(after.value, zero));
     let step = lanes.sub(after.value, before.value);
@@ -183,23 +188,23 @@ pub(in super::super) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, afte
 
 /// One crossing a pixel.
 #[derive(Clone, Copy)]
-pub(in super::super) struct Crossing<L: Lanes> {
-    pub(in super::super) hit: L::Mask,
-    pub(in super::super) before: L::Words,
-    pub(in super::super) after: L::Words,
+pub(in crate::correspondence) struct Crossing<L: Lanes> {
+    pub(in crate::correspondence) hit: L::Mask,
+    pub(in crate::correspondence) before: L::Words,
+    pub(in crate::correspondence) after: L::Words,
     /// The column after it.
-    pub(in super::super) after_at: L::Words,
+    pub(in crate::correspondence) after_at: L::Words,
 }
 
 impl<L: Lanes> Crossing<L> {
     #[inline(always)]
-    pub(in super::super) fn none(lanes: L) -> Self {
+    pub(in crate::correspondence) fn none(lanes: L) -> Self {
         let zero = lanes.word(0);
         Self { hit: lanes.mask(0), before: zero, after: zero, after_at: zero }
     }
 
     #[inline(always)]
-    pub(in super::super) fn take(
+    pub(in crate::correspondence) fn take(
         &mut self,
         lanes: L,
         pixels: L::Mask,
@@ -216,7 +221,7 @@ impl<L: Lanes> Crossing<L> {
 
 /// Column and slope of crossings.
 #[inline(always)]
-pub(in super::super) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
+pub(in crate::correspondence) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
     let (before, after) = (lanes.widen(crossing.before), lanes.widen(crossing.after));
     let slope = lanes.sub_long(after, before);
     let down = lanes.floats(lanes.sub_long(before, after));

@@ -2,26 +2,26 @@
 
 use fringeflow_simd::{Lanes, filled};
 
-use super::super::segment::SegmentRow;
+use crate::correspondence::segment::SegmentRow;
 
-/// The segments of 32 pixels: see [`super::super::segment::Segment`].
-pub(in super::super) struct Segments<L: Lanes> {
+/// The segments of 32 pixels: see [`crate::correspondence::segment::Segment`].
+pub(in crate::correspondence) struct Segments<L: Lanes> {
     lanes: L,
     /// First and last column, pixels.
-    pub(in super::super) begin: L::Floats,
-    pub(in super::super) end: L::Floats,
+    pub(in crate::correspondence) begin: L::Floats,
+    pub(in crate::correspondence) end: L::Floats,
     /// Row, pixels.
-    pub(in super::super) row: L::Floats,
-    pub(in super::super) reference: L::Floats,
-    pub(in super::super) a: L::Floats,
-    pub(in super::super) b: L::Floats,
-    pub(in super::super) d: L::Floats,
+    pub(in crate::correspondence) row: L::Floats,
+    pub(in crate::correspondence) reference: L::Floats,
+    pub(in crate::correspondence) a: L::Floats,
+    pub(in crate::correspondence) b: L::Floats,
+    pub(in crate::correspondence) d: L::Floats,
 }
 
 impl<L: Lanes> Segments<L> {
     /// Those of a row from a pixel on.
     #[inline(always)]
-    pub(in super::super) fn of(lanes: L, row: &SegmentRow, first: usize) -> Self {
+    pub(in crate::correspondence) fn new(lanes: L, row: &SegmentRow, first: usize) -> Self {
         Self {
             lanes,
             begin: load(lanes, &row.begin_px, first),
@@ -36,7 +36,7 @@ impl<L: Lanes> Segments<L> {
 
     /// Back-projection phases Φ at columns, turns.
     #[inline(always)]
-    pub(in super::super) fn phase_turns(&self, column_px: L::Floats) -> L::Floats {
+    pub(in crate::correspondence) fn phase_turns(&self, column_px: L::Floats) -> L::Floats {
         let lanes = self.lanes;
         let s = lanes.sub_float(column_px, self.reference);
         let above = lanes.add_float(self.a, lanes.times_float(self.b, s));
@@ -46,7 +46,7 @@ impl<L: Lanes> Segments<L> {
 
     /// Columns at which Φ is so many turns, and how many columns a turn takes there; where there are such.
     #[inline(always)]
-    pub(in super::super) fn columns_of(&self, turns: L::Floats) -> ([L::Floats; 2], L::Truths) {
+    pub(in crate::correspondence) fn columns_of(&self, turns: L::Floats) -> ([L::Floats; 2], L::Truths) {
         let lanes = self.lanes;
         let denominator = lanes.sub_float(self.b, lanes.times_float(self.d, turns));
         let is_sound = lanes.exceeds(lanes.abs_float(denominator), lanes.float(f32::MIN_POSITIVE));
@@ -59,7 +59,7 @@ impl<L: Lanes> Segments<L> {
 
     /// Which columns lie on the segments.
     #[inline(always)]
-    pub(in super::super) fn have(&self, column_px: L::Floats) -> L::Truths {
+    pub(in crate::correspondence) fn have(&self, column_px: L::Floats) -> L::Truths {
         self.lanes.both(self.lanes.reaches(column_px, self.begin), self.lanes.reaches(self.end, column_px))
     }
 }
@@ -67,6 +67,6 @@ impl<L: Lanes> Segments<L> {
 /// The floats of a block, zeros beyond the end of the row. No closure: what is not inlined at once would be calls of single
 /// instructions.
 #[inline(always)]
-pub(in super::super) fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
+pub(in crate::correspondence) fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
     lanes.load_floats(&filled(&row[first..], 0.0))
 }

@@ -9,9 +9,10 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use super::super::map::{DIM, Exposure, Modulation};
-use super::super::sample::Sample;
-use super::super::shifts::PhaseShifts;
+use crate::phase::map::{DIM, Exposure, Modulation};
+use crate::phase::sample::Sample;
+use crate::phase::shifts::PhaseShifts;
+
 use super::even_bytes::EvenBytes;
 use super::left_out::LeftOut;
 use super::plan::Plan;
@@ -39,8 +40,8 @@ impl Limits {
         Self {
             saturation: S::from_grey(validity.saturation_grey, format).value(),
             grey_per_value: format.grey_per_value(),
-            least: Modulation::of_grey(least_grey),
-            not_dim: Modulation::of_grey(DIM * least_grey),
+            least: Modulation::from_grey(least_grey),
+            not_dim: Modulation::from_grey(DIM * least_grey),
             max_share: if steps == MIN_STEPS { f32::INFINITY } else { validity.max_residual_share },
         }
     }

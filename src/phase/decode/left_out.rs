@@ -2,9 +2,9 @@
 
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 
-use super::super::arctangent::turn_fraction;
-use super::super::map::Modulation;
-use super::super::shifts::PhaseShifts;
+use crate::phase::arctangent::turn_fraction;
+use crate::phase::map::Modulation;
+use crate::phase::shifts::PhaseShifts;
 
 /// What the samples that are left determine.
 #[derive(Clone, Copy)]
@@ -52,7 +52,7 @@ impl<'a> LeftOut<'a> {
         let freedom = (count - MIN_STEPS).max(1) as f64;
         Some(Solution {
             phase: turn_fraction(sine as f32, cosine as f32),
-            modulation: Modulation::of_grey(cosine.hypot(sine) as f32),
+            modulation: Modulation::from_grey(cosine.hypot(sine) as f32),
             mean: (offset + 0.5) as u8,
             residual_grey: (squares / freedom).sqrt() as f32,
         })

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use fringeflow_base::limits::MAX_STEPS;
 
-use super::super::shifts::PhaseShifts;
+use crate::phase::shifts::PhaseShifts;
 
 /// Bits of the fraction of a weight. Weights of evenly spaced shifts are 2/3 at most, so that 16 bits hold them, and the sums
 /// of samples of 16 bits fit 31.

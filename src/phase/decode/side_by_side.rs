@@ -3,7 +3,7 @@
 
 use fringeflow_simd::{LANES, Lanes};
 
-use super::super::sample::Sample;
+use crate::phase::sample::Sample;
 
 /// Lanes of `COUNT` blocks, at least one.
 #[derive(Clone, Copy)]

@@ -3,11 +3,12 @@
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 
-use super::super::harmonics::{AtRest, Sums, spread};
-use super::super::map::{FitStatistics, PhaseMap};
-use super::super::residuals::Residuals;
-use super::super::sample::Sample;
-use super::super::shifts::PhaseShifts;
+use crate::phase::harmonics::{AtRest, Sums, spread};
+use crate::phase::map::{FitStatistics, PhaseMap};
+use crate::phase::residuals::Residuals;
+use crate::phase::sample::Sample;
+use crate::phase::shifts::PhaseShifts;
+
 use super::block::Limits;
 
 /// Valid pixels that are asked: their medians err by a twentieth, and harmonics by a thousandth of the modulation at usual noise.

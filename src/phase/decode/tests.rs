@@ -2,7 +2,8 @@ use std::f64::consts::TAU;
 
 use fringeflow_base::limits::MIN_STEPS;
 
-use super::super::map::{FitStatistics, Modulation};
+use crate::phase::map::{FitStatistics, Modulation};
+
 use super::*;
 
 /// Rows of `steps` one-row images of a ramp of phases, each with offset 100 and modulation 60.

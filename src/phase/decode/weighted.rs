@@ -3,7 +3,8 @@
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_simd::{LANES, Lanes};
 
-use super::super::sample::Sample;
+use crate::phase::sample::Sample;
+
 use super::block::{Block, Limits, Way};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::Plan;

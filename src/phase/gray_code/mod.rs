@@ -176,7 +176,7 @@ mod tests {
             width: columns.len(),
             height: 1,
             phase: columns.iter().map(wrapped).collect(),
-            modulation: vec![crate::phase::Modulation::of_grey(60.0); columns.len()],
+            modulation: vec![crate::phase::Modulation::from_grey(60.0); columns.len()],
             mean: vec![100; columns.len()],
             valid: vec![true; columns.len()],
             ..PhaseMap::default()

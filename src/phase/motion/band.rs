@@ -33,7 +33,7 @@ const PARTS_ROWS: usize = 2 * REACH + 1;
 
 /// What a band keeps of the rows that it is at.
 #[derive(Clone, Debug, Default)]
-pub(super) struct BandRoom {
+pub(super) struct BandScratch {
     greys: [[f32; LANES]; MAX_IMAGES],
     fitted: Vec<Fitted>,
     parts: [Vec<MotionParts>; ROUNDS],
@@ -43,7 +43,7 @@ pub(super) struct BandRoom {
     pub(super) speeds: Speeds,
 }
 
-impl BandRoom {
+impl BandScratch {
     fn resize(&mut self, blocks: usize) {
         self.fitted.resize_with(FITTED_ROWS * blocks, Fitted::default);
         self.parts.iter_mut().for_each(|parts| parts.resize_with(PARTS_ROWS * blocks, MotionParts::default));
@@ -85,7 +85,7 @@ pub(super) struct Band<'a, 'b, S> {
     pub(super) fits: Fits<'a>,
     pub(super) validity: &'a Validity,
     pub(super) rows: Range<usize>,
-    pub(super) room: &'a mut BandRoom,
+    pub(super) scratch: &'a mut BandScratch,
     pub(super) planes: Planes<'a>,
 }
 
@@ -95,7 +95,7 @@ impl<S: Sample> Kernel for Band<'_, '_, S> {
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
         let height = self.images.height;
-        self.room.resize(self.images.width.div_ceil(LANES));
+        self.scratch.resize(self.images.width.div_ceil(LANES));
         let mut turns = Turns::new(lanes);
         let around = |reach: usize| self.rows.start.saturating_sub(reach)..(self.rows.end + reach).min(height);
         let rows: [Range<usize>; ROUNDS + 1] = std::array::from_fn(|round| around(HALO - round * REACH));
@@ -119,13 +119,13 @@ impl<S: Sample> Band<'_, '_, S> {
     fn fit_row<L: Lanes>(&mut self, lanes: L, row: usize) {
         let all = lanes.mask(u32::MAX);
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
-        let fitted = &mut self.room.fitted[row % FITTED_ROWS * blocks..][..blocks];
-        let parts = &mut self.room.parts[0][row % PARTS_ROWS * blocks..][..blocks];
+        let fitted = &mut self.scratch.fitted[row % FITTED_ROWS * blocks..][..blocks];
+        let parts = &mut self.scratch.parts[0][row % PARTS_ROWS * blocks..][..blocks];
         for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
             let count = (width - b * LANES).min(LANES);
             let place = [row * width + b * LANES, count];
             let (fit, expected_rad) = self.fits.of([row, b]);
-            fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.room.greys);
+            fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.scratch.greys);
             if fitted.tells_motion {
                 let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
                 parts.set(lanes, fitted, resting.map(|of| everywhere(lanes, of.resting)), all, expected_rad);
@@ -141,7 +141,7 @@ impl<S: Sample> Band<'_, '_, S> {
         let blocks = self.images.width.div_ceil(LANES);
         self.add_up(lanes, row, round - 1);
         for block in 0..blocks {
-            let motion_rad = self.room.sums.motion_rad(lanes, self.fits.of([row, block]), block);
+            let motion_rad = self.scratch.sums.motion_rad(lanes, self.fits.of([row, block]), block);
             if round < ROUNDS {
                 self.find_parts(lanes, [row, block], round, motion_rad, turns);
             } else {
@@ -157,9 +157,9 @@ impl<S: Sample> Band<'_, '_, S> {
         let (first, last) = (row.saturating_sub(REACH), (row + REACH).min(self.images.height - 1));
         let mut rows = [[].as_slice(); PARTS_ROWS];
         for (rows, other) in rows.iter_mut().zip(first..=last) {
-            *rows = &self.room.parts[round][other % PARTS_ROWS * blocks..][..blocks];
+            *rows = &self.scratch.parts[round][other % PARTS_ROWS * blocks..][..blocks];
         }
-        self.room.sums.set(lanes, &rows[..=last - first]);
+        self.scratch.sums.set(lanes, &rows[..=last - first]);
     }
 
     #[inline(always)]
@@ -172,8 +172,8 @@ impl<S: Sample> Band<'_, '_, S> {
         turns: &mut Turns<L>,
     ) {
         let ((fit, expected_rad), blocks) = (self.fits.of([row, block]), self.images.width.div_ceil(LANES));
-        let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
-        let parts = &mut self.room.parts[round][row % PARTS_ROWS * blocks + block];
+        let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
+        let parts = &mut self.scratch.parts[round][row % PARTS_ROWS * blocks + block];
         if fitted.tells_motion {
             let (known, angle) = known(lanes, motion_rad);
             turns.set(lanes, fit.images(), angle);
@@ -191,7 +191,7 @@ impl<S: Sample> Band<'_, '_, S> {
         let ((fit, _), followed_rad) = (self.fits.of([row, block]), self.fits.followed_rad([row, block]));
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let count = (width - block * LANES).min(LANES);
-        let fitted = &self.room.fitted[row % FITTED_ROWS * blocks + block];
+        let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
         let (known, angle) = known(l, motion_rad);
         turns.set(l, fit.images(), angle);
         let responses = turns.sums(l, [&fit.fine.direct, &fit.fine.ripple]);
@@ -218,8 +218,8 @@ impl<S: Sample> Band<'_, '_, S> {
         l.store_mask(valid, &mut decoded.valid);
         decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
         let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
-        self.room.residuals.add_block(l, residual, modulation, l.bits(valid));
-        self.room.speeds.add_block(l, motion_rad, l.bits(valid));
+        self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
+        self.scratch.speeds.add_block(l, motion_rad, l.bits(valid));
     }
 }
 

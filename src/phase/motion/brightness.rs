@@ -43,11 +43,11 @@ pub(super) fn compensate<S: Sample>(
     images: &mut Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
-    room: &mut Vec<Sums>,
+    scratch: &mut Vec<Sums>,
 ) -> f32 {
     let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
-        let Some(departures) = departures(level, images, fits, validity, room) else { break };
+        let Some(departures) = departures(level, images, fits, validity, scratch) else { break };
         for (grey_per_value, departure) in images.grey_per_value.iter_mut().zip(&departures) {
             *grey_per_value /= (1.0 + departure) as f32;
         }
@@ -82,15 +82,15 @@ fn departures<S: Sample>(
     images: &Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
-    room: &mut Vec<Sums>,
+    scratch: &mut Vec<Sums>,
 ) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
     let told = &fits.any().levelling.as_ref()?.told;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
-    room.clear();
-    room.resize_with(starts(images.height).len(), Sums::default);
+    scratch.clear();
+    scratch.resize_with(starts(images.height).len(), Sums::default);
     let images: &Images<'_, S> = images;
-    room.par_iter_mut().enumerate().for_each(|(row, sums)| {
+    scratch.par_iter_mut().enumerate().for_each(|(row, sums)| {
         let mut samples = BlockSamples::default();
         for u in starts(images.width) {
             let (v, centre) = (row * PITCH, BLOCK / 2);
@@ -102,7 +102,7 @@ fn departures<S: Sample>(
         }
     });
     let mut sums = Sums::default();
-    room.iter().for_each(|of_row| sums.add(of_row));
+    scratch.iter().for_each(|of_row| sums.add(of_row));
     let product = |a: &[f64], b: &[f64]| -> f64 {
         (0..count).map(|i| (0..count).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
     };

@@ -29,7 +29,7 @@ pub(super) struct Images<'a, S> {
 
 impl<'a> Stack<'a> {
     /// The images, each of `width · height` pixels; `None` if one has another size or format.
-    pub(super) fn of(images: &[GreyLevels<'a>], width: usize, height: usize, saturation_grey: u8) -> Option<Self> {
+    pub(super) fn new(images: &[GreyLevels<'a>], width: usize, height: usize, saturation_grey: u8) -> Option<Self> {
         let format = images.first()?.format;
         let fits =
             |image: &GreyLevels<'_>| image.format == format && image.bytes.len() == width * height * format.bytes();

@@ -43,7 +43,7 @@ impl Default for Fitted {
 }
 
 impl Fitted {
-    /// Fits `count` pixels of a row, from `pixel` on; the others say nothing. `greys` is room for their grey levels.
+    /// Fits `count` pixels of a row, from `pixel` on; the others say nothing. `greys` is scratch memory for their grey levels.
     #[inline(always)]
     pub(super) fn fit<L: Lanes, S: Sample>(
         &mut self,

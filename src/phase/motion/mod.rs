@@ -50,7 +50,7 @@ use window::Scene;
 pub use fit::MotionFit;
 pub use fits::MotionFits;
 pub use flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
-pub use window::MotionRoom;
+pub use window::MotionScratch;
 
 /// Images beyond a cycle of N that compensate motion well: more of them reach further into what has moved away.
 ///
@@ -73,23 +73,23 @@ pub fn decode_moving(
     validity: &Validity,
 ) -> Option<PhaseMap> {
     let mut map = PhaseMap::default();
-    decode_moving_into(&mut map, &mut MotionRoom::default(), images, width, height, fit, validity)?;
+    decode_moving_into(&mut map, &mut MotionScratch::default(), images, width, height, fit, validity)?;
     Some(map)
 }
 
-/// As [`decode_moving`], into a map whose memory is used again, as is that of the room; what they held makes no difference.
+/// As [`decode_moving`], into a map whose memory is used again, as is the scratch memory; what they held makes no difference.
 /// The map is left as it was where that yields `None`.
 #[must_use]
 pub fn decode_moving_into(
     map: &mut PhaseMap,
-    room: &mut MotionRoom,
+    scratch: &mut MotionScratch,
     images: &[GreyLevels<'_>],
     width: usize,
     height: usize,
     fit: &MotionFit,
     validity: &Validity,
 ) -> Option<()> {
-    decode_at(Level::in_use(), map, room, images, [width, height], Scene::Unknown(fit), validity)
+    decode_at(Level::in_use(), map, scratch, images, [width, height], Scene::Unknown(fit), validity)
 }
 
 /// As [`decode_moving_into`], of a scene whose motion is known beforehand, as exactly as may be: each pixel follows its surface
@@ -97,7 +97,7 @@ pub fn decode_moving_into(
 #[must_use]
 pub fn decode_following_into(
     map: &mut PhaseMap,
-    room: &mut MotionRoom,
+    scratch: &mut MotionScratch,
     images: &[GreyLevels<'_>],
     [width, height]: [usize; 2],
     (fits, flow): (&mut MotionFits, &Flow),
@@ -106,14 +106,14 @@ pub fn decode_following_into(
     if Flow::tiles_of([width, height]) != flow.size() {
         return None;
     }
-    decode_at(Level::in_use(), map, room, images, [width, height], Scene::Followed(fits, flow), validity)
+    decode_at(Level::in_use(), map, scratch, images, [width, height], Scene::Followed(fits, flow), validity)
 }
 
 /// Decodes at a level.
 fn decode_at(
     level: Level,
     map: &mut PhaseMap,
-    room: &mut MotionRoom,
+    scratch: &mut MotionScratch,
     images: &[GreyLevels<'_>],
     [width, height]: [usize; 2],
     scene: Scene<'_>,
@@ -122,9 +122,9 @@ fn decode_at(
     if images.len() != scene.images() {
         return None;
     }
-    match Stack::of(images, width, height, validity.saturation_grey)? {
-        Stack::Bytes(images) => window::decode(level, images, scene, validity, room, map),
-        Stack::Words(images) => window::decode(level, images, scene, validity, room, map),
+    match Stack::new(images, width, height, validity.saturation_grey)? {
+        Stack::Bytes(images) => window::decode(level, images, scene, validity, scratch, map),
+        Stack::Words(images) => window::decode(level, images, scene, validity, scratch, map),
     }
     Some(())
 }

@@ -18,7 +18,7 @@ pub(super) type Complexes<L> = [<L as Lanes>::Reals; 2];
 pub(super) struct Turns<L: Lanes>([Complexes<L>; MAX_IMAGES / 2]);
 
 impl<L: Lanes> Turns<L> {
-    /// Room for those of any window.
+    /// Scratch for those of any window.
     #[inline(always)]
     pub(super) fn new(lanes: L) -> Self {
         Self([[lanes.real(0.0); 2]; MAX_IMAGES / 2])

@@ -58,9 +58,9 @@ impl Repaired {
     }
 }
 
-/// Room for what is decoded again.
+/// Scratch for what is decoded again.
 #[derive(Clone, Debug, Default)]
-pub(super) struct RepairRoom {
+pub(super) struct RepairScratch {
     /// Pixels of a row that are to be decoded again.
     asked: Vec<u32>,
     batch: Batch,
@@ -88,7 +88,7 @@ impl<'a, S: Sample> OneSurface<'a, S> {
 pub(super) struct Repair<'a, S> {
     pub(super) one_surface: &'a OneSurface<'a, S>,
     pub(super) rows: Range<usize>,
-    pub(super) room: &'a mut RepairRoom,
+    pub(super) scratch: &'a mut RepairScratch,
     pub(super) planes: Planes<'a>,
 }
 
@@ -99,18 +99,18 @@ impl<S: Sample> Kernel for Repair<'_, S> {
     fn run<L: Lanes>(mut self, lanes: L) {
         let width = self.one_surface.images.width;
         let blocks = width.div_ceil(LANES);
-        self.room.repaired = Repaired::default();
+        self.scratch.repaired = Repaired::default();
         for row in 0..self.rows.len() {
-            self.room.asked.clear();
+            self.scratch.asked.clear();
             for block in 0..blocks {
                 self.judge(lanes, [row, block]);
             }
-            let mut asked = std::mem::take(&mut self.room.asked);
+            let mut asked = std::mem::take(&mut self.scratch.asked);
             for pixels in asked.chunks(BATCH) {
                 self.decode_again(pixels, row);
             }
             asked.clear();
-            self.room.asked = asked;
+            self.scratch.asked = asked;
         }
     }
 }
@@ -137,13 +137,13 @@ impl<S: Sample> Repair<'_, S> {
         let fits = l.bits(l.is_at_least_real(largest, l.load_reals(residual)));
         let is_valid = l.bits(l.is_greater(l.words_of_bytes(&valid), l.word(0)));
         let again = (*saturated | (is_lit & !(fits & is_valid))) & used;
-        self.room.repaired.valid_pixels += u64::from((is_valid & !again).count_ones());
-        let exposure = &mut self.room.repaired.exposure;
+        self.scratch.repaired.valid_pixels += u64::from((is_valid & !again).count_ones());
+        let exposure = &mut self.scratch.repaired.exposure;
         exposure.lit_pixels += u64::from((is_lit & !again).count_ones());
         exposure.dim_pixels += u64::from((is_dim & !again).count_ones());
         let mut left = again;
         while left != 0 {
-            self.room.asked.push((block * LANES) as u32 + left.trailing_zeros());
+            self.scratch.asked.push((block * LANES) as u32 + left.trailing_zeros());
             left &= left - 1;
         }
     }
@@ -155,7 +155,7 @@ impl<S: Sample> Repair<'_, S> {
         let (images, width) = (of.images, of.images.width);
         let blocks = width.div_ceil(LANES);
         let (mut motion_rad, mut is_saturated) = ([0.0; BATCH], [false; BATCH]);
-        let batch = &mut self.room.batch;
+        let batch = &mut self.scratch.batch;
         for (p, &u) in asked.iter().enumerate() {
             let u = u as usize;
             let motion = self.planes.beside[row * blocks + u / LANES].motion_rad[u % LANES];
@@ -182,15 +182,15 @@ impl<S: Sample> Repair<'_, S> {
             let beside = &self.planes.beside[row * blocks + u as usize / LANES];
             let followed_rad = of.fits.followed_rad([self.rows.start + row, u as usize / LANES]);
             let unfollowed_rad = beside.motion_rad[u as usize % LANES] - followed_rad;
-            self.room.repaired.speeds.change(unfollowed_rad, was_valid, found);
-            self.room.repaired.valid_pixels += u64::from(found);
+            self.scratch.repaired.speeds.change(unfollowed_rad, was_valid, found);
+            self.scratch.repaired.valid_pixels += u64::from(found);
             if found {
                 let [re, im] = [best.z[0][p], best.z[1][p]];
                 self.planes.phase[pixel] = turn_fraction(im, re);
-                self.planes.modulation[pixel] = Modulation::of_grey((re * re + im * im).sqrt());
+                self.planes.modulation[pixel] = Modulation::from_grey((re * re + im * im).sqrt());
                 self.planes.mean[pixel] = (best.offset[p] + 0.5) as u8;
             }
-            let (repaired, modulation) = (&mut self.room.repaired, self.planes.modulation[pixel].grey());
+            let (repaired, modulation) = (&mut self.scratch.repaired, self.planes.modulation[pixel].grey());
             repaired.exposure.add(is_saturated[p], modulation, of.validity.min_modulation_grey);
             if !is_saturated[p] {
                 // Otherwise it is too much light, not motion.

@@ -200,13 +200,13 @@ impl Wall {
         let levels: Vec<GreyLevels<'_>> = bytes.iter().map(|bytes| GreyLevels::eight_bit(bytes)).collect();
         let shifts: Vec<f64> = (0..6).map(|i| TAU * f64::from(i) / 4.0).collect();
         let mut fits = MotionFits::new(&shifts).unwrap();
-        let (mut map, mut room, size) = (PhaseMap::default(), MotionRoom::default(), [WIDTH, HEIGHT]);
+        let (mut map, mut scratch, size) = (PhaseMap::default(), MotionScratch::default(), [WIDTH, HEIGHT]);
         match flow {
             Some(flow) => {
-                decode_following_into(&mut map, &mut room, &levels, size, (&mut fits, flow), &Validity::default())
+                decode_following_into(&mut map, &mut scratch, &levels, size, (&mut fits, flow), &Validity::default())
             }
             None => {
-                decode_moving_into(&mut map, &mut room, &levels, WIDTH, HEIGHT, fits.resting(), &Validity::default())
+                decode_moving_into(&mut map, &mut scratch, &levels, WIDTH, HEIGHT, fits.resting(), &Validity::default())
             }
         }
         .unwrap();
@@ -252,9 +252,9 @@ fn a_flow_of_no_numbers_or_of_other_images_is_refused() {
     let bytes = [9; 96 * 32];
     let mut fits = MotionFits::new(&[0.0, 1.5, 3.0, 4.5, 6.0]).unwrap();
     let images = [GreyLevels::eight_bit(&bytes); 5];
-    let (mut map, mut room) = (PhaseMap::default(), MotionRoom::default());
+    let (mut map, mut scratch) = (PhaseMap::default(), MotionScratch::default());
     let decoded =
-        decode_following_into(&mut map, &mut room, &images, [96, 32], (&mut fits, &flow), &Validity::default());
+        decode_following_into(&mut map, &mut scratch, &images, [96, 32], (&mut fits, &flow), &Validity::default());
     assert!(decoded.is_none());
 }
 
@@ -269,7 +269,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     assert_eq!(one, three);
 }
 
-/// Everything that is decoded, of widths that are no whole blocks and of scenes with all that may happen to a pixel; in a room that
+/// Everything that is decoded, of widths that are no whole blocks and of scenes with all that may happen to a pixel; in scratch memory that
 /// another window was decoded in.
 #[test]
 fn all_levels_and_any_room_give_the_same_bits() {
@@ -279,7 +279,7 @@ fn all_levels_and_any_room_give_the_same_bits() {
         brightness: |i| 1.2 + 0.02 * (i % 3) as f64,
         ..RESTING
     };
-    let mut room = MotionRoom::default();
+    let mut scratch = MotionScratch::default();
     type Way = fn(usize) -> SurfaceMotion;
     let ways: [Option<Way>; 2] = [
         None,
@@ -301,20 +301,20 @@ fn all_levels_and_any_room_give_the_same_bits() {
                 bytes.iter().map(|bytes| GreyLevels { format, bytes: &bytes[..used] }).collect();
             for way in ways {
                 let flow = way.map(|way| flow_of([width, height], way));
-                let decoded = |level, room: &mut MotionRoom| {
+                let decoded = |level, scratch: &mut MotionScratch| {
                     let mut map = PhaseMap::default();
                     let (size, mut fits) = ([width, height], MotionFits::new(&shifts).unwrap());
                     let scene = match &flow {
                         Some(flow) => Known::Followed(&mut fits, flow),
                         None => Known::Unknown(&fit),
                     };
-                    decode_at(level, &mut map, room, &levels, size, scene, &Validity::default()).unwrap();
+                    decode_at(level, &mut map, scratch, &levels, size, scene, &Validity::default()).unwrap();
                     map
                 };
-                let maps = Level::ALL.map(|level| decoded(level, &mut room));
+                let maps = Level::ALL.map(|level| decoded(level, &mut scratch));
                 assert_eq!(maps[0], maps[1], "{steps} {count} {width}");
                 assert_eq!(maps[1], maps[2], "{steps} {count} {width}");
-                assert_eq!(maps[2], decoded(Level::in_use(), &mut MotionRoom::default()));
+                assert_eq!(maps[2], decoded(Level::in_use(), &mut MotionScratch::default()));
             }
         }
     }

@@ -12,14 +12,14 @@ use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 
-use super::band::{Band, BandRoom, Beside, Planes};
+use super::band::{Band, BandScratch, Beside, Planes};
 use super::brightness;
 use super::fit::{MotionFit, time};
 use super::fits::MotionFits;
 use super::flow::Flow;
-use super::follow::{Fits, FollowRoom, follow};
+use super::follow::{Fits, FollowScratch, follow};
 use super::images::Images;
-use super::one_surface::{OneSurface, Repair, RepairRoom, Repaired};
+use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
 use super::speeds::Speeds;
 
 /// Fewest rows of a band: those around it are fitted once more.
@@ -28,11 +28,11 @@ const LEAST_ROWS: usize = 64;
 /// Memory for the decoding of windows, about nine bytes a pixel and some rows of each thread; where what is seen is followed, as
 /// many bytes as the images have besides.
 #[derive(Clone, Debug, Default)]
-pub struct MotionRoom {
+pub struct MotionScratch {
     brightness: Vec<brightness::Sums>,
-    follow: FollowRoom,
+    follow: FollowScratch,
     beside: Vec<Beside>,
-    bands: Vec<(BandRoom, RepairRoom)>,
+    bands: Vec<(BandScratch, RepairScratch)>,
     samples: Samples,
 }
 
@@ -65,18 +65,18 @@ pub(super) fn decode<S: Sample>(
     images: Images<'_, S>,
     scene: Scene<'_>,
     validity: &Validity,
-    room: &mut MotionRoom,
+    scratch: &mut MotionScratch,
     map: &mut PhaseMap,
 ) {
     match scene {
-        Scene::Unknown(fit) => decode_sampled(level, images, Fits::resting(fit), validity, room, map),
+        Scene::Unknown(fit) => decode_sampled(level, images, Fits::resting(fit), validity, scratch, map),
         Scene::Followed(fits, flow) => {
-            let mut follow_room = std::mem::take(&mut room.follow);
-            match follow(level, &images, flow, fits, validity, &mut follow_room) {
-                Some((images, fits)) => decode_sampled(level, images, fits, validity, room, map),
-                None => decode_sampled(level, images, Fits::resting(fits.resting()), validity, room, map),
+            let mut follow_scratch = std::mem::take(&mut scratch.follow);
+            match follow(level, &images, flow, fits, validity, &mut follow_scratch) {
+                Some((images, fits)) => decode_sampled(level, images, fits, validity, scratch, map),
+                None => decode_sampled(level, images, Fits::resting(fits.resting()), validity, scratch, map),
             }
-            room.follow = follow_room;
+            scratch.follow = follow_scratch;
         }
     }
 }
@@ -87,36 +87,36 @@ fn decode_sampled<S: Sample>(
     mut images: Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
-    room: &mut MotionRoom,
+    scratch: &mut MotionScratch,
     map: &mut PhaseMap,
 ) {
     let (width, height) = (images.width, images.height);
     map.resize(width, height);
-    let brightness_share = brightness::compensate(level, &mut images, fits, validity, &mut room.brightness);
+    let brightness_share = brightness::compensate(level, &mut images, fits, validity, &mut scratch.brightness);
     let images = &images;
     let rows = rows_of_band(height);
-    room.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
-    room.bands.resize_with(height.div_ceil(rows), Default::default);
-    bands(map, room, rows).for_each(|(rows, planes, (room, _))| {
-        fringeflow_simd::run(level, Band { images, fits, validity, rows, room, planes });
+    scratch.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
+    scratch.bands.resize_with(height.div_ceil(rows), Default::default);
+    bands(map, scratch, rows).for_each(|(rows, planes, (scratch, _))| {
+        fringeflow_simd::run(level, Band { images, fits, validity, rows, scratch, planes });
     });
     let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
-    for (band, _) in &room.bands {
+    for (band, _) in &scratch.bands {
         residuals.merge(&band.residuals);
         speeds.merge(&band.speeds);
     }
     let statistics = residuals.statistics(fits.any().freedom(), images.format, fits.noise_gain());
     let one_surface = OneSurface::new(images, fits, validity, &statistics);
-    bands(map, room, rows).for_each(|(rows, planes, (_, room))| {
-        fringeflow_simd::run(level, Repair { one_surface: &one_surface, rows, room, planes });
+    bands(map, scratch, rows).for_each(|(rows, planes, (_, scratch))| {
+        fringeflow_simd::run(level, Repair { one_surface: &one_surface, rows, scratch, planes });
     });
     let mut all = Repaired::default();
-    room.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
+    scratch.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
     speeds.merge(&all.speeds);
     let [median_rad, fast_rad] = speeds.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
-    map.harmonics = harmonics(images, fits.any(), map, &room.beside, &mut room.samples);
+    map.harmonics = harmonics(images, fits.any(), map, &scratch.beside, &mut scratch.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
     map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
 }
@@ -128,12 +128,12 @@ fn rows_of_band(height: usize) -> usize {
     height.div_ceil(bands).max(LEAST_ROWS)
 }
 
-/// The bands of so many rows, each with its planes and its room.
+/// The bands of so many rows, each with its planes and its scratch memory.
 fn bands<'a>(
     map: &'a mut PhaseMap,
-    room: &'a mut MotionRoom,
+    scratch: &'a mut MotionScratch,
     rows: usize,
-) -> impl IndexedParallelIterator<Item = (Range<usize>, Planes<'a>, &'a mut (BandRoom, RepairRoom))> {
+) -> impl IndexedParallelIterator<Item = (Range<usize>, Planes<'a>, &'a mut (BandScratch, RepairScratch))> {
     let (width, height) = (map.width.max(1), map.height);
     let pixels = rows * width;
     let planes = map
@@ -142,11 +142,11 @@ fn bands<'a>(
         .zip(map.modulation.par_chunks_mut(pixels))
         .zip(map.mean.par_chunks_mut(pixels))
         .zip(map.valid.par_chunks_mut(pixels))
-        .zip(room.beside.par_chunks_mut(rows * width.div_ceil(LANES)))
-        .zip(&mut room.bands);
-    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), beside), room))| {
+        .zip(scratch.beside.par_chunks_mut(rows * width.div_ceil(LANES)))
+        .zip(&mut scratch.bands);
+    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), beside), scratch))| {
         let rows = band * rows..((band + 1) * rows).min(height);
-        (rows, Planes { phase, modulation, mean, valid, beside }, room)
+        (rows, Planes { phase, modulation, mean, valid, beside }, scratch)
     })
 }
 
@@ -156,10 +156,10 @@ fn harmonics<S: Sample>(
     fit: &MotionFit,
     map: &PhaseMap,
     beside: &[Beside],
-    room: &mut Samples,
+    scratch: &mut Samples,
 ) -> Harmonics {
     let (shifts, blocks) = (fit.shifts_rad(), images.width.div_ceil(LANES));
-    harmonics::measure(shifts, images.width * images.height, room, |pixel, out: &mut Samples| {
+    harmonics::measure(shifts, images.width * images.height, scratch, |pixel, out: &mut Samples| {
         let (row, u) = (pixel / images.width, pixel % images.width);
         let beside = &beside[row * blocks + u / LANES];
         let motion_rad = f64::from(beside.motion_rad[u % LANES]);

@@ -56,7 +56,7 @@ impl Block {
                 let corner = [number % columns * pitch, number / columns * pitch];
                 let is_usable =
                     fringeflow_simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
-                block.signal = if is_usable { Signal::of(block, validity) } else { None };
+                block.signal = if is_usable { Signal::new(block, validity) } else { None };
             }
         });
     }
@@ -68,7 +68,7 @@ impl Block {
         for (products, by) in self.products[..images].iter_mut().zip(brightness) {
             products[..images].iter_mut().zip(brightness).for_each(|(product, other)| *product /= other * by);
         }
-        self.signal = Signal::of(self, validity);
+        self.signal = Signal::new(self, validity);
     }
 
     /// Without an image.
@@ -79,7 +79,7 @@ impl Block {
             rest.mean[i] = self.mean[from(i)];
             (0..rest.images).for_each(|j| rest.products[i][j] = self.products[from(i)][from(j)]);
         }
-        rest.signal = Signal::of(&rest, validity);
+        rest.signal = Signal::new(&rest, validity);
         rest
     }
 
@@ -93,7 +93,7 @@ impl Block {
 /// Takes the moments of a block; whether enough of its pixels are not saturated.
 struct TakeKernel<'a> {
     block: &'a mut Block,
-    /// Room for the grey levels of its pixels.
+    /// Scratch for the grey levels of its pixels.
     greys: &'a mut [[f32; PIXELS]; MAX_IMAGES],
     images: &'a [GreyLevels<'a>],
     width: usize,
@@ -197,9 +197,9 @@ mod tests {
         assert!(greys.len() < PIXELS && greys.len() > PIXELS / 2);
         let mean = |product: &dyn Fn(&[f64; 3]) -> f64| greys.iter().map(product).sum::<f64>() / greys.len() as f64;
         for level in Level::ALL {
-            let (mut block, mut room) = (Block::default(), [[7.0; PIXELS]; MAX_IMAGES]);
+            let (mut block, mut scratch) = (Block::default(), [[7.0; PIXELS]; MAX_IMAGES]);
             let (images, validity) = (&images, &validity);
-            let kernel = TakeKernel { block: &mut block, greys: &mut room, images, width: WIDTH, corner, validity };
+            let kernel = TakeKernel { block: &mut block, greys: &mut scratch, images, width: WIDTH, corner, validity };
             assert!(fringeflow_simd::run(level, kernel));
             for i in 0..3 {
                 assert_eq!(block.mean[i], mean(&|greys| greys[i]), "{level:?}");

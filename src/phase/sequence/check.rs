@@ -9,7 +9,7 @@ use crate::phase::Validity;
 
 use super::block::Block;
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
-use super::judge::{LEAST_BLOCKS, LeftRoom, Numbers, Told};
+use super::judge::{LEAST_BLOCKS, LeftScratch, Numbers, Told};
 use super::span::{self, FASTEST_RAD, Planes};
 use super::{LEAST_IMAGES, Vector};
 
@@ -33,10 +33,10 @@ pub struct SequenceCheck {
 
 /// Memory in which windows are judged, of one camera after the other: some 5 KB a block, of which an image has 100 to 200.
 #[derive(Clone, Debug, Default)]
-pub struct SequenceRoom {
+pub struct SequenceScratch {
     blocks: Vec<Block>,
     numbers: Numbers,
-    left: LeftRoom,
+    left: LeftScratch,
 }
 
 impl SequenceCheck {
@@ -66,14 +66,14 @@ impl SequenceCheck {
         height: usize,
         validity: &Validity,
     ) -> Option<SequenceFault> {
-        self.fault_in(&mut SequenceRoom::default(), images, width, height, validity)
+        self.fault_in(&mut SequenceScratch::default(), images, width, height, validity)
     }
 
     /// As [`Self::fault`], in memory that is used again; what it held makes no difference.
     #[must_use]
     pub fn fault_in(
         &self,
-        room: &mut SequenceRoom,
+        scratch: &mut SequenceScratch,
         images: &[GreyLevels<'_>],
         width: usize,
         height: usize,
@@ -84,7 +84,7 @@ impl SequenceCheck {
         if images.len() != self.images || !can_tell || !images.iter().all(fits) {
             return None;
         }
-        let SequenceRoom { blocks, numbers, left } = room;
+        let SequenceScratch { blocks, numbers, left } = scratch;
         Block::find_all(blocks, images, width, height, validity);
         let told = Told::new(self, blocks, numbers, validity);
         if told.lit_blocks() < LEAST_BLOCKS {
@@ -111,7 +111,7 @@ impl SequenceCheck {
         if self.images > MAX_IMAGES {
             return 1.0;
         }
-        let shares = Hypothesis::of_kind(fault, self.images).map(|hypothesis| {
+        let shares = Hypothesis::all_of_kind(fault, self.images).map(|hypothesis| {
             let [shifts_rad, times] = self.angles(&hypothesis);
             let directions =
                 span::directions(&shifts_rad[..hypothesis.images], &times[..hypothesis.images], motion_rad);

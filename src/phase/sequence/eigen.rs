@@ -35,12 +35,12 @@ struct Rotation {
 
 impl Eigen {
     /// Of the first `size` rows and columns of a matrix, whose lower triangle is read: `[column][row]`.
-    pub(super) fn of(matrix: &mut Matrix, size: usize) -> Self {
+    pub(super) fn new(matrix: &mut Matrix, size: usize) -> Self {
         let greatest = matrix[..size].iter().flat_map(|column| &column[..size]).fold(0.0, |max, x| x.abs().max(max));
         if greatest != 0.0 {
             matrix[..size].iter_mut().flat_map(|column| &mut column[..size]).for_each(|x| *x /= greatest);
         }
-        let mut tridiagonal = Tridiagonal::of(matrix, size);
+        let mut tridiagonal = Tridiagonal::new(matrix, size);
         let (mut start, mut end) = tridiagonal.coupled(size.saturating_sub(1));
         while end != start {
             if end - start > 1 {
@@ -60,7 +60,7 @@ impl Eigen {
 }
 
 impl Tridiagonal {
-    fn of(matrix: &mut Matrix, size: usize) -> Self {
+    fn new(matrix: &mut Matrix, size: usize) -> Self {
         let (mut beside, mut p) = ([0.0; MAX_IMAGES], [0.0; MAX_IMAGES]);
         for i in 0..size.saturating_sub(1) {
             let (left, right) = matrix.split_at_mut(i + 1);
@@ -264,9 +264,9 @@ mod tests {
                 let matrix =
                     if round == 4 { DMatrix::identity(size, size) } else { &factor * factor.transpose() * 1e4 };
                 let expected = SymmetricEigen::new(matrix.clone());
-                let mut room = [[0.0; MAX_IMAGES]; MAX_IMAGES];
-                (0..size * size).for_each(|k| room[k / size][k % size] = matrix[(k % size, k / size)]);
-                let found = Eigen::of(&mut room, size);
+                let mut scratch = [[0.0; MAX_IMAGES]; MAX_IMAGES];
+                (0..size * size).for_each(|k| scratch[k / size][k % size] = matrix[(k % size, k / size)]);
+                let found = Eigen::new(&mut scratch, size);
                 for k in 0..size {
                     assert_eq!(
                         found.values[k].to_bits(),

@@ -83,7 +83,7 @@ impl Hypothesis {
 
     /// All faults of order in a window of so many images and a cycle of N steps, those that are the likeliest first. A camera
     /// that errs shifts the times with the steps, a projector that errs does not.
-    pub(super) fn of_order(images: usize, cycle: usize) -> impl Iterator<Item = Self> {
+    pub(super) fn all_of_order(images: usize, cycle: usize) -> impl Iterator<Item = Self> {
         let pairs = images.saturating_sub(1);
         let lost = move |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
         let duplicated = (0..pairs).map(|image| SequenceFaultKind::Duplicated { image });
@@ -91,11 +91,11 @@ impl Hypothesis {
         let longest = cycle.saturating_sub(2);
         let few = (1..=longest.min(1)).flat_map(lost);
         let many = (2..=longest).flat_map(lost);
-        few.chain(duplicated).chain(swapped).chain(many).flat_map(move |kind| Self::of_kind(kind, images))
+        few.chain(duplicated).chain(swapped).chain(many).flat_map(move |kind| Self::all_of_kind(kind, images))
     }
 
     /// The ways in which a fault of order may have come about.
-    pub(super) fn of_kind(kind: SequenceFaultKind, images: usize) -> impl Iterator<Item = Self> {
+    pub(super) fn all_of_kind(kind: SequenceFaultKind, images: usize) -> impl Iterator<Item = Self> {
         let nominal = Self::nominal(images);
         let steps_by = |step: &dyn Fn(usize) -> usize| std::array::from_fn(step);
         // The steps, and those of another way that keeps its times.

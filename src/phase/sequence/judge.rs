@@ -77,7 +77,7 @@ pub(super) struct Numbers {
 
 /// Memory in which is found what steps leave.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LeftRoom {
+pub(super) struct LeftScratch {
     /// Planes of other steps than the said ones.
     planes: Planes,
     values: Values,
@@ -129,8 +129,8 @@ impl<'a> Told<'a> {
     }
 
     /// What the said steps leave of some of the lit blocks.
-    fn left(&self, numbers: &'a [usize], room: &mut LeftRoom) -> Option<Left> {
-        left(&self.check.nominal, self.signals(numbers, numbers.len()), &mut room.values)
+    fn left(&self, numbers: &'a [usize], scratch: &mut LeftScratch) -> Option<Left> {
+        left(&self.check.nominal, self.signals(numbers, numbers.len()), &mut scratch.values)
     }
 
     /// What others leave of signals.
@@ -138,9 +138,9 @@ impl<'a> Told<'a> {
         &self,
         hypothesis: &Hypothesis,
         signals: impl Iterator<Item = &'b Signal>,
-        room: &mut LeftRoom,
+        scratch: &mut LeftScratch,
     ) -> Option<Left> {
-        let LeftRoom { planes, values } = room;
+        let LeftScratch { planes, values } = scratch;
         self.check.set_planes(planes, hypothesis, self.check.fastest_rad());
         left(planes, signals, values)
     }
@@ -167,29 +167,29 @@ impl<'a> Told<'a> {
     }
 
     /// An image that came twice: no two exposures have the same noise.
-    pub(super) fn repeated(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
+    pub(super) fn repeated(&self, scratch: &mut LeftScratch) -> Option<SequenceFault> {
         let is_same = |&number: &usize, image| self.blocks[number].difference_square(image) < SAME_SQUARE;
         let same = |image: usize| self.numbers.lit.iter().all(|number| is_same(number, image));
         let image = (0..self.check.images - 1).find(|&image| same(image))?;
-        let residual_share = self.left(self.alike(), room).map_or(1.0, |left| left.share);
+        let residual_share = self.left(self.alike(), scratch).map_or(1.0, |left| left.share);
         Some(SequenceFault { kind: SequenceFaultKind::Duplicated { image }, residual_share, explained_share: 0.0 })
     }
 
     /// Whether the said steps leave much, or most blocks cannot tell.
-    pub(super) fn is_suspicious(&self, room: &mut LeftRoom) -> bool {
-        let nominal = self.judges().and_then(|judges| self.left(judges, room));
+    pub(super) fn is_suspicious(&self, scratch: &mut LeftScratch) -> bool {
+        let nominal = self.judges().and_then(|judges| self.left(judges, scratch));
         nominal.is_none_or(|left| left.share >= self.check.least_residual_share())
     }
 
     /// What is wrong where the said steps leave much.
-    pub(super) fn fault(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
+    pub(super) fn fault(&self, scratch: &mut LeftScratch) -> Option<SequenceFault> {
         let Some(judges) = self.judges() else {
             let residual_share = self.residual_share();
             let (kind, explained_share) =
                 self.wrong_image(MOST).filter(|&(_, share)| is_less(LESS_WITHOUT, share, residual_share))?;
             return Some(SequenceFault { kind, residual_share, explained_share });
         };
-        let residual_share = self.left(judges, room)?.share;
+        let residual_share = self.left(judges, scratch)?.share;
         let order = self.fault_of_order(judges, residual_share);
         let order_share = order.map_or(f64::INFINITY, |order| order.share);
         let is_clear = |share: f64| {
@@ -214,7 +214,7 @@ impl<'a> Told<'a> {
     /// much.
     fn fault_of_order(&self, judges: &'a [usize], residual_share: f64) -> Option<Order> {
         let check = self.check;
-        let all: Vec<Hypothesis> = Hypothesis::of_order(check.images, check.cycle).collect();
+        let all: Vec<Hypothesis> = Hypothesis::all_of_order(check.images, check.cycle).collect();
         let promising = self.shares(&all, &self.signals(judges, FEW_TRIED));
         let limit = PROMISING * least_share(&promising).max(FLOOR_SHARE);
         let kept: Vec<Hypothesis> =
@@ -241,7 +241,8 @@ impl<'a> Told<'a> {
         signals: &(impl Iterator<Item = &'b Signal> + Clone + Sync),
     ) -> Vec<f64> {
         let share = |hypothesis| {
-            self.left_by(hypothesis, signals.clone(), &mut LeftRoom::default()).map_or(f64::INFINITY, |left| left.share)
+            self.left_by(hypothesis, signals.clone(), &mut LeftScratch::default())
+                .map_or(f64::INFINITY, |left| left.share)
         };
         hypotheses.par_iter().map(share).collect()
     }
@@ -264,16 +265,16 @@ impl<'a> Told<'a> {
     }
 
     /// A fault that a steady motion explains as well, where all blocks would share that motion, and rest without it.
-    pub(super) fn resting(&self, room: &mut LeftRoom) -> Option<SequenceFault> {
-        let said = self.left(self.alike(), room)?;
+    pub(super) fn resting(&self, scratch: &mut LeftScratch) -> Option<SequenceFault> {
+        let said = self.left(self.alike(), scratch)?;
         let [least, most] = said.motions_rad;
         let is_shared = most - least <= 2.0 * RESTING_RAD && least.abs().min(most.abs()) >= SHARED_MOTION_RAD;
         if !is_shared || self.alike().len() < LEAST_BLOCKS {
             return None;
         }
         let tried = self.signals(self.alike(), MOST_TRIED);
-        Hypothesis::of_order(self.check.images, self.check.cycle).find_map(|hypothesis| {
-            let left = self.left_by(&hypothesis, tried.clone(), room)?;
+        Hypothesis::all_of_order(self.check.images, self.check.cycle).find_map(|hypothesis| {
+            let left = self.left_by(&hypothesis, tried.clone(), scratch)?;
             let rests = left.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
             let fault =
                 SequenceFault { kind: hypothesis.kind?, residual_share: said.share, explained_share: left.share };
@@ -302,8 +303,8 @@ fn is_less(times: f64, share: f64, than: f64) -> bool {
 }
 
 /// What planes leave of signals; `None` of none.
-fn left<'a>(planes: &Planes, signals: impl Iterator<Item = &'a Signal>, room: &mut Values) -> Option<Left> {
-    let Values { squares, motions_rad } = room;
+fn left<'a>(planes: &Planes, signals: impl Iterator<Item = &'a Signal>, scratch: &mut Values) -> Option<Left> {
+    let Values { squares, motions_rad } = scratch;
     squares.clear();
     motions_rad.clear();
     for left in signals.map(|signal| planes.unexplained(&signal.directions)) {

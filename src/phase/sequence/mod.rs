@@ -53,7 +53,7 @@ mod tests;
 
 use fringeflow_base::limits::MAX_IMAGES;
 
-pub use check::{SequenceCheck, SequenceRoom};
+pub use check::{SequenceCheck, SequenceScratch};
 pub use fault::{SequenceFault, SequenceFaultKind};
 
 /// Fewest images of a window whose steps can be told.

@@ -4,7 +4,7 @@ use fringeflow_base::grey::GreyLevels;
 
 use crate::phase::Validity;
 
-use super::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceRoom};
+use super::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceScratch};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 80;
@@ -25,11 +25,11 @@ fn noise(pixel: usize, image: usize) -> f64 {
 
 /// What is told of images that show these steps of N.
 fn told(steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFaultKind> {
-    told_in(&mut SequenceRoom::default(), steps, shown, scene).map(|fault| fault.kind)
+    told_in(&mut SequenceScratch::default(), steps, shown, scene).map(|fault| fault.kind)
 }
 
 /// The same in memory that other windows left.
-fn told_in(room: &mut SequenceRoom, steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFault> {
+fn told_in(scratch: &mut SequenceScratch, steps: usize, shown: &[usize], scene: Scene) -> Option<SequenceFault> {
     let images: Vec<Vec<u8>> = shown
         .iter()
         .enumerate()
@@ -42,12 +42,12 @@ fn told_in(room: &mut SequenceRoom, steps: usize, shown: &[usize], scene: Scene)
     let cycle: Vec<f64> = (0..steps).map(|k| TAU * k as f64 / steps as f64).collect();
     let levels: Vec<GreyLevels<'_>> = images.iter().map(|bytes| GreyLevels::eight_bit(bytes)).collect();
     let check = SequenceCheck::new(&cycle, 0, shown.len());
-    check.fault_in(room, &levels, WIDTH, HEIGHT, &Validity::default())
+    check.fault_in(scratch, &levels, WIDTH, HEIGHT, &Validity::default())
 }
 
 #[test]
 fn what_the_memory_held_makes_no_difference() {
-    let mut room = SequenceRoom::default();
+    let mut scratch = SequenceScratch::default();
     let flicker: Scene =
         |pixel, turn_rad, image| resting(pixel, turn_rad, image) * if image % 3 == 0 { 0.8 } else { 1.0 };
     let dark: Scene = |_, _, _| 3.0;
@@ -59,8 +59,8 @@ fn what_the_memory_held_makes_no_difference() {
         (4, vec![0, 1, 2, 3, 4, 5], resting),
         (5, vec![0, 1, 2, 4, 3, 5, 6], resting),
     ] {
-        let fresh = told_in(&mut SequenceRoom::default(), steps, &shown, scene);
-        assert_eq!(told_in(&mut room, steps, &shown, scene), fresh, "{shown:?}");
+        let fresh = told_in(&mut SequenceScratch::default(), steps, &shown, scene);
+        assert_eq!(told_in(&mut scratch, steps, &shown, scene), fresh, "{shown:?}");
     }
 }
 

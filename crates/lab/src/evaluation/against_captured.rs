@@ -69,8 +69,8 @@ fn better(a: Judgement, b: Judgement) -> Judgement {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_cloud::cloud;
     use super::*;
+    use crate::evaluation::test_cloud::cloud;
 
     fn truth() -> CapturedTruth {
         CapturedTruth {

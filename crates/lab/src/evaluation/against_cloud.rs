@@ -45,8 +45,8 @@ fn judge(grid: &PixelGrid<'_>, truth: &PixelGrid<'_>, i: usize) -> Judgement {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_cloud::cloud;
     use super::*;
+    use crate::evaluation::test_cloud::cloud;
 
     #[test]
     fn every_judgement_is_given() {

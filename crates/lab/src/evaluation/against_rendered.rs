@@ -27,7 +27,7 @@ pub struct Frames {
 impl Frames {
     /// Those of a dataset or a recording; of C1 itself where it has no volume.
     #[must_use]
-    pub fn of(setup: &Setup) -> Self {
+    pub fn from_setup(setup: &Setup) -> Self {
         let cam1_from_volume = setup.volume.as_ref().map_or_else(Pose::identity, |v| *v.cam1_from_volume());
         Self {
             cam1_from_volume,
@@ -67,7 +67,7 @@ pub fn against_rendered_at(
     truth: &RenderedTruth,
     image: f64,
 ) -> Result<Evaluation, EvaluationError> {
-    let (size_px, frames) = (setup.image_size_px, Frames::of(setup));
+    let (size_px, frames) = (setup.image_size_px, Frames::from_setup(setup));
     check_size(truth, setup.image_pixels())?;
     let elsewhere = setup.motion.as_ref().filter(|motion| motion.reference != image);
     match elsewhere.and_then(|motion| moved(truth, setup, motion, image)) {
@@ -153,8 +153,8 @@ fn check_size(truth: &RenderedTruth, expected: usize) -> Result<(), EvaluationEr
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_cloud::cloud;
     use super::*;
+    use crate::evaluation::test_cloud::cloud;
     use fringeflow::geometry::Vector3;
 
     const NONE: [f32; 2] = [f32::NAN; 2];

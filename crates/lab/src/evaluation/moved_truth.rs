@@ -37,7 +37,7 @@ const MAX_OFF_PX: f64 = 5.0;
 /// `None` where the setup has no volume, in whose frame motions are, or the motion no pose.
 pub(super) fn moved(truth: &RenderedTruth, setup: &Setup, motion: &Motion, image: f64) -> Option<MovedTruth> {
     let volume = setup.volume.as_ref()?;
-    let frames = Frames::of(setup);
+    let frames = Frames::from_setup(setup);
     let scene = Scene { truth, setup, frames, motion: motion.at(image)? };
     let moved: Vec<Option<Moved>> = (0..truth.cam2_px.len()).map(|i| scene.moved(i)).collect();
     let surface = Surface { moved: &moved, width: setup.image_size_px[0] };
@@ -234,7 +234,7 @@ mod tests {
         simulation.write(&folder.path().join("set"), || ()).unwrap();
         let setup = Dataset::open(&folder.path().join("set"), None).unwrap().setup;
         let rig = simulation.rig();
-        let scene = Scene::of_object(object, Board::Visible, &rig.exact_volume);
+        let scene = Scene::from_object(object, Board::Visible, &rig.exact_volume);
         let cam1_from_volume = rig.exact_volume.cam1_from_volume();
         let motion = simulation.motion().unwrap().poses[image];
         let pose = cam1_from_volume * motion * cam1_from_volume.inverse() * scene.cam1_from_object();

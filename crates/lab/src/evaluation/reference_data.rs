@@ -36,8 +36,8 @@ pub fn limit_to_gray_code(
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_cloud::cloud;
     use super::*;
+    use crate::evaluation::test_cloud::cloud;
 
     const NONE: [f32; 2] = [f32::NAN; 2];
 

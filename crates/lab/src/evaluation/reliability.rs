@@ -54,8 +54,8 @@ fn of_part(part: &[(f32, bool)]) -> Option<ReliabilityPart> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_cloud::cloud;
     use super::*;
+    use crate::evaluation::test_cloud::cloud;
 
     #[test]
     fn parts_are_equal_and_say_what_was_stated_and_what_is_true() {

@@ -16,7 +16,7 @@ pub fn outcome_picture(outcomes: &[Outcome], size_px: [usize; 2]) -> Picture {
 }
 
 fn legend(outcomes: &[Outcome]) -> Vec<Entry> {
-    let occurring = OutcomeCounts::of(outcomes);
+    let occurring = OutcomeCounts::from_outcomes(outcomes);
     let occurring = occurring.iter().filter(|&(_, count)| count > 0);
     let entry = |(outcome, count): (Outcome, u64)| Entry {
         name: outcome.name().replace('_', " "),
@@ -45,8 +45,8 @@ fn colour(outcome: Outcome) -> Rgb {
 
 #[cfg(test)]
 mod tests {
-    use super::super::font::can_draw;
     use super::*;
+    use crate::preview::font::can_draw;
 
     #[test]
     fn the_legend_names_what_occurs_with_its_share() {

@@ -50,7 +50,7 @@ mod tests {
             width: 40,
             height: 30,
             phase: (0..count).map(|i| (i * 997) as u16).collect(),
-            modulation: (0..count).map(|i| Modulation::of_grey(i as f32 / 10.0)).collect(),
+            modulation: (0..count).map(|i| Modulation::from_grey(i as f32 / 10.0)).collect(),
             mean: vec![0; count],
             valid: (0..count).map(|i| i % 7 != 0).collect(),
             ..PhaseMap::default()

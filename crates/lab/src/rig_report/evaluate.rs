@@ -116,7 +116,7 @@ pub(super) fn evaluate(
 }
 
 fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> Basics {
-    let Some(segment) = Segment::of(setup, pixel) else { return (None, None, None) };
+    let Some(segment) = Segment::new(setup, pixel) else { return (None, None, None) };
     let periods = segment::periods(setup, &segment, surface);
     (Some(segment), periods, deviation::at(setup, assumptions, &segment))
 }

@@ -129,7 +129,7 @@ pub(super) fn coverage(setup: &RigSetup, grid_step_px: usize) -> Result<Coverage
         return Err(RigReportError::NoOverlap { cam1, cam2, projector });
     }
     let pixels: Vec<Pixel> = segment::grid(&setup.rig.cam1, grid_step_px).into_iter().flatten().collect();
-    let segments: Vec<Segment> = pixels.iter().filter_map(|pixel| Segment::of(setup, pixel)).collect();
+    let segments: Vec<Segment> = pixels.iter().filter_map(|pixel| Segment::new(setup, pixel)).collect();
     let measurable = segments.iter().map(|s| s.at_share(0.5));
     let measurable = measurable.filter(|p| setup.cam2_sees(p) && setup.lit_phase_turns(p).is_some()).count();
     Ok(Coverage {

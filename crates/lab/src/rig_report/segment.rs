@@ -26,7 +26,7 @@ pub(super) struct Segment {
 
 impl Segment {
     /// The segment of a pixel of C1, where the volume leaves one.
-    pub(super) fn of(setup: &RigSetup, pixel: &Pixel) -> Option<Self> {
+    pub(super) fn new(setup: &RigSetup, pixel: &Pixel) -> Option<Self> {
         let ray = setup.rig.cam1.ray(pixel)?;
         let (near_m, far_m) = setup.volume.clip(&ray)?;
         Some(Self { ray, near_m: near_m.max(NEAREST * far_m), far_m })

@@ -172,9 +172,9 @@ impl BoardPlane {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::volume_from_object;
-    use super::super::{Object, RigOptions, VirtualRig};
     use super::*;
+    use crate::simulation::scene::volume_from_object;
+    use crate::simulation::{Object, RigOptions, VirtualRig};
 
     const TILTS_DEG: [f64; 5] = [-60.0, -20.0, 0.0, 20.0, 60.0];
 

@@ -71,9 +71,9 @@ impl Solid for Hand {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::volume_from_object;
-    use super::super::{Object, RigOptions, VirtualRig};
     use super::*;
+    use crate::simulation::scene::volume_from_object;
+    use crate::simulation::{Object, RigOptions, VirtualRig};
 
     #[test]
     fn it_lies_in_its_box_before_the_volume_and_its_field_is_no_steeper_than_distance() {

@@ -93,9 +93,9 @@ impl ImageLoop {
 
 #[cfg(test)]
 mod tests {
-    use super::super::virtual_scanner::tests::options;
-    use super::super::{Sensor, View, VirtualScannerOptions};
     use super::*;
+    use crate::simulation::virtual_scanner::tests::options;
+    use crate::simulation::{Sensor, View, VirtualScannerOptions};
 
     fn scanner() -> VirtualScanner {
         VirtualScanner::new(options()).unwrap()
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn the_number_of_threads_changes_no_byte() {
-        let sweep = super::super::SweepOptions { poses: 4, ..options().sweep };
+        let sweep = crate::simulation::SweepOptions { poses: 4, ..options().sweep };
         let scanner = VirtualScanner::new(VirtualScannerOptions { sweep, ..options() }).unwrap();
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

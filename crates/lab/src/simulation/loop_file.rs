@@ -133,9 +133,9 @@ fn options_hash(scanner: &VirtualScanner) -> [u8; 32] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::virtual_scanner::tests::options;
-    use super::super::{RigOptions, SweepOptions, VirtualScannerOptions};
     use super::*;
+    use crate::simulation::virtual_scanner::tests::options;
+    use crate::simulation::{RigOptions, SweepOptions, VirtualScannerOptions};
 
     fn small() -> VirtualScannerOptions {
         let usual = options();

@@ -46,13 +46,13 @@ const MIN_SIGHT_MM: f64 = 20.0;
 impl Scene {
     /// An object in the middle of a measurement volume, turned towards the sensor.
     #[must_use]
-    pub fn of_object(object: Object, board: Board, exact_volume: &MeasurementVolume) -> Self {
-        Self::of_shifted_object(object, [0.0; 3], board, exact_volume)
+    pub fn from_object(object: Object, board: Board, exact_volume: &MeasurementVolume) -> Self {
+        Self::from_shifted_object(object, [0.0; 3], board, exact_volume)
     }
 
     /// An object and the board under it, shifted from the middle of a measurement volume in the volume's frame.
     #[must_use]
-    pub fn of_shifted_object(
+    pub fn from_shifted_object(
         object: Object,
         shift_mm: [f64; 3],
         board: Board,

@@ -311,7 +311,7 @@ impl Simulation {
 /// What stands before the cameras.
 fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Result<Scene, SimulationError> {
     options.board.check()?;
-    let mut scene = Scene::of_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
+    let mut scene = Scene::from_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
     scene.check_board(&rig.exact)?;
     if let Some(percent) = staging.share_percent {
         scene = scene.scaled(options.object, share::factor(rig, options.object, staging.shift_mm, percent)?);

@@ -51,7 +51,7 @@ pub(super) fn factor(
     check_range("the share of the image", percent, MIN_PERCENT, MAX_PERCENT, "%")?;
     let (mut factor, mut found) = (1.0, 0.0);
     for _ in 0..MAX_STEPS {
-        let scene = Scene::of_shifted_object(object, shift_mm, Board::None, &rig.exact_volume).scaled(object, factor);
+        let scene = Scene::from_shifted_object(object, shift_mm, Board::None, &rig.exact_volume).scaled(object, factor);
         found = percent_of_image(rig, &scene);
         if (found / percent - 1.0).abs() <= TOLERANCE {
             return Ok(factor);

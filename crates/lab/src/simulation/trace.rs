@@ -166,8 +166,8 @@ fn normal(solid: &dyn Solid, point: &PointMm) -> PointMm {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::{ellipsoid, sphere};
     use super::*;
+    use crate::simulation::solid::{ellipsoid, sphere};
 
     /// A ball, by its exact field or by one that is far too low beside it.
     struct Ball {

@@ -97,9 +97,9 @@ fn smooth_centre(before: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<C
 
 #[cfg(test)]
 mod tests {
-    use super::super::sensor::{ImageSeed, Sensor};
-    use super::super::virtual_scanner::tests::options;
-    use super::super::{Object, RigOptions, SweepOptions, VirtualScanner, VirtualScannerOptions};
+    use crate::simulation::sensor::{ImageSeed, Sensor};
+    use crate::simulation::virtual_scanner::tests::options;
+    use crate::simulation::{Object, RigOptions, SweepOptions, VirtualScanner, VirtualScannerOptions};
     use fringeflow_dataset::CameraId;
 
     use super::*;

@@ -159,7 +159,7 @@ impl VirtualScanner {
 
     /// The scene at rest; [`Scene::at`] takes it to a pose.
     pub(super) fn scene(&self) -> Scene {
-        Scene::of_object(self.options.object, self.options.board, &self.rig.exact_volume)
+        Scene::from_object(self.options.object, self.options.board, &self.rig.exact_volume)
     }
 
     /// The cameras.
@@ -214,7 +214,7 @@ pub(super) mod tests {
     use fringeflow_dataset::Setup;
 
     /// A small and fast scanner.
-    pub(in super::super) fn options() -> VirtualScannerOptions {
+    pub(in crate::simulation) fn options() -> VirtualScannerOptions {
         let usual = VirtualScannerOptions::usual(Object::Tooth);
         let rig = RigOptions { size_px: [80, 64], seed: 3, ..usual.rig };
         VirtualScannerOptions { rig, sweep: SweepOptions { poses: 24, ..usual.sweep }, seed: 9, ..usual }

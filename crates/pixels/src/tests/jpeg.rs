@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::super::{SourceFormat, UnpackError, unpack};
+use crate::{SourceFormat, UnpackError, unpack};
 
 const SIZE_PX: [usize; 2] = [80, 72];
 const GREY: &[u8] = include_bytes!("grey.jpg");

@@ -4,7 +4,8 @@ use proptest::prelude::*;
 
 use fringeflow_base::grey::PixelFormat;
 
-use super::super::{SourceFormat, unpack};
+use crate::{SourceFormat, unpack};
+
 use super::raw_formats;
 
 /// Grey levels of an unpacked row.

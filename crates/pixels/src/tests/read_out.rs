@@ -4,8 +4,8 @@ use fringeflow::geometry::Readout;
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 
 use crate::unpack;
+use crate::{ImageReader, SourceFormat};
 
-use super::super::{ImageReader, SourceFormat};
 use super::raw_formats;
 
 const SENSOR_PX: [usize; 2] = [72, 50];

@@ -4,13 +4,14 @@ use proptest::prelude::*;
 
 use fringeflow_base::grey::PixelFormat;
 
-use super::super::{SourceFormat, UnpackError, unpack};
+use crate::{SourceFormat, UnpackError, unpack};
+
 use super::raw_formats;
 
 #[test]
 fn codes_and_names_are_those_of_v4l2() {
     for format in SourceFormat::ALL {
-        assert_eq!(SourceFormat::of(format.code()), Some(format));
+        assert_eq!(SourceFormat::from_code(format.code()), Some(format));
         assert_eq!(format.name().parse(), Ok(format));
     }
     // V4L2_PIX_FMT_…, as the kernel's header computes them.
@@ -19,7 +20,7 @@ fn codes_and_names_are_those_of_v4l2() {
         assert_eq!(name.parse::<SourceFormat>().unwrap().code(), code, "{name}");
     }
     assert_eq!("MJPEG".parse(), Ok(SourceFormat::Mjpeg));
-    assert_eq!(SourceFormat::of(u32::from_le_bytes(*b"RGB3")), None);
+    assert_eq!(SourceFormat::from_code(u32::from_le_bytes(*b"RGB3")), None);
     let refused = "grey".parse::<SourceFormat>().unwrap_err().to_string();
     assert!(refused.starts_with("\"grey\" is no pixel format that can be read; known are GREY, Y10, "), "{refused}");
     for format in PixelFormat::ALL {

@@ -194,7 +194,7 @@ impl Scan<'_, '_> {
     fn channel(&mut self, body: &[u8]) -> Option<()> {
         let mut fields = Fields(body);
         let (id, _schema, name) = (fields.u16()?, fields.u16()?, fields.string()?);
-        self.contents.topics.insert(id, Topic::of(name));
+        self.contents.topics.insert(id, Topic::from_name(name));
         self.contents.names.insert(id, name.to_owned());
         Some(())
     }

@@ -129,7 +129,7 @@ fn headers_and_payloads_that_do_not_pair_are_named() {
         assert!(message.contains(says) && message.contains(topic.name()), "{message}");
         std::fs::remove_file(&path).unwrap();
     }
-    let header = schema::FrameHeader::of(&frame(2, 0));
+    let header = schema::FrameHeader::from_header(&frame(2, 0));
     let path = made(&folder, |writer| write(writer, Topic::Cam2Header, &prost::Message::encode_to_vec(&header)));
     let message = Recording::open(&path).unwrap_err().to_string();
     assert!(message.contains("what it describes is missing"), "{message}");

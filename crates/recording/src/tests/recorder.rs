@@ -9,7 +9,7 @@ fn a_full_queue_loses_messages_and_says_so_in_the_file() {
     let folder = Folder::new();
     let origin = Origin::here();
     let image = frame_bytes(&frame(1, 0));
-    // Room for the report, not for an image.
+    // Scratch for the report, not for an image.
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), 4096).unwrap();
     recorder.push(&Recordable::Frame { header: &frame(1, 0), image: &image });
     recorder.push(&Recordable::Frame { header: &frame(1, 1), image: &image });

@@ -86,29 +86,30 @@ fn varint(bytes: &mut &[u8]) -> u64 {
 #[test]
 fn the_structs_write_exactly_the_fields_of_the_descriptor() {
     let header = FrameHeader { flags: 2, ..frame(1, 11) };
-    let maps_message = schema::PhaseMaps { header: Some(schema::MapsHeader::of(&maps())), payload: vec![1].into() };
-    let map = schema::CorrespondenceHeader::of(&correspondences());
+    let maps_message =
+        schema::PhaseMaps { header: Some(schema::MapsHeader::from_header(&maps())), payload: vec![1].into() };
+    let map = schema::CorrespondenceHeader::from_header(&correspondences());
     let map_message = schema::CorrespondenceMap { header: Some(map.clone()), payload: vec![1].into() };
-    let mut pose = schema::PoseReport::of(&pose_report()).unwrap();
+    let mut pose = schema::PoseReport::from_report(&pose_report()).unwrap();
     pose.reason = "degenerate".to_owned();
     // None of the fields has its default, so every one is on the wire.
     let written = [
-        ("FrameHeader", schema::FrameHeader::of(&header).encode_to_vec()),
-        ("PatternEvent", schema::PatternEvent::of(&pattern()).encode_to_vec()),
-        ("Window", schema::Window::of(&Window { prior: 6, ..window() }).unwrap().encode_to_vec()),
-        ("Fit", schema::MapsHeader::of(&maps()).cam1.unwrap().encode_to_vec()),
-        ("MapsHeader", schema::MapsHeader::of(&maps()).encode_to_vec()),
+        ("FrameHeader", schema::FrameHeader::from_header(&header).encode_to_vec()),
+        ("PatternEvent", schema::PatternEvent::from_event(&pattern()).encode_to_vec()),
+        ("Window", schema::Window::from_window(&Window { prior: 6, ..window() }).unwrap().encode_to_vec()),
+        ("Fit", schema::MapsHeader::from_header(&maps()).cam1.unwrap().encode_to_vec()),
+        ("MapsHeader", schema::MapsHeader::from_header(&maps()).encode_to_vec()),
         ("PhaseMaps", maps_message.encode_to_vec()),
         ("CorrespondenceHeader", map.encode_to_vec()),
         ("CorrespondenceMap", map_message.encode_to_vec()),
-        ("CloudHeader", schema::CloudHeader::of(&cloud(3)).encode_to_vec()),
-        ("Drift", schema::WindowReport::of(&window_report()).drift.unwrap().encode_to_vec()),
-        ("Gauge", schema::WindowReport::of(&window_report()).health[0].encode_to_vec()),
-        ("WindowReport", schema::WindowReport::of(&window_report()).encode_to_vec()),
+        ("CloudHeader", schema::CloudHeader::from_header(&cloud(3)).encode_to_vec()),
+        ("Drift", schema::WindowReport::from_report(&window_report()).drift.unwrap().encode_to_vec()),
+        ("Gauge", schema::WindowReport::from_report(&window_report()).health[0].encode_to_vec()),
+        ("WindowReport", schema::WindowReport::from_report(&window_report()).encode_to_vec()),
         ("TrackedPose", pose.pose.clone().unwrap().encode_to_vec()),
         ("PoseReport", pose.encode_to_vec()),
-        ("Prior", schema::Prior::of(&prior_header(), &RELIEF).encode_to_vec()),
-        ("StageReport", schema::StageReport::of(&report()).unwrap().encode_to_vec()),
+        ("Prior", schema::Prior::new(&prior_header(), &RELIEF).encode_to_vec()),
+        ("StageReport", schema::StageReport::from_report(&report()).unwrap().encode_to_vec()),
     ];
     let written: BTreeMap<&str, Vec<i32>> =
         written.iter().map(|(name, bytes)| (*name, numbers_on_the_wire(bytes))).collect();

@@ -21,7 +21,7 @@ impl HealthState {
 
     /// The state of a code in a message; not known for a code that is none.
     #[must_use]
-    pub fn of(code: u32) -> Self {
+    pub fn from_code(code: u32) -> Self {
         Self::ALL.into_iter().find(|state| *state as u32 == code).unwrap_or_default()
     }
 

@@ -20,7 +20,7 @@ pub struct Closure {
 
 impl Closure {
     /// Of the first and the last surface, the last tracked at a pose; `None` where they have too little in common.
-    pub(super) fn of(
+    pub(super) fn new(
         camera: &Camera,
         [first, last]: [&OrganizedSurface; 2],
         first_from_last: &Pose,

@@ -239,14 +239,14 @@ impl Tracker {
         if is_first {
             None
         } else {
-            Closure::of(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
+            Closure::new(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
         }
     }
 
     /// Keeps what a surface looks like.
     fn look_at(&mut self, surface: &OrganizedSurface) {
         let points = surface.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
-        self.relief = Relief::of_points(self.size_px(), points);
+        self.relief = Relief::from_points(self.size_px(), points);
     }
 
     fn size_px(&self) -> [usize; 2] {
@@ -254,7 +254,7 @@ impl Tracker {
     }
 
     fn surface(&self, cloud: &Cloud) -> OrganizedSurface {
-        OrganizedSurface::of_cloud(cloud, self.size_px())
+        OrganizedSurface::from_cloud(cloud, self.size_px())
     }
 
     fn begin(&mut self, surface: OrganizedSurface, time_ns: u64) -> Tracked {

@@ -61,7 +61,7 @@ pub(super) struct Equations {
 
 impl Equations {
     /// Sums tile after tile, in their order.
-    pub(super) fn of(pairs: &[Vec<Pair>], scale: f64) -> Self {
+    pub(super) fn new(pairs: &[Vec<Pair>], scale: f64) -> Self {
         let mut sums = Self {
             information: Matrix6::zeros(),
             gradient: Vector6::zeros(),

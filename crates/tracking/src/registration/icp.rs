@@ -71,7 +71,7 @@ pub fn register_loosely(
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
     let mut settled = None;
-    let sampled = Sampled::of(moved);
+    let sampled = Sampled::from_surface(moved);
     for level in &LEVELS {
         let tiles = sampled.tiles((settings.points as f64 * level.points) as usize);
         let tried: usize = tiles.iter().map(Vec::len).sum();
@@ -104,7 +104,7 @@ fn settle(
     loop {
         let pairs = association.pairs(tiles, &pose);
         let scale = scale(&pairs);
-        let equations = Equations::of(&pairs, scale);
+        let equations = Equations::new(&pairs, scale);
         if taken == steps || last_step_sd <= CONVERGED_SD {
             let (motion, paired) = (association.motion, pairs);
             let pairs = paired.iter().map(Vec::len).sum();

@@ -88,7 +88,7 @@ fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<V
     let [_, height] = surface.size_px();
     let of_band = |first: usize| {
         let rows = first..(first + BAND_ROWS).min(height);
-        let planes = Planes::of(surface, rows.start as isize - REACH_PX as isize, rows.len() + 2 * REACH_PX);
+        let planes = Planes::new(surface, rows.start as isize - REACH_PX as isize, rows.len() + 2 * REACH_PX);
         let mut found = Vec::new();
         for row in rows.clone().filter(|row| row.is_multiple_of(step_px)) {
             let middle = row - rows.start + REACH_PX;
@@ -112,7 +112,7 @@ struct Planes {
 
 impl Planes {
     /// So many rows from one on, which may lie above the image.
-    fn of(surface: &OrganizedSurface, first_row: isize, rows: usize) -> Self {
+    fn new(surface: &OrganizedSurface, first_row: isize, rows: usize) -> Self {
         let [width, _] = surface.size_px();
         let stride = width.next_multiple_of(LANES) + 2 * REACH_PX;
         let plane = || vec![f32::NAN; stride * rows];
@@ -344,8 +344,8 @@ impl<L: Lanes> Moments<L> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{bowl, camera, camera_of, surface_of};
     use super::*;
+    use crate::registration::tests::{bowl, camera, camera_of, surface_of};
     use fringeflow::geometry::{Point3, Vector3};
 
     fn angle_deg(surface: &OrganizedSurface, pixel: [isize; 2], truth: &Vector3) -> f64 {

@@ -47,7 +47,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
     if cells.len() < MIN_CELLS {
         return Matrix6::zeros();
     }
-    let field = Field::of(&cells, scale);
+    let field = Field::new(&cells, scale);
     let mut best = (field.misfit(&DMatrix::zeros(cells.len(), cells.len())) - MIN_GAIN, None);
     for length in LENGTHS {
         let correlation = correlation(&cells, length);
@@ -109,7 +109,7 @@ struct Field {
 }
 
 impl Field {
-    fn of(cells: &[Cell], scale: f64) -> Self {
+    fn new(cells: &[Cell], scale: f64) -> Self {
         let noise = DVector::from_iterator(cells.len(), cells.iter().map(|cell| scale * scale / cell.weight));
         let mut sorted: Vec<f64> = noise.iter().copied().collect();
         sorted.sort_unstable_by(f64::total_cmp);

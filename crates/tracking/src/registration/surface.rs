@@ -58,13 +58,13 @@ impl OrganizedSurface {
     ///
     /// Points beyond the image are left out, as are those that lie at no distance before the camera.
     #[must_use]
-    pub fn of_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
+    pub fn from_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
         let mut surface = Self::without_normals(cloud, size_px);
         surface.compute_normals(1);
         surface
     }
 
-    /// [`Self::of_cloud`] with normals of about `count` points alone, on a regular grid of pixels: what a registration looks at,
+    /// [`Self::from_cloud`] with normals of about `count` points alone, on a regular grid of pixels: what a registration looks at,
     /// for a part of the time.
     #[must_use]
     pub fn sampled(cloud: &Cloud, size_px: [usize; 2], count: usize) -> Self {
@@ -96,8 +96,8 @@ impl OrganizedSurface {
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
         let points = points.into_iter();
-        let room = Vec::with_capacity(points.size_hint().0);
-        let mut surface = Self { size_px, places: vec![NONE; width * height], points: room, normal_step_px: 1 };
+        let scratch = Vec::with_capacity(points.size_hint().0);
+        let mut surface = Self { size_px, places: vec![NONE; width * height], points: scratch, normal_step_px: 1 };
         for point in points {
             let [u, v] = point.cam1_px.map(usize::from);
             let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();

@@ -54,7 +54,7 @@ pub(crate) fn surface_of(
     meet: impl Fn(&Vector3) -> Option<Point3>,
 ) -> OrganizedSurface {
     let cloud = cloud_of(camera, sigma_m, seed, meet);
-    OrganizedSurface::of_cloud(&cloud, [camera.width_px(), camera.height_px()])
+    OrganizedSurface::from_cloud(&cloud, [camera.width_px(), camera.height_px()])
 }
 
 /// Where the ray of a camera that stands at `world_from_cam1` meets hills of some height, about 0.3 m away.

@@ -13,7 +13,7 @@ pub(super) struct Sampled {
 }
 
 impl Sampled {
-    pub(super) fn of(surface: &OrganizedSurface) -> Self {
+    pub(super) fn from_surface(surface: &OrganizedSurface) -> Self {
         let points = surface.points().iter().filter(|p| p.normal.is_some()).copied().collect();
         Self { points, step_px: surface.normal_step_px() }
     }
@@ -42,14 +42,14 @@ impl Sampled {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{bowl, camera, surface_of};
     use super::*;
+    use crate::registration::tests::{bowl, camera, surface_of};
 
     #[test]
     fn about_as_many_as_wanted_and_none_twice() {
         let surface = surface_of(&camera(), 0.0, 1, bowl);
         for count in [100, 600, 100_000] {
-            let tiles = Sampled::of(&surface).tiles(count);
+            let tiles = Sampled::from_surface(&surface).tiles(count);
             let mut pixels: Vec<[u16; 2]> = tiles.concat().iter().map(|p| p.cam1_px).collect();
             let expected = count.min(surface.points().len());
             assert!(pixels.len() * 2 > expected && pixels.len() < expected * 2, "{} of {expected}", pixels.len());

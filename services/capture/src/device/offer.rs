@@ -53,7 +53,7 @@ pub(crate) fn formats(device: &Device, kind: u32) -> Vec<OfferedFormat> {
     let format = |found: v4l2_fmtdesc| OfferedFormat {
         name: format_name(found.pixelformat),
         description: text(&found.description),
-        is_taken: SourceFormat::of(found.pixelformat).is_some(),
+        is_taken: SourceFormat::from_code(found.pixelformat).is_some(),
         is_emulated: found.flags & V4L2_FMT_FLAG_EMULATED != 0,
         sizes: offered_sizes(device, found.pixelformat),
     };

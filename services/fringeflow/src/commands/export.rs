@@ -58,7 +58,7 @@ impl Args {
         if self.images {
             image_pairs = self.export_images()?;
         } else if self.clouds.is_none() && self.output.extension().is_some() {
-            CloudFormat::of_path(&self.output)?;
+            CloudFormat::from_path(&self.output)?;
             let recording = Recording::open(&self.input)?;
             points = self.write_cloud(&recording, self.cloud, &self.output)?;
             clouds = 1;

@@ -51,7 +51,7 @@ struct Report<'a> {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        CloudFormat::of_path(&self.output)?;
+        CloudFormat::from_path(&self.output)?;
         check_writable(&self.output)?;
         if let Some(folder) = &self.preview {
             output_folder::prepare(folder)?;

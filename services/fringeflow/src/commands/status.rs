@@ -93,7 +93,7 @@ impl Args {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
-        if let Some(pace) = Pace::of_tally(&observed.tally) {
+        if let Some(pace) = Pace::from_tally(&observed.tally) {
             writeln!(out, "{pace}")?;
         }
         for (stage, of_stage) in observed.tally.stages() {
@@ -112,7 +112,7 @@ impl Args {
     fn report(&self, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Report {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
-            figures: StageFigures::of(stage, &of_stage.counts, Some(of_stage)),
+            figures: StageFigures::new(stage, &of_stage.counts, Some(of_stage)),
             rate_hz: of_stage.rate_hz,
             restarts: of_stage.restarts,
             silent: of_stage.is_silent(now_ns),
@@ -123,7 +123,7 @@ impl Args {
             dashboard: dashboard(&self.instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
-            pace: Pace::of_tally(&tally),
+            pace: Pace::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(&self.instance),
             exposure_to_cloud: tally.total().brief(),
@@ -134,7 +134,7 @@ impl Args {
 }
 
 fn losses(tally: &Tally) -> Losses {
-    Losses::of(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
+    Losses::from_counts(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
 }
 
 impl Health {

@@ -89,7 +89,7 @@ impl<'a> RunFigures<'a> {
     pub(crate) fn of(about: About<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
         let [first_ns, last_ns] = run.history().ends_ns().unwrap_or_default();
         let wall_ms = |time_ns| about.origin.unix_ms(time_ns);
-        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::of(*stage, counts, run.tally().stage(*stage));
+        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, run.tally().stage(*stage));
         let time_line = run.samples(wall_ms);
         Self {
             replayed: run.exposures() == Exposures::Replayed,

@@ -127,7 +127,7 @@ mod tests {
         assert!(paths.len() > 10, "{paths:?}");
         for path in paths {
             let topic = path.split(['.', '{']).next().unwrap();
-            let known = Topic::of(topic).unwrap_or_else(|| panic!("{topic} is no topic"));
+            let known = Topic::from_name(topic).unwrap_or_else(|| panic!("{topic} is no topic"));
             assert!(TOPICS.contains(&known), "{topic} is not offered live");
             // Behind conditions in braces, the fields.
             let fields = path[topic.len()..].rsplit('}').next().unwrap().split('.').filter(|field| !field.is_empty());

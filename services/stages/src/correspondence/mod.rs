@@ -126,7 +126,7 @@ impl Transform for CorrespondenceStage {
         self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found, is_in_step));
         self.tell_slip();
         let report = window_report(&self.header, &self.found, published, &self.health);
-        self.tell_health(HealthFigures::of(&report).as_ref());
+        self.tell_health(HealthFigures::from_report(&report).as_ref());
         self.reports.send_message(&report)
     }
 

@@ -5,11 +5,11 @@
 
 use rayon::prelude::*;
 
-use super::super::super::claims::{Claim, Claims};
-use super::super::super::places::{PlaceRow, Places};
-use super::super::super::segment::SegmentRow;
 use super::Image;
 use super::region_delta::Division;
+use crate::correspondence::claims::{Claim, Claims};
+use crate::correspondence::places::{PlaceRow, Places};
+use crate::correspondence::segment::SegmentRow;
 
 /// Share of a region that may lose its places before the whole region does.
 const MAX_LOST_SHARE: f64 = 0.3;

@@ -31,23 +31,22 @@ use rayon::prelude::*;
 
 use fringeflow_base::outcome::Outcome;
 
+use crate::correspondence::candidates::{Candidate, DeltaGate};
+use crate::correspondence::chosen::ChosenCandidates;
+use crate::correspondence::delta_statistics::DeltaStatistics;
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::explanation::explain;
+use crate::correspondence::neighbourhood::{ABSENT, TURN};
+use crate::correspondence::pool::Pool;
+use crate::correspondence::search::{Candidates, find_candidates};
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::support::{Support, SupportRule};
 use crate::phase::PhaseMap;
-
-use super::super::candidates::{Candidate, DeltaGate};
-use super::super::chosen::ChosenCandidates;
-use super::super::delta_statistics::DeltaStatistics;
-use super::super::epipolar_image::EpipolarImage;
-use super::super::explanation::explain;
-use super::super::neighbourhood::{ABSENT, TURN};
-use super::super::pool::Pool;
-use super::super::search::{Candidates, find_candidates};
-use super::super::segment_table::SegmentTable;
-use super::super::support::{Support, SupportRule};
 
 use contradictions::Precedence;
 use votes::{Directions, VoteRule};
 #[cfg(test)]
-pub(in super::super) use votes::{Side, walk};
+pub(in crate::correspondence) use votes::{Side, walk};
 
 /// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
 const READMISSION: f32 = 1.67;
@@ -81,27 +80,27 @@ impl Default for ResolutionSettings {
 
 /// What the method reads.
 #[derive(Clone, Copy)]
-pub(in super::super) struct Scene<'a> {
+pub(in crate::correspondence) struct Scene<'a> {
     /// Phase of C1.
-    pub(in super::super) cam1: &'a PhaseMap,
+    pub(in crate::correspondence) cam1: &'a PhaseMap,
     /// Phase of C2 in the epipolar frame.
-    pub(in super::super) cam2: &'a EpipolarImage,
-    pub(in super::super) table: &'a SegmentTable,
-    pub(in super::super) delta: &'a DeltaStatistics,
-    pub(in super::super) settings: &'a ResolutionSettings,
+    pub(in crate::correspondence) cam2: &'a EpipolarImage,
+    pub(in crate::correspondence) table: &'a SegmentTable,
+    pub(in crate::correspondence) delta: &'a DeltaStatistics,
+    pub(in crate::correspondence) settings: &'a ResolutionSettings,
 }
 
 /// Decisions about all pixels of C1, row by row.
 #[derive(Clone, Debug)]
-pub(in super::super) struct Decisions {
-    pub(in super::super) outcomes: Vec<Outcome>,
-    pub(in super::super) chosen: ChosenCandidates,
+pub(in crate::correspondence) struct Decisions {
+    pub(in crate::correspondence) outcomes: Vec<Outcome>,
+    pub(in crate::correspondence) chosen: ChosenCandidates,
     /// Candidates of each pixel that pass the back-projection test with 3·sd.
-    pub(in super::super) passing: Vec<u8>,
+    pub(in crate::correspondence) passing: Vec<u8>,
 }
 
 /// Decides every pixel.
-pub(in super::super) fn resolve(scene: Scene<'_>) -> Decisions {
+pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     let gate = scene.delta.gate();
     let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
     let readmission = DeltaGate { threshold_turns, ..gate };

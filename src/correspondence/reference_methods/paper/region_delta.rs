@@ -7,9 +7,9 @@
 
 use std::f64::consts::TAU;
 
-use super::super::super::neighbourhood::TURN;
-use super::super::super::regions::Regions;
 use super::Image;
+use crate::correspondence::neighbourhood::TURN;
+use crate::correspondence::regions::Regions;
 
 /// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
 /// that contains nearly all of it.

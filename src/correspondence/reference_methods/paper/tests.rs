@@ -1,9 +1,9 @@
 //! A tilted plane, and what is done to its candidates.
 
-use super::super::super::neighbourhood::neighbours;
-use super::super::test_scene::{PATTERN, Scene as Plane};
-use super::super::{ReferenceMatch, match_along_epipolar_lines};
 use super::*;
+use crate::correspondence::neighbourhood::neighbours;
+use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
+use crate::correspondence::reference_methods::{ReferenceMatch, match_along_epipolar_lines};
 use crate::geometry::{MeasurementVolume, Point3, Pose};
 use crate::phase::AbsolutePhase;
 
@@ -97,7 +97,7 @@ fn a_reference_has_one_candidate_and_neighbours_that_agree() {
     let alone = lists.len() - 1;
     lists.iter_mut().skip(alone - 20 * WIDTH).for_each(Vec::clear);
     lists[alone - 5 * WIDTH - 50] = vec![lists[pixel][0]];
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.select_references();
     assert_eq!(image.outcomes[pixel], Outcome::Reference);
@@ -112,7 +112,7 @@ fn one_of_several_candidates_is_chosen_by_eq_2() {
     let pixel = amid(&lists);
     let right = lists[pixel][0];
     lists[pixel] = vec![Candidate { order: right.order - 1, ..right }, right];
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.select_references();
     assert!(!image.is_decided(pixel));
@@ -129,7 +129,7 @@ fn a_small_region_of_another_order_is_contradicted() {
     // A patch of five by five pixels that all have a wrong candidate alone.
     let patch: Vec<usize> = (0..25).map(|i| first + i / 5 * WIDTH + i % 5).collect();
     patch.iter().for_each(|&pixel| lists[pixel][0].order += 1);
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.resolve();
     assert!(patch.iter().all(|&pixel| !image.is_decided(pixel)));
@@ -141,7 +141,7 @@ fn a_small_region_of_another_order_is_contradicted() {
 fn a_region_whose_delta_runs_is_not_level() {
     let seen = Seen::new();
     let mut lists = seen.true_lists();
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.select_references();
     let division = image.divide(image.tolerance);
@@ -152,7 +152,7 @@ fn a_region_whose_delta_runs_is_not_level() {
     for (pixel, list) in lists.iter_mut().enumerate() {
         list.iter_mut().for_each(|candidate| candidate.delta = ((pixel % WIDTH % 20) as i16 - 10) * 60);
     }
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.select_references();
     let division = image.divide(ANY_DELTA);
@@ -171,7 +171,7 @@ fn of_two_orders_in_one_place_of_c2_one_stays() {
         let column_px = lists[pixel - 20][0].column_px;
         lists[pixel][0] = Candidate { column_px, order: lists[pixel][0].order + 3, delta: 0, slope: 0 };
     }
-    let candidates = Candidates::of_pixels(&lists);
+    let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
     image.select_references();
     assert!(patch.iter().filter(|&&pixel| image.is_decided(pixel)).count() > 30);

@@ -2,17 +2,17 @@
 //!
 //! Around p the phase is unwrapped along straight walks, left and right, up and down, for less than one period and only as
 //! long as it runs on without a jump. A decided pixel k that is met after a phase rise s proposes the absolute phase u_k − s,
-//! see [`super::super::super::support`].
+//! see [`crate::correspondence::support`].
 
 use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::super::super::candidates::Candidate;
-use super::super::super::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN};
-use super::super::super::segment_table::EpipolarAxis;
-use super::super::super::support::NEAR;
 use super::Image;
+use crate::correspondence::candidates::Candidate;
+use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN};
+use crate::correspondence::segment_table::EpipolarAxis;
+use crate::correspondence::support::NEAR;
 
 /// Pixels of the farthest walk; a period is seldom longer, and one period is all that Eq. (2) uses.
 const FAR: usize = 15;
@@ -28,7 +28,7 @@ pub(super) enum Directions {
 
 /// A side of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super::super) enum Side {
+pub(in crate::correspondence) enum Side {
     Left,
     Right,
     Above,
@@ -36,7 +36,7 @@ pub(in super::super::super) enum Side {
 }
 
 impl Side {
-    pub(in super::super::super) const ALL: [Self; 4] = [Self::Left, Self::Right, Self::Above, Self::Below];
+    pub(in crate::correspondence) const ALL: [Self; 4] = [Self::Left, Self::Right, Self::Above, Self::Below];
 }
 
 /// How many votes a candidate needs, and against what.
@@ -169,7 +169,7 @@ impl Image<'_> {
 
 /// Tells of each pixel that a walk of at most `reach` steps meets, and by how much the phase has risen on the way,
 /// turns · 65536.
-pub(in super::super::super) fn walk(
+pub(in crate::correspondence) fn walk(
     cam1: &PhaseMap,
     from: usize,
     side: Side,
@@ -177,14 +177,14 @@ pub(in super::super::super) fn walk(
     mut tell: impl FnMut(usize, i32),
 ) {
     let (u, v) = (from % cam1.width, from / cam1.width);
-    let (stride, room) = match side {
+    let (stride, scratch) = match side {
         Side::Left => (-1, u),
         Side::Right => (1, cam1.width - 1 - u),
         Side::Above => (-(cam1.width as isize), v),
         Side::Below => (cam1.width as isize, cam1.height - 1 - v),
     };
     let (mut here, mut rise, mut last_step) = (from, 0, None);
-    for _ in 0..reach.min(room) {
+    for _ in 0..reach.min(scratch) {
         let next = here.wrapping_add_signed(stride);
         let step = i32::from(cam1.phase[next].wrapping_sub(cam1.phase[here]) as i16);
         rise += step;

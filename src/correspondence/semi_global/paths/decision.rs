@@ -2,9 +2,10 @@
 
 use fringeflow_simd::{Kernel, Lanes};
 
-use super::super::evidence::{BestOfRow, NO_ORDER};
-use super::super::links::{AXES, NO_PLACE};
-use super::super::windows::LANE_STEP;
+use crate::correspondence::semi_global::evidence::{BestOfRow, NO_ORDER};
+use crate::correspondence::semi_global::links::{AXES, NO_PLACE};
+use crate::correspondence::semi_global::windows::LANE_STEP;
+
 use super::{CHANGE, PATHS, Sweep, Visit};
 
 /// What all paths of a pass that are settled bring to orders that they are not settled on.
@@ -27,7 +28,7 @@ pub(super) struct Leave<'a> {
 impl Visit for Leave<'_> {
     #[inline(always)]
     fn begin_row<L: Lanes>(&mut self, _: L, sweep: &mut Sweep<'_, '_>, _: usize, place: usize) {
-        self.places[place..place + sweep.width].copy_from_slice(&sweep.room.agreed.places);
+        self.places[place..place + sweep.width].copy_from_slice(&sweep.scratch.agreed.places);
     }
 
     #[inline(always)]
@@ -65,7 +66,7 @@ impl Visit for Decide<'_> {
     #[inline(always)]
     fn begin_row<L: Lanes>(&mut self, level: L, sweep: &mut Sweep<'_, '_>, first: usize, place: usize) {
         let (pixels, places) = (first..first + sweep.width, place..place + sweep.width);
-        let agreed = &mut sweep.room.agreed;
+        let agreed = &mut sweep.scratch.agreed;
         SettledRow {
             agreed: &agreed.places,
             other: &self.places[places.clone()],

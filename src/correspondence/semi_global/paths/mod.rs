@@ -55,14 +55,14 @@ pub(super) struct Verdicts {
     pub(super) margin: Vec<u16>,
 }
 
-/// Room for the links of pixels and the sums of paths.
+/// Scratch for the links of pixels and the sums of paths.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PathRoom {
+pub(super) struct PathScratch {
     pub(super) links: Links,
     /// What the pass that comes first leaves to the other: where its paths are settled, and the sums elsewhere.
     places: Vec<u8>,
     sums: Vec<u16>,
-    passes: [PassRoom; 2],
+    passes: [PassScratch; 2],
 }
 
 /// Decides the order of every pixel with a window.
@@ -70,10 +70,10 @@ pub(super) fn least_energies(
     cam1: &PhaseMap,
     windows: &Windows,
     evidence: &Evidence,
-    room: &mut PathRoom,
+    scratch: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
-    least_energies_at(Level::in_use(), cam1, windows, evidence, room, verdicts);
+    least_energies_at(Level::in_use(), cam1, windows, evidence, scratch, verdicts);
 }
 
 /// The same at a level.
@@ -82,7 +82,7 @@ fn least_energies_at(
     cam1: &PhaseMap,
     windows: &Windows,
     evidence: &Evidence,
-    PathRoom { links, places, sums, passes }: &mut PathRoom,
+    PathScratch { links, places, sums, passes }: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
     let (width, height, lanes) = (cam1.width.max(1), cam1.height, windows.lanes);
@@ -97,9 +97,9 @@ fn least_energies_at(
     let (upper_order, lower_order) = verdicts.order.split_at_mut(middle * width);
     let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
     let [down, up] = passes;
-    [&mut *down, &mut *up].into_iter().for_each(|room| room.clear(width, lanes));
-    let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, room: down };
-    let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, room: up };
+    [&mut *down, &mut *up].into_iter().for_each(|scratch| scratch.clear(width, lanes));
+    let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, scratch: down };
+    let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, scratch: up };
     let (above, below) = (0..middle, middle..height);
     rayon::join(
         || {
@@ -141,19 +141,19 @@ struct Sweep<'a, 'b> {
     links: &'a Links,
     evidence: &'a Evidence,
     pass: Pass,
-    room: &'b mut PassRoom,
+    scratch: &'b mut PassScratch,
 }
 
-/// Room for a pass.
+/// Scratch for a pass.
 #[derive(Clone, Debug, Default)]
-struct PassRoom {
+struct PassScratch {
     /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
     before: [PathRow; AXES.len()],
     here: [PathRow; AXES.len()],
     agreed: AgreedRow,
 }
 
-impl PassRoom {
+impl PassScratch {
     /// No row was passed yet.
     fn clear(&mut self, width: usize, lanes: usize) {
         for row in self.before.iter_mut().chain(&mut self.here) {
@@ -285,20 +285,20 @@ impl<V: Visit> Through<'_, '_, '_, V> {
                 if sweep.windows.count[pixel] == 0 {
                     continue;
                 }
-                let agreed = sweep.room.agreed.places[u];
+                let agreed = sweep.scratch.agreed.places[u];
                 if sweep.evidence.best.is_decided(pixel)
                     || (agreed != NO_PLACE && sweep.place_along(&links[0], u) == agreed)
                 {
                     visit.take_settled::<L, ROOM>(level, sweep, pixel, place, agreed);
                     if j < sweep.width {
-                        j += run_of_ones(&sweep.room.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
+                        j += run_of_ones(&sweep.scratch.agreed.runs_on, sweep.column(j), sweep.pass == Pass::Down);
                     }
                 } else {
                     let sum = sweep.pixel::<L, ROOM>(level, &links, [u, pixel]);
                     visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
                 }
             }
-            std::mem::swap(&mut sweep.room.before, &mut sweep.room.here);
+            std::mem::swap(&mut sweep.scratch.before, &mut sweep.scratch.here);
         }
     }
 }
@@ -320,7 +320,7 @@ impl<'a> Sweep<'a, '_> {
     fn begin_row<L: Lanes>(&mut self, level: L, v: usize) -> [RowLinks<'a>; AXES.len()] {
         let (links, forward) = (self.links, self.pass == Pass::Down);
         let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
-        let PassRoom { before, here, agreed } = &mut *self.room;
+        let PassScratch { before, here, agreed } = &mut *self.scratch;
         let pixels = v * self.width..(v + 1) * self.width;
         agreed.find(level, &links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
         here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
@@ -331,7 +331,7 @@ impl<'a> Sweep<'a, '_> {
     /// foresee it.
     #[inline(always)]
     fn expect_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
-        let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.room.agreed.runs_on);
+        let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.scratch.agreed.runs_on);
         let count = &self.windows.count[first..first + runs_on.len()];
         for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
             if *runs_on == [1; 8] || *count == [0; 8] {
@@ -348,7 +348,7 @@ impl<'a> Sweep<'a, '_> {
     #[inline(always)]
     fn place_along(&self, links: &RowLinks<'_>, u: usize) -> u8 {
         let Link { is_link, column, shift } = links.towards(u);
-        match self.room.here[0].places[column] {
+        match self.scratch.here[0].places[column] {
             place if is_link && place != NO_PLACE => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
             _ => NO_PLACE,
         }
@@ -364,7 +364,7 @@ impl<'a> Sweep<'a, '_> {
     ) -> [u16; ROOM] {
         let lanes = self.lanes::<ROOM>();
         let evidence = &self.evidence.energies[pixel * lanes..][..lanes];
-        let PassRoom { before, here, .. } = &mut *self.room;
+        let PassScratch { before, here, .. } = &mut *self.scratch;
         let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
             let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
@@ -411,8 +411,8 @@ const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP <
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::{DECIDED_LEAD, NO_ORDER};
     use super::*;
+    use crate::correspondence::semi_global::evidence::{DECIDED_LEAD, NO_ORDER};
 
     /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
     fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, Windows, Evidence) {
@@ -451,7 +451,7 @@ mod tests {
             windows.count.push(count as u8);
             energies.extend(own);
         }
-        let mut evidence = Evidence::of(energies, &windows);
+        let mut evidence = Evidence::new(energies, &windows);
         // Most of some pieces are decided, some of them wrongly.
         for pixel in 0..width * height {
             let (u, v) = (pixel % width, pixel / width);
@@ -530,19 +530,19 @@ mod tests {
 
     #[test]
     fn the_least_energies_are_those_of_plain_paths_at_every_level() {
-        // The same room for all: what was held before makes no difference.
-        let (mut room, mut verdicts, mut settled) = (PathRoom::default(), Verdicts::default(), 0);
+        // The same scratch memory for all: what it held before makes no difference.
+        let (mut scratch, mut verdicts, mut settled) = (PathScratch::default(), Verdicts::default(), 0);
         for (width, height, lanes) in [(1, 1, 8), (97, 60, 8), (64, 41, 16), (50, 30, 24), (33, 20, 40)] {
             let (cam1, windows, evidence) = scene(width, height, lanes);
             let wanted = plain(&cam1, &windows, &evidence);
             for level in Level::ALL {
-                least_energies_at(level, &cam1, &windows, &evidence, &mut room, &mut verdicts);
+                least_energies_at(level, &cam1, &windows, &evidence, &mut scratch, &mut verdicts);
                 for (pixel, wanted) in wanted.iter().enumerate().filter_map(|(pixel, w)| Some((pixel, (*w)?))) {
                     let found = (verdicts.order[pixel], verdicts.margin[pixel]);
                     assert_eq!(found, wanted, "{level:?} {width} {height} {lanes} {pixel}");
                 }
             }
-            settled += room.places.iter().filter(|&&place| place != NO_PLACE).count();
+            settled += scratch.places.iter().filter(|&&place| place != NO_PLACE).count();
         }
         assert!(settled > 1000, "{settled}");
     }

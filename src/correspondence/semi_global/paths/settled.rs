@@ -2,9 +2,10 @@
 
 use fringeflow_simd::{Kernel, Lanes};
 
-use super::super::evidence::{BestOfRow, DECIDED, MISSING};
-use super::super::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
-use super::super::windows::MAX_LANES;
+use crate::correspondence::semi_global::evidence::{BestOfRow, DECIDED, MISSING};
+use crate::correspondence::semi_global::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
+use crate::correspondence::semi_global::windows::MAX_LANES;
+
 use super::{CHANGE, PathRow};
 
 /// Energies of a settled pixel, as far as any neighbour may point beside its orders.
@@ -36,7 +37,7 @@ pub(super) struct AgreedRow {
     pub(super) places: Vec<u8>,
     /// 1 where the path along the row comes settled on that place, if the pixel before is settled on its own; else 0.
     pub(super) runs_on: Vec<u8>,
-    /// Room for the places that each axis brings.
+    /// Scratch for the places that each axis brings.
     carried: [Vec<u8>; AXES.len()],
 }
 

@@ -2,35 +2,36 @@
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
-use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
-use super::super::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
-use super::super::windows::LANE_STEP;
+use crate::correspondence::semi_global::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
+use crate::correspondence::semi_global::windows::LANE_STEP;
+use crate::correspondence::wide::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
+
 use super::Block;
 
 /// Crossings that are kept until they are weighed.
 const MAX_CROSSINGS: usize = 2 * LANE_STEP;
 
 /// The orders of 32 pixels.
-pub(in super::super) struct OrdersOfBlock<'a> {
+pub(in crate::correspondence::semi_global) struct OrdersOfBlock<'a> {
     /// Least order of each, and their number.
-    pub(in super::super) first: &'a [i16; BLOCK],
-    pub(in super::super) count: &'a [u8; BLOCK],
+    pub(in crate::correspondence::semi_global) first: &'a [i16; BLOCK],
+    pub(in crate::correspondence::semi_global) count: &'a [u8; BLOCK],
     /// Greatest of these numbers.
-    pub(in super::super) most: usize,
+    pub(in crate::correspondence::semi_global) most: usize,
 }
 
 /// What the energies of 32 pixels come to, each as words.
-pub(in super::super) struct BestOfBlock<L: Lanes> {
+pub(in crate::correspondence::semi_global) struct BestOfBlock<L: Lanes> {
     /// Orders that pass the back-projection test.
-    pub(in super::super) passing: L::Words,
+    pub(in crate::correspondence::semi_global) passing: L::Words,
     /// The first order with the least energy, that energy, and the least of the others.
-    pub(in super::super) place: L::Words,
-    pub(in super::super) least: L::Words,
-    pub(in super::super) second: L::Words,
+    pub(in crate::correspondence::semi_global) place: L::Words,
+    pub(in crate::correspondence::semi_global) least: L::Words,
+    pub(in crate::correspondence::semi_global) second: L::Words,
 }
 
-/// Room for what is found on the way, to be used from block to block.
-pub(in super::super) struct EvidenceRoom<L: Lanes> {
+/// Scratch for what is found on the way, to be used from block to block.
+pub(in crate::correspondence::semi_global) struct EvidenceScratch<L: Lanes> {
     columns: [Columns<L>; LANE_STEP],
     crossings: [(Crossing<L>, usize); MAX_CROSSINGS],
     count: usize,
@@ -49,9 +50,9 @@ struct Columns<L: Lanes> {
     end: L::Words,
 }
 
-impl<L: Lanes> EvidenceRoom<L> {
+impl<L: Lanes> EvidenceScratch<L> {
     #[inline(always)]
-    pub(in super::super) fn new(lanes: L) -> Self {
+    pub(in crate::correspondence::semi_global) fn new(lanes: L) -> Self {
         let (none, zero) = (lanes.mask(0), lanes.word(0));
         Self {
             columns: [Columns { own: none, some: none, begin: zero, end: zero }; LANE_STEP],
@@ -67,11 +68,11 @@ impl<L: Lanes> Block<'_, L> {
     /// Energies of all orders of each pixel into `tile`, where those of each pixel begin `lanes_of_pixel` after those of the
     /// one before; and what they come to.
     #[inline(always)]
-    pub(in super::super) fn evidence(
+    pub(in crate::correspondence::semi_global) fn evidence(
         &mut self,
         orders: &OrdersOfBlock<'_>,
         energies: &Energies,
-        room: &mut EvidenceRoom<L>,
+        scratch: &mut EvidenceScratch<L>,
         ends: &mut Ends,
         tile: &mut [u8],
         lanes_of_pixel: usize,
@@ -81,9 +82,9 @@ impl<L: Lanes> Block<'_, L> {
         let mut best = BestOfBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
         for skipped in (0..lanes_of_pixel).step_by(LANE_STEP) {
             let count = orders.most.saturating_sub(skipped).min(LANE_STEP);
-            self.step(orders, [skipped, count], energies, room, ends, &mut best);
-            room.by_order[count..].fill([NO_ORDER; BLOCK]);
-            transpose(&room.by_order, &mut tile[skipped..], lanes_of_pixel);
+            self.step(orders, [skipped, count], energies, scratch, ends, &mut best);
+            scratch.by_order[count..].fill([NO_ORDER; BLOCK]);
+            transpose(&scratch.by_order, &mut tile[skipped..], lanes_of_pixel);
         }
         // A single order has no other.
         best.second = lanes.select(lanes.is_equal(best.second, none), best.least, best.second);
@@ -97,7 +98,7 @@ impl<L: Lanes> Block<'_, L> {
         orders: &OrdersOfBlock<'_>,
         [skipped, count]: [usize; 2],
         energies: &Energies,
-        room: &mut EvidenceRoom<L>,
+        scratch: &mut EvidenceScratch<L>,
         ends: &mut Ends,
         all: &mut BestOfBlock<L>,
     ) {
@@ -114,21 +115,21 @@ impl<L: Lanes> Block<'_, L> {
             let interval = self.pixels.columns_of(lanes.add_long(first, lanes.long(lane as i32)), reach);
             let some = lanes.and(own, interval.some);
             wide = lanes.or(wide, lanes.and_not(some, interval.narrow));
-            room.columns[lane] = Columns { own, some, begin: interval.begin, end: interval.end_ceil };
+            scratch.columns[lane] = Columns { own, some, begin: interval.begin, end: interval.end_ceil };
         }
         if lanes.any(wide) {
             self.give_up(wide);
         }
-        room.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
+        scratch.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
         for lane in 0..count {
-            self.cross(lane, first, energies, room, ends);
+            self.cross(lane, first, energies, scratch, ends);
         }
-        self.weigh(first, energies, room);
+        self.weigh(first, energies, scratch);
         let limit = lanes.word(i16::from(energies.limit));
         for lane in 0..count {
-            let own = lanes.and(room.columns[lane].own, self.regular);
-            let energy = lanes.select(own, room.best[lane], lanes.word(i16::from(NO_ORDER)));
-            lanes.store_bytes(energy, &mut room.by_order[lane]);
+            let own = lanes.and(scratch.columns[lane].own, self.regular);
+            let energy = lanes.select(own, scratch.best[lane], lanes.word(i16::from(NO_ORDER)));
+            lanes.store_bytes(energy, &mut scratch.by_order[lane]);
             let better = lanes.is_greater(all.least, energy);
             all.place = lanes.select(better, lanes.word((skipped + lane) as i16), all.place);
             all.second = lanes.min_unsigned(all.second, lanes.max_unsigned(all.least, energy));
@@ -140,9 +141,16 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Finds where the phases of the pixels are crossed in the columns of an order.
     #[inline(always)]
-    fn cross(&self, lane: usize, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>, ends: &mut Ends) {
+    fn cross(
+        &self,
+        lane: usize,
+        first: L::Longs,
+        energies: &Energies,
+        scratch: &mut EvidenceScratch<L>,
+        ends: &mut Ends,
+    ) {
         let lanes = self.lanes;
-        let columns = room.columns[lane];
+        let columns = scratch.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);
         let (begin, end) = (columns.begin, lanes.min_unsigned(columns.end, last_column));
         let (one, some) = (lanes.word(1), lanes.and(columns.some, self.regular));
@@ -154,7 +162,7 @@ impl<L: Lanes> Block<'_, L> {
                 let (place, last) = (lanes.sub(begin, bases), lanes.sub(end, bases));
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
                 todo = lanes.and_not(todo, here);
-                let tables = Tables::of(lanes, self.image, &self.rows, *pair, base, self.phases, ends);
+                let tables = Tables::new(lanes, self.image, &self.rows, *pair, base, self.phases, ends);
                 let mut before: Differences<L> = tables.difference(place);
                 let mut at = lanes.add(place, one);
                 let mut within = lanes.and_not(here, lanes.is_greater(at, last));
@@ -163,7 +171,7 @@ impl<L: Lanes> Block<'_, L> {
                     let after = tables.difference(at);
                     let hit = lanes.and(crosses(lanes, before, after), within);
                     if lanes.any(lanes.and(hit, crossing.hit)) {
-                        self.keep(lane, crossing, bases, first, energies, room);
+                        self.keep(lane, crossing, bases, first, energies, scratch);
                         crossing = Crossing::none(lanes);
                     }
                     crossing.take(lanes, hit, before.value, after.value, at);
@@ -171,7 +179,7 @@ impl<L: Lanes> Block<'_, L> {
                     at = lanes.add(at, one);
                     within = lanes.and_not(within, lanes.is_greater(at, last));
                 }
-                self.keep(lane, crossing, bases, first, energies, room);
+                self.keep(lane, crossing, bases, first, energies, scratch);
             }
         }
     }
@@ -185,24 +193,24 @@ impl<L: Lanes> Block<'_, L> {
         bases: L::Words,
         first: L::Longs,
         energies: &Energies,
-        room: &mut EvidenceRoom<L>,
+        scratch: &mut EvidenceScratch<L>,
     ) {
         if !self.lanes.any(crossing.hit) {
             return;
         }
-        if room.count == MAX_CROSSINGS {
-            self.weigh(first, energies, room);
+        if scratch.count == MAX_CROSSINGS {
+            self.weigh(first, energies, scratch);
         }
         crossing.after_at = self.lanes.add(crossing.after_at, bases);
-        room.crossings[room.count] = (crossing, lane);
-        room.count += 1;
+        scratch.crossings[scratch.count] = (crossing, lane);
+        scratch.count += 1;
     }
 
     /// Takes the energies of crossings into account, and forgets these.
     #[inline(always)]
-    fn weigh(&self, first: L::Longs, energies: &Energies, room: &mut EvidenceRoom<L>) {
+    fn weigh(&self, first: L::Longs, energies: &Energies, scratch: &mut EvidenceScratch<L>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
-        for &(crossing, lane) in &room.crossings[..room.count] {
+        for &(crossing, lane) in &scratch.crossings[..scratch.count] {
             let order = lanes.add_long(first, lanes.long(lane as i32));
             let (column_px, _) = column_and_slope(lanes, &crossing);
             let (found, rest) = pixels.order_and_rest(column_px);
@@ -215,10 +223,10 @@ impl<L: Lanes> Block<'_, L> {
             let within = pixels.segments.have(column_px);
             let outside = lanes.select_long(within, lanes.long(0), lanes.long(i32::from(OUTSIDE)));
             let energy = lanes.narrow(lanes.add_long(energy, outside));
-            let best = room.best[lane];
-            room.best[lane] = lanes.select(fits, lanes.min_unsigned(best, energy), best);
+            let best = scratch.best[lane];
+            scratch.best[lane] = lanes.select(fits, lanes.min_unsigned(best, energy), best);
         }
-        room.count = 0;
+        scratch.count = 0;
     }
 }
 

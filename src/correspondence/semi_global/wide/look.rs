@@ -9,9 +9,10 @@
 
 use fringeflow_simd::Lanes;
 
-use super::super::super::surfaces::{NO_ORDER, columns_around_each};
-use super::super::super::wide::{BLOCK, Segments, block_of, load};
-use super::super::selection::SelectedBlock;
+use crate::correspondence::semi_global::selection::SelectedBlock;
+use crate::correspondence::surfaces::{NO_ORDER, columns_around_each};
+use crate::correspondence::wide::{BLOCK, Segments, block_of, load};
+
 use super::Row;
 use super::selection::Found;
 
@@ -25,7 +26,7 @@ const MAX_MOVE_PX: f32 = 2.0;
 impl Row<'_> {
     /// Looks at the pixels from `first` on, which have such orders, none of [`NO_ORDER`]; yields those that are decided, a bit each.
     #[inline(always)]
-    pub(in super::super) fn look<L: Lanes>(
+    pub(in crate::correspondence::semi_global) fn look<L: Lanes>(
         &self,
         lanes: L,
         first: usize,
@@ -33,7 +34,7 @@ impl Row<'_> {
         out: &mut SelectedBlock<'_>,
     ) -> u32 {
         let float = |value: f32| lanes.float(value);
-        let segments = Segments::of(lanes, self.segments, first);
+        let segments = Segments::new(lanes, self.segments, first);
         let phases = lanes.load(block_of(self.phase, first));
         let order = lanes.load_signed(orders);
         let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));

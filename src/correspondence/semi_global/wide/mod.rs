@@ -10,15 +10,16 @@ mod selection;
 
 use fringeflow_simd::Lanes;
 
-use super::super::drift::DepthRow;
-use super::super::epipolar_image::EpipolarImage;
-use super::super::segment::SegmentRow;
-use super::super::wide::{BLOCK, Rows, block_of};
+use crate::correspondence::drift::DepthRow;
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::wide::{BLOCK, Rows, block_of};
+
 use super::windows::Reach;
 
-pub(super) use evidence::{BestOfBlock, EvidenceRoom, OrdersOfBlock};
+pub(super) use evidence::{BestOfBlock, EvidenceScratch, OrdersOfBlock};
 use pixels::Pixels;
-pub(super) use selection::SelectionRoom;
+pub(super) use selection::SelectionScratch;
 
 /// A row of pixels and what it is searched in.
 #[derive(Clone, Copy)]
@@ -54,7 +55,7 @@ impl<'a> Row<'a> {
         }
         let wanted = lanes.is_greater(lanes.words_of_bytes(count), lanes.word(0));
         let (pixels, regular) = Pixels::of(lanes, self, first);
-        let (rows, in_rows) = Rows::of(lanes, self.image, pixels.segments.row, lanes.and(wanted, regular));
+        let (rows, in_rows) = Rows::new(lanes, self.image, pixels.segments.row, lanes.and(wanted, regular));
         let regular = lanes.and(lanes.and(wanted, regular), in_rows);
         let phases = lanes.load(block_of(self.phase, first));
         let irregular = lanes.and_not(wanted, regular);

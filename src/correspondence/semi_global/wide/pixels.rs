@@ -2,9 +2,10 @@
 
 use fringeflow_simd::Lanes;
 
-use super::super::super::drift::DepthBlock;
-use super::super::super::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
-use super::super::super::wide::{Segments, block_of, load};
+use crate::correspondence::drift::DepthBlock;
+use crate::correspondence::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
+use crate::correspondence::wide::{Segments, block_of, load};
+
 use super::Row;
 
 /// Most columns of an interval.
@@ -47,7 +48,7 @@ impl<L: Lanes> Pixels<L> {
     /// Those of a row from `first` on; and which of them are regular.
     #[inline(always)]
     pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
-        let segments = Segments::of(lanes, row.segments, first);
+        let segments = Segments::new(lanes, row.segments, first);
         let beyond = lanes.float(row.reach.beyond_px);
         let zero = lanes.float(0.0);
         let phases = lanes.floats(lanes.widen_unsigned(lanes.load(block_of(row.phase, first))));
@@ -106,7 +107,7 @@ impl<L: Lanes> Pixels<L> {
         (lanes.min_float(lanes.max_float(column_px, self.first_px), self.last_px), inverse)
     }
 
-    /// The columns in which a candidate of an order can lie, as [`super::super::outlook::Outlook`] has them.
+    /// The columns in which a candidate of an order can lie, as [`crate::correspondence::semi_global::outlook::Outlook`] has them.
     #[inline(always)]
     pub(super) fn columns_of(&self, order: L::Longs, reach: L::Floats) -> Interval<L> {
         let lanes = self.lanes;

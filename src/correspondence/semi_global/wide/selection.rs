@@ -2,9 +2,10 @@
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
-use super::super::super::row_view::{MAX_RIM_BEND, RIM_SLOPES};
-use super::super::super::wide::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
-use super::super::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
+use crate::correspondence::row_view::{MAX_RIM_BEND, RIM_SLOPES};
+use crate::correspondence::semi_global::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
+use crate::correspondence::wide::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
+
 use super::Block;
 use super::pixels::{MAX_WIDTH, Pixels};
 
@@ -13,15 +14,15 @@ const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
 /// Differences that are kept of an interval.
 const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
 
-/// Room for the differences of an interval, and for columns.
-pub(in super::super) struct SelectionRoom<L: Lanes> {
+/// Scratch for the differences of an interval, and for columns.
+pub(in crate::correspondence::semi_global) struct SelectionScratch<L: Lanes> {
     differences: [Differences<L>; MAX_DIFFERENCES],
     ends: Ends,
 }
 
-impl<L: Lanes> SelectionRoom<L> {
+impl<L: Lanes> SelectionScratch<L> {
     #[inline(always)]
-    pub(in super::super) fn new(lanes: L) -> Self {
+    pub(in crate::correspondence::semi_global) fn new(lanes: L) -> Self {
         Self { differences: [Differences::none(lanes); MAX_DIFFERENCES], ends: [[0; COLUMNS]; 3] }
     }
 }
@@ -39,10 +40,10 @@ struct Search<L: Lanes> {
 impl<L: Lanes> Block<'_, L> {
     /// The candidate of an order of each pixel with the least |δ − drift|.
     #[inline(always)]
-    pub(in super::super) fn select(
+    pub(in crate::correspondence::semi_global) fn select(
         &mut self,
         order: &[i16; BLOCK],
-        room: &mut SelectionRoom<L>,
+        scratch: &mut SelectionScratch<L>,
         out: &mut SelectedBlock<'_>,
     ) {
         let lanes = self.lanes;
@@ -75,7 +76,7 @@ impl<L: Lanes> Block<'_, L> {
                 let last = lanes.sub(search.stop, lanes.word(base));
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
                 todo = lanes.and_not(todo, here);
-                self.consider_all(*pair, base, &search, here, room, &mut best);
+                self.consider_all(*pair, base, &search, here, scratch, &mut best);
             }
         }
         let Best { order, present, rest, column_px, slope, .. } = best;
@@ -94,11 +95,11 @@ impl<L: Lanes> Block<'_, L> {
         base: i16,
         search: &Search<L>,
         here: L::Mask,
-        SelectionRoom { differences, ends }: &mut SelectionRoom<L>,
+        SelectionScratch { differences, ends }: &mut SelectionScratch<L>,
         best: &mut Best<L>,
     ) {
         let lanes = self.lanes;
-        let tables = Tables::of(lanes, self.image, &self.rows, pair, base, self.phases, ends);
+        let tables = Tables::new(lanes, self.image, &self.rows, pair, base, self.phases, ends);
         let (one, bases) = (lanes.word(1), lanes.word(base));
         let mut column = search.start;
         let mut crossing = Crossing::none(lanes);
@@ -245,7 +246,7 @@ impl<L: Lanes> Best<L> {
 }
 
 /// Where a surface ends at a column and would have the phase within a pixel beyond it, see
-/// [`super::super::super::row_view`]: `outer` does not continue what `inner` and the column show.
+/// [`crate::correspondence::row_view`]: `outer` does not continue what `inner` and the column show.
 #[inline(always)]
 fn beyond_rim<L: Lanes>(lanes: L, outer: Differences<L>, here: Differences<L>, inner: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);

@@ -4,12 +4,12 @@ use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
 
 use crate::phase::Validity;
+use crate::phase::motion::fit::MotionFit;
+use crate::phase::motion::fits::MotionFits;
+use crate::phase::motion::flow::FLOW_TILE_PX;
+use crate::phase::motion::images::Images;
 use crate::phase::sample::Sample;
 
-use super::super::fit::MotionFit;
-use super::super::fits::MotionFits;
-use super::super::flow::FLOW_TILE_PX;
-use super::super::images::Images;
 use super::Path;
 
 /// Rows of a tile by which it is judged: the first, and how far apart.
@@ -89,11 +89,11 @@ impl Verdict {
 
 /// What judges the tiles of a row.
 #[derive(Clone, Debug)]
-pub(super) struct JudgeRoom {
+pub(super) struct JudgeScratch {
     greys: Box<[[f32; LANES]; MAX_IMAGES]>,
 }
 
-impl Default for JudgeRoom {
+impl Default for JudgeScratch {
     fn default() -> Self {
         Self { greys: Box::new([[0.0; LANES]; MAX_IMAGES]) }
     }
@@ -136,7 +136,7 @@ pub(super) struct Judging<'a, 'b, S> {
     pub(super) tile_row: usize,
     pub(super) paths: &'a [Path],
     pub(super) verdicts: &'a mut [Verdict],
-    pub(super) room: &'a mut JudgeRoom,
+    pub(super) scratch: &'a mut JudgeScratch,
 }
 
 impl<S: Sample> Kernel for Judging<'_, '_, S> {
@@ -144,7 +144,7 @@ impl<S: Sample> Kernel for Judging<'_, '_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { images: [resting, followed], fits, validity, tile_row, paths, verdicts, room } = self;
+        let Self { images: [resting, followed], fits, validity, tile_row, paths, verdicts, scratch } = self;
         let [first, step] = JUDGED;
         let ways = paths.iter().zip(verdicts).enumerate().filter(|(_, (path, _))| path.bin.is_some());
         for (block, (path, verdict)) in ways {
@@ -154,7 +154,7 @@ impl<S: Sample> Kernel for Judging<'_, '_, S> {
                 let place = [row * resting.width + block * LANES, count];
                 let both = [(resting, fits.resting()), (followed, fits.of(path.bin))];
                 let [resting, followed] =
-                    both.map(|(images, fit)| fitting(lanes, images, fit, validity, place, &mut room.greys));
+                    both.map(|(images, fit)| fitting(lanes, images, fit, validity, place, &mut scratch.greys));
                 *verdict = verdict.plus(Verdict { lit: resting.lit, resting, followed });
             }
         }

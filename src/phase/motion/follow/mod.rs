@@ -23,7 +23,7 @@ use super::fits::{Bin, MotionFits};
 use super::flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 use super::images::Images;
 
-use judging::{JudgeRoom, Judging, Verdict, judge};
+use judging::{JudgeScratch, Judging, Verdict, judge};
 use sampling::Sampling;
 
 const _: () = assert!(FLOW_TILE_PX == LANES, "a block of pixels lies in one tile");
@@ -34,10 +34,10 @@ const SHARES: [f32; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
 const LONGEST_SHARE: f32 = 0.25;
 /// Memory for the sampled images: as many bytes as they have.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FollowRoom {
+pub(super) struct FollowScratch {
     paths: Vec<Path>,
     samples: Vec<u8>,
-    rows: Vec<JudgeRoom>,
+    rows: Vec<JudgeScratch>,
     verdicts: Vec<Verdict>,
 }
 
@@ -114,13 +114,13 @@ pub(super) fn follow<'a, S: Sample>(
     flow: &Flow,
     fits: &'a mut MotionFits,
     validity: &Validity,
-    room: &'a mut FollowRoom,
+    scratch: &'a mut FollowScratch,
 ) -> Option<(Images<'a, S>, Fits<'a>)> {
-    let FollowRoom { paths, samples, rows, verdicts } = room;
+    let FollowScratch { paths, samples, rows, verdicts } = scratch;
     let (columns, width) = (flow.columns(), images.width);
     let longest_px = LONGEST_SHARE * width as f32;
     paths.clear();
-    paths.extend(flow.tiles().iter().map(|tile| Path::of(tile, longest_px, fits)));
+    paths.extend(flow.tiles().iter().map(|tile| Path::new(tile, longest_px, fits)));
     let is_followed = |paths: &[Path]| paths.iter().any(|path| path.bin.is_some());
     if !is_followed(paths) {
         return None;
@@ -139,15 +139,15 @@ pub(super) fn follow<'a, S: Sample>(
         });
     };
     each(sampled, paths, true);
-    rows.resize_with(tile_rows, JudgeRoom::default);
+    rows.resize_with(tile_rows, JudgeScratch::default);
     let followed = images.others(sampled, plane);
     verdicts.clear();
     verdicts.resize(paths.len(), Verdict::default());
     let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
-    of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), room))| {
+    of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), scratch))| {
         fringeflow_simd::run(
             level,
-            Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, room },
+            Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, scratch },
         );
     });
     judge(paths, verdicts, columns);
@@ -161,7 +161,7 @@ pub(super) fn follow<'a, S: Sample>(
 
 impl Path {
     /// As much of a way as the images tell phases along.
-    fn of(tile: &SurfaceMotion, longest_px: f32, fits: &mut MotionFits) -> Self {
+    fn new(tile: &SurfaceMotion, longest_px: f32, fits: &mut MotionFits) -> Self {
         let SurfaceMotion { velocity_px, motion_rad } = *tile;
         let half = 0.5 * fits.resting().images() as f32;
         let is_short = velocity_px.iter().all(|v| v.abs() * half <= longest_px);

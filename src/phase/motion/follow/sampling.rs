@@ -2,11 +2,11 @@
 
 use fringeflow_simd::{Kernel, LANES, Lanes};
 
+use crate::phase::motion::fit::time;
+use crate::phase::motion::flow::FLOW_TILE_PX;
+use crate::phase::motion::images::Images;
 use crate::phase::sample::Sample;
 
-use super::super::fit::time;
-use super::super::flow::FLOW_TILE_PX;
-use super::super::images::Images;
 use super::Path;
 
 /// Pixels either side of a sample that horizontal interpolation takes.

@@ -5,9 +5,9 @@ use fringeflow_message::{Counts, DropReason, Incident};
 
 use crate::support::Bench;
 
-use super::super::capture::{Capture, Done};
-use super::super::driver::{Knob, press};
-use super::super::vivid;
+use crate::guest::capture::{Capture, Done};
+use crate::guest::driver::{Knob, press};
+use crate::guest::vivid;
 
 /// How often each error is injected.
 const TIMES: u64 = 20;

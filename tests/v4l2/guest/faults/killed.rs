@@ -4,8 +4,8 @@ use fringeflow_message::Stage;
 
 use crate::support::Bench;
 
-use super::super::capture::Capture;
-use super::super::vivid;
+use crate::guest::capture::Capture;
+use crate::guest::vivid;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

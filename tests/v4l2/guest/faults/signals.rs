@@ -8,8 +8,8 @@ use fringeflow_message::DropReason;
 
 use crate::support::{Bench, send};
 
-use super::super::capture::{Capture, Done};
-use super::super::vivid;
+use crate::guest::capture::{Capture, Done};
+use crate::guest::vivid;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

@@ -6,9 +6,9 @@ use fringeflow_message::Incident;
 
 use crate::support::{Bench, wait};
 
-use super::super::capture::Capture;
-use super::super::driver::{Driver, v4l2_ctl};
-use super::super::vivid;
+use crate::guest::capture::Capture;
+use crate::guest::driver::{Driver, v4l2_ctl};
+use crate::guest::vivid;
 
 /// How long a service is watched without its camera.
 const ABSENCE: Duration = Duration::from_secs(1);

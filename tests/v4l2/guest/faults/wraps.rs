@@ -10,9 +10,9 @@ use fringeflow_message::{DropReason, Incident};
 use crate::scenes;
 use crate::support::Bench;
 
-use super::super::capture::Capture;
-use super::super::driver::{Driver, Knob, press};
-use super::super::scanner::configuration;
+use crate::guest::capture::Capture;
+use crate::guest::driver::{Driver, Knob, press};
+use crate::guest::scanner::configuration;
 
 /// Cameras whose time stamps wrap, and how often each.
 const SLOW: usize = 10;

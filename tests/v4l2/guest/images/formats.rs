@@ -5,9 +5,9 @@ use fringeflow_message::PixelFormat;
 use crate::scenes;
 use crate::support::Bench;
 
-use super::super::capture::Capture;
-use super::super::driver::{Driver, v4l2_ctl};
-use super::super::vivid;
+use crate::guest::capture::Capture;
+use crate::guest::driver::{Driver, v4l2_ctl};
+use crate::guest::vivid;
 
 /// A picture that does not change.
 const PICTURE: &str = "test_pattern = \"Gray Ramp\"\nosd_text_mode = \"None\"";
@@ -60,7 +60,7 @@ fn what_is_used_of_an_image_is_summed_from_what_a_camera_sends() {
         let (header, pixels) = (capture.witness.headers()[0], capture.witness.first_pixels());
         capture.stop();
         assert_eq!((header.width_px, header.height_px), (width / 2, height / 2));
-        assert_eq!(PixelFormat::of(header.pixel_format), Some(PixelFormat::Y10), "{name}");
+        assert_eq!(PixelFormat::from_code(header.pixel_format), Some(PixelFormat::Y10), "{name}");
         let [whole_width, whole_height] = scenes::all()[0].image(1, 0).1;
         let sent = layout(&sent(&bench), (whole_width * whole_height) as usize);
         let grey = |u: u32, v: u32| u16::from(sent[((y + v) * whole_width + x + u) as usize]);
@@ -81,7 +81,7 @@ fn assert_formats(formats: &[(&str, PixelFormat, Layout)]) {
         capture.images(1);
         let (header, pixels) = (capture.witness.headers()[0], capture.witness.first_pixels());
         capture.stop();
-        assert_eq!(PixelFormat::of(header.pixel_format), Some(format), "{name}");
+        assert_eq!(PixelFormat::from_code(header.pixel_format), Some(format), "{name}");
         assert_eq!(header.stride_bytes as usize, header.width_px as usize * format.bytes(), "{name}");
         // The device keeps the format.
         let sent = sent(&bench);

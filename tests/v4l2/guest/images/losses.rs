@@ -5,9 +5,9 @@ use fringeflow_recording::{Content, Recording, Topic};
 
 use crate::support::Bench;
 
-use super::super::capture::{Capture, gaps};
-use super::super::driver::{Knob, turn};
-use super::super::vivid;
+use crate::guest::capture::{Capture, gaps};
+use crate::guest::driver::{Knob, turn};
+use crate::guest::vivid;
 
 /// Percentages of images that are dropped, and how many must be so in the images of each.
 const PERCENTAGES: [(i64, u64); 3] = [(1, 1), (10, 5), (50, 60)];

@@ -1,8 +1,8 @@
 //! What is set: controls and rates are read back and told, and what a camera does not take is refused with what it takes.
 
-use super::super::capture::Capture;
-use super::super::driver::v4l2_ctl;
-use super::super::vivid;
+use crate::guest::capture::Capture;
+use crate::guest::driver::v4l2_ctl;
+use crate::guest::vivid;
 use crate::support::Bench;
 
 #[test]

@@ -6,9 +6,9 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use super::super::capture::Capture;
 use super::DEVICES;
 use super::writer::Writer;
+use crate::guest::capture::Capture;
 use crate::scenes;
 use crate::support::Bench;
 

@@ -6,9 +6,9 @@ use fringeflow_pixels::{SourceFormat, unpack};
 use crate::scenes;
 use crate::support::Bench;
 
-use super::super::capture::Capture;
 use super::DEVICES;
 use super::writer::Writer;
+use crate::guest::capture::Capture;
 
 /// Width and height of the images below.
 pub(crate) const SIZE: &str = "80x72";

@@ -5,8 +5,8 @@ use fringeflow_message::Incident;
 use crate::scenes;
 use crate::support::Bench;
 
-use super::super::capture::Capture;
 use super::feeder::Feeder;
+use crate::guest::capture::Capture;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

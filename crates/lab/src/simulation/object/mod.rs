@@ -132,8 +132,8 @@ impl FromStr for Object {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::PointMm;
     use super::*;
+    use crate::simulation::solid::PointMm;
 
     /// Points spread evenly over a box a quarter larger than the object's.
     fn points(solid: &dyn Solid, count: usize) -> impl Iterator<Item = PointMm> {

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use crate::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
-use super::super::{Settings, StepSource};
+use crate::synchronization::{Settings, StepSource};
 
 pub(super) const PERIOD_NS: u64 = 10_000_000;
 pub(super) const PERIOD_PX: f64 = 16.0;

@@ -75,7 +75,7 @@ impl Args {
         for report in reports(recording) {
             let report = report?;
             run.add(&report);
-            if Stage::of(report.stage) != Some(Stage::Correspondence) || report.of_item == 0 {
+            if Stage::from_code(report.stage) != Some(Stage::Correspondence) || report.of_item == 0 {
                 continue;
             }
             // In a recording the figures of a window stand where its images do; in a replay that is long before.
@@ -108,7 +108,7 @@ fn is_replayed(recording: &Recording) -> Result<bool, Failure> {
     }
     for report in reports(recording) {
         let report = report?;
-        let is_cloud = Stage::of(report.stage) == Some(Stage::Cloud) && report.of_item != 0;
+        let is_cloud = Stage::from_code(report.stage) == Some(Stage::Cloud) && report.of_item != 0;
         if is_cloud && report.passed_ns.saturating_sub(report.exposure_start_ns) > LONG_AGO_NS {
             return Ok(true);
         }

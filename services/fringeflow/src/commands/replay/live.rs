@@ -60,7 +60,7 @@ impl Args {
         let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
         let services = workers(&arguments.configuration()?).chain(recorder).collect();
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
-        super::super::run::plan(&arguments, globals, services, recording)
+        crate::commands::run::plan(&arguments, globals, services, recording)
     }
 
     fn judge(&self, compared: &Compared) -> Result<(), Failure> {

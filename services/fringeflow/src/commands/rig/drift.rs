@@ -200,7 +200,7 @@ fn window(
         time_s: input.exposure_s(first_image),
         delta_mean_rad: drift.mean_rad,
         rms_rad: drift.rms_rad,
-        greatest_rad: f64::from(DriftMap::of(&drift, reconstructor.table()).greatest_rad),
+        greatest_rad: f64::from(DriftMap::new(&drift, reconstructor.table()).greatest_rad),
         delta_sd_rad: made.matches.delta.sd_rad,
         residual_sd_rad: drift.residual_sd_rad,
         error_px: drift.error_px,
@@ -216,7 +216,7 @@ fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Resul
     let eligible = || measured.windows.iter().filter(|(window, _)| window.counts == any_counts);
     let median_rad = median(eligible().map(|(window, _)| window.rms_rad));
     let Some((_, drift)) = eligible().find(|(window, _)| Some(window.rms_rad) == median_rad) else { return Ok(()) };
-    Ok(drift_picture(&DriftMap::of(drift, reconstructor.table())).write_png(path)?)
+    Ok(drift_picture(&DriftMap::new(drift, reconstructor.table())).write_png(path)?)
 }
 
 impl Summary {

@@ -216,8 +216,8 @@ fn class(knob: Knob) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::made_up;
     use super::*;
+    use crate::commands::evaluate::sweep::made_up;
 
     fn rows() -> Vec<Row> {
         let mut rows = vec![

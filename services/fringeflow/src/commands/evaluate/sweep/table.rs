@@ -50,8 +50,8 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Knob, made_up};
     use super::*;
+    use crate::commands::evaluate::sweep::{Knob, made_up};
 
     fn written(rows: &[Row]) -> Vec<String> {
         let mut out = Vec::new();

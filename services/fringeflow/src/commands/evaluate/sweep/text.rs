@@ -42,8 +42,8 @@ fn line(row: &Row) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::made_up;
     use super::*;
+    use crate::commands::evaluate::sweep::made_up;
 
     #[test]
     fn every_series_has_a_table_and_every_measurement_a_line_with_its_warning() {
