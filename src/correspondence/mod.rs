@@ -29,6 +29,7 @@ mod drift;
 mod epipolar_image;
 mod explanation;
 mod fingerprint;
+mod kernels;
 mod matching;
 mod neighbourhood;
 mod outlook;
@@ -49,7 +50,6 @@ mod source_map;
 mod support;
 mod surfaces;
 mod unique;
-mod wide;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

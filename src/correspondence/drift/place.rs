@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::wide::load;
+use crate::correspondence::kernels::load;
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;

@@ -12,11 +12,11 @@ use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use crate::phase::PhaseMap;
 
 use super::bands::{self, BAND_ROWS};
-use super::windows::Windows;
+use super::order_ranges::OrderRanges;
 
 /// Steps of the axes, columns and rows, from a pixel to the next.
 pub(super) const AXES: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
-/// Orders by which the windows of neighbours may be shifted against each other.
+/// Orders by which the ranges of neighbours may be shifted against each other.
 pub(super) const MAX_SHIFT: usize = 8;
 /// No link.
 const NONE: u8 = u8::MAX;
@@ -24,7 +24,7 @@ const NONE: u8 = u8::MAX;
 /// The links of all pixels to those before them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Links {
-    /// Axis by axis, for each pixel by how many orders its window is shifted against that of the pixel before, [`MAX_SHIFT`]
+    /// Axis by axis, for each pixel by how many orders its range is shifted against that of the pixel before, [`MAX_SHIFT`]
     /// added; [`NONE`] where there is no link.
     shifts: [Vec<u8>; AXES.len()],
     /// Width of the image, pixels.
@@ -34,7 +34,7 @@ pub(super) struct Links {
 
 impl Links {
     /// Finds the links of all pixels.
-    pub(super) fn find(&mut self, cam1: &PhaseMap, windows: &Windows) {
+    pub(super) fn find(&mut self, cam1: &PhaseMap, ranges: &OrderRanges) {
         self.width = cam1.width.max(1);
         bands::resize(&mut self.scratches, cam1.height);
         for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
@@ -42,7 +42,7 @@ impl Links {
             let bands = shifts.par_chunks_mut(self.width * BAND_ROWS).zip(&mut self.scratches).enumerate();
             bands.for_each(|(band, (shifts, rises))| {
                 rises.iter_mut().for_each(|rises| rises.resize(cam1.width));
-                LinkBand { cam1, windows, axis, rises }.find(band * BAND_ROWS, shifts);
+                LinkBand { cam1, ranges, axis, rises }.find(band * BAND_ROWS, shifts);
             });
         }
     }
@@ -78,8 +78,8 @@ impl RowLinks<'_> {
         Link { is_link, column: if is_link { column } else { 0 }, shift: usize::from(shift) }
     }
 
-    /// For each pixel the place that an order of the pixel before has in its window, `places` being those orders' places in
-    /// theirs; [`NO_PLACE`] where there is none, or no link. A place beyond the window is beyond all places of windows.
+    /// For each pixel the place that an order of the pixel before has in its range, `places` being those orders' places in
+    /// theirs; [`NO_PLACE`] where there is none, or no link. A place beyond the range is beyond all places of ranges.
     #[inline(always)]
     pub(super) fn carry(&self, places: &[u8], out: &mut [u8]) {
         let width = out.len();
@@ -107,7 +107,7 @@ impl RowLinks<'_> {
     }
 }
 
-/// Stands for no order of a window: windows have fewer than half of its places.
+/// Stands for no order of a range: ranges have fewer than half of its places.
 pub(super) const NO_PLACE: u8 = u8::MAX;
 
 /// Where a path comes from.
@@ -117,7 +117,7 @@ pub(super) struct Link {
     pub(super) is_link: bool,
     /// Column of the pixel before, always one of the image.
     pub(super) column: usize,
-    /// Where its energies begin, for the first order of the pixel.
+    /// Where its costs begin, for the first order of the pixel.
     pub(super) shift: usize,
 }
 
@@ -139,7 +139,7 @@ impl Rises {
 /// Finds the links along an axis, row after row.
 struct LinkBand<'a> {
     cam1: &'a PhaseMap,
-    windows: &'a Windows,
+    ranges: &'a OrderRanges,
     axis: [isize; 2],
     /// Scratch for the rises to the pixels before those of a row, to these, and to those behind.
     rises: &'a mut [Rises; 3],
@@ -160,8 +160,8 @@ impl LinkBand<'_> {
             shifts.fill(NONE);
             if let Some(from) = self.begin(v.wrapping_add_signed(-dv)) {
                 let rises = places.map(|place| &self.rises[place]);
-                let (cam1, windows, du, to) = (self.cam1, self.windows, self.axis[0], v * self.cam1.width);
-                fringeflow_simd::run(Level::in_use(), Linking { cam1, windows, du, from, to, rises, shifts });
+                let (cam1, ranges, du, to) = (self.cam1, self.ranges, self.axis[0], v * self.cam1.width);
+                fringeflow_simd::run(Level::in_use(), Linking { cam1, ranges, du, from, to, rises, shifts });
             }
             self.rises.rotate_left(dv as usize);
         }
@@ -225,7 +225,7 @@ impl Kernel for RiseRow<'_> {
 /// Finds the links of a row from its rises.
 struct Linking<'a> {
     cam1: &'a PhaseMap,
-    windows: &'a Windows,
+    ranges: &'a OrderRanges,
     du: isize,
     /// Where the rows of the pixels before and of the pixels begin.
     from: usize,
@@ -241,7 +241,7 @@ impl Kernel for Linking<'_> {
     /// In 16 bits throughout: differences that leave them are no links either way.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { cam1, windows, du, from, to, rises: [before, here, behind], shifts } = self;
+        let Self { cam1, ranges, du, from, to, rises: [before, here, behind], shifts } = self;
         let range = columns(cam1.width, du);
         let shifted = |by: isize| {
             let (begin, end) = (range.start.wrapping_add_signed(1 + by), range.end.wrapping_add_signed(1 + by));
@@ -257,8 +257,8 @@ impl Kernel for Linking<'_> {
         let (rise_behind, known_behind) = (&behind.rise[shifted(du)][..width], &behind.known[shifted(du)][..width]);
         let (own, other) = (at(to, 0), at(from, -du));
         let (phase, phase_before) = (&cam1.phase[own.clone()][..width], &cam1.phase[other.clone()][..width]);
-        let (first, first_before) = (&windows.first[own.clone()][..width], &windows.first[other.clone()][..width]);
-        let (count, count_before) = (&windows.count[own][..width], &windows.count[other][..width]);
+        let (first, first_before) = (&ranges.first[own.clone()][..width], &ranges.first[other.clone()][..width]);
+        let (count, count_before) = (&ranges.count[own][..width], &ranges.count[other][..width]);
         for i in 0..width {
             let here = rise[i];
             let bends = |other: i16, known: i16| {

@@ -3,18 +3,18 @@
 //! The paper decides pixel by pixel from neighbours that are decided already, which fails where too few are. Here whole surfaces
 //! tell most orders (see [`super::surfaces`]), and one look at each pixel confirms them. Every other pixel
 //! holds evidence for every order that its segment allows, and orders are chosen so that the evidence and Eq. (2),
-//! by which neighbours of one surface share the absolute phase, agree best over the whole image: the energy of stereo
+//! by which neighbours of one surface share the absolute phase, agree best over the whole image: the cost of stereo
 //! matching, minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
 //! Information"). An order is free to continue wherever the wrapped phase runs on, at a price to change there, and where
 //! the wrapped phase jumps neighbours say nothing to each other.
 //!
-//! 1. *windows*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
+//! 1. *ranges*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
 //!    explained by a wrong order within;
 //! 2. *look*: whether the pixel has a candidate at the order of its surface: then it is decided;
 //!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift, in
 //!    places of C2 that are not known to show what lies outside the volume;
 //!    where none of a whole neighbourhood does, nothing more is asked (*unexplained*);
-//! 3. *paths*: sums of the least energies along eight directions;
+//! 3. *paths*: sums of the least costs along eight directions;
 //! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
 //! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; δ that runs through
 //!    a region tells a wrong order (*strips*); one place of C2 serves one order (*claims*). On the *grounds* of what stands
@@ -26,9 +26,11 @@
 //! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
 
 mod confidence;
-mod evidence;
 mod grounds;
+mod kernels;
 mod links;
+mod matching_cost;
+mod order_ranges;
 mod paths;
 mod selection;
 mod strips;
@@ -36,8 +38,6 @@ mod strips;
 pub(super) mod test_scene;
 mod unexplained;
 mod verification;
-mod wide;
-mod windows;
 
 use fringeflow_base::outcome::Outcome;
 
@@ -55,14 +55,14 @@ use super::{bands, claims, explanation, places, regions};
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
-use evidence::{DeltaScale, Evidence};
+use matching_cost::{DeltaScale, Evidence};
+use order_ranges::OrderRanges;
+pub(super) use order_ranges::Reach;
 use paths::{PathScratch, Verdicts};
 use selection::Selection;
 use verification::VerificationScratch;
-pub(super) use windows::Reach;
-use windows::Windows;
 
-/// Evidence and energies are whole numbers: so many a nat.
+/// Evidence and costs are whole numbers: so many a nat.
 const UNITS_PER_NAT: f32 = 20.0;
 
 /// What the resolution reads.
@@ -100,7 +100,7 @@ pub(super) struct Scratch {
     outside: Vec<bool>,
     /// C2 without what it is known to see there.
     open: EpipolarImage,
-    windows: Windows,
+    ranges: OrderRanges,
     evidence: Evidence,
     paths: PathScratch,
     verdicts: Verdicts,
@@ -118,20 +118,20 @@ impl Scratch {
         decisions: &mut Decisions<'_>,
         grounds: Option<&mut Vec<Grounds>>,
     ) {
-        let Self { surfaces, outside, open, windows, evidence, paths, verdicts, selection, verification, segments } =
+        let Self { surfaces, outside, open, ranges, evidence, paths, verdicts, selection, verification, segments } =
             self;
         let scale = DeltaScale::from_scene(scene);
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
-        let near_px = windows.near_px(scene.table);
+        let near_px = ranges.near_px(scene.table);
         let far = surfaces.mark_outside(view, scene.drift, near_px, outside);
         let is_taken = far.is_far && surfaces.leave_open(view, scene.drift, outside, open);
         let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
-        windows.ready(scene, far.is_very_far);
-        let asked = evidence::Asked { scene, open: &open, scale: &scale, surfaces, outside };
-        evidence.gather(&asked, windows, selection, decisions.passing);
-        unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut windows.count);
-        paths::least_energies(scene.cam1, windows, evidence, paths, verdicts);
-        selection.select(&open, windows, &scale, &verdicts.order);
+        ranges.ready(scene, far.is_very_far);
+        let asked = matching_cost::Asked { scene, open: &open, scale: &scale, surfaces, outside };
+        evidence.gather(&asked, ranges, selection, decisions.passing);
+        unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut ranges.count);
+        paths::least_costs(scene.cam1, ranges, evidence, paths, verdicts);
+        selection.select(&open, ranges, &scale, &verdicts.order);
         let decided = verification::Decided { verdicts, surfaces };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {

@@ -7,16 +7,16 @@ use rayon::prelude::*;
 
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
-use super::evidence::{DeltaScale, OutlookRow};
+use super::kernels::{self, SelectionScratch};
+use super::matching_cost::{DeltaScale, OutlookRow};
+use super::order_ranges::{OrderRanges, Reach};
 use super::places::{PlaceRow, Places};
-use super::wide::{self, SelectionScratch};
-use super::windows::{Reach, Windows};
 use crate::correspondence::candidates::Candidate;
+use crate::correspondence::kernels::{BLOCK, block_of_mut};
 pub(super) use crate::correspondence::neighbourhood::ABSENT;
 use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::outlook::Outlook;
 use crate::correspondence::surfaces::NO_ORDER;
-use crate::correspondence::wide::{BLOCK, block_of_mut};
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 /// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
@@ -69,7 +69,7 @@ impl Selection {
     }
 
     /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
-    pub(super) fn select(&mut self, scene: &Scene<'_>, windows: &Windows, scale: &DeltaScale, order: &[i16]) {
+    pub(super) fn select(&mut self, scene: &Scene<'_>, ranges: &OrderRanges, scale: &DeltaScale, order: &[i16]) {
         let width = scene.cam1.width.max(1);
         let mut scratches = std::mem::take(&mut self.scratches);
         bands::resize(&mut scratches, scene.cam1.height);
@@ -79,11 +79,11 @@ impl Selection {
                 let v = band * BAND_ROWS + i;
                 row.turn_to(scene, scale, v);
                 let pixels = v * width..(v + 1) * width;
-                let (order, count) = (&order[pixels.clone()], &windows.count[pixels.clone()]);
+                let (order, count) = (&order[pixels.clone()], &ranges.count[pixels.clone()]);
                 let (mut out, places) = selected.row(i, width);
                 out.fill_open(count, asked);
                 let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
-                let selection = SelectionRow { scene, reach: windows.reach, row, phase, count: asked, order, out };
+                let selection = SelectionRow { scene, reach: ranges.reach, row, phase, count: asked, order, out };
                 fringeflow_simd::run(Level::in_use(), selection);
                 places.find(scene.table, &row.segments, out.column_px);
             }
@@ -252,7 +252,7 @@ impl FoundBlock {
 
 impl SelectedRow<'_> {
     /// Looks at each pixel of the row at its order, [`NO_ORDER`] where none is known: where its candidate fits, it is decided.
-    pub(super) fn look(&mut self, row: wide::Row<'_>, orders: &[i16]) {
+    pub(super) fn look(&mut self, row: kernels::Row<'_>, orders: &[i16]) {
         self.absolute.fill(ABSENT);
         self.is_decided.fill(false);
         fringeflow_simd::run(Level::in_use(), LookRow { row, orders, out: self });
@@ -279,7 +279,7 @@ impl SelectedRow<'_> {
 
 /// Looks at the pixels of a row.
 struct LookRow<'a, 'b, 'c> {
-    row: wide::Row<'a>,
+    row: kernels::Row<'a>,
     /// Orders of the pixels, and of none up to a whole block.
     orders: &'a [i16],
     out: &'b mut SelectedRow<'c>,
@@ -409,7 +409,7 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::semi_global::evidence::{Asked, Evidence};
+    use crate::correspondence::semi_global::matching_cost::{Asked, Evidence};
     use crate::correspondence::semi_global::test_scene::TestScene;
 
     /// What a pixel has selected, as bits.
@@ -441,21 +441,21 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut windows, mut evidence, mut row) = (Windows::default(), Evidence::default(), OutlookRow::default());
+        let (mut ranges, mut evidence, mut row) = (OrderRanges::default(), Evidence::default(), OutlookRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
-        windows.ready(&scene, false);
+        ranges.ready(&scene, false);
         let surfaces = &test_scene.surfaces();
         let asked = Asked { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
-        evidence.gather(&asked, &mut windows, &mut Selection::default(), &mut Vec::new());
-        let (reach, mut found) = (windows.reach, 0);
+        evidence.gather(&asked, &mut ranges, &mut Selection::default(), &mut Vec::new());
+        let (reach, mut found) = (ranges.reach, 0);
         for v in 0..scene.cam1.height {
             row.turn_to(&scene, &scale, v);
             let pixels = v * width..(v + 1) * width;
-            let (count, phase) = (&windows.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
+            let (count, phase) = (&ranges.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
             let best = evidence.best.of(pixels.clone()).place;
             // The best order of most pixels, that beside it of some.
             let order: Vec<i16> = (0..width)
-                .map(|u| windows.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
+                .map(|u| ranges.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
                 .collect();
             let of = |select: &dyn Fn(SelectionRow<'_, '_>)| {
                 let order = &order;
@@ -477,9 +477,9 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut windows, mut row, mut orders) = (Windows::default(), OutlookRow::default(), Vec::new());
-        windows.ready(&scene, false);
-        let (surfaces, reach) = (test_scene.surfaces(), windows.reach);
+        let (mut ranges, mut row, mut orders) = (OrderRanges::default(), OutlookRow::default(), Vec::new());
+        ranges.ready(&scene, false);
+        let (surfaces, reach) = (test_scene.surfaces(), ranges.reach);
         let (mut decided, mut other) = (0, 0);
         for v in 0..scene.cam1.height {
             row.turn_to(&scene, &scale, v);

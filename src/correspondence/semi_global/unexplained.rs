@@ -1,7 +1,7 @@
 //! Pixels around which nothing is explained: they see what C2 does not, or noise, and no path can tell them an order.
 //!
 //! ```text
-//! for each pixel p: its window is closed where, for all q with |q − p| ≤ 2 along both axes,
+//! for each pixel p: its range is closed where, for all q with |q − p| ≤ 2 along both axes,
 //!     no surface tells the order of q, and none of its orders fits
 //! ```
 //!
@@ -19,7 +19,7 @@ const ROWS: usize = 2 * REACH_PX + 1;
 /// Pixels that are handled together.
 const BLOCK: usize = 32;
 
-/// Closes the windows of those pixels, in an image so many pixels wide: no order of theirs counts.
+/// Closes the ranges of those pixels, in an image so many pixels wide: no order of theirs counts.
 pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
     let height = is_explained.len() / width;
     count.par_chunks_mut(width).enumerate().for_each(|(v, count)| {
@@ -31,7 +31,7 @@ pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
     });
 }
 
-/// Closes the windows of a row.
+/// Closes the ranges of a row.
 struct Closing<'a> {
     /// What is explained in the rows in reach; beyond the image those of its border again.
     rows: [&'a [u8]; ROWS],

@@ -4,8 +4,8 @@ use fringeflow_simd::{LANES, Lanes, filled};
 
 use crate::correspondence::drift::{DepthBlock, DepthRow};
 use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::kernels::Segments;
 use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::wide::Segments;
 
 use super::NO_ORDER;
 use super::sight::{columns_around_each, rest_turns};

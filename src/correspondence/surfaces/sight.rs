@@ -12,10 +12,10 @@ use fringeflow_simd::{LANES, Lanes, first_lanes};
 
 use crate::correspondence::drift::{DepthBlock, DepthPolynomial};
 use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::kernels::mix_rows;
 use crate::correspondence::row_view::MAX_COLUMN_STEP;
 use crate::correspondence::segment::Segment;
 use crate::correspondence::segment_table::SegmentTable;
-use crate::correspondence::wide::mix_rows;
 
 use super::FULL_SCORE;
 use super::evidence::Gate;

@@ -2,7 +2,7 @@
 //!
 //! The same as [`super::find_candidates`] finds, many pixels at once; lists of several candidates are not kept.
 
-mod wide;
+mod kernel;
 
 use rayon::prelude::*;
 
@@ -12,12 +12,12 @@ use crate::phase::PhaseMap;
 
 use super::candidates::{Candidate, DeltaGate, keep_best_of_place, scan_segment};
 use super::epipolar_image::EpipolarImage;
+use super::kernels::BLOCK;
 use super::neighbourhood::{ABSENT, TURN};
 use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
-use super::wide::BLOCK;
 
 /// The candidates of pixels that have one alone, row by row.
 #[derive(Clone, Debug, Default)]
@@ -105,8 +105,8 @@ impl Kernel for Row<'_> {
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
         let Search { cam2: image, gate, .. } = self.search;
-        let search = wide::Search { image, segments: self.segments, gate };
-        let mut found = wide::Found::new();
+        let search = kernel::Search { image, segments: self.segments, gate };
+        let mut found = kernel::Found::new();
         let (phase, valid) = (self.phase.as_chunks().0, bytemuck::cast_slice(self.valid).as_chunks().0);
         for block in 0..phase.len() {
             search.block(lanes, block * BLOCK, &phase[block], &valid[block], &mut found);
@@ -121,7 +121,7 @@ impl Kernel for Row<'_> {
 impl Row<'_> {
     /// Enters what was found of a block, and scans for the pixels that were left out there.
     #[inline(always)]
-    fn enter(&mut self, block: usize, found: &wide::Found) {
+    fn enter(&mut self, block: usize, found: &kernel::Found) {
         let [first, others @ ..] = &found.passing;
         let mut rest = others.iter().fold(found.irregular, |all, slot| all | slot);
         let alone = first & !rest;

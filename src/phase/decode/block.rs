@@ -13,10 +13,10 @@ use crate::phase::map::{DIM, Exposure, Modulation};
 use crate::phase::sample::Sample;
 use crate::phase::shifts::PhaseShifts;
 
-use super::even_bytes::EvenBytes;
+use super::even_steps::EvenSteps;
+use super::four_step::FourStep;
 use super::left_out::LeftOut;
 use super::plan::Plan;
-use super::quarters::Quarters;
 use super::side_by_side::SideBySide;
 use super::weighted::Weighted;
 use super::{Counts, Validity};
@@ -110,15 +110,15 @@ impl<S: Sample> Kernel for Band<'_, S> {
         let (plan, limits) = (self.plan, self.limits);
         let mut counts = if S::IS_BYTE && plan.is_even {
             match plan.steps {
-                3 => self.decode_blocks::<L, _, 4>(lanes, &EvenBytes::<1>::new(plan, limits)),
+                3 => self.decode_blocks::<L, _, 4>(lanes, &EvenSteps::<1>::new(plan, limits)),
                 // What is asked in the loop would part its blocks.
                 4 if limits.max_share >= 1.0 => {
-                    self.decode_blocks::<L, _, 4>(lanes, &Quarters::<true>::new(plan, limits))
+                    self.decode_blocks::<L, _, 4>(lanes, &FourStep::<true>::new(plan, limits))
                 }
-                4 => self.decode_blocks::<L, _, 4>(lanes, &Quarters::<false>::new(plan, limits)),
-                5..=8 => self.decode_blocks::<L, _, 8>(lanes, &EvenBytes::<2>::new(plan, limits)),
-                9..=12 => self.decode_blocks::<L, _, 12>(lanes, &EvenBytes::<3>::new(plan, limits)),
-                _ => self.decode_blocks::<L, _, MAX_STEPS>(lanes, &EvenBytes::<4>::new(plan, limits)),
+                4 => self.decode_blocks::<L, _, 4>(lanes, &FourStep::<false>::new(plan, limits)),
+                5..=8 => self.decode_blocks::<L, _, 8>(lanes, &EvenSteps::<2>::new(plan, limits)),
+                9..=12 => self.decode_blocks::<L, _, 12>(lanes, &EvenSteps::<3>::new(plan, limits)),
+                _ => self.decode_blocks::<L, _, MAX_STEPS>(lanes, &EvenSteps::<4>::new(plan, limits)),
             }
         } else {
             self.decode_blocks::<L, _, MAX_STEPS>(lanes, &Weighted { plan, limits })

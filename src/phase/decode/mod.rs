@@ -1,15 +1,15 @@
 //! N-step decoding: sums of sines and cosines first, one arctangent a pixel.
 //!
-//! *plan*: what the shifts make of the samples; *block*: the kernel; *quarters*, *even bytes* and *weighted*: its ways to the
+//! *plan*: what the shifts make of the samples; *block*: the kernel; *four step*, *even steps* and *weighted*: its ways to the
 //! sums; *octant*: from these to angle and length; *side by side*: two blocks at once; *left out*: pixels with saturated
 //! samples; *statistics*: what some thousand pixels tell of all.
 
 mod block;
-mod even_bytes;
+mod even_steps;
+mod four_step;
 mod left_out;
 mod octant;
 mod plan;
-mod quarters;
 mod side_by_side;
 mod statistics;
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use fringeflow_simd::{Kernel, Lanes};
 
-use crate::correspondence::semi_global::evidence::{BestOfRow, NO_ORDER};
 use crate::correspondence::semi_global::links::{AXES, NO_PLACE};
-use crate::correspondence::semi_global::windows::LANE_STEP;
+use crate::correspondence::semi_global::matching_cost::{BestOfRow, NO_ORDER};
+use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::{CHANGE, PATHS, Sweep, Visit};
 
@@ -70,7 +70,7 @@ impl Visit for Decide<'_> {
         SettledRow {
             agreed: &agreed.places,
             other: &self.places[places.clone()],
-            first: &sweep.windows.first[pixels.clone()],
+            first: &sweep.ranges.first[pixels.clone()],
             best: sweep.evidence.best.of(pixels),
             order: &mut self.order[places.clone()],
             margin: &mut self.margin[places],
@@ -108,12 +108,12 @@ impl Visit for Decide<'_> {
         sum: &[u16; ROOM],
     ) {
         let lanes = sweep.lanes::<ROOM>();
-        let evidence = &sweep.evidence.energies[pixel * lanes..][..lanes];
+        let evidence = &sweep.evidence.costs[pixel * lanes..][..lanes];
         let (best, lead) = match self.places[place] {
             NO_PLACE => decide::<L, ROOM>(level, evidence, sum, &self.sums[place * lanes..][..lanes]),
             other => decide::<L, ROOM>(level, evidence, sum, &settled_sum::<ROOM>(other)[..lanes]),
         };
-        self.order[place] = sweep.windows.first[pixel] + best;
+        self.order[place] = sweep.ranges.first[pixel] + best;
         self.margin[place] = lead;
     }
 }
@@ -143,7 +143,7 @@ impl Kernel for SettledRow<'_> {
         let (margin, runs_on) = (&mut margin[..width], &mut runs_on[..width]);
         for u in 0..width {
             order[u] = first[u].wrapping_add(i16::from(agreed[u]));
-            // A single order has no rival, and the second least energy is its own.
+            // A single order has no rival, and the second least cost is its own.
             let lead = u16::from(second[u].wrapping_sub(least[u]));
             margin[u] = PATHS as u16 * (CHANGE + lead);
             runs_on[u] &= u8::from(agreed[u] == other[u]);

@@ -1,4 +1,4 @@
-//! Least energies along straight paths through the image, and the order that has the least sum of them.
+//! Least costs along straight paths through the image, and the order that has the least sum of them.
 //!
 //! ```text
 //! for each direction, pixel by pixel p after its predecessor q:
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! Over most of an image one order fits and the others do not, so that paths are *settled*: F is 0 for that order and P for all
-//! others, whatever the energies were. A pixel where all paths come settled on the order that fits best leaves them so, and its
-//! sums follow from its best energies alone; whole runs of such pixels are passed by without looking at their orders.
+//! others, whatever the costs were. A pixel where all paths come settled on the order that fits best leaves them so, and its
+//! sums follow from its best costs alone; whole runs of such pixels are passed by without looking at their orders.
 //!
 //! A pixel that was decided before is settled on its order, whatever comes to it, and leaves its paths so.
 //!
@@ -30,9 +30,9 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 use crate::phase::PhaseMap;
 
 use super::UNITS_PER_NAT;
-use super::evidence::{Evidence, MISSING};
 use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
-use super::windows::{LANE_STEP, MAX_LANES, Windows};
+use super::matching_cost::{Evidence, MISSING};
+use super::order_ranges::{LANE_STEP, MAX_LANES, OrderRanges};
 
 use decision::{Decide, Leave};
 use settled::{AgreedRow, SETTLED, place_of_zero, run_of_ones, settled};
@@ -47,11 +47,11 @@ const THREE_STEPS: usize = 3 * LANE_STEP;
 /// Paths through each pixel.
 pub(super) const PATHS: usize = 8;
 
-/// The orders with the least energy.
+/// The orders with the least cost.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
     pub(super) order: Vec<i16>,
-    /// By how much the next best order has more, summed over all paths. That of pixels without a window has no meaning.
+    /// By how much the next best order has more, summed over all paths. That of pixels without a range has no meaning.
     pub(super) margin: Vec<u16>,
 }
 
@@ -65,28 +65,28 @@ pub(super) struct PathScratch {
     passes: [PassScratch; 2],
 }
 
-/// Decides the order of every pixel with a window.
-pub(super) fn least_energies(
+/// Decides the order of every pixel with a range.
+pub(super) fn least_costs(
     cam1: &PhaseMap,
-    windows: &Windows,
+    ranges: &OrderRanges,
     evidence: &Evidence,
     scratch: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
-    least_energies_at(Level::in_use(), cam1, windows, evidence, scratch, verdicts);
+    least_costs_at(Level::in_use(), cam1, ranges, evidence, scratch, verdicts);
 }
 
 /// The same at a level.
-fn least_energies_at(
+fn least_costs_at(
     level: Level,
     cam1: &PhaseMap,
-    windows: &Windows,
+    ranges: &OrderRanges,
     evidence: &Evidence,
     PathScratch { links, places, sums, passes }: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
-    let (width, height, lanes) = (cam1.width.max(1), cam1.height, windows.lanes);
-    links.find(cam1, windows);
+    let (width, height, lanes) = (cam1.width.max(1), cam1.height, ranges.lanes);
+    links.find(cam1, ranges);
     places.resize(width * height, NO_PLACE);
     sums.resize(width * height * lanes, 0);
     verdicts.order.resize(width * height, 0);
@@ -98,8 +98,8 @@ fn least_energies_at(
     let (upper_margin, lower_margin) = verdicts.margin.split_at_mut(middle * width);
     let [down, up] = passes;
     [&mut *down, &mut *up].into_iter().for_each(|scratch| scratch.clear(width, lanes));
-    let mut down = Sweep { width, windows, links, evidence, pass: Pass::Down, scratch: down };
-    let mut up = Sweep { width, windows, links, evidence, pass: Pass::Up, scratch: up };
+    let mut down = Sweep { width, ranges, links, evidence, pass: Pass::Down, scratch: down };
+    let mut up = Sweep { width, ranges, links, evidence, pass: Pass::Up, scratch: up };
     let (above, below) = (0..middle, middle..height);
     rayon::join(
         || {
@@ -137,7 +137,7 @@ enum Pass {
 /// One pass with its four directions.
 struct Sweep<'a, 'b> {
     width: usize,
-    windows: &'a Windows,
+    ranges: &'a OrderRanges,
     links: &'a Links,
     evidence: &'a Evidence,
     pass: Pass,
@@ -147,7 +147,7 @@ struct Sweep<'a, 'b> {
 /// Scratch for a pass.
 #[derive(Clone, Debug, Default)]
 struct PassScratch {
-    /// Energies along the row, from straight before, and from either side of it: of the row before and of this one.
+    /// Costs along the row, from straight before, and from either side of it: of the row before and of this one.
     before: [PathRow; AXES.len()],
     here: [PathRow; AXES.len()],
     agreed: AgreedRow,
@@ -163,46 +163,46 @@ impl PassScratch {
     }
 }
 
-/// Energies of a row of pixels in one direction, the least of each taken off, none above the price of a change.
+/// Costs of a row of pixels in one direction, the least of each taken off, none above the price of a change.
 #[derive(Clone, Debug, Default)]
 struct PathRow {
-    /// Places of the orders on which the pixels are settled; [`NO_PLACE`] of those that have energies.
+    /// Places of the orders on which the pixels are settled; [`NO_PLACE`] of those that have costs.
     places: Vec<u8>,
     /// With room on either side where orders of a pixel's neighbours may point.
-    energies: Vec<u8>,
+    costs: Vec<u8>,
 }
 
 impl PathRow {
-    /// No pixel has any energies.
+    /// No pixel has any costs.
     fn clear(&mut self, width: usize, lanes: usize) {
         self.places.clear();
         self.places.resize(width, NO_PLACE);
-        self.energies.clear();
-        self.energies.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
+        self.costs.clear();
+        self.costs.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
         // Behind them those of settled pixels, and those of none: whatever is wanted is found by one number.
-        self.energies.extend_from_slice(&SETTLED);
-        self.energies.extend_from_slice(&[0; MAX_LANES]);
+        self.costs.extend_from_slice(&SETTLED);
+        self.costs.extend_from_slice(&[0; MAX_LANES]);
     }
 
-    /// Energies that a path brings on along a link.
+    /// Costs that a path brings on along a link.
     #[inline(always)]
     fn towards(&self, Link { is_link, column, shift }: Link, lanes: usize) -> &[u8] {
-        let (place, of_settled) = (self.places[column], self.energies.len() - MAX_LANES - SETTLED.len());
+        let (place, of_settled) = (self.places[column], self.costs.len() - MAX_LANES - SETTLED.len());
         let own = column * (lanes + 2 * MAX_SHIFT) + shift;
         let begin = if place == NO_PLACE { own } else { of_settled + MAX_LANES + shift - usize::from(place) };
         let begin = if is_link { begin } else { of_settled + SETTLED.len() };
-        &self.energies[begin..][..lanes]
+        &self.costs[begin..][..lanes]
     }
 
-    /// Takes the energies of a pixel, of which the least is zero. Whether they are settled nobody can foresee: no branches.
+    /// Takes the costs of a pixel, of which the least is zero. Whether they are settled nobody can foresee: no branches.
     #[inline(always)]
-    fn set<L: Lanes>(&mut self, level: L, u: usize, energies: &[u16]) {
-        let lanes = energies.len();
-        let own = &mut self.energies[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
+    fn set<L: Lanes>(&mut self, level: L, u: usize, costs: &[u16]) {
+        let lanes = costs.len();
+        let own = &mut self.costs[u * (lanes + 2 * MAX_SHIFT) + MAX_SHIFT..][..lanes];
         let mut place = 0;
-        let steps = own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(energies.as_chunks::<LANE_STEP>().0);
-        for (step, (own, energies)) in steps.enumerate().rev() {
-            let bytes = level.bytes_of(energies);
+        let steps = own.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(costs.as_chunks::<LANE_STEP>().0);
+        for (step, (own, costs)) in steps.enumerate().rev() {
+            let bytes = level.bytes_of(costs);
             *own = bytes.to_le_bytes();
             let of_step = place_of_zero(bytes);
             place = if of_step < LANE_STEP { step * LANE_STEP + of_step } else { place };
@@ -258,7 +258,7 @@ impl<V: Visit> Kernel for Through<'_, '_, '_, V> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         // Most rigs have few orders; loops of known length are registers.
-        match self.sweep.windows.lanes {
+        match self.sweep.ranges.lanes {
             ONE_STEP => self.run_of::<L, ONE_STEP>(lanes),
             TWO_STEPS => self.run_of::<L, TWO_STEPS>(lanes),
             THREE_STEPS => self.run_of::<L, THREE_STEPS>(lanes),
@@ -282,7 +282,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
                 let u = sweep.column(j);
                 j += 1;
                 let (pixel, place) = (first + u, first_place + u);
-                if sweep.windows.count[pixel] == 0 {
+                if sweep.ranges.count[pixel] == 0 {
                     continue;
                 }
                 let agreed = sweep.scratch.agreed.places[u];
@@ -307,7 +307,7 @@ impl<'a> Sweep<'a, '_> {
     /// Number of orders, known to loops that have room for few.
     #[inline(always)]
     fn lanes<const ROOM: usize>(&self) -> usize {
-        if ROOM < MAX_LANES { ROOM } else { self.windows.lanes }
+        if ROOM < MAX_LANES { ROOM } else { self.ranges.lanes }
     }
 
     #[inline(always)]
@@ -322,7 +322,7 @@ impl<'a> Sweep<'a, '_> {
         let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
         let PassScratch { before, here, agreed } = &mut *self.scratch;
         let pixels = v * self.width..(v + 1) * self.width;
-        agreed.find(level, &links, before, &self.windows.count[pixels.clone()], self.evidence.best.of(pixels));
+        agreed.find(level, &links, before, &self.ranges.count[pixels.clone()], self.evidence.best.of(pixels));
         here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
         links
     }
@@ -332,13 +332,13 @@ impl<'a> Sweep<'a, '_> {
     #[inline(always)]
     fn expect_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
         let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.scratch.agreed.runs_on);
-        let count = &self.windows.count[first..first + runs_on.len()];
+        let count = &self.ranges.count[first..first + runs_on.len()];
         for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
             if *runs_on == [1; 8] || *count == [0; 8] {
                 continue;
             }
             for u in 8 * i..8 * i + 8 {
-                level.expect(&self.evidence.energies[(first + u) * lanes..]);
+                level.expect(&self.evidence.costs[(first + u) * lanes..]);
                 expect(u);
             }
         }
@@ -363,7 +363,7 @@ impl<'a> Sweep<'a, '_> {
         [u, pixel]: [usize; 2],
     ) -> [u16; ROOM] {
         let lanes = self.lanes::<ROOM>();
-        let evidence = &self.evidence.energies[pixel * lanes..][..lanes];
+        let evidence = &self.evidence.costs[pixel * lanes..][..lanes];
         let PassScratch { before, here, .. } = &mut *self.scratch;
         let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
@@ -373,37 +373,35 @@ impl<'a> Sweep<'a, '_> {
             for lane in 0..lanes {
                 from[lane] = u16::from(brought[lane]);
             }
-            let energies = add::<L, ROOM>(level, evidence, &from, lanes);
+            let costs = add::<L, ROOM>(level, evidence, &from, lanes);
             for lane in 0..lanes {
                 sum[lane] = sum[lane].wrapping_add(from[lane]);
             }
-            here[axis].set(level, u, &energies[..lanes]);
+            here[axis].set(level, u, &costs[..lanes]);
         }
         sum
     }
 }
 
-/// Energies of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
+/// Costs of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
 /// price of a change, which whoever goes on from here pays at most.
 #[inline(always)]
 fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
-    let mut energies = *from;
+    let mut costs = *from;
     let mut least = [u16::MAX; LANE_STEP];
-    for (energies, evidence) in
-        energies.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0)
-    {
+    for (costs, evidence) in costs.as_chunks_mut::<LANE_STEP>().0.iter_mut().zip(evidence.as_chunks::<LANE_STEP>().0) {
         for lane in 0..LANE_STEP {
-            energies[lane] = energies[lane].wrapping_add(u16::from(evidence[lane]));
-            least[lane] = least[lane].min(energies[lane]);
+            costs[lane] = costs[lane].wrapping_add(u16::from(evidence[lane]));
+            least[lane] = least[lane].min(costs[lane]);
         }
     }
     let least = level.least(&least);
-    for energies in energies[..lanes].as_chunks_mut::<LANE_STEP>().0 {
+    for costs in costs[..lanes].as_chunks_mut::<LANE_STEP>().0 {
         for lane in 0..LANE_STEP {
-            energies[lane] = energies[lane].wrapping_sub(least[lane]).min(CHANGE);
+            costs[lane] = costs[lane].wrapping_sub(least[lane]).min(CHANGE);
         }
     }
-    energies
+    costs
 }
 
 const _: () = assert!(CHANGE < u8::MAX as u16);
@@ -412,10 +410,10 @@ const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP <
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::semi_global::evidence::{DECIDED_LEAD, NO_ORDER};
+    use crate::correspondence::semi_global::matching_cost::{DECIDED_LEAD, NO_ORDER};
 
     /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
-    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, Windows, Evidence) {
+    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, OrderRanges, Evidence) {
         let mut state = 7_u64;
         let mut random = move |below: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -424,9 +422,9 @@ mod tests {
         let pieces: Vec<[i32; 3]> = (0..64)
             .map(|_| [random(9000) as i32 - 4500, random(3000) as i32 - 1500, random(400_000) as i32 - 200_000])
             .collect();
-        let mut windows = Windows::default();
-        windows.grow(lanes);
-        let (mut phase, mut valid, mut energies) = (Vec::new(), Vec::new(), Vec::new());
+        let mut ranges = OrderRanges::default();
+        ranges.grow(lanes);
+        let (mut phase, mut valid, mut costs) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..width * height {
             let (u, v) = (i % width, i / width);
             let [along, across, base] = pieces[u / 19 % 8 + v / 13 % 8 * 8];
@@ -447,39 +445,39 @@ mod tests {
             }
             phase.push(absolute as u16);
             valid.push(is_valid);
-            windows.first.push(first);
-            windows.count.push(count as u8);
-            energies.extend(own);
+            ranges.first.push(first);
+            ranges.count.push(count as u8);
+            costs.extend(own);
         }
-        let mut evidence = Evidence::new(energies, &windows);
+        let mut evidence = Evidence::new(costs, &ranges);
         // Most of some pieces are decided, some of them wrongly.
         for pixel in 0..width * height {
             let (u, v) = (pixel % width, pixel / width);
-            if windows.count[pixel] > 0 && (u / 19 + v / 13) % 3 == 0 && random(12) > 0 {
-                let any = random(windows.count[pixel].into()) as u8;
+            if ranges.count[pixel] > 0 && (u / 19 + v / 13) % 3 == 0 && random(12) > 0 {
+                let any = random(ranges.count[pixel].into()) as u8;
                 let place = if random(40) == 0 { any } else { evidence.best.of(pixel..pixel + 1).place[0] };
                 evidence.best.decide(pixel, place);
             }
         }
-        (PhaseMap { width, height, phase, valid, ..PhaseMap::default() }, windows, evidence)
+        (PhaseMap { width, height, phase, valid, ..PhaseMap::default() }, ranges, evidence)
     }
 
     /// Every path order by order, as it is written above: the oracle.
-    fn plain(cam1: &PhaseMap, windows: &Windows, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
-        let (width, lanes, pixels) = (cam1.width, windows.lanes, cam1.phase.len());
+    fn plain(cam1: &PhaseMap, ranges: &OrderRanges, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
+        let (width, lanes, pixels) = (cam1.width, ranges.lanes, cam1.phase.len());
         let decided = |pixel: usize| {
             let place = evidence.best.of(pixel..pixel + 1).place[0];
             evidence.best.is_decided(pixel).then_some(usize::from(place))
         };
         let mut links = Links::default();
-        links.find(cam1, windows);
-        let mut sums: Vec<u32> = evidence.energies.iter().map(|&energy| 8 * u32::from(energy)).collect();
+        links.find(cam1, ranges);
+        let mut sums: Vec<u32> = evidence.costs.iter().map(|&cost| 8 * u32::from(cost)).collect();
         for (axis, forward) in (0..AXES.len()).flat_map(|axis| [(axis, true), (axis, false)]) {
             let mut paths = vec![u32::from(CHANGE); pixels * lanes];
             for i in 0..pixels {
                 let pixel = if forward { i } else { pixels - 1 - i };
                 let (u, v) = (pixel % width, pixel / width);
-                let count = usize::from(windows.count[pixel]);
+                let count = usize::from(ranges.count[pixel]);
                 if count == 0 {
                     continue;
                 }
@@ -507,36 +505,36 @@ mod tests {
                     paths[pixel * lanes + place] = 0;
                     continue;
                 }
-                let energy = |lane: usize| from[lane] + u32::from(evidence.energies[pixel * lanes + lane]);
-                let least = (0..lanes).map(energy).min().unwrap();
+                let cost = |lane: usize| from[lane] + u32::from(evidence.costs[pixel * lanes + lane]);
+                let least = (0..lanes).map(cost).min().unwrap();
                 for lane in 0..lanes {
-                    paths[pixel * lanes + lane] = (energy(lane) - least).min(u32::from(CHANGE));
+                    paths[pixel * lanes + lane] = (cost(lane) - least).min(u32::from(CHANGE));
                     sums[pixel * lanes + lane] += from[lane];
                 }
             }
         }
         let verdict = |pixel: usize| {
             if let Some(place) = decided(pixel) {
-                return Some((windows.first[pixel] + place as i16, PATHS as u16 * (CHANGE + u16::from(DECIDED_LEAD))));
+                return Some((ranges.first[pixel] + place as i16, PATHS as u16 * (CHANGE + u16::from(DECIDED_LEAD))));
             }
-            let own = &sums[pixel * lanes..][..usize::from(windows.count[pixel])];
+            let own = &sums[pixel * lanes..][..usize::from(ranges.count[pixel])];
             let best = (0..own.len()).min_by_key(|&lane| own[lane])?;
             let second = (0..own.len()).filter(|&lane| lane != best).map(|lane| own[lane]).min();
             let lead = second.map_or(PATHS as u32 * u32::from(CHANGE), |second| second - own[best]);
-            Some((windows.first[pixel] + best as i16, lead as u16))
+            Some((ranges.first[pixel] + best as i16, lead as u16))
         };
         (0..pixels).map(verdict).collect()
     }
 
     #[test]
-    fn the_least_energies_are_those_of_plain_paths_at_every_level() {
+    fn the_least_costs_are_those_of_plain_paths_at_every_level() {
         // The same scratch memory for all: what it held before makes no difference.
         let (mut scratch, mut verdicts, mut settled) = (PathScratch::default(), Verdicts::default(), 0);
         for (width, height, lanes) in [(1, 1, 8), (97, 60, 8), (64, 41, 16), (50, 30, 24), (33, 20, 40)] {
-            let (cam1, windows, evidence) = scene(width, height, lanes);
-            let wanted = plain(&cam1, &windows, &evidence);
+            let (cam1, ranges, evidence) = scene(width, height, lanes);
+            let wanted = plain(&cam1, &ranges, &evidence);
             for level in Level::ALL {
-                least_energies_at(level, &cam1, &windows, &evidence, &mut scratch, &mut verdicts);
+                least_costs_at(level, &cam1, &ranges, &evidence, &mut scratch, &mut verdicts);
                 for (pixel, wanted) in wanted.iter().enumerate().filter_map(|(pixel, w)| Some((pixel, (*w)?))) {
                     let found = (verdicts.order[pixel], verdicts.margin[pixel]);
                     assert_eq!(found, wanted, "{level:?} {width} {height} {lanes} {pixel}");

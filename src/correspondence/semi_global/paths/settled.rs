@@ -2,20 +2,20 @@
 
 use fringeflow_simd::{Kernel, Lanes};
 
-use crate::correspondence::semi_global::evidence::{BestOfRow, DECIDED, MISSING};
 use crate::correspondence::semi_global::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
-use crate::correspondence::semi_global::windows::MAX_LANES;
+use crate::correspondence::semi_global::matching_cost::{BestOfRow, DECIDED, MISSING};
+use crate::correspondence::semi_global::order_ranges::MAX_LANES;
 
 use super::{CHANGE, PathRow};
 
-/// Energies of a settled pixel, as far as any neighbour may point beside its orders.
+/// Costs of a settled pixel, as far as any neighbour may point beside its orders.
 pub(super) static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
-    let mut energies = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
-    energies[MAX_LANES + MAX_SHIFT] = 0;
-    energies
+    let mut costs = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
+    costs[MAX_LANES + MAX_SHIFT] = 0;
+    costs
 };
 
-/// Energies from so many orders beside the first order of a pixel on that is settled on the order in a place.
+/// Costs from so many orders beside the first order of a pixel on that is settled on the order in a place.
 #[inline(always)]
 pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
     &SETTLED[MAX_LANES + shift - place..][..lanes]
@@ -128,17 +128,17 @@ mod tests {
             for place in 0..lanes {
                 let mut row = PathRow::default();
                 row.clear(3, lanes);
-                let mut energies = vec![CHANGE; lanes];
-                energies[place] = 0;
-                row.set(Arrays, 1, &energies);
+                let mut costs = vec![CHANGE; lanes];
+                costs[place] = 0;
+                row.set(Arrays, 1, &costs);
                 assert_eq!(usize::from(row.places[1]), place);
-                let seen: Vec<u8> = energies.iter().map(|&energy| energy as u8).collect();
+                let seen: Vec<u8> = costs.iter().map(|&cost| cost as u8).collect();
                 assert_eq!(settled(place, MAX_SHIFT, lanes), seen);
-                energies[(place + 3) % lanes] -= 1;
-                row.set(Arrays, 1, &energies);
+                costs[(place + 3) % lanes] -= 1;
+                row.set(Arrays, 1, &costs);
                 assert_eq!(row.places[1], NO_PLACE);
             }
-            assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&energy| energy == CHANGE as u8));
+            assert!(settled(0, MAX_SHIFT + 1, lanes).iter().all(|&cost| cost == CHANGE as u8));
             assert_eq!(settled(2, MAX_SHIFT + 1, lanes)[1], 0);
         }
     }

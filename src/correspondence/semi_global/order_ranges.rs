@@ -18,7 +18,7 @@ const FEW_ORDERS: f32 = 2.0;
 const FAR_BEYOND_VOLUME: f32 = 6.0;
 /// Pixels of C1 of which one is asked for the mean number of orders on a segment.
 const STRIDE: usize = 97;
-/// Turns of δ by which a window is wider than its segment, so that a candidate at its end has its order.
+/// Turns of δ by which a range is wider than its segment, so that a candidate at its end has its order.
 const DELTA_MARGIN_TURNS: f32 = 0.25;
 /// Orders are handled so many at a time.
 pub(super) const LANE_STEP: usize = 8;
@@ -27,12 +27,12 @@ pub(super) const MAX_LANES: usize = 128;
 
 /// For each pixel of C1 the orders that a candidate can have.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Windows {
+pub(super) struct OrderRanges {
     /// Least order of each pixel.
     pub(super) first: Vec<i16>,
     /// Number of orders of each pixel; 0 where there is no phase or no segment.
     pub(super) count: Vec<u8>,
-    /// Scratch for the orders of a pixel, a multiple of [`LANE_STEP`].
+    /// Places for the orders of a pixel, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
     /// The table that room and reach were found for, and whether part of the scene lies far beyond the volume.
@@ -50,7 +50,7 @@ pub(in crate::correspondence) struct Reach {
     pub(super) last_column_px: f32,
 }
 
-impl Windows {
+impl OrderRanges {
     /// Makes ready for a scene: what depends on the table and the reach alone is found once. There may be pixels with more
     /// orders than there is room for; see [`Self::grow`].
     pub(super) fn ready(&mut self, scene: &Scene<'_>, looks_far: bool) {
@@ -99,7 +99,7 @@ impl Reach {
 }
 
 /// Asks for the orders of a row of pixels.
-pub(super) struct WindowRow<'a> {
+pub(super) struct OrderRangeRow<'a> {
     pub(super) reach: Reach,
     pub(super) segments: &'a SegmentRow,
     pub(super) phase: &'a [u16],
@@ -110,13 +110,13 @@ pub(super) struct WindowRow<'a> {
     pub(super) count: &'a mut [u8],
 }
 
-impl WindowRow<'_> {
+impl OrderRangeRow<'_> {
     pub(super) fn ask(self) {
         fringeflow_simd::run(Level::in_use(), self);
     }
 }
 
-impl Kernel for WindowRow<'_> {
+impl Kernel for OrderRangeRow<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -3,8 +3,8 @@
 use fringeflow_simd::Lanes;
 
 use crate::correspondence::drift::DepthBlock;
+use crate::correspondence::kernels::{Segments, block_of, load};
 use crate::correspondence::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
-use crate::correspondence::wide::{Segments, block_of, load};
 
 use super::Row;
 
@@ -12,7 +12,7 @@ use super::Row;
 pub(super) const MAX_WIDTH: i32 = 24;
 /// Greatest Φ that is believed, turns: what lies beyond has met its pole.
 const MAX_TURNS: f32 = 1e4;
-/// Beyond all orders of windows.
+/// Beyond all orders of ranges.
 const NO_ORDER: f32 = 32_000.0;
 /// Columns lie below this.
 const MAX_COLUMN: f32 = i16::MAX as f32;

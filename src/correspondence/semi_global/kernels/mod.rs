@@ -3,8 +3,8 @@
 //! Every operation is that of the scalar form, single and in its order. Pixels of which more cannot be said are *irregular*, and
 //! left to it: Φ that hardly changes or runs into its pole, intervals of many columns or at the border of the image.
 
-mod evidence;
 mod look;
+mod matching_cost;
 mod pixels;
 mod selection;
 
@@ -12,12 +12,12 @@ use fringeflow_simd::Lanes;
 
 use crate::correspondence::drift::DepthRow;
 use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::kernels::{BLOCK, Rows, block_of};
 use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::wide::{BLOCK, Rows, block_of};
 
-use super::windows::Reach;
+use super::order_ranges::Reach;
 
-pub(super) use evidence::{BestOfBlock, EvidenceScratch, OrdersOfBlock};
+pub(super) use matching_cost::{BestOfBlock, EvidenceScratch, OrdersOfBlock};
 use pixels::Pixels;
 pub(super) use selection::SelectionScratch;
 

@@ -9,9 +9,9 @@
 
 use fringeflow_simd::Lanes;
 
+use crate::correspondence::kernels::{BLOCK, Segments, block_of, load};
 use crate::correspondence::semi_global::selection::SelectedBlock;
 use crate::correspondence::surfaces::{NO_ORDER, columns_around_each};
-use crate::correspondence::wide::{BLOCK, Segments, block_of, load};
 
 use super::Row;
 use super::selection::Found;

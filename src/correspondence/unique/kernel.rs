@@ -9,10 +9,10 @@ use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::candidates::{Candidate, DeltaGate};
 use crate::correspondence::epipolar_image::EpipolarImage;
-use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::wide::{
+use crate::correspondence::kernels::{
     BLOCK, Crossing, Differences, Ends, Rows, Segments, Tables, column_and_slope, crosses,
 };
+use crate::correspondence::segment::SegmentRow;
 
 /// Turns by which the test is widened where columns are sought, against rounding.
 const PHASE_MARGIN_TURNS: f32 = 1e-3;

@@ -10,20 +10,20 @@ use super::plan::Plan;
 use super::side_by_side::SideBySide;
 
 /// `IS_LOOSE`: whether residuals may be as large as the modulation, or larger.
-pub(super) struct Quarters<const IS_LOOSE: bool> {
+pub(super) struct FourStep<const IS_LOOSE: bool> {
     ahead: u16,
     /// What the residual is multiplied with if it may be large, else the modulation, before they are compared.
     share: i16,
 }
 
-impl<const IS_LOOSE: bool> Quarters<IS_LOOSE> {
+impl<const IS_LOOSE: bool> FourStep<IS_LOOSE> {
     pub(super) fn new(plan: &Plan, limits: &Limits) -> Self {
         let share = if IS_LOOSE { 32767.0 / limits.max_share } else { 32767.0 * limits.max_share };
         Self { ahead: plan.ahead, share: share as i16 }
     }
 }
 
-impl<S: Sample, const IS_LOOSE: bool> Way<S> for Quarters<IS_LOOSE> {
+impl<S: Sample, const IS_LOOSE: bool> Way<S> for FourStep<IS_LOOSE> {
     const IS_CHAIN: bool = true;
 
     #[inline(always)]

@@ -11,7 +11,7 @@ use super::plan::{PairWeights, Plan};
 use super::side_by_side::SideBySide;
 
 /// `FOURS`: how often four images, of which the last may be fewer. One is three images, which fit any sinusoid.
-pub(super) struct EvenBytes<const FOURS: usize> {
+pub(super) struct EvenSteps<const FOURS: usize> {
     cosine: [FourWeights; FOURS],
     sine: [FourWeights; FOURS],
     ahead: u16,
@@ -23,7 +23,7 @@ pub(super) struct EvenBytes<const FOURS: usize> {
     most_variance: f32,
 }
 
-impl<const FOURS: usize> EvenBytes<FOURS> {
+impl<const FOURS: usize> EvenSteps<FOURS> {
     pub(super) fn new(plan: &Plan, limits: &Limits) -> Self {
         let weights = |of: fn(&PairWeights) -> [i16; 2]| {
             std::array::from_fn(|k| {
@@ -46,7 +46,7 @@ impl<const FOURS: usize> EvenBytes<FOURS> {
     }
 }
 
-impl<S: Sample, const FOURS: usize> Way<S> for EvenBytes<FOURS> {
+impl<S: Sample, const FOURS: usize> Way<S> for EvenSteps<FOURS> {
     const IS_CHAIN: bool = true;
 
     #[inline(always)]

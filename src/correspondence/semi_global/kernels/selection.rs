@@ -2,9 +2,9 @@
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
+use crate::correspondence::kernels::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
 use crate::correspondence::row_view::{MAX_RIM_BEND, RIM_SLOPES};
 use crate::correspondence::semi_global::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
-use crate::correspondence::wide::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
 
 use super::Block;
 use super::pixels::{MAX_WIDTH, Pixels};

@@ -1,7 +1,7 @@
 //! Evidence: how badly the best candidate of each order fits, in whole numbers.
 //!
-//! The energy of a candidate with z = (δ − drift)/sd is −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, and no more than five
-//! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that energy. What
+//! The cost of a candidate with z = (δ − drift)/sd is −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, and no more than five
+//! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that cost. What
 //! lies outside the volume was seldom meant: its candidates must fit somewhat better.
 
 use rayon::prelude::*;
@@ -9,33 +9,33 @@ use rayon::prelude::*;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::drift::DepthRow;
+use crate::correspondence::kernels::{BLOCK, Ends, block_of_mut};
 use crate::correspondence::outlook::Outlook;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::surfaces::{self, NO_ORDER as NO_LOOK};
-use crate::correspondence::wide::{BLOCK, Ends, block_of_mut};
 use crate::phase::Modulation;
 
 use super::bands::{self, BAND_ROWS};
+use super::kernels::{self, BestOfBlock, EvidenceScratch, OrdersOfBlock};
+use super::order_ranges::{OrderRangeRow, OrderRanges, Reach};
 use super::selection::{SelectedRow, Selection};
-use super::wide::{self, BestOfBlock, EvidenceScratch, OrdersOfBlock};
-use super::windows::{Reach, WindowRow, Windows};
 use super::{Scene, UNITS_PER_NAT};
 
-/// Energy of an order without candidate, nats.
+/// Matching cost of an order without candidate, nats.
 const MISSING_NATS: f32 = 5.0;
 /// The same in whole numbers.
 pub(super) const MISSING: u8 = (MISSING_NATS * UNITS_PER_NAT) as u8;
 /// Stands for an order that a pixel does not have.
 pub(super) const NO_ORDER: u8 = u8::MAX;
-/// Energy that a candidate outside the measurement volume has on top, nats.
+/// Matching cost that a candidate outside the measurement volume has on top, nats.
 const OUTSIDE_NATS: f32 = 0.2;
 pub(super) const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
-/// Stands for the least energy of a pixel that is decided, and by how much all other orders have more.
+/// Stands for the least cost of a pixel that is decided, and by how much all other orders have more.
 pub(super) const DECIDED: u8 = NO_ORDER - DECIDED_LEAD;
 pub(super) const DECIDED_LEAD: u8 = MISSING;
-/// Largest z with an energy of its own; beyond it the candidate counts as missing.
+/// Largest z with a cost of its own; beyond it the candidate counts as missing.
 pub(super) const MAX_Z: f32 = 5.0;
-/// Steps of the table of energies, in z.
+/// Steps of the table of costs, in z.
 pub(super) const STEPS_PER_Z: f32 = 64.0;
 /// z of the back-projection test (paper, section 2.1).
 pub(super) const PASSING_Z: f32 = 3.0;
@@ -149,9 +149,9 @@ impl OutlookRow {
     }
 
     /// The same of many pixels.
-    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> wide::Row<'a> {
+    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> kernels::Row<'a> {
         let width = scene.cam1.width;
-        wide::Row {
+        kernels::Row {
             image: scene.cam2,
             segments: &self.segments,
             drift: &self.drift,
@@ -176,21 +176,21 @@ pub(super) struct Asked<'a> {
 /// How well the orders of all pixels fit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Evidence {
-    /// Energies of all orders, those of pixel `i` from `i · lanes` on. Those of a pixel without window have no meaning.
-    pub(super) energies: Vec<u8>,
+    /// Costs of all orders, those of pixel `i` from `i · lanes` on. Those of a pixel without range have no meaning.
+    pub(super) costs: Vec<u8>,
     pub(super) best: Best,
     /// Whether some order fits a pixel, or surfaces tell one: 1 or 0.
     pub(super) is_explained: Vec<u8>,
     scratches: Vec<BandScratch>,
 }
 
-/// What the energies of each pixel come to; without meaning where there is no window.
+/// What the costs of each pixel come to; without meaning where there is no range.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Best {
-    /// Place of the first order with the least energy.
+    /// Place of the first order with the least cost.
     place: Vec<u8>,
     least: Vec<u8>,
-    /// The least energy of the other orders, or of this one where there is no other.
+    /// The least cost of the other orders, or of this one where there is no other.
     second: Vec<u8>,
 }
 
@@ -233,15 +233,15 @@ struct BandScratch {
 
 impl Evidence {
     /// Looks at each pixel of which surfaces tell the order, which decides most. Asks for the orders of each other pixel and for
-    /// their energies; and how many orders of each pass the back-projection test |δ − drift| < 3·sd.
+    /// their costs; and how many orders of each pass the back-projection test |δ − drift| < 3·sd.
     pub(super) fn gather(
         &mut self,
         asked: &Asked<'_>,
-        windows: &mut Windows,
+        ranges: &mut OrderRanges,
         selection: &mut Selection,
         passing: &mut Vec<u8>,
     ) {
-        let (pixels, energies) = (asked.scene.cam1.phase.len(), Energies::new());
+        let (pixels, costs) = (asked.scene.cam1.phase.len(), Costs::new());
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
@@ -249,11 +249,11 @@ impl Evidence {
         self.is_explained.resize(pixels, 0);
         selection.resize(pixels);
         loop {
-            let most = self.gather_into(asked, windows, selection, &energies, passing);
-            if most <= windows.lanes {
+            let most = self.gather_into(asked, ranges, selection, &costs, passing);
+            if most <= ranges.lanes {
                 return;
             }
-            windows.grow(most);
+            ranges.grow(most);
         }
     }
 
@@ -261,21 +261,21 @@ impl Evidence {
     fn gather_into(
         &mut self,
         &Asked { scene, open, scale, surfaces, outside }: &Asked<'_>,
-        windows: &mut Windows,
+        ranges: &mut OrderRanges,
         selection: &mut Selection,
-        energies: &Energies,
+        costs: &Costs,
         passing: &mut [u8],
     ) -> usize {
-        let (lanes, reach, width) = (windows.lanes, windows.reach, scene.cam1.width.max(1));
-        self.energies.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
+        let (lanes, reach, width) = (ranges.lanes, ranges.reach, scene.cam1.width.max(1));
+        self.costs.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
         bands::resize(&mut self.scratches, scene.cam1.height);
         let of_band = BAND_ROWS * width;
         let Best { place, least, second } = &mut self.best;
         let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
-        let windows = windows.first.par_chunks_mut(of_band).zip(windows.count.par_chunks_mut(of_band));
-        let out = self.energies.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
+        let ranges = ranges.first.par_chunks_mut(of_band).zip(ranges.count.par_chunks_mut(of_band));
+        let out = self.costs.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
         let scratches = self.is_explained.par_chunks_mut(of_band).zip(&mut self.scratches);
-        let bands = out.zip(best).zip(windows).zip(selection.bands(of_band)).zip(scratches).enumerate();
+        let bands = out.zip(best).zip(ranges).zip(selection.bands(of_band)).zip(scratches).enumerate();
         bands.for_each(|(band, (((out, (first, count)), mut selected), (is_explained, scratch)))| {
             let ((tile, passing), ((place, least), second)) = out;
             scratch.most = 0;
@@ -287,7 +287,7 @@ impl Evidence {
                 let own = v * width..(v + 1) * width;
                 let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()]);
                 let outside = &outside[own];
-                WindowRow { reach, segments: &row.segments, phase, valid, outside, first, count }.ask();
+                OrderRangeRow { reach, segments: &row.segments, phase, valid, outside, first, count }.ask();
                 *most = count.iter().fold(*most, |most, &count| most.max(usize::from(count)));
                 if *most > lanes {
                     continue;
@@ -305,7 +305,7 @@ impl Evidence {
                     row,
                     first,
                     count: asked,
-                    energies,
+                    costs,
                     lanes,
                     tile: &mut tile[pixels.start * lanes..pixels.end * lanes],
                     passing: &mut passing[pixels.clone()],
@@ -323,7 +323,7 @@ impl Evidence {
     }
 }
 
-/// Leaves only those pixels of a row decided of which the order is among those of their windows.
+/// Leaves only those pixels of a row decided of which the order is among those of their ranges.
 fn keep_to_windows(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) {
     let width = count.len();
     let (absolute, first) = (&selected.absolute[..width], &first[..width]);
@@ -368,7 +368,7 @@ struct EvidenceRow<'a> {
     row: &'a OutlookRow,
     first: &'a [i16],
     count: &'a [u8],
-    energies: &'a Energies,
+    costs: &'a Costs,
     /// Scratch for the orders of a pixel.
     lanes: usize,
     tile: &'a mut [u8],
@@ -395,7 +395,7 @@ impl Kernel for EvidenceRow<'_> {
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
             let tile = &mut self.tile[begin * self.lanes..][..BLOCK * self.lanes];
             let orders = OrdersOfBlock { first, count, most };
-            let best = of_block.evidence(&orders, self.energies, &mut scratch, &mut ends, tile, self.lanes);
+            let best = of_block.evidence(&orders, self.costs, &mut scratch, &mut ends, tile, self.lanes);
             let BestOfBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
@@ -426,13 +426,13 @@ impl EvidenceRow<'_> {
         let orders = &mut self.tile[u * self.lanes..][..self.lanes];
         orders.fill(NO_ORDER);
         let (mut place, mut least, mut second) = (0, NO_ORDER, NO_ORDER);
-        for (lane, energy) in orders[..count].iter_mut().enumerate() {
+        for (lane, cost) in orders[..count].iter_mut().enumerate() {
             let order = i32::from(self.first[u]) + lane as i32;
-            *energy = best_energy(&outlook, order, self.row.sd_turns[u], self.energies);
-            self.passing[u] += u8::from(*energy < self.energies.limit);
-            second = second.min(least.max(*energy));
-            if *energy < least {
-                (place, least) = (lane as u8, *energy);
+            *cost = best_cost(&outlook, order, self.row.sd_turns[u], self.costs);
+            self.passing[u] += u8::from(*cost < self.costs.limit);
+            second = second.min(least.max(*cost));
+            if *cost < least {
+                (place, least) = (lane as u8, *cost);
             }
         }
         (self.place[u], self.least[u]) = (place, least);
@@ -440,8 +440,8 @@ impl EvidenceRow<'_> {
     }
 }
 
-/// Energy of the best candidate of an order.
-fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &Energies) -> u8 {
+/// Matching cost of the best candidate of an order.
+fn best_cost(outlook: &Outlook<'_>, order: i32, sd_turns: f32, costs: &Costs) -> u8 {
     let mut best = MISSING;
     let Some(interval_px) = outlook.columns_of(order, MAX_Z * sd_turns) else { return best };
     outlook.crossings(interval_px, |column_px, _| {
@@ -449,30 +449,30 @@ fn best_energy(outlook: &Outlook<'_>, order: i32, sd_turns: f32, energies: &Ener
         if found == order {
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
             let outside = if outlook.is_in_volume(column_px) { 0 } else { OUTSIDE };
-            best = best.min(energies.of_step[step.min(Energies::STEPS)] as u8 + outside);
+            best = best.min(costs.of_step[step.min(Costs::STEPS)] as u8 + outside);
         }
     });
     best
 }
 
-/// Energy of every step of z.
-pub(super) struct Energies {
+/// Matching cost of every step of z.
+pub(super) struct Costs {
     /// The last is that of a missing candidate.
     pub(super) of_step: [i32; Self::STEPS + 1],
     /// What an order that passes the back-projection test is below.
     pub(super) limit: u8,
 }
 
-impl Energies {
-    /// Steps of z that have an energy of their own.
+impl Costs {
+    /// Steps of z that have a cost of their own.
     pub(super) const STEPS: usize = (MAX_Z * STEPS_PER_Z) as usize;
 
     fn new() -> Self {
         let of_step = std::array::from_fn(|step| {
             let z = (step as f64 + 0.5) / f64::from(STEPS_PER_Z);
             let nats = -((-f64::from(MISSING_NATS)).exp() + (-0.5 * z * z).exp()).ln();
-            let energy = (nats.max(0.0) * f64::from(UNITS_PER_NAT)).round() as i32;
-            if step < Self::STEPS { energy } else { i32::from(MISSING) }
+            let cost = (nats.max(0.0) * f64::from(UNITS_PER_NAT)).round() as i32;
+            if step < Self::STEPS { cost } else { i32::from(MISSING) }
         });
         Self { of_step, limit: of_step[(PASSING_Z * STEPS_PER_Z) as usize] as u8 }
     }
@@ -488,18 +488,18 @@ impl Best {
 
 #[cfg(test)]
 impl Evidence {
-    /// Energies that were found elsewhere.
-    pub(super) fn new(energies: Vec<u8>, windows: &Windows) -> Self {
+    /// Costs that were found elsewhere.
+    pub(super) fn new(costs: Vec<u8>, ranges: &OrderRanges) -> Self {
         let mut best = Best::default();
-        for (energies, &count) in energies.chunks(windows.lanes).zip(&windows.count) {
-            let mut own = energies[..usize::from(count)].to_vec();
+        for (costs, &count) in costs.chunks(ranges.lanes).zip(&ranges.count) {
+            let mut own = costs[..usize::from(count)].to_vec();
             let place = (0..own.len()).min_by_key(|&lane| own[lane]).unwrap_or(0);
             own.sort_unstable();
             best.place.push(place as u8);
             best.least.push(own.first().copied().unwrap_or(0));
             best.second.push(own.get(1).or(own.first()).copied().unwrap_or(0));
         }
-        Self { energies, best, ..Self::default() }
+        Self { costs, best, ..Self::default() }
     }
 }
 
@@ -512,11 +512,11 @@ mod tests {
     fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, energies, width) = (DeltaScale::from_scene(&scene), Energies::new(), scene.cam1.width);
-        let (mut windows, mut row, mut known) = (Windows::default(), OutlookRow::default(), 0);
-        windows.ready(&scene, false);
-        let reach = windows.reach;
-        for lanes in [windows.lanes + 8, windows.lanes + 16] {
+        let (scale, costs, width) = (DeltaScale::from_scene(&scene), Costs::new(), scene.cam1.width);
+        let (mut ranges, mut row, mut known) = (OrderRanges::default(), OutlookRow::default(), 0);
+        ranges.ready(&scene, false);
+        let reach = ranges.reach;
+        for lanes in [ranges.lanes + 8, ranges.lanes + 16] {
             for v in 0..scene.cam1.height {
                 row.turn_to(&scene, &scale, v);
                 let (mut first, mut count) = (vec![0; width], vec![0; width]);
@@ -524,8 +524,9 @@ mod tests {
                 let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
                 let (segments, outside) = (&row.segments, &vec![false; width]);
                 let (own_first, own_count) = (&mut first, &mut count);
-                let window = WindowRow { reach, segments, phase, valid, outside, first: own_first, count: own_count };
-                window.ask();
+                let range =
+                    OrderRangeRow { reach, segments, phase, valid, outside, first: own_first, count: own_count };
+                range.ask();
                 let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
                     let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);
                     out.iter_mut().for_each(|out| out.resize(width, 0));
@@ -536,7 +537,7 @@ mod tests {
                         row: &row,
                         first: &first,
                         count: &count,
-                        energies: &energies,
+                        costs: &costs,
                         lanes,
                         tile: &mut tile,
                         passing,
@@ -544,7 +545,7 @@ mod tests {
                         least,
                         second,
                     });
-                    // What pixels without a window have means nothing.
+                    // What pixels without a range have means nothing.
                     for u in (0..width).filter(|&u| count[u] == 0) {
                         tile[u * lanes..(u + 1) * lanes].fill(0);
                         out.iter_mut().for_each(|out| out[u] = 0);
@@ -552,7 +553,7 @@ mod tests {
                     (tile, out)
                 };
                 let wanted = of(&|mut row| (0..width).for_each(|u| row.gather_pixel(u)));
-                known += wanted.0.iter().filter(|&&energy| energy < MISSING).count();
+                known += wanted.0.iter().filter(|&&cost| cost < MISSING).count();
                 for level in Level::ALL {
                     assert!(of(&|row| fringeflow_simd::run(level, row)) == wanted, "{level:?} {v} {lanes}");
                 }
@@ -575,12 +576,12 @@ mod tests {
     }
 
     #[test]
-    fn energies_rise_from_none_to_that_of_a_missing_candidate() {
-        let Energies { of_step: energies, limit } = Energies::new();
-        assert!(energies[0] == 0 && energies.is_sorted());
-        assert!(energies.iter().all(|&energy| energy <= i32::from(MISSING)) && energies[Energies::STEPS - 1] >= 99);
+    fn costs_rise_from_none_to_that_of_a_missing_candidate() {
+        let Costs { of_step: costs, limit } = Costs::new();
+        assert!(costs[0] == 0 && costs.is_sorted());
+        assert!(costs.iter().all(|&cost| cost <= i32::from(MISSING)) && costs[Costs::STEPS - 1] >= 99);
         // One sd costs half a nat.
-        assert_eq!(energies[64], 10);
+        assert_eq!(costs[64], 10);
         assert!((80..90).contains(&limit), "{limit}");
     }
 }

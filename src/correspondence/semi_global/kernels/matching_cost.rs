@@ -1,10 +1,10 @@
-//! Energies of all orders of 32 pixels.
+//! Costs of all orders of 32 pixels.
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
-use crate::correspondence::semi_global::evidence::{Energies, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
-use crate::correspondence::semi_global::windows::LANE_STEP;
-use crate::correspondence::wide::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
+use crate::correspondence::kernels::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
+use crate::correspondence::semi_global::matching_cost::{Costs, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
+use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::Block;
 
@@ -20,11 +20,11 @@ pub(in crate::correspondence::semi_global) struct OrdersOfBlock<'a> {
     pub(in crate::correspondence::semi_global) most: usize,
 }
 
-/// What the energies of 32 pixels come to, each as words.
+/// What the costs of 32 pixels come to, each as words.
 pub(in crate::correspondence::semi_global) struct BestOfBlock<L: Lanes> {
     /// Orders that pass the back-projection test.
     pub(in crate::correspondence::semi_global) passing: L::Words,
-    /// The first order with the least energy, that energy, and the least of the others.
+    /// The first order with the least cost, that cost, and the least of the others.
     pub(in crate::correspondence::semi_global) place: L::Words,
     pub(in crate::correspondence::semi_global) least: L::Words,
     pub(in crate::correspondence::semi_global) second: L::Words,
@@ -65,13 +65,13 @@ impl<L: Lanes> EvidenceScratch<L> {
 }
 
 impl<L: Lanes> Block<'_, L> {
-    /// Energies of all orders of each pixel into `tile`, where those of each pixel begin `lanes_of_pixel` after those of the
+    /// Costs of all orders of each pixel into `tile`, where those of each pixel begin `lanes_of_pixel` after those of the
     /// one before; and what they come to.
     #[inline(always)]
     pub(in crate::correspondence::semi_global) fn evidence(
         &mut self,
         orders: &OrdersOfBlock<'_>,
-        energies: &Energies,
+        costs: &Costs,
         scratch: &mut EvidenceScratch<L>,
         ends: &mut Ends,
         tile: &mut [u8],
@@ -82,7 +82,7 @@ impl<L: Lanes> Block<'_, L> {
         let mut best = BestOfBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
         for skipped in (0..lanes_of_pixel).step_by(LANE_STEP) {
             let count = orders.most.saturating_sub(skipped).min(LANE_STEP);
-            self.step(orders, [skipped, count], energies, scratch, ends, &mut best);
+            self.step(orders, [skipped, count], costs, scratch, ends, &mut best);
             scratch.by_order[count..].fill([NO_ORDER; BLOCK]);
             transpose(&scratch.by_order, &mut tile[skipped..], lanes_of_pixel);
         }
@@ -97,7 +97,7 @@ impl<L: Lanes> Block<'_, L> {
         &mut self,
         orders: &OrdersOfBlock<'_>,
         [skipped, count]: [usize; 2],
-        energies: &Energies,
+        costs: &Costs,
         scratch: &mut EvidenceScratch<L>,
         ends: &mut Ends,
         all: &mut BestOfBlock<L>,
@@ -122,33 +122,26 @@ impl<L: Lanes> Block<'_, L> {
         }
         scratch.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
         for lane in 0..count {
-            self.cross(lane, first, energies, scratch, ends);
+            self.cross(lane, first, costs, scratch, ends);
         }
-        self.weigh(first, energies, scratch);
-        let limit = lanes.word(i16::from(energies.limit));
+        self.weigh(first, costs, scratch);
+        let limit = lanes.word(i16::from(costs.limit));
         for lane in 0..count {
             let own = lanes.and(scratch.columns[lane].own, self.regular);
-            let energy = lanes.select(own, scratch.best[lane], lanes.word(i16::from(NO_ORDER)));
-            lanes.store_bytes(energy, &mut scratch.by_order[lane]);
-            let better = lanes.is_greater(all.least, energy);
+            let cost = lanes.select(own, scratch.best[lane], lanes.word(i16::from(NO_ORDER)));
+            lanes.store_bytes(cost, &mut scratch.by_order[lane]);
+            let better = lanes.is_greater(all.least, cost);
             all.place = lanes.select(better, lanes.word((skipped + lane) as i16), all.place);
-            all.second = lanes.min_unsigned(all.second, lanes.max_unsigned(all.least, energy));
-            all.least = lanes.min_unsigned(all.least, energy);
-            let passes = lanes.select(lanes.is_greater(limit, energy), lanes.word(1), lanes.word(0));
+            all.second = lanes.min_unsigned(all.second, lanes.max_unsigned(all.least, cost));
+            all.least = lanes.min_unsigned(all.least, cost);
+            let passes = lanes.select(lanes.is_greater(limit, cost), lanes.word(1), lanes.word(0));
             all.passing = lanes.add(all.passing, passes);
         }
     }
 
     /// Finds where the phases of the pixels are crossed in the columns of an order.
     #[inline(always)]
-    fn cross(
-        &self,
-        lane: usize,
-        first: L::Longs,
-        energies: &Energies,
-        scratch: &mut EvidenceScratch<L>,
-        ends: &mut Ends,
-    ) {
+    fn cross(&self, lane: usize, first: L::Longs, costs: &Costs, scratch: &mut EvidenceScratch<L>, ends: &mut Ends) {
         let lanes = self.lanes;
         let columns = scratch.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);
@@ -171,7 +164,7 @@ impl<L: Lanes> Block<'_, L> {
                     let after = tables.difference(at);
                     let hit = lanes.and(crosses(lanes, before, after), within);
                     if lanes.any(lanes.and(hit, crossing.hit)) {
-                        self.keep(lane, crossing, bases, first, energies, scratch);
+                        self.keep(lane, crossing, bases, first, costs, scratch);
                         crossing = Crossing::none(lanes);
                     }
                     crossing.take(lanes, hit, before.value, after.value, at);
@@ -179,7 +172,7 @@ impl<L: Lanes> Block<'_, L> {
                     at = lanes.add(at, one);
                     within = lanes.and_not(within, lanes.is_greater(at, last));
                 }
-                self.keep(lane, crossing, bases, first, energies, scratch);
+                self.keep(lane, crossing, bases, first, costs, scratch);
             }
         }
     }
@@ -192,23 +185,23 @@ impl<L: Lanes> Block<'_, L> {
         mut crossing: Crossing<L>,
         bases: L::Words,
         first: L::Longs,
-        energies: &Energies,
+        costs: &Costs,
         scratch: &mut EvidenceScratch<L>,
     ) {
         if !self.lanes.any(crossing.hit) {
             return;
         }
         if scratch.count == MAX_CROSSINGS {
-            self.weigh(first, energies, scratch);
+            self.weigh(first, costs, scratch);
         }
         crossing.after_at = self.lanes.add(crossing.after_at, bases);
         scratch.crossings[scratch.count] = (crossing, lane);
         scratch.count += 1;
     }
 
-    /// Takes the energies of crossings into account, and forgets these.
+    /// Takes the costs of crossings into account, and forgets these.
     #[inline(always)]
-    fn weigh(&self, first: L::Longs, energies: &Energies, scratch: &mut EvidenceScratch<L>) {
+    fn weigh(&self, first: L::Longs, costs: &Costs, scratch: &mut EvidenceScratch<L>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
         for &(crossing, lane) in &scratch.crossings[..scratch.count] {
             let order = lanes.add_long(first, lanes.long(lane as i32));
@@ -218,13 +211,13 @@ impl<L: Lanes> Block<'_, L> {
             let fits = lanes.and(crossing.hit, lanes.mask_of(fits));
             let z = lanes.over(lanes.abs_float(rest), pixels.sd_turns);
             let step = lanes.times_float(z, lanes.float(STEPS_PER_Z));
-            let step = lanes.longs(lanes.min_float(step, lanes.float(Energies::STEPS as f32)));
-            let energy = lanes.numbers(&energies.of_step, step);
+            let step = lanes.longs(lanes.min_float(step, lanes.float(Costs::STEPS as f32)));
+            let cost = lanes.numbers(&costs.of_step, step);
             let within = pixels.segments.have(column_px);
             let outside = lanes.select_long(within, lanes.long(0), lanes.long(i32::from(OUTSIDE)));
-            let energy = lanes.narrow(lanes.add_long(energy, outside));
+            let cost = lanes.narrow(lanes.add_long(cost, outside));
             let best = scratch.best[lane];
-            scratch.best[lane] = lanes.select(fits, lanes.min_unsigned(best, energy), best);
+            scratch.best[lane] = lanes.select(fits, lanes.min_unsigned(best, cost), best);
         }
         scratch.count = 0;
     }
