@@ -1,0 +1,50 @@
+//! A dataset folder becomes a point cloud: read images and rig, build the segment table, reconstruct, write a PLY.
+//!
+//! ```text
+//! cargo run --release --example reconstruct_dataset -- FOLDER CLOUD.ply
+//! ```
+//!
+//! `fringeflow simulate nose -o FOLDER` makes a folder to try it with.
+
+#![expect(clippy::print_stdout, reason = "an example prints what it did")]
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use fringeflow::calibration::Unit;
+use fringeflow::cloud::CloudExport;
+use fringeflow::correspondence::{Outcome, SegmentTable};
+use fringeflow::phase::PhaseShifts;
+use fringeflow::reconstruction::{Reconstructor, Settings};
+use fringeflow_dataset::{CameraId, Dataset, GreyImage};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let [folder, target] = arguments().ok_or("usage: reconstruct_dataset FOLDER CLOUD.ply")?;
+    let dataset = Dataset::open(&folder, None)?;
+    let setup = &dataset.setup;
+
+    // What depends on the rig alone is computed once, and serves any number of windows.
+    let volume = setup.volume.as_ref().ok_or("meta.json states no measurement volume")?;
+    let pattern = &setup.sequence.pattern;
+    let table = SegmentTable::build(&setup.rig, volume, pattern)?;
+    let shifts = PhaseShifts::new(setup.cycle_shifts_rad())?;
+    let mut reconstructor = Reconstructor::new(&setup.rig, pattern, table, &shifts, Settings::default())?;
+
+    let numbers: Vec<usize> = (0..setup.steps).collect();
+    let cam1 = dataset.phase_images(CameraId::Cam1, &numbers)?;
+    let cam2 = dataset.phase_images(CameraId::Cam2, &numbers)?;
+    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None)?;
+
+    // Every pixel of camera 1 ends in one outcome: a point, or the reason why it has none.
+    for outcome in Outcome::ALL {
+        let pixels = made.matches.outcomes.iter().filter(|&&o| o == outcome).count();
+        println!("{:<18} {pixels:>8} pixels", outcome.name());
+    }
+    made.cloud.write(&target, &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
+    println!("{} points in {}", made.cloud.points.len(), target.display());
+    Ok(())
+}
+
+fn arguments() -> Option<[PathBuf; 2]> {
+    std::env::args_os().skip(1).map(PathBuf::from).collect::<Vec<_>>().try_into().ok()
+}
