@@ -1,6 +1,6 @@
 //! Every example does what its head says.
 
-#![expect(clippy::unwrap_used, reason = "an example that cannot be run fails the test")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "an example that cannot be run fails the test")]
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
