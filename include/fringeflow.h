@@ -1,7 +1,7 @@
 /*
  * Messages of Fringeflow's channels that a projector driver, a camera driver or a remote control sends or reads.
  *
- * Layout and names are those of the Rust types in src/message/; every struct has fixed size and no hidden padding. The
+ * Layout and names are those of the Rust types in crates/message/src/; every struct has fixed size and no hidden padding. The
  * macro FRINGEFLOW_TYPE_… beside a struct is the type name under which iceoryx2 knows it: it ends in the version of the
  * layout, so that programs of different versions do not meet. What to send when is in docs/projector-driver.md.
  *

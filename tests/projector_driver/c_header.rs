@@ -84,7 +84,7 @@ fn numbers() -> Vec<Line> {
     commands.into_iter().chain(others).chain(formats).collect()
 }
 
-/// The name under which iceoryx2 knows a struct of src/message.
+/// The name under which iceoryx2 knows a struct of crates/message/src.
 fn type_name(rust: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/message/src");
     let files = std::fs::read_dir(folder).unwrap();
