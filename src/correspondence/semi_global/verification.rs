@@ -37,11 +37,12 @@ const MAX_Z_STEP: f32 = 5.0;
 const MIN_LEAD_NATS: f32 = 3.1;
 const LEAD_NATS_PER_VARIANCE: f32 = 2.0;
 const MAX_VARIANCE: f32 = 4.5;
-/// With this lead a region stands however its z scatters, and is no strip: what motion leaves in δ is many times the noise of the
-/// scene around, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm an image: right
-/// regions with variances up to 8 have at least 8.6 nats a path, wrong ones of 200 pixels and more at most 8.1, but for the inner
-/// wall of a ring before a board, with 11.
+/// With this lead the variance of z may be larger, and a region is no strip: motion leaves more in δ than the noise of the scene
+/// around, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm an image: right regions
+/// with variances up to 8 have a lead of at least 8.6 nats a path. A lead alone is not enough: a strip of a board 40 mm behind the
+/// volume leads by more, with variances of hundreds.
 const SURE_LEAD_NATS: f32 = 8.5;
+const SURE_VARIANCE: f32 = 9.0;
 /// By so much less than others such a region is founded: each that δ supports takes its places in C2.
 const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
@@ -156,23 +157,29 @@ impl Verification<'_> {
 
     fn judge_regions(&self, VerificationScratch { regions, of_regions, strips, .. }: &mut VerificationScratch) {
         let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = of_regions;
-        // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half.
+        // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half. The
+        // sums count the pixels beyond the variance that the lead allows, and 2^32 times those beyond that of a sure region.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.region as usize];
             (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
         };
         regions.sum(sums, |run| {
             let allowed = allowed(run);
-            self.selection.z[run.pixels()].iter().map(|z| u64::from(z * z / MEDIAN_SQUARE > allowed)).sum()
+            let count_of = |z: &f32| {
+                let square = z * z / MEDIAN_SQUARE;
+                u64::from(square > allowed) | u64::from(square > SURE_VARIANCE) << 32
+            };
+            self.selection.z[run.pixels()].iter().map(count_of).sum()
         });
         verdicts.clear();
         foundations_nats.clear();
         let of_regions = regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip);
         for (((&size_px, &lead_nats), &large), &is_strip) in of_regions {
-            let small = u64::from(size_px) - large;
-            let is_supported = !is_strip && small > u64::from(size_px) / 2;
+            let mostly_small = |large: u64| u64::from(size_px) - large > u64::from(size_px) / 2;
+            let is_supported = !is_strip && mostly_small(large & u64::from(u32::MAX));
+            let is_sure = lead_nats >= SURE_LEAD_NATS && mostly_small(large >> 32);
             let is_clear = size_px >= self.limits.min_region_px && lead_nats >= MIN_LEAD_NATS;
-            verdicts.push(match is_supported || lead_nats >= SURE_LEAD_NATS {
+            verdicts.push(match is_supported || is_sure {
                 true if is_clear => None,
                 false if is_clear || is_strip => Some(Outcome::RejectedByDelta),
                 _ => Some(Outcome::Ambiguous),
