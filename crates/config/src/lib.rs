@@ -9,6 +9,7 @@ mod cameras;
 mod former;
 mod health;
 mod monitor;
+mod paths;
 mod processors;
 mod raw;
 mod scanner;

@@ -4,6 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use super::ConfigurationProblem;
+use super::paths::in_folder;
 use super::raw::RawMonitor;
 
 /// Where the dashboard is by default.
@@ -50,7 +51,7 @@ pub(super) fn configuration(raw: &RawMonitor, folder: &Path) -> Result<MonitorCo
         is_enabled: raw.enabled.unwrap_or(true),
         dashboard: listen("monitor.address", raw.address.as_deref(), DASHBOARD)?,
         foxglove,
-        token_file: raw.token_file.as_ref().map(|file| folder.join(file)),
+        token_file: raw.token_file.as_ref().map(|file| in_folder(folder, file)),
         host_names: raw.host_names.clone().unwrap_or_default(),
         foxglove_origins: raw.foxglove_origins.clone().unwrap_or_else(|| ORIGINS.map(str::to_owned).to_vec()),
     };

@@ -12,6 +12,7 @@ use fringeflow_pixels::SourceFormat;
 
 use super::cameras::{self, CameraSource};
 use super::monitor::{self, MonitorConfiguration};
+use super::paths::in_folder;
 use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_scanner::VirtualScannerConfiguration;
@@ -147,7 +148,7 @@ impl ScannerConfiguration {
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement: Configuration::from_raw(&raw)?,
-            segment_table: raw.rig.as_ref().and_then(|rig| rig.segment_table.as_ref()).map(|path| folder.join(path)),
+            segment_table: segment_table(&raw, folder),
             rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
             readout: readout(cameras, &source)?,
             cameras: source,
@@ -276,6 +277,10 @@ pub enum SetupTextError {
     Description(#[from] serde_json::Error),
 }
 
+fn segment_table(raw: &RawConfiguration, folder: &Path) -> Option<PathBuf> {
+    raw.rig.as_ref()?.segment_table.as_ref().map(|path| in_folder(folder, path))
+}
+
 fn rig_source(
     raw: &RawConfiguration,
     cameras: &CameraSource,
@@ -290,7 +295,7 @@ fn rig_source(
     let Some(rig) = &raw.rig else { return Ok(None) };
     let unit = one_of("rig.unit", &rig.unit, &[("mm", Unit::Millimetre), ("m", Unit::Metre)])?;
     let sequence = pattern(raw.pattern.as_ref())?;
-    Ok(Some(RigSource::Files { calibration: folder.join(&rig.calibration), unit, sequence }))
+    Ok(Some(RigSource::Files { calibration: in_folder(folder, &rig.calibration), unit, sequence }))
 }
 
 /// What is used of the images of `[cameras]`; whether it lies in them, the calibration tells.
@@ -351,8 +356,7 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
         value.map(|v| v << 20)
     };
     Ok(RecorderConfiguration {
-        // Without the `.` of a folder that is this one: people read the path.
-        folder: raw.folder.as_ref().map_or_else(|| folder.to_owned(), |path| folder.join(path).components().collect()),
+        folder: in_folder(folder, raw.folder.as_deref().unwrap_or(Path::new("."))),
         from_start: raw.from_start.unwrap_or(false),
         queue_bytes: megabytes("recorder.queue_mb", raw.queue_mb.unwrap_or(256), 1)?,
         min_free_bytes: megabytes("recorder.min_free_mb", raw.min_free_mb.unwrap_or(1024), 0)?,
@@ -376,7 +380,7 @@ mod tests {
         let demo = parse(DEMO).unwrap();
         assert_eq!((&demo.cameras, demo.projector), (&CameraSource::Virtual, ProjectorDriver::Virtual));
         assert_eq!(demo.frame_period_ns(), 33_333_333);
-        assert_eq!(demo.recorder.folder, Path::new("/configs/../demo-output"));
+        assert_eq!(demo.recorder.folder, Path::new("/demo-output"));
         // The part of it that measures is a configuration of its own.
         assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
     }

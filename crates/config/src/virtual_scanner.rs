@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::paths::in_folder;
+
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::FringeSequence;
 
@@ -108,7 +110,7 @@ impl VirtualScannerConfiguration {
             steps: sequence.shifts_rad.len(),
             period_px: sequence.pattern.period_px,
             format,
-            cache: table.cache.as_ref().map(|path| folder.join(path)),
+            cache: table.cache.as_ref().map(|path| in_folder(folder, path)),
             table: table.clone(),
         }
     }
