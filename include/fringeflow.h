@@ -117,7 +117,7 @@ typedef struct {
     uint32_t refused;            /* 0: done; 1: refused, the text says why */
     uint32_t reserved;           /* zero */
     fringeflow_scan_state state; /* the state after the command */
-    fringeflow_text text;        /* why it was refused */
+    fringeflow_text text;        /* what was done, or why it was refused */
 } fringeflow_control_response;
 FRINGEFLOW_SIZE(fringeflow_control_response, 808);
 

@@ -59,7 +59,7 @@ pub struct ControlResponse {
     pub reserved: u32,
     /// The state after the command.
     pub state: ScanState,
-    /// Why it was refused.
+    /// What was done, or why it was refused.
     pub text: Text,
 }
 

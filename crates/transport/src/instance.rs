@@ -48,11 +48,15 @@ impl Instance {
     /// # Errors
     /// A name that is none, or a path too long for sockets.
     pub fn new(name: &str) -> Result<Self, TransportError> {
+        Self::under(&Self::user_runtime_dir(), name)
+    }
+
+    /// The runtime folder of this user.
+    pub(super) fn user_runtime_dir() -> PathBuf {
         let folder = |variable| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let runtime_dir = folder("FRINGEFLOW_RUNTIME_DIR")
+        folder("FRINGEFLOW_RUNTIME_DIR")
             .or_else(|| folder("XDG_RUNTIME_DIR").map(|dir| dir.join("fringeflow")))
-            .unwrap_or_else(|| PathBuf::from(format!("/tmp/fringeflow-{}", geteuid().as_raw())));
-        Self::under(&runtime_dir, name)
+            .unwrap_or_else(|| PathBuf::from(format!("/tmp/fringeflow-{}", geteuid().as_raw())))
     }
 
     /// The instance of this name in this runtime folder.

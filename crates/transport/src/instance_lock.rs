@@ -4,11 +4,15 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
 use super::{Instance, TransportError, shared_memory};
+
+/// End of the name of a lock file, behind the name of the instance.
+const LOCK_SUFFIX: &str = ".lock";
 
 /// The right to supervise an instance.
 ///
@@ -29,7 +33,7 @@ impl InstanceLock {
     pub fn take(instance: &Instance) -> Result<Self, TransportError> {
         instance.prepare()?;
         // Beside the folder of the instance, so that removing that folder does not free the name.
-        let path = instance.runtime_dir().join(format!("{}.lock", instance.name()));
+        let path = instance.runtime_dir().join(format!("{}{LOCK_SUFFIX}", instance.name()));
         let file = lock_file(instance, &path)?;
         let lock = Self { instance: instance.clone(), path, _file: file };
         lock.remove_unused()?;
@@ -64,6 +68,41 @@ impl Drop for InstanceLock {
         if let Err(error) = ignore_missing(fs::remove_file(&self.path)) {
             tracing::warn!(%error, path = %self.path.display(), "cannot remove the lock file");
         }
+    }
+}
+
+/// An instance whose supervisor began, and has not ended in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Begun {
+    /// The instance. It runs, unless its supervisor was killed.
+    pub instance: Instance,
+    /// When its supervisor began.
+    pub since: SystemTime,
+}
+
+impl Instance {
+    /// The instances of this user that began and have not ended in order, by name.
+    ///
+    /// # Errors
+    /// The runtime folder cannot be found or read.
+    pub fn begun() -> Result<Vec<Begun>, TransportError> {
+        Self::begun_under(&Self::user_runtime_dir())
+    }
+
+    /// [`Self::begun`] in this runtime folder.
+    pub(super) fn begun_under(runtime_dir: &Path) -> Result<Vec<Begun>, TransportError> {
+        let entries = match fs::read_dir(runtime_dir) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            entries => entries.map_err(TransportError::file("read", runtime_dir))?,
+        };
+        let begun = |entry: fs::DirEntry| {
+            let name = entry.file_name().to_str()?.strip_suffix(LOCK_SUFFIX)?.to_owned();
+            let since = entry.metadata().ok()?.modified().ok()?;
+            Some(Begun { instance: Self::under(runtime_dir, &name).ok()?, since })
+        };
+        let mut found: Vec<Begun> = entries.flatten().filter_map(begun).collect();
+        found.sort_by(|a, b| a.instance.name().cmp(b.instance.name()));
+        Ok(found)
     }
 }
 

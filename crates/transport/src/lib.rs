@@ -45,7 +45,7 @@ pub use channels::{
 pub use control::{ControlServer, request};
 pub use error::TransportError;
 pub use instance::{Instance, Participant};
-pub use instance_lock::InstanceLock;
+pub use instance_lock::{Begun, InstanceLock};
 pub use kept_channels::KeptChannels;
 pub use node::Node;
 pub use payload::{Header, Payload};

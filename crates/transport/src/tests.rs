@@ -359,6 +359,8 @@ fn the_lock_is_exclusive_and_leaves_nothing_behind() {
     let pid = std::process::id();
     assert_eq!(refused, format!("an instance test is already running (pid {pid}); stop it or choose another name"));
 
+    let begun = || Instance::begun_under(place.folder.path()).unwrap();
+    assert_eq!(begun().iter().map(|begun| begun.instance.clone()).collect::<Vec<_>>(), [place.instance.clone()]);
     let node = place.node();
     let publisher = Publisher::open(&node, CLOUD, &SIZES).unwrap();
     let subscriber = Subscriber::open(&node, CLOUD, &SIZES).unwrap();
@@ -367,6 +369,7 @@ fn the_lock_is_exclusive_and_leaves_nothing_behind() {
     drop(lock);
     assert_eq!(shared_memory::files(place.instance.prefix()).unwrap(), Vec::<std::path::PathBuf>::new());
     assert_eq!(fs::read_dir(place.folder.path()).unwrap().count(), 0);
+    assert_eq!(begun(), []);
     InstanceLock::take(&place.instance).unwrap();
 }
 

@@ -2,7 +2,7 @@
 """Announces phase-shifted fringes to Fringeflow, as the driver of a projector would.
 
     pip install iceoryx2==0.10.0
-    python driver.py --instance demo --steps 4 --period-px 16 --rate-hz 30
+    python driver.py demo --steps 4 --period-px 16 --rate-hz 30
 
 It follows the channel `control/state`: it shows patterns while the scanner is to scan. With --start, --record FILE or
 --mark TEXT it asks for that first, with --stop at its end. The contract is docs/projector-driver.md. A real driver shows
@@ -198,7 +198,7 @@ def runtime_dir() -> Path:
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Announces phase-shifted fringes to Fringeflow.")
-    parser.add_argument("--instance", default="fringeflow", help="name of the instance")
+    parser.add_argument("name", nargs="?", default="fringeflow", metavar="NAME", help="name of the instance")
     parser.add_argument("--config-file", type=Path, help="its configuration of iceoryx2, if not in its usual place")
     parser.add_argument("--steps", type=int, default=4, help="patterns of a cycle")
     parser.add_argument("--period-px", type=float, default=16.0, help="fringe period, projector pixels")
@@ -213,7 +213,7 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     args = arguments()
-    config_file = args.config_file or runtime_dir() / f"{args.instance}.iceoryx2.toml"
+    config_file = args.config_file or runtime_dir() / f"{args.name}.iceoryx2.toml"
     if not config_file.exists():
         sys.exit(f"{config_file} does not exist; start the instance first")
     asked_to_stop = []

@@ -49,6 +49,9 @@ pub(crate) enum Failure {
     /// Recorded clouds that are not those of their images, or faults in what was checked.
     #[error("{0}")]
     Refuted(String),
+    /// No measurement succeeded.
+    #[error("{0}")]
+    Unmeasured(String),
     /// All was done, but something had been lost before.
     #[error("{0}")]
     Losses(String),
@@ -92,7 +95,7 @@ impl Failure {
             Self::Recording(RecordingError { problem: RecordingProblem::Exists, .. }) => 2,
             Self::Recording(error) if error.problem.is_about_writing() => 1,
             Self::Recording(_) | Self::NotMeasurable(_) => 2,
-            Self::Damaged(_) | Self::Refuted(_) => 1,
+            Self::Damaged(_) | Self::Refuted(_) | Self::Unmeasured(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,

@@ -14,10 +14,11 @@ mod report;
 mod run_summary;
 mod statistics;
 mod truth;
+mod values;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 
 use commands::Command;
 use globals::Globals;
@@ -27,7 +28,9 @@ use globals::Globals;
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// Point clouds from fringe images, without Gray code.
+/// Structured-light 3D scanning by fringe projection: point clouds in real time from a few phase-shifted images.
+///
+/// Phase unwrapping needs the geometry of the rig alone, and no Gray code.
 #[derive(Parser)]
 #[command(name = "fringeflow", version, about, max_term_width = 110)]
 struct Cli {
@@ -38,7 +41,9 @@ struct Cli {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut command = globals::shown_once(Cli::command());
+    let matches = command.get_matches_mut();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit());
     match cli.globals.set_up_kernels().and_then(|()| cli.command.run(&cli.globals)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),

@@ -17,16 +17,17 @@ use fringeflow_tracking::fusion::{FusionSettings, Tracker};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::progress;
+use crate::values::one_of;
 
 /// Arguments of the proposed method.
 #[derive(clap::Args, Default)]
 pub(crate) struct ProposedArgs {
-    /// Use N phase images, evenly chosen; all of them by default.
+    /// Use N phase images, evenly chosen. By default all are used.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Use phase images A up to but without B, of a recording its image pairs; more than a cycle compensate motion. By
-    /// default the first complete cycle, of an object whose motion is known the one about the moment of the truth, and the
-    /// images about it that --extra-images asks for.
+    /// Use phase images A to B, without B; of a recording, image pairs. More images than a cycle compensate motion. The
+    /// default is the first complete cycle, or for known motion the cycle about the moment of the truth, with the images
+    /// around it that --extra-images adds.
     #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "extra_images")]
     frames: Option<Range<usize>>,
     #[command(flatten)]
@@ -40,23 +41,24 @@ const WINDOWS_BEFORE: usize = 9;
 /// Arguments of how images are measured.
 #[derive(clap::Args, Default)]
 pub(crate) struct MeasuringArgs {
-    /// Image pairs beyond a cycle that compensate motion, 0 for none; by default as configured, else 2, with three steps 3.
+    /// Image pairs beyond a cycle that compensate motion, 0 to 8. The default is that of the configuration, else 2, with
+    /// three steps 3.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(0..=8))]
     extra_images: Option<u8>,
-    /// TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
+    /// TOML file with settings, see configs/reconstruct.toml. The default is those of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Make nothing of what the windows before tell of the motion and the scene.
+    /// Use no prior: ignore what earlier windows showed of the motion and the scene.
     #[arg(long)]
     pub(crate) no_prior: bool,
-    /// How pixels with several candidates are decided, semi-global or paper (a slow reference); by default as configured, else
-    /// semi-global.
-    #[arg(long, value_name = "METHOD", value_parser = resolution)]
+    /// How pixels with several candidates are decided. paper is a slow reference. The default is that of the configuration,
+    /// else semi-global.
+    #[arg(long, value_name = "METHOD", value_parser = one_of(&ResolutionMethod::ALL, ResolutionMethod::name))]
     resolution: Option<ResolutionMethod>,
-    /// Least confidence of a point, a probability; by default as configured, else 0.8.
+    /// Least confidence of a point, 0 to 1. The default is that of the configuration, else 0.8.
     #[arg(long, value_name = "P", value_parser = probability)]
     min_confidence: Option<f32>,
-    /// File of the segment table: read if it exists, else computed and written.
+    /// File of the segment table. It is read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
 }
@@ -155,7 +157,7 @@ impl ProposedArgs {
                 Input::Recording(..) => "recording has image pairs",
             };
             return Err(Failure::Usage(format!(
-                "--frames {start}..{end}: the {what} 0..{available}; give A below B within these"
+                "--frames {start}..{end}: the {what} 0..{available}; give a range A..B of these"
             )));
         }
         match self.steps {
@@ -188,7 +190,7 @@ impl Images {
             None => Ok(Self { numbers, cycle_rad: cycle_rad.to_vec(), first_step }),
             Some(place) => Err(input.unusable(&format!(
                 "image {} has a phase shift of {} rad, which is not the next of its cycle; give --frames that show the \
-                 steps in turn",
+                 steps in order",
                 numbers[place], shifts[place]
             ))),
         }
@@ -199,7 +201,7 @@ impl Images {
         let count = images.len();
         if steps == 0 || !count.is_multiple_of(steps) {
             return Err(Failure::Usage(format!(
-                "--steps {steps}: {count} images cannot be thinned out evenly to {steps}; give a divisor of {count}"
+                "--steps {steps}: {count} images cannot be thinned out evenly; give a divisor of {count}"
             )));
         }
         let numbers: Vec<usize> = images.step_by(count / steps).collect();
@@ -306,21 +308,15 @@ pub(crate) fn try_reconstruct_next(
     Ok(stream.reconstruct(images.first_step, &cam1, &cam2, &input.times(&images.numbers)))
 }
 
-/// A resolution by its name.
-fn resolution(name: &str) -> Result<ResolutionMethod, String> {
-    let known = ResolutionMethod::ALL.into_iter().find(|method| method.name() == name);
-    known.ok_or_else(|| format!("{name:?} is no resolution; use semi-global or paper"))
-}
-
 /// A number between 0 and 1.
 fn probability(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|p| (0.0..=1.0).contains(p));
-    number.ok_or_else(|| format!("{text:?} is no probability; give a number between 0 and 1"))
+    number.ok_or_else(|| format!("{text:?} is not a probability; give a number from 0 to 1"))
 }
 
 /// `A..B` as a range.
 pub(crate) fn frames(text: &str) -> Result<Range<usize>, String> {
-    let wrong = || format!("{text:?} is no range of images; write 0..4 for the first four");
+    let wrong = || format!("{text:?} is not a range; write 0..4 for the first four");
     let (start, end) = text.split_once("..").ok_or_else(wrong)?;
     Ok(start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?)
 }

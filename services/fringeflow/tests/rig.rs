@@ -81,7 +81,7 @@ fn wrong_use_ends_with_2_and_says_what_to_do() {
         (&[calibration, "--volume=-60,-50,-320,60,50,-280"], "behind camera 1"),
         (&[calibration, "--volume=900,-50,280,1000,50,320"], "camera 1 never sees"),
         (&[calibration, VOLUME, "--period", "1"], "projector px"),
-        (&[calibration, VOLUME, "--sign", "2"], "1 or -1"),
+        (&[calibration, VOLUME, "--sign", "2"], "possible values: 1, -1"),
     ];
     for (arguments, said) in cases {
         let output = rig(arguments);

@@ -13,7 +13,7 @@ use fringeflow_transport::{
 use fringeflow_wire as wire;
 
 use crate::clock::now_ns;
-use crate::{Account, AccountError, ArgumentError, ServiceArgs, Stop};
+use crate::{Account, AccountError, ArgumentError, Preparing, ServiceArgs, Stop};
 
 /// Longest wait of a service for messages: signs of life and the end of a run are not missed by more.
 pub const BEAT: Duration = Duration::from_millis(100);
@@ -119,6 +119,12 @@ impl Host {
     #[must_use]
     pub fn restarts(&self) -> u32 {
         self.restarts
+    }
+
+    /// Tells that this service prepares something of `total` parts before it can work.
+    #[must_use]
+    pub fn prepare(&self, what: &str, total: u64) -> Preparing {
+        Preparing::begin(&self.accounts, what, total)
     }
 
     /// Opens the account of a stage that this service keeps.

@@ -24,29 +24,41 @@ impl Control {
         Self { state: ScanState::default(), is_to_end: false, folder, name: configuration.name.clone() }
     }
 
-    /// Carries out a request, and says what came of it.
+    /// Carries out a request, and says what was done or why not.
     pub(crate) fn answer(&mut self, request: &ControlRequest) -> ControlResponse {
         let text = request.text.to_text();
         let done = match Command::from_code(request.command) {
             Some(command) => self.carry_out(command, &text),
-            None => Err(format!("command {} does not exist; known are 0 to 6", request.command)),
+            None => Err(format!("command {} does not exist; use 0 to 6", request.command)),
         };
-        let (refused, why) = done.map_or_else(|why| (1, why), |()| (0, String::new()));
-        ControlResponse { refused, reserved: 0, state: self.state, text: Text::new(&why) }
+        let (refused, said) = done.map_or_else(|why| (1, why), |done| (0, done));
+        ControlResponse { refused, reserved: 0, state: self.state, text: Text::new(&said) }
     }
 
-    fn carry_out(&mut self, command: Command, text: &str) -> Result<(), String> {
-        match command {
-            Command::State => return Ok(()),
-            Command::Start => self.state.scanning = 1,
-            Command::Stop => self.state.scanning = 0,
-            Command::RecordStart => self.record(text)?,
-            Command::RecordStop => self.state.recording = 0,
+    /// What was done, or why not.
+    fn carry_out(&mut self, command: Command, text: &str) -> Result<String, String> {
+        let done = match command {
+            Command::State => return Ok(String::new()),
+            Command::Start => self.scan(1, "scan started", "the scan was running already"),
+            Command::Stop => self.scan(0, "scan stopped", "the scan was stopped already"),
+            Command::RecordStart => self.record(text).map(|()| "recording started".to_owned())?,
+            Command::RecordStop => self.end_recording()?,
             Command::Mark => self.mark(text)?,
-            Command::Quit => self.is_to_end = true,
-        }
+            Command::Quit => self.quit(),
+        };
         self.state.revision += 1;
-        Ok(())
+        Ok(done)
+    }
+
+    fn scan(&mut self, scanning: u32, done: &str, already: &str) -> String {
+        let was = std::mem::replace(&mut self.state.scanning, scanning);
+        if was == scanning { already.to_owned() } else { done.to_owned() }
+    }
+
+    fn quit(&mut self) -> String {
+        self.is_to_end = true;
+        let recording = if self.state.recording != 0 { "recording and services end" } else { "services end" };
+        format!("quits: {recording} in the order of the pipeline")
     }
 
     /// Begins scanning.
@@ -58,13 +70,13 @@ impl Control {
     /// Begins a recording; an empty text asks for a name made of the time.
     pub(crate) fn record(&mut self, text: &str) -> Result<(), String> {
         if self.state.recording != 0 {
-            return Err(format!("a recording runs already: {}", self.state.recording_file.to_text()));
+            return Err(format!("a recording is running already: {}", self.state.recording_file.to_text()));
         }
         let file = if text.is_empty() { self.named_by_time()? } else { PathBuf::from(text) };
         let file = std::path::absolute(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         check_new(&file)?;
         let name = file.to_str().filter(|name| Text::fits(name));
-        let name = name.ok_or_else(|| format!("{}: the path is too long, or no UTF-8", file.display()))?;
+        let name = name.ok_or_else(|| format!("{}: the path is too long or not UTF-8", file.display()))?;
         self.state.recording_file = Text::new(name);
         self.state.recording = 1;
         self.state.recordings += 1;
@@ -77,19 +89,29 @@ impl Control {
         Ok(named_by_time(&self.folder, &self.name, SystemTime::now(), "mcap"))
     }
 
-    fn mark(&mut self, text: &str) -> Result<(), String> {
+    fn end_recording(&mut self) -> Result<String, String> {
+        match std::mem::take(&mut self.state.recording) {
+            0 => Err("no recording is running; there is nothing to end".to_owned()),
+            _ => Ok("recording ended".to_owned()),
+        }
+    }
+
+    fn mark(&mut self, text: &str) -> Result<String, String> {
         if self.state.recording == 0 {
-            return Err("no recording runs that could be marked; begin one first".to_owned());
+            return Err("no recording is running; start one before you set a mark".to_owned());
         }
         self.state.mark = Text::new(text);
         self.state.marks += 1;
-        Ok(())
+        Ok(format!("mark {} set", self.state.marks))
     }
 }
 
 fn check_new(file: &Path) -> Result<(), String> {
     if file.exists() {
-        return Err(format!("{} exists already; give another name, recordings are never overwritten", file.display()));
+        return Err(format!(
+            "{} exists already; give another name, because recordings are never overwritten",
+            file.display()
+        ));
     }
     match file.parent() {
         Some(folder) if folder.is_dir() => Ok(()),
@@ -118,13 +140,14 @@ mod tests {
         let mut control = control(Path::new("/nowhere"));
         assert_eq!(ask(&mut control, Command::State, ""), (0, String::new()));
         assert_eq!(control.state.revision, 0);
-        ask(&mut control, Command::Start, "");
+        assert_eq!(ask(&mut control, Command::Start, ""), (0, "scan started".to_owned()));
         assert_eq!((control.state.scanning, control.state.revision), (1, 1));
-        ask(&mut control, Command::Stop, "");
-        assert_eq!((control.state.scanning, control.state.revision), (0, 2));
+        assert_eq!(ask(&mut control, Command::Start, ""), (0, "the scan was running already".to_owned()));
+        assert_eq!(ask(&mut control, Command::Stop, ""), (0, "scan stopped".to_owned()));
+        assert_eq!((control.state.scanning, control.state.revision), (0, 3));
         assert!(!control.is_to_end);
-        ask(&mut control, Command::Quit, "");
-        assert!(control.is_to_end);
+        let (refused, done) = ask(&mut control, Command::Quit, "");
+        assert!(control.is_to_end && refused == 0 && done.starts_with("quits: services end"), "{done}");
         let (refused, why) = {
             let response = control.answer(&ControlRequest { command: 99, ..ControlRequest::default() });
             (response.refused, response.text.to_text())
@@ -140,10 +163,11 @@ mod tests {
         assert_eq!(ask(&mut control, Command::RecordStart, "").0, 0);
         let file = control.state.recording_file.to_text();
         assert!(file.starts_with(folder.path().to_str().unwrap()) && file.ends_with("Z.mcap"), "{file}");
-        assert!(ask(&mut control, Command::RecordStart, "").1.contains("runs already"));
-        assert_eq!(ask(&mut control, Command::Mark, "here").0, 0);
+        assert!(ask(&mut control, Command::RecordStart, "").1.contains("running already"));
+        assert_eq!(ask(&mut control, Command::Mark, "here"), (0, "mark 1 set".to_owned()));
         assert_eq!((control.state.marks, control.state.mark.to_text().as_str()), (1, "here"));
-        ask(&mut control, Command::RecordStop, "");
+        assert_eq!(ask(&mut control, Command::RecordStop, ""), (0, "recording ended".to_owned()));
+        assert_eq!(ask(&mut control, Command::RecordStop, "").0, 1);
         let taken = folder.path().join("taken.mcap");
         std::fs::write(&taken, "").unwrap();
         let (refused, why) = ask(&mut control, Command::RecordStart, taken.to_str().unwrap());

@@ -2,6 +2,11 @@
 
 use std::io::{IsTerminal, Write, stderr};
 
+use fringeflow_message::{DropReason, ScanState, Stage};
+use fringeflow_telemetry::{StageTally, Tally};
+use fringeflow_transport::Instance;
+use fringeflow_runtime::Preparation;
+use fringeflow_runtime::log::{self, Diversion};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use fringeflow_message::{ScanState, Stage};
@@ -39,8 +44,8 @@ impl Display {
         self.lines.is_some()
     }
 
-    /// Shows the present; `waiting` names services that are not ready yet.
-    pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: &[&str], now_ns: u64) {
+    /// Shows the present; `waiting` says what the scan waits for.
+    pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: Option<&str>, now_ns: u64) {
         if self.lines.is_some() {
             self.head.set_message(headline(state, waiting));
             for (stage, of_stage) in tally.stages() {
@@ -48,8 +53,7 @@ impl Display {
             }
         } else if now_ns.saturating_sub(self.logged_ns) >= LOG_NS {
             self.logged_ns = now_ns;
-            let stages: Vec<String> = tally.stages().map(|(stage, of_stage)| brief(stage, of_stage, now_ns)).collect();
-            tracing::info!("{}: {}", headline(state, waiting), stages.join(", "));
+            tracing::info!("{}", waiting.map_or_else(|| log_line(tally, state, now_ns), str::to_owned));
         }
     }
 
@@ -86,18 +90,45 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-/// One line about the instance.
+/// One line about the instance: what it waits for, or whether it scans and records.
 #[must_use]
-pub fn headline(state: &ScanState, waiting: &[&str]) -> String {
-    if !waiting.is_empty() {
-        return format!("waiting for {}", waiting.join(", "));
+pub fn headline(state: &ScanState, waiting: Option<&str>) -> String {
+    match waiting {
+        Some(waiting) => waiting.to_owned(),
+        None if state.recording != 0 => format!("{}, recording to {}", scanning(state), state.recording_file.to_text()),
+        None => scanning(state).to_owned(),
     }
-    let scanning = if state.scanning != 0 { "scanning" } else { "stopped" };
-    if state.recording != 0 {
-        format!("{scanning}, recording to {}", state.recording_file.to_text())
-    } else {
-        scanning.to_owned()
-    }
+}
+
+/// What an instance waits for, as far as another process can tell: a preparation, or the start of its services.
+#[must_use]
+pub fn waiting_from_outside(instance: &Instance, state: &ScanState) -> Option<String> {
+    let preparation = Preparation::read(instance).map(|preparation| preparation.to_string());
+    preparation.or_else(|| (state.revision == 0).then(|| "starting".to_owned()))
+}
+
+fn scanning(state: &ScanState) -> &'static str {
+    if state.scanning != 0 { "scanning" } else { "stopped" }
+}
+
+/// One line for the log: clouds a second, latency, drops by reason, silent stages.
+fn log_line(tally: &Tally, state: &ScanState, now_ns: u64) -> String {
+    let recording = if state.recording != 0 { ", recording" } else { "" };
+    let clouds_hz = tally.stage(Stage::Cloud).map_or(0.0, |cloud| cloud.rate_hz);
+    let latency = tally.total().brief().map_or_else(String::new, |l| format!(", latency p50 {:.0} ms", l.p50_ms));
+    let dropped = listed(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
+    let silent = tally.stages().filter(|(_, of_stage)| of_stage.is_silent(now_ns));
+    let silent = listed(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
+    format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state))
+}
+
+/// Items that all stages dropped, by reason. Those that the configuration asks for are left out.
+fn drops(tally: &Tally) -> impl Iterator<Item = (DropReason, u64)> + '_ {
+    const PLANNED: [DropReason; 4] =
+        [DropReason::BetweenWindows, DropReason::Beginning, DropReason::NotRecording, DropReason::Thinned];
+    let reasons = DropReason::ALL.into_iter().filter(|reason| !PLANNED.contains(reason));
+    let count = |reason| tally.stages().map(|(_, of_stage)| of_stage.counts.dropped(reason)).sum();
+    reasons.map(move |reason| (reason, count(reason))).filter(|&(_, count)| count > 0)
 }
 
 /// One line about a stage: rate, median latency, items put out, drops by reason, incidents, skew, restarts.
@@ -120,8 +151,27 @@ fn listed(what: &str, words: impl Iterator<Item = String>) -> String {
     if words.is_empty() { String::new() } else { format!("{what}{}", words.join(", ")) }
 }
 
-fn brief(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
-    let silent = if tally.is_silent(now_ns) { " silent" } else { "" };
-    let dropped = tally.counts.all_dropped();
-    format!("{} {:.1}/s out {} dropped {dropped}{silent}", stage.name(), tally.rate_hz, tally.counts.passed)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fringeflow::message::StageReport;
+
+    #[test]
+    fn the_log_line_tells_what_matters_and_no_zeros() {
+        let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
+        assert_eq!(log_line(&tally, &state, 0), "scanning: 0.0 clouds/s");
+        let ms = 1_000_000;
+        for stage in [Stage::Camera1, Stage::Camera2, Stage::Cloud] {
+            let mut report =
+                StageReport { stage: stage as u32, of_item: 1, passed_ns: 40 * ms, ..StageReport::default() };
+            report.counts.drop_many(DropReason::Overrun, 2);
+            report.counts.drop_many(DropReason::BetweenWindows, 9);
+            tally.add(&report);
+        }
+        let line = log_line(&tally, &state, 10_000 * ms);
+        assert_eq!(
+            line,
+            "scanning: 0.0 clouds/s, latency p50 40 ms, dropped: overrun 6, silent: camera1, camera2, cloud"
+        );
+    }
 }

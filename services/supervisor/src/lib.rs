@@ -14,7 +14,7 @@ mod source;
 mod supervisor;
 
 pub use balance::{Balance, Imbalance};
-pub use display::{headline, stage_line};
+pub use display::{headline, stage_line, waiting_from_outside};
 pub use naming::named_by_time;
 pub use observer::{Observed, observe};
 pub use plan::{Outcome, Plan, RunError};

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fringeflow_message::{DropReason, Stage};
 use fringeflow_recording::{Origin, UNFINISHED};
-use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock};
+use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock, Preparation};
 use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
 use crate::child::{Event, Launch, Service};
@@ -204,9 +204,9 @@ impl<'a, 's> Supervisor<'a, 's> {
             match event {
                 None => {}
                 Some(Event::Died { how, wait_ns }) => {
-                    tracing::warn!(service = service.name, how, wait_ms = wait_ns / 1_000_000, "service died");
+                    tracing::warn!(service = service.name, how, wait_ms = wait_ns / 1_000_000, "a service died");
                 }
-                Some(Event::Restarted) => tracing::info!(service = service.name, "service started again"),
+                Some(Event::Restarted) => tracing::info!(service = service.name, "a service was started again"),
                 Some(Event::Hopeless { how }) => return Err(RunError::Hopeless { service: service.name, how }),
             }
         }
@@ -247,7 +247,18 @@ impl<'a, 's> Supervisor<'a, 's> {
             Ok(_) => {}
             Err(error) => tracing::warn!("{error}"),
         }
-        self.display.show(self.reports.run.tally(), &self.control.state, &self.waited_for(), now_ns);
+        let waiting = self.waiting();
+        self.display.show(self.reports.run.tally(), &self.control.state, waiting.as_deref(), now_ns);
+    }
+
+    /// What the scan waits for: a preparation of a service, or services that have not reported.
+    fn waiting(&self) -> Option<String> {
+        let services = self.waited_for();
+        if services.is_empty() {
+            return None;
+        }
+        let preparation = Preparation::read(self.instance).map(|preparation| preparation.to_string());
+        Some(preparation.unwrap_or_else(|| format!("waiting for the services {}", services.join(", "))))
     }
 
     /// Services that have not reported yet.

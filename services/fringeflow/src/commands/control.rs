@@ -3,10 +3,9 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use fringeflow_message::{Command, ControlRequest, Text};
+use fringeflow_message::{Command, ControlRequest, Text, ControlResponse};
 use fringeflow_supervisor::headline;
 use fringeflow_transport::{Instance, request};
-
 use crate::failure::Failure;
 
 use super::status::ANSWER;
@@ -14,8 +13,8 @@ use super::status::ANSWER;
 /// Arguments of `fringeflow control`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Name of the instance: key instance.name of its configuration.
-    #[arg(long, default_value = "fringeflow", global = true)]
+    /// Name of the instance, as `fringeflow status` lists it.
+    #[arg(value_name = "NAME")]
     instance: String,
     #[command(subcommand)]
     wish: Wish,
@@ -23,20 +22,20 @@ pub(crate) struct Args {
 
 #[derive(clap::Subcommand)]
 enum Wish {
-    /// Cameras and projector start.
+    /// Start cameras and projector.
     Start,
-    /// Cameras and projector stop; the services stay.
+    /// Stop cameras and projector. The services stay.
     Stop,
-    /// Begin a recording.
+    /// Start a recording.
     Record {
-        /// Its file; by default one named by the time, in the folder of the configuration.
+        /// Its file. By default it is named by the time, in the folder of the configuration.
         file: Option<PathBuf>,
     },
     /// End the recording.
     EndRecording,
     /// Write a remark into the recording, with the time.
     Mark {
-        /// The remark.
+        /// The remark, at most 256 bytes.
         text: String,
     },
     /// End the instance.
@@ -55,7 +54,7 @@ impl Args {
         if response.refused != 0 {
             return Err(Failure::Usage(response.text.to_text()));
         }
-        Ok(writeln!(std::io::stdout(), "{}: {}", self.instance, headline(&response.state, &[]))?)
+        Ok(writeln!(std::io::stdout(), "{}: {}", self.instance, self.wish.answer(&response))?)
     }
 }
 
@@ -73,6 +72,17 @@ impl Wish {
             Self::EndRecording => plain(Command::RecordStop),
             Self::Mark { text } => Ok((Command::Mark, text.clone())),
             Self::Quit => plain(Command::Quit),
+        }
+    }
+
+    /// What the instance did, and the recording that it did it to.
+    fn answer(&self, response: &ControlResponse) -> String {
+        let done = response.text.to_text();
+        match self {
+            Self::Record { .. } | Self::EndRecording | Self::Mark { .. } => {
+                format!("{done} ({})", response.state.recording_file.to_text())
+            }
+            Self::Start | Self::Stop | Self::Quit => done,
         }
     }
 }

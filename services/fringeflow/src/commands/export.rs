@@ -11,33 +11,34 @@ use fringeflow_recording::{Recording, Topic, export_images};
 
 use crate::failure::Failure;
 use crate::proposed::frames;
+use crate::values::unit;
 use crate::{json, output_folder, progress};
 
 /// Arguments of `fringeflow export`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording.
+    /// Recording to export.
     input: PathBuf,
-    /// File for one cloud (.ply, .pcd or .npz), or a new folder for numbered clouds or images.
+    /// File for one cloud (.ply, .pcd or .npz), or a new folder for several clouds or images.
     #[arg(short, long, value_name = "FILE|FOLDER")]
     output: PathBuf,
-    /// Which cloud goes to the file, from 0.
+    /// Number of the cloud for the file, counted from 0.
     #[arg(long, value_name = "K", default_value_t = 0, conflicts_with_all = ["clouds", "images"])]
     cloud: usize,
-    /// Clouds A up to but without B go to the folder; all by default.
+    /// Export clouds A to B to the folder, without B. By default all are exported.
     #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "images")]
     clouds: Option<Range<usize>>,
-    /// Format of the clouds in the folder: ply, pcd or npz.
+    /// Format of the clouds in the folder.
     #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["ply", "pcd", "npz"])]
     format: String,
-    /// Write the images as a dataset folder instead, the inverse of `import`.
+    /// Write the images as a dataset folder. This is the inverse of `import`.
     #[arg(long)]
     images: bool,
-    /// With --images: image pairs A up to but without B; all by default.
+    /// With --images: export image pairs A to B, without B. By default all are exported.
     #[arg(long, value_name = "A..B", value_parser = frames, requires = "images")]
     frames: Option<Range<usize>>,
     /// Unit of the clouds.
-    #[arg(long, value_name = "mm|m", default_value = "mm")]
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = unit())]
     units: Unit,
     /// Print one JSON object.
     #[arg(long)]
@@ -88,7 +89,7 @@ impl Args {
             return Ok(range);
         }
         Err(Failure::Usage(format!(
-            "--clouds {}..{}: {} has clouds 0..{available}; give A below B within these",
+            "--clouds {}..{}: {} has clouds 0..{available}; give a range A..B of these",
             range.start,
             range.end,
             self.input.display()
@@ -128,8 +129,8 @@ impl Args {
         let chosen = chosen.ok_or_else(|| {
             let (start, end, count) = (range.start, range.end, pairs.len());
             Failure::Usage(format!(
-                "--frames {start}..{end}: {} has image pairs 0..{count}; give A below B within these, with at least \
-                 the {steps} of a cycle between them",
+                "--frames {start}..{end}: {} has image pairs 0..{count}; give a range A..B of these, with at least \
+                 the {steps} pairs of a cycle",
                 self.input.display()
             ))
         })?;

@@ -9,6 +9,7 @@ mod export;
 mod fuse;
 mod import;
 mod info;
+mod instances;
 mod latency;
 mod reconstruct;
 mod recover;
@@ -26,47 +27,59 @@ use crate::globals::Globals;
 /// The subcommands.
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
-    /// List the V4L2 cameras: formats, sizes, rates, controls, and the line of the configuration that names each.
+    /// List the V4L2 cameras with their formats, sizes, rates and controls.
+    ///
+    /// Each camera comes with the line that names it in a configuration.
     Cameras(cameras::Args),
-    /// Command a running instance: start, stop, record, mark, quit.
+    /// Send a command to a running instance: start, stop, record, mark or quit.
     Control(control::Args),
-    /// Check a recording: read every record, compare checksums, counts and windows.
+    /// Check a recording: every record, checksum, count and window.
     ///
-    /// Exit code 1: it is damaged; 3: it is whole, but something was lost when it was made.
+    /// Exit code 1: the recording is damaged. Exit code 3: the recording is whole, but images or messages were lost when it was
+    /// made.
     Check(check::Args),
-    /// Scan live with a virtual scanner: all services, the dashboard, the live cloud; no camera and no configuration needed.
+    /// Scan live with a virtual scanner. No camera and no configuration are needed.
+    ///
+    /// All services run, with the dashboard and the live cloud.
     Demo(demo::Args),
-    /// Compare a reconstruction with the truth or with Gray code: com, miss, fpc, 3D error.
+    /// Compare a reconstruction with the truth or with Gray code.
+    ///
+    /// Measures completeness (com), misses (miss), false correspondences (fpc) and the 3D error.
+    ///
+    /// Exit code 3: --sweep wrote its results, but some measurements failed.
     Evaluate(evaluate::Args),
-    /// Export a recording: its clouds as PLY, PCD or NPZ, or its images as a dataset folder.
+    /// Export the clouds of a recording as PLY, PCD or NPZ, or its images as a dataset folder.
     Export(export::Args),
-    /// Fuse the clouds of a recorded scan, in which the scanner was moved, into one model; track its poses meanwhile.
+    /// Fuse the clouds of a recorded scan with a moving scanner into one model, and track its poses.
     ///
-    /// Exit code 3: clouds were lost on the way, and the model is of the others.
+    /// Exit code 3: some clouds were lost. The model holds the others.
     Fuse(fuse::Args),
-    /// Make a recording of a dataset folder, as if a scanner had taken its images at a steady rate.
+    /// Turn a dataset folder into a recording, as if a scanner had taken its images at a steady rate.
     Import(import::Args),
-    /// Say what is in a recording.
+    /// Show the contents of a recording.
     Info(info::Args),
-    /// Say where the time went in a recorded run: latency of every stage, the way from exposure to cloud, the worst windows.
+    /// Show the latencies of a recorded run: every stage, the way from exposure to cloud, the slowest windows.
     Latency(latency::Args),
-    /// Reconstruct a dataset folder or a recording: images to a point cloud.
+    /// Reconstruct a point cloud from the images of a dataset folder or a recording.
     Reconstruct(reconstruct::Args),
-    /// Make a whole recording of what can be read of a cut, damaged or unfinished one.
+    /// Recover a cut, damaged or unfinished recording: write all that can be read to a new one.
     Recover(recover::Args),
-    /// Replay a recording over the channels, or make its clouds again here, and compare them byte by byte.
+    /// Replay a recording on the channels, or make its clouds again and compare them byte by byte.
     Replay(replay::Args),
-    /// Report on a rig: n, sd and efc, which wrong fringe orders survive where, and what changes would do.
+    /// Report on a rig before it is built: ambiguity of the fringes, depth precision, what changes would do.
     ///
-    /// Needs no image, so it can be asked before anything is built. Example:
+    /// The report needs the calibration alone, and no image. It tells n, sd and efc, and which wrong fringe orders survive where.
+    /// With --images it measures how far the calibration has drifted. Example:
     ///
     ///   fringeflow rig calibration.yml --volume=-50,-40,280,50,40,325 --period 16 --steps 4
     Rig(rig::Args),
-    /// Run an instance live: cameras, projector, phase, correspondence, cloud, recorder, each a process of its own.
+    /// Run an instance live: cameras, projector, phase, correspondence, cloud and recorder.
+    ///
+    /// Each service is a process of its own.
     Run(run::Args),
     /// Run one service of an instance, as `run` does.
     Service(service::Args),
-    /// Tell what a running instance does: rates, latencies, drops.
+    /// Show which instances run, or what one of them does: rates, latencies, drops.
     Status(status::Args),
     /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
     Simulate(simulate::Args),

@@ -14,22 +14,23 @@ use crate::output_folder;
 use crate::pictures;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
+use crate::values::unit;
 
 /// Arguments of `fringeflow reconstruct`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder, or recording.
+    /// Dataset folder or recording.
     input: PathBuf,
     /// Cloud to write: .ply, .pcd or .npz.
     #[arg(short, long, value_name = "CLOUD")]
     output: PathBuf,
-    /// How to find correspondences.
+    /// Method that finds the correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Unit of the cloud, and of the calibration where the dataset does not state it.
-    #[arg(long, value_name = "mm|m")]
+    /// Unit of the cloud, and of the calibration if the dataset states none.
+    #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
-    /// Folder for pictures: phase, modulation, depth, decisions, δ, and false points where truth is known.
+    /// Folder for pictures: phase, modulation, depth, decisions, δ, and false points if the truth is known.
     #[arg(long, value_name = "FOLDER")]
     preview: Option<PathBuf>,
     /// Print one JSON object.

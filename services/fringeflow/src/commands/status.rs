@@ -1,4 +1,4 @@
-//! `fringeflow status`: what a running instance does, seen from another terminal.
+//! `fringeflow status`: which instances run, and what one of them does, seen from another terminal.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -7,27 +7,26 @@ use std::time::Duration;
 use fringeflow_config::SERVICES;
 use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow_runtime::processors::Standing;
-use fringeflow_runtime::{accounts_folder, clock, dashboard_file};
-use fringeflow_supervisor::{Observed, headline, observe, stage_line};
-use fringeflow_telemetry::{
-    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
-};
+use fringeflow_runtime::{accounts_folder, clock, dashboard_file, Preparation};
+use fringeflow_supervisor::{Observed, headline, observe, stage_line, waiting_from_outside};
+use fringeflow_telemetry::{GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures};
 use fringeflow_transport::{Instance, request};
 
+use super::instances;
 use crate::failure::Failure;
 use crate::json;
 
 /// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
 const SPAN_NS: u64 = 2_500_000_000;
 /// How long an answer may take.
-pub(crate) const ANSWER: Duration = Duration::from_secs(3);
+pub(super) const ANSWER: Duration = Duration::from_secs(3);
 
 /// Arguments of `fringeflow status`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Name of the instance: key instance.name of its configuration.
-    #[arg(default_value = "fringeflow")]
-    instance: String,
+    /// Name of the instance to show in full. Without it all instances that run are listed.
+    #[arg(value_name = "NAME")]
+    instance: Option<String>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -37,6 +36,8 @@ pub(crate) struct Args {
 struct Report {
     instance: String,
     scanning: bool,
+    /// What a service prepares before the scan can begin.
+    preparation: Option<Preparation>,
     recording: Option<String>,
     /// Where the dashboard is.
     dashboard: Option<String>,
@@ -45,7 +46,7 @@ struct Report {
     /// What rate the machine holds, where windows are left out for lack of time.
     pace: Option<Pace>,
     stages: Vec<StageReport>,
-    /// What services were given of the machine, where the configuration says something of them.
+    /// CPUs, priority and memory of services, where the configuration sets them.
     processors: BTreeMap<&'static str, Standing>,
     exposure_to_cloud: Option<Latency>,
     /// Health of the scanner as of the last window; `null` where none came while the reports were gathered.
@@ -79,17 +80,25 @@ struct StageReport {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let instance = Instance::new(&self.instance)?;
+        match &self.instance {
+            Some(name) => self.show(&Instance::new(name)?),
+            None => instances::list(self.json),
+        }
+    }
+
+    /// Shows one instance in full.
+    fn show(&self, instance: &Instance) -> Result<(), Failure> {
         let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
-        let state = request(&instance, &asked, ANSWER)?.state;
-        let observed = observe(&instance, SPAN_NS)?;
+        let state = request(instance, &asked, ANSWER)?.state;
+        let observed = observe(instance, SPAN_NS)?;
         if self.json {
-            return json::print(&self.report(&state, observed));
+            return json::print(&Report::of(instance, &state, observed));
         }
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
-        writeln!(out, "{}: {}", self.instance, headline(&state, &[]))?;
-        if let Some(url) = dashboard(&self.instance) {
+        let waiting = waiting_from_outside(instance, &state);
+        writeln!(out, "{}: {}", instance.name(), headline(&state, waiting.as_deref()))?;
+        if let Some(url) = dashboard(instance) {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
@@ -99,7 +108,7 @@ impl Args {
         for (stage, of_stage) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
         }
-        for (service, standing) in processors(&self.instance) {
+        for (service, standing) in processors(instance) {
             writeln!(out, "{service} {standing}")?;
         }
         if let Some(tracking) = &observed.tracking {
@@ -108,8 +117,10 @@ impl Args {
         let health = observed.window.as_ref().and_then(|window| window.health.as_ref());
         Ok(write_health(&mut out, health, now_ns)?)
     }
+}
 
-    fn report(&self, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Report {
+impl Report {
+    fn of(instance: &Instance, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Self {
         let now_ns = clock::now_ns();
         let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
             figures: StageFigures::new(stage, &of_stage.counts, Some(of_stage)),
@@ -117,15 +128,16 @@ impl Args {
             restarts: of_stage.restarts,
             silent: of_stage.is_silent(now_ns),
         };
-        Report {
-            instance: self.instance.clone(),
+        Self {
+            instance: instance.name().to_owned(),
             scanning: state.scanning != 0,
-            dashboard: dashboard(&self.instance),
+            preparation: Preparation::read(instance),
+            dashboard: dashboard(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
             pace: Pace::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),
-            processors: processors(&self.instance),
+            processors: processors(instance),
             exposure_to_cloud: tally.total().brief(),
             health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::of(health, now_ns)),
             tracking,
@@ -147,7 +159,7 @@ impl Health {
 /// A line on the whole, one on each quantity, and what to do about those that are not as they should be.
 fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u64) -> std::io::Result<()> {
     let Some(health) = health else {
-        return writeln!(out, "health: not known, no window came in the last {:.1} s", SPAN_NS as f64 * 1e-9);
+        return writeln!(out, "health: unknown, because no window came in the last {:.1} s", SPAN_NS as f64 * 1e-9);
     };
     writeln!(out, "health: {}", health.state.name())?;
     for gauge in &health.quantities {
@@ -160,14 +172,12 @@ fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u6
 }
 
 /// Where the dashboard of an instance is, if it has one.
-fn dashboard(instance: &str) -> Option<String> {
-    let file = dashboard_file(&Instance::new(instance).ok()?);
-    std::fs::read_to_string(file).ok()
+pub(super) fn dashboard(instance: &Instance) -> Option<String> {
+    std::fs::read_to_string(dashboard_file(instance)).ok()
 }
 
 /// What the services of an instance were given of the machine, by name.
-fn processors(instance: &str) -> BTreeMap<&'static str, Standing> {
-    let Ok(instance) = Instance::new(instance) else { return BTreeMap::new() };
-    let accounts = accounts_folder(&instance);
+fn processors(instance: &Instance) -> BTreeMap<&'static str, Standing> {
+    let accounts = accounts_folder(instance);
     SERVICES.into_iter().filter_map(|service| Some((service, Standing::read(&accounts, service)?))).collect()
 }

@@ -39,7 +39,7 @@ const JOBS: &[Job] = &[
     Job {
         name: "rig",
         reads_images: false,
-        arguments: |out| vec!["--grid".into(), "16".into(), "--preview".into(), out.into()],
+        arguments: |out| vec!["--grid".into(), "16".into(), "--output".into(), out.into()],
         writes: "periods.png",
     },
 ];

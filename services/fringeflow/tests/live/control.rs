@@ -24,7 +24,7 @@ impl Bench {
 }
 
 fn addressed<'a>(wish: Arguments<'a>) -> Vec<&'a dyn AsRef<OsStr>> {
-    let to: [&dyn AsRef<OsStr>; 3] = [&"control", &"--instance", &NAME];
+    let to: [&dyn AsRef<OsStr>; 2] = [&"control", &NAME];
     [&to, wish].concat()
 }
 
@@ -32,8 +32,10 @@ fn addressed<'a>(wish: Arguments<'a>) -> Vec<&'a dyn AsRef<OsStr>> {
 fn nobody_answers_for_an_instance_that_does_not_run() {
     let bench = Bench::new();
     bench.refused(&[&"status", &"nobody"], &["no instance nobody is running here"]);
+    assert_eq!(bench.done(&[0], &[&"status"]), "No instance is running.\n");
+    assert_eq!(bench.json(&[0], &[&"status", &"--json"])["instances"], serde_json::json!([]));
     bench.control_refused(&[&"stop"], &["no instance t is running here"]);
-    bench.refused(&[&"control", &"--instance", &"a/b", &"stop"], &["a/b", "letters"]);
+    bench.refused(&[&"control", &"a/b", &"stop"], &["a/b", "letters"]);
     bench.assert_nothing_left();
 }
 
@@ -49,7 +51,17 @@ fn an_instance_does_what_another_terminal_asks() {
     let untracked: Vec<_> = Stage::ALL.into_iter().filter(|&stage| stage != Stage::Tracking).map(Stage::name).collect();
     assert_eq!(stages, untracked);
 
-    assert_eq!(bench.control(&[&"stop"]), "t: stopped\n");
+    let listed = bench.json(&[0], &[&"status", &"--json"]);
+    assert_eq!(
+        (&listed["instances"][0]["instance"], &listed["instances"][0]["state"]),
+        (&NAME.into(), &"scanning".into())
+    );
+    assert!(listed["instances"][0]["since"].as_str().unwrap().ends_with('Z'), "{listed}");
+    let text = bench.done(&[0], &[&"status"]);
+    assert!(text.starts_with("NAME ") && text.lines().nth(1).unwrap().ends_with("scanning"), "{text}");
+
+    assert_eq!(bench.control(&[&"stop"]), "t: scan stopped\n");
+    assert_eq!(bench.control(&[&"stop"]), "t: the scan was stopped already\n");
     // What had been exposed comes to its end.
     let mut before = 0;
     live.wait_until("it stands still", || {
@@ -57,17 +69,18 @@ fn an_instance_does_what_another_terminal_asks() {
         std::mem::replace(&mut before, bench.counts(Stage::Camera1).passed) == bench.counts(Stage::Camera1).passed
     });
     assert!(bench.done(&[0], &[&"status", &NAME]).starts_with("t: stopped\n"));
-    assert_eq!(bench.control(&[&"start"]), "t: scanning\n");
+    assert_eq!(bench.control(&[&"start"]), "t: scan started\n");
     live.wait_for_clouds(5);
 
     let (first, second) = (bench.path("first.mcap"), bench.path("second.mcap"));
-    bench.control_refused(&[&"mark", &"chin"], &["no recording runs"]);
+    bench.control_refused(&[&"mark", &"chin"], &["no recording is running"]);
+    bench.control_refused(&[&"end-recording"], &["no recording is running"]);
     let answer = bench.control(&[&"record", &first]);
-    assert_eq!(answer, format!("t: scanning, recording to {}\n", first.display()));
-    bench.control_refused(&[&"record", &second], &["runs already", "first.mcap"]);
+    assert_eq!(answer, format!("t: recording started ({})\n", first.display()));
+    bench.control_refused(&[&"record", &second], &["running already", "first.mcap"]);
     live.wait_for_clouds(10);
-    bench.control(&[&"mark", &"chin"]);
-    bench.control(&[&"end-recording"]);
+    assert_eq!(bench.control(&[&"mark", &"chin"]), format!("t: mark 1 set ({})\n", first.display()));
+    assert_eq!(bench.control(&[&"end-recording"]), format!("t: recording ended ({})\n", first.display()));
     live.wait_until("the recording is whole", || first.exists());
     bench.control_refused(&[&"record", &first], &["first.mcap", "exists already"]);
     bench.control_refused(&[&"record", &bench.path("nowhere/a.mcap")], &["nowhere", "does not exist"]);
@@ -75,7 +88,8 @@ fn an_instance_does_what_another_terminal_asks() {
     // Its folder is made.
     bench.control(&[&"record"]);
     live.wait_for_clouds(5);
-    let ended = live.quit();
+    assert_eq!(bench.control(&[&"quit"]), "t: quits: recording and services end in the order of the pipeline\n");
+    let ended = live.ended();
     ended.assert_undisturbed();
     bench.assert_nothing_left();
     let files = std::fs::read_dir(bench.path("recordings")).unwrap().flatten().map(|entry| entry.path());

@@ -23,7 +23,7 @@ fn the_example_in_python_drives_a_scan() {
     let python = Command::new(root.join("scripts/python.sh")).output().unwrap();
     assert!(python.status.success(), "{}", String::from_utf8_lossy(&python.stderr));
     let mut driver = Command::new(String::from_utf8(python.stdout).unwrap().trim());
-    driver.arg(root.join("examples/projector-driver/python/driver.py")).args(["--instance", NAME]);
+    driver.arg(root.join("examples/projector-driver/python/driver.py")).arg(NAME);
     driver.args("--steps 4 --period-px 48 --rate-hz 25 --patterns 60 --stop".split(' '));
     driver.env("FRINGEFLOW_RUNTIME_DIR", bench.runtime_dir()).stdin(Stdio::null());
     let output = driver.output().unwrap();

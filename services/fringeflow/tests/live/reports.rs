@@ -66,7 +66,7 @@ fn assert_a_replay_is_told(bench: &Bench, recording: &Path) {
     let figures = bench.json(&[0], &[&"latency", &again, &"--json"]);
     assert_eq!((&figures["replayed"], &figures["exposure_to_cloud"]), (&true.into(), &Value::Null));
     assert_eq!(figures["segments"][0]["segment"], "phase");
-    assert!(bench.done(&[0], &[&"latency", &again]).contains("made from a replay"));
+    assert!(bench.done(&[0], &[&"latency", &again]).contains("was a replay"));
 }
 
 /// Asserts that figures of a run and of its recording are the same, as far as no report was lost on the way.

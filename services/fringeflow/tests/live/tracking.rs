@@ -158,7 +158,7 @@ fn a_scanner_that_is_lost_says_so_and_puts_out_no_pose() {
     let lost = becomes("lost");
     assert_eq!((&lost["reason"], &lost["model_clouds"]), (&"degenerate".into(), &1.into()), "{lost}");
     assert!(bench.done(&[0], &[&"status", &NAME]).contains("tracking: lost (degenerate)"));
-    bench.done(&[0], &[&"control", &"--instance", &NAME, &"stop"]);
+    bench.done(&[0], &[&"control", &NAME, &"stop"]);
     becomes("no_cloud");
     let ended = live.quit();
     ended.assert_undisturbed();

@@ -46,7 +46,7 @@ fn what_a_recording_has_not_is_asked_for_by_name() {
 fn latencies_are_told_of_runs_alone() {
     let folder = tempfile::tempdir().unwrap();
     let recording = imported(&folder);
-    let says = &["plane.mcap", "has no reports of stages", "fringeflow run --record"];
+    let says = &["plane.mcap", "has no reports of the stages", "fringeflow run --record"];
     assert_ended(&fringeflow(&[&"latency", &recording]), 2, says);
     let page = folder.path().join("page.html");
     assert_ended(&fringeflow(&[&"latency", &recording, &"--html", &page]), 2, says);

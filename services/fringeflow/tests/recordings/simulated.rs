@@ -168,7 +168,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_nothing() {
         String::from_utf8(output.stderr).unwrap()
     };
     assert!(refused(&[&"--object", &"nose"]).contains("--object"));
-    assert!(refused(&[&"--seconds", &"0"]).contains("is no duration"));
+    assert!(refused(&[&"--seconds", &"0"]).contains("is not a duration"));
     let text = CONFIGURATION.replace("driver = \"virtual\"", "driver = \"external\"");
     std::fs::write(&config, text).unwrap();
     assert!(refused(&[]).contains("projector.driver is \"external\""));

@@ -6,45 +6,46 @@ use std::path::Path;
 use fringeflow_lab::simulation::{ConfiguredScanner, ImageLoop, VirtualScanner};
 use fringeflow_runtime::{Host, ServiceError};
 
-/// Poses from one line of the log to the next.
-const LOGGED_POSES: usize = 24;
+/// Images of a pose.
+const IMAGES: usize = 2;
 
 /// The image loop of a virtual scanner; `None` if the service is to end before it is rendered.
 pub(crate) fn prepare(host: &Host, options: &ConfiguredScanner) -> Result<Option<ImageLoop>, ServiceError> {
     let unusable = |e: fringeflow_lab::simulation::SimulationError| ServiceError::Unusable(e.to_string());
     let scanner = VirtualScanner::new(options.scanner).map_err(unusable)?;
     let speed = scanner.speed();
-    tracing::info!(mean_mm = speed.mean_mm, max_mm = speed.max_mm, "motion of the object from image to image");
+    let (mean_mm, max_mm) = (speed.mean_mm, speed.max_mm);
+    tracing::info!("the object moves by {mean_mm:.3} mm from image to image on average, by {max_mm:.3} mm at most");
     let Some(file) = &options.cache else { return render(host, &scanner) };
     let problem = match ImageLoop::load(&scanner, file) {
         Ok(images) => return Ok(Some(images)),
         Err(problem) => problem,
     };
-    tracing::info!("{}: {problem}; the images are rendered", file.display());
+    tracing::info!("{} {problem}", file.display());
     let images = render(host, &scanner)?;
     match &images {
         Some(images) if problem.may_be_replaced() => save(images, &scanner, file),
-        Some(_) => tracing::warn!("{}: is left as it is; the images are not kept", file.display()),
+        Some(_) => tracing::warn!("{} is not replaced; the next start renders the images again", file.display()),
         None => (),
     }
     Ok(images)
 }
 
-/// Keeps the images; without the file the next start renders them again.
+/// Keeps the images. Without the file the next start renders them again.
 fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
     // If this fails, writing the file says so.
     drop(file.parent().map(std::fs::create_dir_all));
     if let Err(error) = images.save(scanner, file) {
-        tracing::warn!("{error}; the images are rendered again at the next start");
+        tracing::warn!("{error}; the next start renders the images again");
     }
 }
 
 fn render(host: &Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
-    let poses = scanner.sweep().poses();
+    let images = IMAGES * scanner.sweep().poses();
+    tracing::info!("rendering {images} images of the virtual scanner");
+    let mut preparing = host.prepare("Rendering images of the virtual scanner", images as u64);
     let on_pose = |pose: usize| {
-        if pose.is_multiple_of(LOGGED_POSES) {
-            tracing::info!("rendered pose {} of {poses}", pose + 1);
-        }
+        preparing.reach((IMAGES * (pose + 1)) as u64);
         if host.stop.is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     ImageLoop::render(scanner, on_pose).map_err(|e| ServiceError::Unusable(e.to_string()))

@@ -6,7 +6,6 @@ mod report;
 mod sweep;
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use fringeflow::calibration::Unit;
 use fringeflow_dataset::TRUTH_FILE;
@@ -20,6 +19,7 @@ use crate::output_folder;
 use crate::pictures;
 use crate::proposed::ProposedArgs;
 use crate::truth;
+use crate::values::{one_of, unit};
 
 use self::sweep::Knob;
 
@@ -29,45 +29,45 @@ use self::sweep::Knob;
 pub(crate) enum Against {
     /// The truth of the dataset: exact for rendered ones, a Gray-code reference for captured ones.
     Truth,
-    /// What Gray code with epipolar lines (EGC) finds in the same images.
+    /// The cloud that Gray code with epipolar lines (EGC) finds in the same images.
     Gray,
 }
 
 /// Arguments of `fringeflow evaluate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder, or recording.
+    /// Dataset folder or recording.
     #[arg(required_unless_present_any = ["paper", "sweep"])]
     input: Option<PathBuf>,
-    /// What to compare with.
+    /// Reference to compare with.
     #[arg(long, value_enum, default_value_t = Against::Truth)]
     against: Against,
-    /// How to find correspondences.
+    /// Method that finds the correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Measure the paper's seven objects with the virtual scanner, and print its tables beside ours; of the options of the
-    /// method, --resolution alone is heeded.
+    /// Measure the paper's seven objects with the virtual scanner, and print the paper's tables beside ours. Of the options
+    /// of the method only --resolution counts here.
     #[arg(long, conflicts_with = "input")]
     paper: bool,
-    /// Measure the virtual scanner with more and more false candidates, by depth of the volume, error of the calibration
-    /// and fringe period, with a board from 30 mm before the volume to 1000 mm behind it, and with 3 to 16 steps; print the
-    /// figures and write sweep.csv and sweep.svg.
+    /// Measure the virtual scanner in series of scenes. Three series raise the expected false candidates: by the depth of the
+    /// volume, the error of the calibration and the fringe period. One moves a board from 30 mm before the volume to 1000 mm
+    /// behind it, and one takes 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
     #[arg(long, conflicts_with_all = ["input", "paper"], requires = "output")]
     sweep: bool,
-    /// Folder for what --sweep writes.
+    /// Folder for the files of --sweep.
     #[arg(short, long, value_name = "FOLDER", requires = "sweep")]
     output: Option<PathBuf>,
-    /// What --sweep measures.
+    /// Objects that --sweep measures.
     #[arg(
         long,
         value_name = "NAME,NAME",
         value_delimiter = ',',
         default_values = ["elephant", "machine", "clutter"],
-        value_parser = Object::from_str,
+        value_parser = one_of(&Object::ALL, Object::name),
         requires = "sweep"
     )]
     objects: Vec<Object>,
-    /// What --sweep turns: depth, sd, period, board, steps.
+    /// Series that --sweep measures.
     #[arg(
         long,
         value_name = "NAME,NAME",
@@ -77,10 +77,10 @@ pub(crate) struct Args {
         requires = "sweep"
     )]
     series: Vec<Knob>,
-    /// Unit of the calibration, where the dataset does not state it.
-    #[arg(long, value_name = "mm|m")]
+    /// Unit of the calibration, if the dataset states none.
+    #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
-    /// Folder for pictures, judgement.png of what is right and wrong among them.
+    /// Folder for pictures. judgement.png shows the right and the wrong points.
     #[arg(long, value_name = "FOLDER")]
     preview: Option<PathBuf>,
     /// Print one JSON object.
@@ -118,7 +118,7 @@ impl Args {
         }
         truth::evaluate(input, &made.cloud, made.image())?.ok_or_else(|| {
             let file = input.path().join(TRUTH_FILE);
-            Failure::Usage(format!("{} is missing; give --against gray instead", file.display()))
+            Failure::Usage(format!("{} is missing; give --against gray", file.display()))
         })
     }
 }

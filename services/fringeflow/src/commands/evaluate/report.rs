@@ -58,7 +58,7 @@ pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation
     if let (Some(right), Some(sd)) = (unique.unique_correct_percent, unique.correct_delta_sd_rad) {
         writeln!(
             out,
-            "of the points with one candidate {right:.2} % are right; sd of δ of the right points {sd:.4} rad"
+            "{right:.2} % of the points with one candidate are right; sd of δ of the right points {sd:.4} rad"
         )?;
     }
     if let Some(line) = reliability_line(&reliability) {
@@ -103,8 +103,8 @@ fn reliability_line(parts: &[ReliabilityPart]) -> Option<String> {
     let mean = |of: fn(&ReliabilityPart) -> f64| parts.iter().map(of).sum::<f64>() / parts.len() as f64;
     let off = parts.iter().map(|part| (part.stated_percent - part.true_percent).abs()).fold(0.0, f64::max);
     Some(format!(
-        "confidence {:.3} % stated, {:.3} % true; of the doubtful tenth {:.2} % stated, {:.2} % true; no tenth is off by \
-         more than {off:.2} points",
+        "confidence {:.3} % stated, {:.3} % true; doubtful tenth {:.2} % stated, {:.2} % true; no tenth is off by more \
+         than {off:.2} points",
         mean(|part| part.stated_percent),
         mean(|part| part.true_percent),
         lowest.stated_percent,

@@ -20,6 +20,7 @@ use crate::failure::Failure;
 use crate::input::Input;
 use crate::json;
 use crate::proposed::{Images, MeasuringArgs, frames};
+use crate::values::unit;
 
 use scan::Scan;
 use summary::Summary;
@@ -27,25 +28,25 @@ use summary::Summary;
 /// Arguments of `fringeflow fuse`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording of a scanner that was moved over an object at rest.
+    /// Recording of a scanner that moved over an object at rest.
     input: PathBuf,
-    /// Model to write, .ply.
+    /// Model to write (.ply).
     #[arg(short, long, value_name = "MODEL.ply")]
     output: PathBuf,
-    /// Image pairs from one cloud to the next; as many as there are steps by default, so that no two share an image.
+    /// Image pairs from one cloud to the next. The default is the number of steps, so that no two clouds share an image.
     #[arg(long, value_name = "K")]
     every: Option<NonZeroUsize>,
-    /// Leave out what fewer clouds than this measured, if more of them could have.
+    /// Leave out points that fewer than M clouds measured, although M or more could see them.
     #[arg(long, value_name = "M", default_value_t = FusionSettings::default().min_support)]
     min_support: u32,
-    /// Use image pairs A up to but without B; all by default.
+    /// Use image pairs A to B, without B. By default all are used.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<usize>>,
-    /// Write the pose of every cloud, with its standard deviation, as CSV.
+    /// Write the pose of every cloud and its standard deviation as CSV.
     #[arg(long, value_name = "POSES.csv")]
     trajectory: Option<PathBuf>,
     /// Unit of the model and of the trajectory.
-    #[arg(long, value_name = "mm|m", default_value = "mm")]
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = unit())]
     units: Unit,
     /// Print one JSON object.
     #[arg(long)]
@@ -68,7 +69,7 @@ impl Args {
         let tracker = stream.tracker();
         if tracker.model().clouds() == 0 {
             let why = scan.looked.iter().find_map(scan::Looked::lost).unwrap_or_default();
-            return Err(input.unusable(&format!("none of its {} clouds shows a surface: {why}", scan.looked.len())));
+            return Err(input.unusable(&format!("no surface was found in its {} clouds: {why}", scan.looked.len())));
         }
         if let Some(path) = &self.trajectory {
             trajectory::write(path, &scan, tracker.model(), self.units)?;
@@ -87,12 +88,12 @@ impl Args {
 
     fn check_outputs(&self) -> Result<(), Failure> {
         if !has_extension(&self.output, "ply") {
-            return Err(Failure::Usage(format!("{}: a model is written as PLY; use .ply", self.output.display())));
+            return Err(Failure::Usage(format!("{}: a model is a PLY file; use .ply", self.output.display())));
         }
         check_writable(&self.output)?;
         let Some(trajectory) = &self.trajectory else { return Ok(()) };
         if !has_extension(trajectory, "csv") {
-            return Err(Failure::Usage(format!("{}: poses are written as CSV; use .csv", trajectory.display())));
+            return Err(Failure::Usage(format!("{}: poses are a CSV file; use .csv", trajectory.display())));
         }
         Ok(check_writable(trajectory)?)
     }
@@ -100,13 +101,13 @@ impl Args {
     /// The image pairs of every cloud, one at least.
     fn windows(&self, input: &Input, configuration: &Configuration) -> Result<Vec<Images>, Failure> {
         if matches!(input, Input::Folder(_)) {
-            return Err(input.unusable(&"a dataset folder holds one cloud; give a recording of a moving scanner"));
+            return Err(input.unusable(&"a dataset folder yields one cloud; give a recording of a moving scanner"));
         }
         let (available, steps) = (input.available(), input.setup().steps);
         let within = self.frames.clone().unwrap_or(0..available);
         if within.start > within.end || within.end > available {
             return Err(Failure::Usage(format!(
-                "--frames {}..{}: the recording has image pairs 0..{available}; give A below B within these",
+                "--frames {}..{}: the recording has image pairs 0..{available}; give a range A..B of these",
                 within.start, within.end
             )));
         }
@@ -114,7 +115,7 @@ impl Args {
         let windows = input.windows(&within, images, self.every.map_or(steps, NonZeroUsize::get));
         if windows.is_empty() {
             let count = within.len();
-            return Err(input.unusable(&format!("among {count} image pairs is no complete window of {images}")));
+            return Err(input.unusable(&format!("{count} image pairs hold no complete window of {images}")));
         }
         windows.into_iter().map(|window| Images::in_turn(input, window)).collect()
     }

@@ -131,33 +131,30 @@ impl<'a> Summary<'a> {
         let mut out = std::io::stdout().lock();
         let Self { clouds, merged, relocalized, surfels, .. } = self;
         writeln!(out, "{}: {surfels} surfels of {merged} clouds", self.model.display())?;
-        writeln!(out, "clouds      {clouds}, of these {relocalized} found again after they were lost at first")?;
+        writeln!(out, "clouds      {clouds}; {relocalized} of them were lost at first and found again")?;
         for (reason, count) in &self.lost {
             writeln!(out, "lost        {count}: {}", reason.replace('_', " "))?;
         }
         if let (Some(rms_mm), Some(excess)) = (self.rms_mm, self.excess) {
-            writeln!(out, "residuals   {rms_mm:.4} mm rms, {excess:.1} times what noise alone makes")?;
+            writeln!(out, "residuals   {rms_mm:.4} mm rms, {excess:.1} times the noise")?;
         }
         writeln!(out, "path        {:.2} mm", self.path_mm)?;
         if let Some([first, last, largest]) = self.pose_sd_mm {
-            writeln!(
-                out,
-                "pose        known to {first:.4} mm at first, {last:.4} mm at last, {largest:.4} mm at worst"
-            )?;
+            writeln!(out, "pose sd     {first:.4} mm at first, {last:.4} mm at last, {largest:.4} mm at most")?;
         }
         match &self.closure {
             Some(ClosureSummary { drift_mm, drift_deg, sd_mm, share }) => writeln!(
                 out,
-                "closed      last cloud against first: {drift_mm:.4} mm (sd {sd_mm:.4}), {drift_deg:.4}°; they share {:.0} %",
+                "closed      last cloud against first: {drift_mm:.4} mm (sd {sd_mm:.4}), {drift_deg:.4}°; overlap {:.0} %",
                 share * 100.0
             )?,
-            None => writeln!(out, "open        the last cloud has too little in common with the first")?,
+            None => writeln!(out, "open        the last cloud overlaps too little with the first")?,
         }
         if let Some(TruthSummary { rms_mm, max_mm, last_mm, rms_deg, rms_sd, .. }) = &self.truth {
-            let in_sd = rms_sd.map_or_else(String::new, |sd| format!(", {sd:.1} times what they state"));
+            let in_sd = rms_sd.map_or_else(String::new, |sd| format!(", {sd:.1} times their sd"));
             writeln!(
                 out,
-                "truth       poses are off by {rms_mm:.4} mm and {rms_deg:.4}° rms{in_sd}; {max_mm:.4} mm at worst, \
+                "truth       pose error {rms_mm:.4} mm and {rms_deg:.4}° rms{in_sd}; {max_mm:.4} mm at most, \
                  {last_mm:.4} mm at last"
             )?;
         }

@@ -22,16 +22,16 @@ const LONG_AGO_NS: u64 = 60_000_000_000;
 pub(crate) struct Args {
     /// Recording of a run.
     input: PathBuf,
-    /// Tell of so many of the windows that took longest.
+    /// Number of slowest windows to show.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(..=1000))]
     worst: u16,
-    /// Print one JSON object, the time line among it.
+    /// Print one JSON object, with the time line.
     #[arg(long)]
     json: bool,
-    /// Write a page with all figures and their course over time, to be opened in any browser.
+    /// Write a page with all figures over time. Any browser opens it.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write a trace of every item in every stage, to be opened in Perfetto (ui.perfetto.dev) or chrome://tracing.
+    /// Write a trace of every item in every stage. Perfetto (ui.perfetto.dev) and chrome://tracing open it.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
 }
@@ -136,8 +136,8 @@ fn reports(recording: &Recording) -> impl Iterator<Item = Result<StageReport, Fa
 
 fn no_reports(input: &Path) -> Failure {
     Failure::Usage(format!(
-        "{}: has no reports of stages, so nothing is known of its latencies; `fringeflow run --record` and `fringeflow \
-         replay --record` make recordings that have them",
+        "{}: the recording has no reports of the stages, so its latencies are unknown; `fringeflow run --record` and \
+         `fringeflow replay --record` make recordings with reports",
         input.display()
     ))
 }

@@ -26,15 +26,15 @@ fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> 
     if figures.replayed {
         writeln!(
             out,
-            "made from a replay: the exposures were long before, so exposure to cloud is left out, and times"
+            "This run was a replay. Times count from the moment at which a window was complete, and there is no latency \
+             from exposure to cloud."
         )?;
-        writeln!(out, "count from the moment at which a window was complete")?;
     }
     if figures.windows_incomplete > 0 {
         let (left_out, windows) = (figures.windows_incomplete, figures.windows + figures.windows_incomplete);
         writeln!(
             out,
-            "{left_out} of {windows} windows are left out below: reports of their earlier stages are missing"
+            "{left_out} of {windows} windows are left out below, because reports of their earlier stages are missing"
         )?;
     }
     Ok(())
@@ -43,22 +43,25 @@ fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> 
 fn print_stages(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     writeln!(out, "\n{:<21} {:>8}  {}", "stage", "count", titles())?;
     for stage in &figures.stages {
-        let count = stage.latency.map_or(0, |latency| latency.count);
-        writeln!(out, "{}", format!("{:<21} {count:>8}  {}", stage.stage, times(stage.latency)).trim_end())?;
+        if let Some(latency) = stage.latency {
+            writeln!(out, "{:<21} {:>8}  {}", stage.stage, latency.count, times(latency))?;
+        }
     }
     Ok(())
 }
 
 fn print_way(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     if figures.windows == 0 {
-        return writeln!(out, "\nno window was followed from exposure to cloud");
+        return writeln!(out, "\nNo window has reports all the way from exposure to cloud.");
     }
     writeln!(out, "\n{:<21} {:>8}  {}", "way to the cloud", "share %", titles())?;
     for line in &figures.segments {
-        writeln!(out, "{:<21} {:>8.1}  {}", line.segment, line.share, times(line.latency))?;
+        if let Some(latency) = line.latency {
+            writeln!(out, "{:<21} {:>8.1}  {}", line.segment, line.share, times(latency))?;
+        }
     }
     if let Some(total) = figures.exposure_to_cloud {
-        writeln!(out, "{:<21} {:>8}  {}", "exposure to cloud", "", times(Some(total)))?;
+        writeln!(out, "{:<21} {:>8}  {}", "exposure to cloud", "", times(total))?;
     }
     Ok(())
 }
@@ -67,7 +70,7 @@ fn print_worst(out: &mut impl Write, worst: &[WindowLine]) -> io::Result<()> {
     if worst.is_empty() {
         return Ok(());
     }
-    writeln!(out, "\n{:<25} {:>8} {:>9}  cause", "windows that took longest", "at s", "ms")?;
+    writeln!(out, "\n{:<25} {:>8} {:>9}  cause", "slowest windows", "at s", "ms")?;
     for WindowLine { wall_ms, time_s, total_ms, cause, .. } in worst {
         writeln!(out, "{:<25} {time_s:>8.2} {total_ms:>9.1}  {cause}", wall_clock(*wall_ms))?;
     }
@@ -78,9 +81,9 @@ fn titles() -> String {
     format!("{:>9} {:>9} {:>9} {:>9}", "p50 ms", "p90 ms", "p99 ms", "max ms")
 }
 
-fn times(latency: Option<Latency>) -> String {
-    let times = latency.map(|l| [l.p50_ms, l.p90_ms, l.p99_ms, l.max_ms].map(|ms| format!("{ms:>9.2}")).join(" "));
-    times.unwrap_or_default()
+fn times(latency: Latency) -> String {
+    let Latency { p50_ms, p90_ms, p99_ms, max_ms, .. } = latency;
+    [p50_ms, p90_ms, p99_ms, max_ms].map(|ms| format!("{ms:>9.2}")).join(" ")
 }
 
 /// Unix milliseconds as a time of UTC.

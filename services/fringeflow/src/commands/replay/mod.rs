@@ -14,21 +14,21 @@ use crate::globals::Globals;
 /// Arguments of `fringeflow replay`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording.
+    /// Recording to replay.
     input: PathBuf,
-    /// Speed on the channels: so many times as fast as recorded, or max: as fast as it goes without loss. By default 1,
-    /// with --verify in this process and not over the channels.
+    /// Name of the instance that the replay runs as. By default it gets a name of its own.
+    #[arg(value_name = "NAME")]
+    instance: Option<String>,
+    /// Speed on the channels: 1 is the recorded speed, 0.01 to 100 are possible, max is as fast as possible without loss.
+    /// The default is 1. With --verify and without --rate the clouds are made in this process, without channels.
     #[arg(long, value_name = "R|max")]
     rate: Option<Pace>,
-    /// Compare every recorded cloud with the one made now, byte by byte.
+    /// Compare every recorded cloud with the new one, byte by byte.
     #[arg(long)]
     verify: bool,
-    /// Record the replay to this file; it must not exist.
+    /// Record the replay to this file. The file must not exist.
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
-    /// Name of the instance on whose channels it is played; one of its own by default.
-    #[arg(long, value_name = "NAME")]
-    instance: Option<String>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -46,5 +46,5 @@ impl Args {
 
 /// The refusal of a recording whose clouds are to be verified and that has none.
 fn no_clouds(input: &Path) -> Failure {
-    Failure::Usage(format!("{}: has no clouds to compare with", input.display()))
+    Failure::Usage(format!("{}: the recording has no clouds to compare with", input.display()))
 }

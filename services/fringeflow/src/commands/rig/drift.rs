@@ -21,7 +21,7 @@ use crate::{json, output_folder, progress};
 
 use super::{Args, Calibrated};
 
-/// The map, in the folder of --preview.
+/// The map, in the folder of --output.
 const PICTURE: &str = "drift.png";
 
 /// The drift of a calibration in the windows of an input.
@@ -93,13 +93,13 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     check_sizes(args, &calibrated, &input)?;
     let volume = volume(args, &calibrated, &configuration, &input)?;
     let measured = Measured { rig: &calibrated.rig, volume: &volume, pattern: &input.setup().sequence.pattern };
-    if let Some(folder) = &args.preview {
+    if let Some(folder) = &args.output {
         output_folder::prepare(folder)?;
         check_writable(&folder.join(PICTURE))?;
     }
     let mut reconstructor = reconstructor(&input, &chosen[0], &measured, &configuration, None)?;
     let measured = measure(&input, &mut reconstructor, &chosen)?;
-    if let Some(folder) = &args.preview {
+    if let Some(folder) = &args.output {
         draw(&measured, &reconstructor, &folder.join(PICTURE))?;
     }
     let windows: Vec<Window> = measured.windows.into_iter().map(|(window, _)| window).collect();
@@ -151,8 +151,8 @@ fn check_sizes(args: &Args, calibrated: &Calibrated, input: &Input) -> Result<()
         if [w, h] != [width, height] {
             let (calibration, images) = (args.calibration.display(), input.path().display());
             return Err(Failure::Usage(format!(
-                "{calibration}: {name} has images of {w}×{h} pixels, those of {images} have {width}×{height}; give the \
-                 calibration of the cameras that took them"
+                "{calibration}: images of {name} have {w}×{h} pixels, but those of {images} have {width}×{height}; give \
+                 the calibration of the cameras that took them"
             )));
         }
     }
@@ -261,7 +261,7 @@ fn write(out: &mut impl Write, report: &Report<'_>) -> io::Result<()> {
         writeln!(out, "  {first_image:>5}  not measured: {why}")?;
     }
     if report.windows.len() + report.unmeasured.len() < report.windows_available {
-        writeln!(out, "of {} windows; --windows N looks at more of them", report.windows_available)?;
+        writeln!(out, "of {} windows; --windows N measures more of them", report.windows_available)?;
     }
     writeln!(out, "{}", verdict(&report.summary))
 }
@@ -270,11 +270,11 @@ fn verdict(summary: &Summary) -> String {
     let &Summary { first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad, limit_rad, beyond_limit } = summary;
     let numbers = [first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad];
     let ([Some(first), Some(last), Some(largest), Some(median)], Some(beyond)) = (numbers, beyond_limit) else {
-        return "no verdict: in no window most pixels agree with a drift; show more of the object within the volume"
+        return "no verdict: no window has a drift that most of its pixels agree with; show more of the object within the volume"
             .to_owned();
     };
     let judged = if beyond { "BEYOND" } else { "within" };
-    let remedy = if beyond { "; calibrate anew" } else { "" };
+    let remedy = if beyond { "; calibrate again" } else { "" };
     format!(
         "drift rms: first {first:.4}, last {last:.4}, largest {largest:.4}, median {median:.4} rad: {judged} the limit of \
          {limit_rad} rad (health.drift_rad){remedy}"

@@ -8,6 +8,7 @@ mod text;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
 use fringeflow_dataset::read_volume;
@@ -16,27 +17,28 @@ use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, repo
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::output_folder;
+use crate::values::unit;
 
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Calibration file (OpenCV YAML), or a dataset folder or recording (.mcap), which also states unit, volume, pattern
-    /// and steps.
+    /// Calibration file (OpenCV YAML), dataset folder or recording (.mcap). Dataset and recording also state unit, volume,
+    /// pattern and steps.
     calibration: PathBuf,
-    /// Unit of lengths in the calibration file and the volume: mm or m; that of the dataset, else mm.
-    #[arg(long, value_name = "UNIT")]
+    /// Unit of lengths in the calibration file and the volume. The default is that of the dataset, else mm.
+    #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
     /// Measurement volume: xmin,ymin,zmin,xmax,ymax,zmax in the frame of camera 1 (write --volume=-50,…), or a JSON
-    /// file with `R_v`, `T_v`, `min`, `max` as in a dataset's meta.json. Needed with a calibration file.
+    /// file with `R_v`, `T_v`, `min`, `max` as in a dataset's meta.json. A calibration file needs it.
     #[arg(long, value_name = "BOX|FILE", allow_hyphen_values = true)]
     volume: Option<String>,
-    /// Period of the fringes, projector pixels; that of the dataset, else 16.
+    /// Period of the fringes, projector pixels. The default is that of the dataset, else 16.
     #[arg(long, value_name = "PX")]
     period: Option<f64>,
-    /// Sense in which the phase grows with the projector column: 1 or -1; that of the dataset, else 1.
-    #[arg(long, value_name = "SIGN", allow_hyphen_values = true)]
+    /// Sign of the phase along the projector columns. The default is that of the dataset, else 1.
+    #[arg(long, value_name = "SIGN", allow_hyphen_values = true, value_parser = sign())]
     sign: Option<f64>,
-    /// Phase images of a measurement, evenly chosen of those given by --images; that of the dataset, else 4.
+    /// Phase images of a measurement. With --images they are evenly chosen. The default is that of the dataset, else 4.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Standard deviation of the camera noise, grey levels.
@@ -48,33 +50,33 @@ pub(crate) struct Args {
     /// Standard deviation of the calibration error, pixels, in every coordinate of every image [default: 0.065].
     #[arg(long, value_name = "PX", conflicts_with = "calibration_sd")]
     calibration_error_px: Option<f64>,
-    /// Share of the calibration in sd, the standard deviation of δ, where it is known from measurements.
+    /// Part of sd, the standard deviation of δ, that the calibration causes, if it was measured.
     #[arg(long, value_name = "RAD")]
     calibration_sd: Option<f64>,
-    /// Look at every PX-th pixel of camera 1.
+    /// Use every PX-th pixel of camera 1.
     #[arg(long, value_name = "PX", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     grid: u16,
-    /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording; pattern and, unless
-    /// given, the volume are theirs.
+    /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording. They state the pattern,
+    /// and the volume unless --volume is given.
     #[arg(
         long,
         value_name = "DATASET|RECORDING",
         conflicts_with_all = ["period", "sign", "noise", "modulation", "calibration_error_px", "calibration_sd", "grid"]
     )]
     images: Option<PathBuf>,
-    /// With --images: windows of a recording to look at, evenly chosen.
+    /// With --images: number of windows to measure in a recording, evenly chosen.
     #[arg(long, value_name = "N", default_value_t = 30, requires = "images", value_parser = clap::value_parser!(u16).range(1..))]
     windows: u16,
-    /// With --images: TOML file with settings, see configs/reconstruct.toml; by default those of the recording.
+    /// With --images: TOML file with settings, see configs/reconstruct.toml. The default is those of the recording.
     #[arg(long, value_name = "FILE", requires = "images")]
     config: Option<PathBuf>,
     /// Print one JSON object (metres, radians, pixels) instead of text.
     #[arg(long)]
     json: bool,
-    /// Write maps of n (periods.png) and of the surviving wrong candidates (survivors.png) to this folder; with --images
-    /// one of the drift at the middle of the volume (drift.png).
-    #[arg(short = 'o', long, value_name = "DIR")]
-    preview: Option<PathBuf>,
+    /// Folder for maps of n (periods.png) and of the surviving wrong candidates (survivors.png). With --images it gets a map
+    /// of the drift at the middle of the volume (drift.png).
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
 }
 
 /// A calibration and what is said with it.
@@ -92,11 +94,11 @@ impl Args {
             return drift::run(self, images);
         }
         let (setup, steps) = self.setup()?;
-        if let Some(folder) = &self.preview {
+        if let Some(folder) = &self.output {
             output_folder::prepare(folder)?;
         }
         let report = report(&setup, &self.assumptions(steps), usize::from(self.grid)).map_err(Failure::unusable)?;
-        if let Some(folder) = &self.preview {
+        if let Some(folder) = &self.output {
             picture::write(folder, &report.evaluation)?;
         }
         let mut out = std::io::stdout().lock();
@@ -115,7 +117,7 @@ impl Args {
         let Calibrated { rig, volume, measurement } = self.calibrated()?;
         let volume = volume.ok_or_else(|| self.no_volume())?;
         let (pattern, steps) = measurement.unwrap_or(defaults);
-        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern)? }, self.steps.unwrap_or(steps)))
+        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern) }, self.steps.unwrap_or(steps)))
     }
 
     /// What the calibration file, the dataset or the recording says, with the volume that is given instead.
@@ -137,12 +139,9 @@ impl Args {
         Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
     }
 
-    fn pattern(&self, pattern: FringePattern) -> Result<FringePattern, Failure> {
-        let sign = self.sign.unwrap_or(pattern.sign);
-        if sign.abs() != 1.0 {
-            return Err(Failure::Usage(format!("--sign {sign}: must be 1 or -1")));
-        }
-        Ok(FringePattern { period_px: self.period.unwrap_or(pattern.period_px), sign, ..pattern })
+    fn pattern(&self, pattern: FringePattern) -> FringePattern {
+        let (period_px, sign) = (self.period.unwrap_or(pattern.period_px), self.sign.unwrap_or(pattern.sign));
+        FringePattern { period_px, sign, ..pattern }
     }
 
     fn assumptions(&self, steps: usize) -> Assumptions {
@@ -153,6 +152,11 @@ impl Args {
     }
 }
 
+/// Takes 1 or -1.
+fn sign() -> impl TypedValueParser<Value = f64> {
+    PossibleValuesParser::new(["1", "-1"]).try_map(|text| text.parse::<f64>())
+}
+
 /// A volume written out as six numbers, or in a file.
 fn volume_of(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
     let numbers: Result<Vec<f64>, _> = given.split(',').map(|number| number.trim().parse::<f64>()).collect();
@@ -161,7 +165,7 @@ fn volume_of(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
     };
     let &[x0, y0, z0, x1, y1, z1] = &numbers[..] else {
         let count = numbers.len();
-        let what = format!("--volume {given}: has {count} numbers; expected xmin,ymin,zmin,xmax,ymax,zmax");
+        let what = format!("--volume {given}: {count} numbers were given; expected xmin,ymin,zmin,xmax,ymax,zmax");
         return Err(Failure::Usage(what));
     };
     let corner = |corner: [f64; 3]| Point3::from(corner.map(|c| c * unit.in_metres()));

@@ -68,7 +68,7 @@ fn coverage(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
     writeln!(out, "\nCoverage (percent)")?;
     writeln!(
         out,
-        "  image of C1 with a segment {:5.1}, of it and seen by C2 and lit at its middle {:5.1}",
+        "  image of C1 with a segment {:5.1}, also seen by C2 and lit at the middle of the segment {:5.1}",
         percent(c.image_with_segment),
         percent(c.image_measurable)
     )?;
@@ -145,7 +145,10 @@ fn advice(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
     for Advice { change, figures } in &report.advice {
         line(out, &name(change), figures)?;
     }
-    writeln!(out, "efc counts false candidates on irregular surfaces, survivors those on flat ones; fewer are better.")
+    writeln!(
+        out,
+        "efc counts false candidates on irregular surfaces, survivors count them on flat surfaces. Fewer are better."
+    )
 }
 
 fn line(out: &mut impl Write, name: &str, f: &Figures) -> io::Result<()> {

@@ -23,7 +23,7 @@ const SESSION: u64 = 1;
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LiveError {
     /// Nobody shows patterns.
-    #[error("projector.driver is \"external\", and no driver runs here; set it to \"virtual\" or \"cycle\"")]
+    #[error("projector.driver is \"external\", but no driver runs here; set it to \"virtual\" or \"cycle\"")]
     NoProjector,
     /// An option of the virtual scanner.
     #[error(transparent)]

@@ -16,103 +16,103 @@ use fringeflow_message::PixelFormat;
 
 use crate::failure::Failure;
 use crate::progress;
+use crate::values::one_of;
 
 /// Arguments of `fringeflow simulate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder to write, which must not exist or be empty; with --config the recording.
+    /// Dataset folder to write: a new or an empty one. With --config: recording to write.
     #[arg(short, long, value_name = "FOLDER|REC")]
     output: PathBuf,
-    /// Record what the virtual scanner of a configuration (see configs/demo.toml) would deliver live, with the true poses
-    /// of the object; no service runs, and the same configuration gives the same bytes.
+    /// Record the virtual scanner of a configuration (see configs/demo.toml) with the true poses of the object. No service
+    /// runs. The same configuration gives the same bytes.
     #[arg(long, value_name = "FILE", conflicts_with_all = DATASET_OPTIONS)]
     config: Option<PathBuf>,
-    /// Record so many seconds, by default one round of the sweep.
+    /// With --config: seconds to record, at most 3600. The default is one round of the sweep.
     #[arg(long, value_name = "S", requires = "config", value_parser = recording::seconds)]
     seconds: Option<f64>,
-    /// What is measured: plane, prism, machine, teeth, tooth, nose or elephant; harder: clutter or crumbs; larger than the image:
-    /// tray.
-    #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = Object::from_str)]
+    /// Object to measure. clutter and crumbs are hard, and tray is larger than the image.
+    #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = one_of(&Object::ALL, Object::name))]
     object: Object,
-    /// What it lies on: visible, dark or none; or how far beyond the measurement volume a board stands that is seen and never
-    /// measured, millimetres; below 0 before the volume, where it covers the right part; behind is 15. Visible by default,
-    /// for crumbs none.
+    /// Board under the object: visible, dark or none. Or a board outside the measurement volume, which is seen and never
+    /// measured: its distance behind the volume in millimetres, below 0 before the volume, where it covers the right part.
+    /// behind means 15. The default is visible, for crumbs none.
     #[arg(long, value_name = "KIND|MM", value_parser = Board::from_str, allow_negative_numbers = true)]
     board: Option<Board>,
-    /// Share of the light that a board beyond or before the volume scatters, 0 to 2: black paper 0.05, grey 0.3, white 0.8.
-    /// 0.62 by default.
+    /// Share of the light that a board outside the volume scatters, 0 to 2: black paper 0.05, grey 0.3, white 0.8
+    /// [default: 0.62].
     #[arg(long, value_name = "SHARE", requires = "board")]
     board_albedo: Option<f64>,
-    /// Turn of such a board about the vertical axis, -80 to 80; more than 0 takes its right border away from the sensor. Its
-    /// distance stays that of its nearest place. 0 by default.
+    /// Turn of that board about the vertical axis, -80 to 80 degrees. Above 0 its right border is farther from the sensor.
+    /// The distance is that of its nearest point [default: 0].
     #[arg(long, value_name = "DEG", requires = "board", allow_negative_numbers = true)]
     board_tilt: Option<f64>,
-    /// Scale the object to fill so much of the image of C1, 0.1 to 60; boards and hands do not count.
+    /// Scale the object to fill this share of the image of C1, 0.1 to 60. Board and hand do not count.
     #[arg(long, value_name = "PERCENT")]
     share: Option<f64>,
-    /// A hand with spread fingers between the cameras and the measurement volume, 15 mm before it: seen, never measured.
+    /// Add a hand with spread fingers, 15 mm before the measurement volume. It is seen and never measured.
     #[arg(long)]
     hand: bool,
-    /// Shift of the object from the middle of the measurement volume, right, down and away from the sensor.
+    /// Shift the object from the middle of the measurement volume: right, down and away from the sensor.
     #[arg(long, value_name = "X,Y,Z mm", default_value = "0,0,0", value_parser = shift, allow_hyphen_values = true)]
     shift: [f64; 3],
-    /// Cover the right half of a camera with a dark flap: cam1 or cam2.
-    #[arg(long, value_name = "CAMERA", value_parser = camera)]
+    /// Cover the right half of a camera with a dark flap.
+    #[arg(long, value_name = "CAMERA", value_parser = one_of(&CameraId::BOTH, CameraId::folder))]
     cover: Option<CameraId>,
-    /// Move the object so far from phase image to phase image, obliquely through the measurement volume; what else there is
-    /// (Gray code, white, black, truth) shows it at rest in their middle.
+    /// Move the object by MM from phase image to phase image, obliquely through the measurement volume. The other images and
+    /// the truth show it at rest, at the middle of the sequence.
     #[arg(long, value_name = "MM")]
     motion: Option<f64>,
-    /// Turn it so far from phase image to phase image, degrees; 0.2° a millimetre of --motion.
+    /// Turn the object from phase image to phase image. The default is 0.2° for each millimetre of --motion.
     #[arg(long, value_name = "DEG", requires = "motion")]
     turn: Option<f64>,
-    /// Cycles of phase images with --motion; so many that there are 16 images or more.
+    /// Cycles of phase images with --motion. The default gives 16 images or more.
     #[arg(long, value_name = "C", requires = "motion")]
     cycles: Option<usize>,
-    /// Share of the time from image to image in which the shutter is open, 0 to 1: images are blurred by the motion.
+    /// Share of the time in which the shutter is open, 0 to 1. The motion blurs the images.
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "motion")]
     blur: f64,
-    /// Tremor of the hand on top of --motion, root mean square along each axis; so many degrees about it.
+    /// Tremor of the hand on top of --motion: root mean square along each axis, and the same number of degrees about it.
     #[arg(long, value_name = "MM", default_value_t = 0.0, requires = "motion")]
     tremor: f64,
-    /// Phase images a direction and cycle, 3 to 16.
+    /// Phase images of a cycle in each direction, 3 to 16.
     #[arg(long, value_name = "N", default_value_t = 8)]
     steps: usize,
     /// Width and height of the images, pixels.
     #[arg(long, value_name = "WxH", default_value = "640x512", value_parser = size)]
     size: [usize; 2],
-    /// Noise of the cameras: none, low, normal or high.
-    #[arg(long, value_name = "LEVEL", default_value = "normal", value_parser = NoiseLevel::from_str)]
+    /// Noise of the cameras.
+    #[arg(long, value_name = "LEVEL", default_value = "normal", value_parser = one_of(&NoiseLevel::ALL, NoiseLevel::name))]
     noise: NoiseLevel,
-    /// Depth of the images: GREY for 8 bits, or Y10, Y12, Y14 or Y16.
-    #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = format)]
+    /// Bits of a pixel: GREY has 8, Y10 to Y16 have 10 to 16.
+    #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = one_of(&PixelFormat::ALL, PixelFormat::name))]
     format: PixelFormat,
-    /// Exponent of the projector, 1 for a linear one.
+    /// Exponent of the projector. 1 is linear.
     #[arg(long, value_name = "G", default_value_t = 1.0)]
     gamma: f64,
-    /// Seed of noise and calibration error; the same seed gives the same bytes.
+    /// Seed of noise and calibration error. The same seed gives the same bytes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Standard deviation of δ that the calibration error causes, rad; 0 for an exact calibration.
+    /// Standard deviation of δ that the calibration error causes. 0 makes the calibration exact.
     #[arg(long, value_name = "RAD", default_value_t = 0.041)]
     sd: f64,
-    /// Errors of k2, p1 and p2 of the lenses of C2 and projector within --sd, compared with each other error of the calibration,
-    /// 0 to 10.
+    /// Weight of the errors of k2, p1 and p2 of C2 and projector within --sd, 0 to 10. Every other calibration error has
+    /// weight 1.
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     lens_error: f64,
-    /// Depth of the measurement volume, millimetres, 1 to 300; 25, for the nose 45.
+    /// Depth of the measurement volume, 1 to 300 millimetres. The default is 25, for the nose 45.
     #[arg(long, value_name = "MM")]
     depth: Option<f64>,
     /// Fringe period, projector pixels.
     #[arg(long, value_name = "PX", default_value_t = 16.0)]
     period: f64,
-    /// Put the projector in the middle of the base, where every second wrong fringe order passes the test.
+    /// Put the projector in the middle of the base. There every second wrong fringe order passes the test.
     #[arg(long)]
     symmetric: bool,
-    /// Fringes (and Gray code) along the projector's rows as well.
+    /// Project fringes and Gray code along the projector's rows too.
     #[arg(long)]
     two_directions: bool,
-    /// No Gray-code images.
+    /// Write no Gray-code images.
     #[arg(long)]
     no_gray: bool,
     /// Samples along each side of a pixel, 1 to 4.
@@ -197,7 +197,7 @@ impl Args {
             })),
             Board::None | Board::Dark | Board::Visible => match of_board.into_iter().find_map(|(o, v)| Some((o, v?))) {
                 Some((option, value)) => Err(Failure::Usage(format!(
-                    "{option} {value} is for a board apart from the measurement volume; give --board with its distance in \
+                    "{option} {value}: this option needs a board outside the measurement volume; give its distance in \
                      millimetres, as in --board 85"
                 ))),
                 None => Ok(board),
@@ -269,23 +269,11 @@ impl Args {
     }
 }
 
-/// A format by its name.
-fn format(name: &str) -> Result<PixelFormat, String> {
-    let known = PixelFormat::ALL.into_iter().find(|format| format.name() == name);
-    known.ok_or_else(|| format!("{name:?} is no format; use GREY, Y10, Y12, Y14 or Y16"))
-}
-
 /// `X,Y,Z` as three numbers.
 fn shift(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    let wrong = || format!("{text:?} is no shift; write three lengths in millimetres as in 30,0,-5");
+    let wrong = || format!("{text:?} is not a shift; write three lengths in millimetres as in 30,0,-5");
     numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)
-}
-
-/// A camera by the name of its folder.
-fn camera(name: &str) -> Result<CameraId, String> {
-    let known = CameraId::BOTH.into_iter().find(|camera| camera.folder() == name);
-    known.ok_or_else(|| format!("{name:?} is no camera; use cam1 or cam2"))
 }
 
 /// `WxH` as width and height.

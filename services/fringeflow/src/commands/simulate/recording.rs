@@ -85,5 +85,5 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
 /// A duration that a recording can have, seconds.
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 3600.0);
-    seconds.ok_or_else(|| format!("{text:?} is no duration; write seconds, more than 0 and 3600 at most"))
+    seconds.ok_or_else(|| format!("{text:?} is not a duration; write seconds, more than 0 and at most 3600"))
 }

@@ -131,7 +131,7 @@ function showLatencyTables(run) {
         byId("parts"),
         "Latency of each part of the way in milliseconds, and its share of the whole",
         [name("segment", "part, ms"), ...percentileColumns, share],
-        [...run.segments, ...whole],
+        [...run.segments.filter(({ latency }) => latency), ...whole],
         ({ segment }) => segment === "total",
     );
     const count = { title: "items", number: true, text: ({ latency }) => fixed(latency?.count) };
@@ -161,7 +161,7 @@ function showWorst(run) {
     };
     showTable(
         byId("worst"),
-        "The windows that took longest, and why",
+        "The slowest windows, and why",
         [
             { title: run.replayed ? "complete at" : "exposed at", text: time },
             { title: "after, s", number: true, text: ({ time_s }) => fixed(time_s, 2) },
@@ -193,8 +193,8 @@ function showDrops(run) {
 function showHealth(run) {
     byId("health-summary").textContent =
         run.health.windows > 0
-            ? `${run.health.worst} at worst, over ${plural(run.health.windows, "window")}. Each quantity as it was at its worst; shares in percent.`
-            : "No window told of it.";
+            ? `${run.health.worst} at worst, over ${plural(run.health.windows, "window")}. Each quantity is shown at its worst. Shares are in percent.`
+            : "No window reported it.";
     const state = ({ state }) => element("span", { class: "badge", "data-level": HEALTH_LEVELS[state] ?? "idle" }, state);
     showTable(
         byId("health"),

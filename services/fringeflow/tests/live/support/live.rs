@@ -65,7 +65,7 @@ impl<'a> Live<'a> {
 
     /// Asks it to end by `control`, and waits.
     pub(crate) fn quit(self) -> Ended {
-        self.bench.done(&[0], &[&"control", &"--instance", &NAME, &"quit"]);
+        self.bench.done(&[0], &[&"control", &NAME, &"quit"]);
         self.ended()
     }
 

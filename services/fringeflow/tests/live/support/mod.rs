@@ -159,7 +159,7 @@ impl Bench {
 
     /// `fringeflow replay` over the channels of the instance.
     pub(crate) fn replay(&self, arguments: Arguments<'_>) -> Ended {
-        let output = self.command(arguments).args(["--json", "--instance", NAME]).output().unwrap();
+        let output = self.command(arguments).args([NAME, "--json"]).output().unwrap();
         let [summary, log] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
         Ended::new(output.status.code(), &summary, log)
     }

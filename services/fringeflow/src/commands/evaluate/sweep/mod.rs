@@ -98,7 +98,23 @@ pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool)
     bar.finish_and_clear();
     write_atomically(&folder.join("sweep.csv"), |out| table::write(out, &rows))?;
     write_atomically(&folder.join("sweep.svg"), |out| out.write_all(plot::svg(&rows).as_bytes()))?;
-    print(folder, &rows, json)
+    print(folder, &rows, json)?;
+    failures(&rows).map_or(Ok(()), Err)
+}
+
+/// The measurements that failed, a line each with the reason; `None` if all succeeded.
+fn failures(rows: &[Row]) -> Option<Failure> {
+    let line = |row: &Row| {
+        let Row { object, value, resolution, .. } = row;
+        Some(format!("  {object}, {} {value}, resolution {resolution}: {}", row.knob.name(), row.failure.as_deref()?))
+    };
+    let lines: Vec<String> = rows.iter().filter_map(line).collect();
+    let text = format!("{} of {} measurements failed:\n{}", lines.len(), rows.len(), lines.join("\n"));
+    match lines.len() {
+        0 => None,
+        failed if failed == rows.len() => Some(Failure::Unmeasured(text)),
+        _ => Some(Failure::Losses(text)),
+    }
 }
 
 /// The rows of one scene, one a resolution; none where the volume is shallower than the object.
@@ -175,9 +191,7 @@ fn print(folder: &Path, rows: &[Row], json: bool) -> Result<(), Failure> {
         return Ok(writeln!(out)?);
     }
     write!(out, "{}", text::table(rows))?;
-    let failed = rows.iter().filter(|row| row.failure.is_some()).count();
-    let (folder, count) = (folder.display(), rows.len());
-    Ok(writeln!(out, "{folder}: sweep.csv and sweep.svg of {count} measurements, {failed} of which failed")?)
+    Ok(writeln!(out, "{}: sweep.csv and sweep.svg of {} measurements", folder.display(), rows.len())?)
 }
 
 /// Made-up rows for tests.
@@ -202,5 +216,21 @@ fn made_up(knob: Knob, object: &'static str, efc: f64, fpc_percent: f64) -> Row 
             warning: None,
         }),
         failure: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_are_listed_and_losses_unless_nothing_was_measured() {
+        let measured = made_up(Knob::Depth, "nose", 0.2, 0.0);
+        let failed = Row { figures: None, failure: Some("no δ".to_owned()), ..measured.clone() };
+        assert!(failures(&[measured.clone()]).is_none());
+        let some = failures(&[measured, failed.clone()]);
+        let Some(Failure::Losses(text)) = some else { panic!("{some:?}") };
+        assert_eq!(text, "1 of 2 measurements failed:\n  nose, depth 25, resolution paper: no δ");
+        assert!(matches!(failures(&[failed]), Some(Failure::Unmeasured(_))));
     }
 }

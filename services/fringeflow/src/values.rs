@@ -1,0 +1,20 @@
+//! Options that take one of a few words: help lists the words, and any other is refused with the list.
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use fringeflow::calibration::Unit;
+
+/// Takes one of `all` by its name.
+pub(crate) fn one_of<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.iter().map(|&value| name(value))).try_map(move |text| {
+        let named = all.iter().copied().find(|&value| name(value) == text);
+        named.ok_or_else(|| format!("{text:?} is not one of them"))
+    })
+}
+
+/// Takes a unit of length.
+pub(crate) fn unit() -> impl TypedValueParser<Value = Unit> {
+    one_of(&[Unit::Millimetre, Unit::Metre], Unit::symbol)
+}
