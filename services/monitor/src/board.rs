@@ -14,6 +14,9 @@ use fringeflow_telemetry::{
     DropLine, Interval, Losses, Pace, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
     TrackingWatch, WindowFigures,
 };
+use fringeflow_runtime::{Preparation, live_services, sources};
+use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::events::EventLog;
 use crate::room::Room;
@@ -41,6 +44,8 @@ pub(crate) struct Board {
     /// As it was at the last turn.
     pub(crate) tracking: Option<TrackingFigures>,
     pub(crate) state: ScanState,
+    /// What a service prepares before the scan can begin.
+    pub(crate) preparation: Option<Preparation>,
     /// Skew since the last turn, and in the second before it.
     skew_span: Skew,
     pub(crate) skew: Skew,
@@ -80,6 +85,7 @@ impl Board {
             watch: TrackingWatch::default(),
             tracking: None,
             state: ScanState::default(),
+            preparation: None,
             skew_span: Skew::default(),
             skew: Skew::default(),
             room: Room::of(&configuration.recorder.folder),
@@ -107,7 +113,14 @@ impl Board {
     }
 
     /// Ends a second: looks after the services, closes the span of the time lines, and yields the message for the page.
-    pub(crate) fn turn(&mut self, now_ns: u64, wall_ms: f64, clients: usize) -> String {
+    pub(crate) fn turn(
+        &mut self,
+        preparation: Option<Preparation>,
+        now_ns: u64,
+        wall_ms: f64,
+        clients: usize,
+    ) -> String {
+        self.preparation = preparation;
         self.services.look(&self.tally, now_ns);
         self.statuses = self.services.statuses();
         self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
@@ -172,6 +185,7 @@ impl Board {
             "wall_ms": sample.wall_ms,
             "sample": sample,
             "state": state_entry(&self.state),
+            "preparation": self.preparation.as_ref().map(ToString::to_string),
             "services": self.statuses,
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),

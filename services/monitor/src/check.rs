@@ -12,7 +12,7 @@ use crate::http::Guard;
 /// What must change first, with the key of the configuration or the file.
 pub fn check(configuration: &MonitorConfiguration) -> Result<String, String> {
     if !configuration.is_enabled {
-        return Ok("not wanted: monitor.enabled is false".to_owned());
+        return Ok("off: monitor.enabled is false".to_owned());
     }
     Guard::new(configuration).map_err(|error| error.to_string())?;
     let dashboard = free("monitor.address", &configuration.dashboard)?;
@@ -29,6 +29,6 @@ fn free(key: &str, listen: &Listen) -> Result<String, String> {
     match TcpListener::bind(address) {
         Ok(_) => Ok(address.to_string()),
         Err(_) if listen.is_default => Ok(format!("{} on any free port", address.ip())),
-        Err(error) => Err(format!("{key}: {address} cannot be listened on: {error}; name another address there")),
+        Err(error) => Err(format!("{key}: the monitor cannot listen on {address}: {error}; set another address")),
     }
 }

@@ -6,6 +6,7 @@
 mod board;
 mod check;
 mod events;
+mod exposition;
 mod http;
 mod metrics;
 mod news;
@@ -27,6 +28,7 @@ use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 use fringeflow_transport::{
     REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
+use fringeflow_runtime::{BEAT, Host, Preparation, ServiceArgs, ServiceError, clock, receive};
 
 pub use check::check;
 
@@ -72,7 +74,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         if now_ns.saturating_sub(turned_ns) >= SECOND_NS {
             turned_ns = now_ns;
             let clients = shared.clients.load(std::sync::atomic::Ordering::Relaxed);
-            let figures = shared.board().turn(now_ns, wall_ms, clients);
+            let preparation = Preparation::read(&shared.instance);
+            let figures = shared.board().turn(preparation, now_ns, wall_ms, clients);
             shared.figures.send_replace(figures.into());
             tell(&shared, &mut viewers, &mut told, now_ns);
             viewers.send_standing(&host.setup, now_ns);

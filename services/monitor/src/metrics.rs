@@ -24,9 +24,6 @@ use fringeflow_telemetry::{
 use crate::board::Board;
 use crate::services::ServiceStatus;
 
-/// Media type of the text.
-pub(crate) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-
 /// Makes the text.
 #[derive(Debug)]
 pub(crate) struct Metrics(Registry);
@@ -86,7 +83,7 @@ fn instance(out: &mut Out<'_>, board: &Board, clients: usize) -> Result<(), Erro
     let skews = [("mean", skew.mean_ns()), ("least", if_any(skew.least_ns)), ("greatest", if_any(skew.greatest_ns))];
     out.gauges(
         "camera_skew_seconds",
-        "By how much images of camera 2 begin later than those of camera 1, over the last second.",
+        "Delay of the images of camera 2 behind those of camera 1, over the last second.",
         skews.map(|(statistic, ns)| (vec![("statistic", statistic)], seconds(ns))),
     )
 }
@@ -97,7 +94,7 @@ fn stages(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
     let each = |value: &dyn Fn(Stage) -> u64| Stage::ALL.map(|stage| (label(stage), value(stage)));
     out.counters(
         "stage_taken",
-        "Items that the stage before had put out, those lost between included.",
+        "Items that the stage before put out, including those lost on the way.",
         each(&|stage| counts(stage).taken),
     )?;
     out.counters("stage_passed", "Items that the stage put out.", each(&|stage| counts(stage).passed))?;
@@ -154,7 +151,7 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
     let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);
     let shares = percent.named().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
-    out.gauges("pixel_share", "Share of the pixels of camera 1 with a valid phase, by what became of them.", shares)?;
+    out.gauges("pixel_share", "Share of the pixels of camera 1 with a valid phase, by outcome.", shares)?;
     let cameras =
         |values: [f64; 2]| ["1", "2"].into_iter().zip(values).map(|(camera, value)| (vec![("camera", camera)], value));
     let residuals = window.map_or([f64::NAN; 2], |w| w.residual.map(|share| share.map_or(f64::NAN, f64::from)));
@@ -216,7 +213,7 @@ fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error>
     )?;
     out.gauges(
         "brightness_change_share",
-        "Greatest departure of the brightness of an image from the mean.",
+        "Greatest deviation of the brightness of an image from the mean.",
         told(&|number| moved(number, |motion| f64::from(motion.brightness) / 100.0)),
     )?;
     out.gauges(
@@ -226,12 +223,12 @@ fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error>
     )?;
     out.gauges(
         "motion_lost_pixels",
-        "Pixels left out for their motion.",
+        "Pixels left out because of motion.",
         told(&|number| moved(number, |motion| motion.lost_pixels as f64)),
     )?;
     out.gauges(
         "slip_steps",
-        "Steps by which the pattern was ahead of what was said of it; corrected.",
+        "Steps by which the pattern was ahead of the declared phase shifts. The phases are corrected.",
         told(&|number| Some(window?.slip_steps[number].into())),
     )
 }
@@ -259,7 +256,7 @@ fn health(out: &mut Out<'_>, health: Option<&HealthFigures>) -> Result<(), Error
     };
     out.gauges(
         "health_level",
-        "Level of a quantity over the last windows, in its unit; none while it is not known.",
+        "Level of a quantity over the last windows, in its unit. Unknown levels have no series.",
         known(|gauge| gauge.level),
     )?;
     out.gauges("health_warn_limit", "Level beyond which a quantity is a warning.", known(|gauge| Some(gauge.warn)))?;
@@ -280,24 +277,32 @@ fn tracking(out: &mut Out<'_>, tracking: Option<&TrackingFigures>) -> Result<(),
     let states = ["tracked", "lost", "no_cloud"];
     out.gauges(
         "tracking_state",
-        "1 at the state of the tracking: whether the last cloud has a pose, or none came for two seconds.",
+        "1 for the state of the tracking: the last cloud has a pose, has none, or no cloud came for two seconds.",
         states.map(|state| (vec![("state", state)], f64::from(u8::from(tracking.is_some_and(|t| t.state == state))))),
     )?;
-    out.gauge("tracking_rms_metres", "Distances of the last cloud from the model.", figure(|t| t.rms_mm * 1e-3))?;
+    out.gauge(
+        "tracking_rms_metres",
+        "Root mean square of the distances of the last cloud from the model.",
+        figure(|t| t.rms_mm * 1e-3),
+    )?;
     out.gauge(
         "tracking_inlier_share",
-        "Share of its points with a partner in the model.",
+        "Share of the points of the last cloud with a partner in the model.",
         figure(|t| t.inliers / 100.0),
     )?;
     out.gauge(
         "tracking_sd_metres",
-        "Standard deviation of its pose, at the model's middle.",
+        "Standard deviation of the pose of the last cloud, at the centre of the model.",
         figure(|t| t.sd_mm * 1e-3),
     )?;
-    out.gauge("tracking_sd_radians", "Standard deviation of its turn.", figure(|t| t.sd_deg.to_radians()))?;
+    out.gauge(
+        "tracking_sd_radians",
+        "Standard deviation of the rotation of the pose of the last cloud.",
+        figure(|t| t.sd_deg.to_radians()),
+    )?;
     out.gauge("tracked_cloud_share", "Share of all clouds that have a pose.", figure(|t| t.clouds_tracked / 100.0))?;
     out.gauge("model_points", "Points of the model.", figure(|t| t.model_points as f64))?;
-    out.gauge("model_clouds", "Clouds that it is made of.", figure(|t| t.model_clouds as f64))
+    out.gauge("model_clouds", "Clouds in the model.", figure(|t| t.model_clouds as f64))
 }
 
 fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
@@ -307,7 +312,7 @@ fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> 
     out.gauges("service_up", "1 while the service does its work.", each(|s| f64::from(u8::from(s.is_up()))))?;
     out.gauges(
         "service_memory_bytes",
-        "Memory of the service in RAM, what it shares included.",
+        "Memory of the service in RAM, including shared memory.",
         each(|s| s.memory_bytes as f64),
     )?;
     out.counters("service_cpu_seconds", "CPU time of the service.", each(|s| s.cpu_s))?;

@@ -162,7 +162,7 @@ impl Watch {
 
     fn judge(&self, reports: &[&StageTally], is_alive: bool, tally: &Tally, now_ns: u64) -> (ServiceState, String) {
         if self.process.is_some() && !is_alive {
-            return (ServiceState::Restarting, "its process is gone".to_owned());
+            return (ServiceState::Restarting, "its process has ended".to_owned());
         }
         if self.status.stages.is_empty() {
             return (ServiceState::Ok, String::new());
@@ -173,7 +173,7 @@ impl Watch {
         let last_ns = reports.iter().map(|report| report.time_ns).max().unwrap_or(0);
         if reports.iter().all(|report| report.is_silent(now_ns)) {
             let silence_s = now_ns.saturating_sub(last_ns) / 1_000_000_000;
-            return (ServiceState::Silent, format!("no sign of life for {silence_s} s"));
+            return (ServiceState::Silent, format!("no report for {silence_s} s"));
         }
         match self.backlog(tally) {
             Some(why) => (ServiceState::Slow, why),
@@ -190,8 +190,8 @@ impl Watch {
         };
         let because = |reason, what| Some(new(reason)).filter(|&n| n > 0).map(|n| format!("{n} {what}"));
         because(DropReason::Overrun, "items overwritten before it took them")
-            .or_else(|| because(DropReason::QueueFull, "messages without room in the queue to the disk"))
-            .or_else(|| because(DropReason::NoSample, "items without free memory in the channel"))
+            .or_else(|| because(DropReason::QueueFull, "messages dropped because the queue to the disk was full"))
+            .or_else(|| because(DropReason::NoSample, "items dropped because the channel had no free memory"))
             .or_else(|| because(DropReason::NextStageBusy, "left out while it was busy"))
     }
 }
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(states[1], (ServiceState::Silent, "no sign of life for 7 s".to_owned()));
         // No process has this number: it is beyond the largest that Linux gives.
         let states = look(&mut services, &tally(1 << 23, 9 * SECOND_NS, 8), 9 * SECOND_NS);
-        assert_eq!(states[0], (ServiceState::Restarting, "its process is gone".to_owned()));
+        assert_eq!(states[0], (ServiceState::Restarting, "its process has ended".to_owned()));
     }
 
     #[test]

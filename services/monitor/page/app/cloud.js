@@ -73,6 +73,11 @@ class CloudView {
         this.#draw();
     }
 
+    /** Says until the first cloud what it waits for; null where nothing is being prepared. */
+    showPreparation(preparation) {
+        setText(byId("cloud-empty"), preparation ?? "No cloud yet");
+    }
+
     /** What comes next is something else: it is looked at anew. */
     forget() {
         this.#fitted = null;

@@ -51,7 +51,7 @@ export class Commands {
             return false;
         }
         button.ariaBusy = "true";
-        say("busy", "Asked, waiting for an answer …");
+        say("busy", "Sent, waiting for the answer …");
         try {
             const state = await control(command);
             say("ok", describe(command, state));

@@ -85,12 +85,13 @@ function takeHello(hello) {
 function takeFigures(message) {
     figures = message;
     history.add(message.sample);
-    takeState(message.state ?? {});
+    takeState(message.state ?? {}, message.preparation ?? null);
+    cloudView?.showPreparation(message.preparation ?? null);
     drawPanels();
 }
 
-function takeState(state) {
-    showState(state);
+function takeState(state, preparation = null) {
+    showState(state, preparation);
     commands.showState(state);
 }
 

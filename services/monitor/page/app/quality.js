@@ -12,13 +12,13 @@ const percent = (value) => withUnit(fixed(value, 1), "%");
 const FIGURES = [
     {
         label: "Noise of δ (sd)",
-        hint: "Standard deviation of δ, measured in the images. Grows with noise, motion and a worn calibration.",
+        hint: "Standard deviation of δ in the images. It grows with noise, motion and a drifted calibration.",
         lines: [{ colour: "series-1", read: (window) => window.sd_rad }],
         text: radians,
     },
     {
         label: "Drift of the calibration",
-        hint: "What a calibration that is no longer exact makes of δ, and what is left of the noise without it. It is taken off; beyond its limit (health.drift_rad) calibrate anew.",
+        hint: "Part of δ that a drifted calibration causes, and the noise of δ without it. The drift is subtracted. Calibrate again when it is beyond its limit (health.drift_rad).",
         lines: [
             { colour: "series-6", read: (window) => window.drift_rms_rad },
             { colour: "series-1", read: (window) => window.residual_sd_rad },
@@ -27,7 +27,7 @@ const FIGURES = [
     },
     {
         label: "Median of δ",
-        hint: "Should stay still. A sudden jump says that patterns and images have slipped against each other.",
+        hint: "It should be constant. A sudden jump means that patterns and images are out of step.",
         lines: [{ colour: "series-5", read: (window) => window.delta_median_rad }],
         text: radians,
         range: aroundZero,
@@ -40,7 +40,7 @@ const FIGURES = [
     },
     {
         label: "Periods a segment (n)",
-        hint: "Mean number of fringe periods that compete on an epipolar segment. Given by the rig and the volume.",
+        hint: "Mean number of fringe periods on an epipolar segment. Rig and volume determine it.",
         lines: [{ colour: "series-9", read: (window) => window.n }],
         text: short,
     },
@@ -53,19 +53,19 @@ const FIGURES = [
     },
     {
         label: "Undecided",
-        hint: "Share of the pixels whose candidates could not be told apart; they give no point.",
+        hint: "Share of the pixels whose candidates could not be told apart. They yield no point.",
         lines: [{ colour: "series-8", read: (window) => window.undecided }],
         text: percent,
     },
     {
         label: "Rejected",
-        hint: "Share of the pixels whose candidate contradicted others; they give no point.",
+        hint: "Share of the pixels whose candidate contradicted others. They yield no point.",
         lines: [{ colour: "series-6", read: (window) => window.rejected }],
         text: percent,
     },
     {
         label: "Fit residuals",
-        hint: "What the images of cameras 1 and 2 leave of the sinusoid. Grow with motion and saturation.",
+        hint: "Deviation of the images of cameras 1 and 2 from a sinusoid. It grows with motion and saturation.",
         lines: [
             { colour: "series-1", read: (window) => window.residual?.[0] },
             { colour: "series-2", read: (window) => window.residual?.[1] },
@@ -74,7 +74,7 @@ const FIGURES = [
     },
     {
         label: "Motion an image",
-        hint: "Phase that moves from image to image of cameras 1 and 2, exceeded at one pixel in twenty. It is compensated up to about 1 rad.",
+        hint: "Phase motion from image to image of cameras 1 and 2. One pixel in twenty moves faster. Up to about 1 rad is compensated.",
         lines: [
             { colour: "series-1", read: (window) => window.fast_motion_rad?.[0] },
             { colour: "series-2", read: (window) => window.fast_motion_rad?.[1] },

@@ -38,19 +38,20 @@ export function showConnection(state) {
 
 function describeLoss({ name, why, waitMs, heardAt }) {
     if (name === "stale") {
-        return `Nothing has come since ${timeOfDay(heardAt)}. What you see is from then.`;
+        return `No data since ${timeOfDay(heardAt)}. The page shows the state at that time.`;
     }
     if (name !== "reconnecting") {
         return "";
     }
-    const old = heardAt ? ` What you see is from ${timeOfDay(heardAt)}.` : "";
+    const old = heardAt ? ` The page shows the state at ${timeOfDay(heardAt)}.` : "";
     return `Not connected: ${why}. Trying again in ${waitMs / 1000} s.${old}`;
 }
 
-export function showState(state) {
+/** Shows the state; `preparation` says how far a service is that prepares before the scan can begin. */
+export function showState(state, preparation) {
     const scanning = byId("scanning");
     setState(scanning, "level", state.scanning ? "ok" : "idle");
-    setText(scanning, state.scanning ? "Scanning" : "Not scanning");
+    setText(scanning, preparation ?? (state.scanning ? "Scanning" : "Not scanning"));
     const recording = byId("recording");
     setState(recording, "level", state.recording ? "recording" : "idle");
     setText(recording, describeRecording(state));

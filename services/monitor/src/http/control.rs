@@ -44,7 +44,7 @@ enum Wanted {
 pub(super) async fn control(State(answering): State<Answering>, headers: HeaderMap, body: Bytes) -> Response {
     let is_json = headers.get(CONTENT_TYPE).is_some_and(|value| value.as_bytes().starts_with(MEDIA_TYPE.as_bytes()));
     if !is_json {
-        return refuse(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a command is JSON, sent as application/json");
+        return refuse(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a command must be JSON, sent as application/json");
     }
     let asked = match parse(&body) {
         Ok(asked) => asked,
@@ -58,18 +58,18 @@ pub(super) async fn control(State(answering): State<Answering>, headers: HeaderM
         }
         Ok(Ok(response)) => refuse(StatusCode::CONFLICT, &response.text.to_text()),
         Ok(Err(error)) => refuse(StatusCode::BAD_GATEWAY, &error.to_string()),
-        Err(_) => refuse(StatusCode::SERVICE_UNAVAILABLE, "the monitor ends"),
+        Err(_) => refuse(StatusCode::SERVICE_UNAVAILABLE, "the monitor is ending"),
     }
 }
 
 fn parse(body: &[u8]) -> Result<ControlRequest, String> {
-    let wish: Wish = serde_json::from_slice(body).map_err(|error| format!("that is no command: {error}"))?;
+    let wish: Wish = serde_json::from_slice(body).map_err(|error| format!("this is not a command: {error}"))?;
     if !Text::fits(&wish.text) {
         return Err("the text is too long; give at most 256 bytes".to_owned());
     }
     // Where a recording goes is for the scanner PC to say, not for a page.
     if matches!(wish.command, Wanted::Record) && !wish.text.is_empty() {
-        return Err("recordings that are begun here are named by the time; leave out the text".to_owned());
+        return Err("a recording started here is named by the time; leave out the text".to_owned());
     }
     let command = match wish.command {
         Wanted::Start => Command::Start,
@@ -106,7 +106,7 @@ mod tests {
             (r#"{"command": "quit"}"#, "quit"),
             (r#"{"command": "record", "text": "/etc/passwd"}"#, "named by the time"),
             (r#"{"command": "stop", "more": 1}"#, "more"),
-            ("", "no command"),
+            ("", "not a command"),
         ] {
             let why = parse(body.as_bytes()).unwrap_err();
             assert!(why.contains(word), "{body}: {why}");

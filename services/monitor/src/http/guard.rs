@@ -40,7 +40,7 @@ pub(crate) enum Refusal {
 pub(crate) enum TokenError {
     #[error("{}: the token of the monitor cannot be read: {source}", file.display())]
     Unreadable { file: PathBuf, source: io::Error },
-    #[error("{}: the token of the monitor must have {TOKEN_LENGTH} characters at least, letters, digits, - and _ only; make one by: openssl rand -hex 16", file.display())]
+    #[error("{}: the token of the monitor needs at least {TOKEN_LENGTH} letters, digits, - or _; make one by: openssl rand -hex 16", file.display())]
     Unfit { file: PathBuf },
 }
 

@@ -20,7 +20,7 @@ pub(super) async fn file(Path(path): Path<String>) -> Response {
 fn part(path: &str) -> Response {
     match (PAGE.get_file(path), media_type(path)) {
         (Some(file), Some(media_type)) => ([(CONTENT_TYPE, media_type)], file.contents()).into_response(),
-        _ => (StatusCode::NOT_FOUND, "There is nothing here.\n").into_response(),
+        _ => (StatusCode::NOT_FOUND, "There is no such page.\n").into_response(),
     }
 }
 

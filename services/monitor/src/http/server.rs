@@ -14,9 +14,10 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use foxglove::Context;
 use http::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, LOCATION, REFERRER_POLICY, SET_COOKIE, X_CONTENT_TYPE_OPTIONS,
+    ACCEPT, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, LOCATION, REFERRER_POLICY, SET_COOKIE,
+    X_CONTENT_TYPE_OPTIONS,
 };
-use http::{HeaderValue, StatusCode};
+use http::{HeaderMap, HeaderValue, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
@@ -24,8 +25,10 @@ use tokio::sync::Semaphore;
 
 use fringeflow_config::{Listen, MonitorConfiguration};
 use fringeflow_runtime::dashboard_file;
-
 use crate::metrics::{MEDIA_TYPE, Metrics};
+use super::guard::{COOKIE_NAME, Guard};
+use super::{control, live, page};
+use crate::exposition::Exposition;
 use crate::shared::{Shared, ended};
 use crate::viewers;
 
@@ -88,7 +91,7 @@ impl Server {
             .enable_time()
             .max_blocking_threads(BLOCKING_THREADS)
             .build()
-            .map_err(|error| format!("the server of the monitor cannot be started: {error}"))?;
+            .map_err(|error| format!("the server of the monitor cannot start: {error}"))?;
         let metrics = Arc::new(Metrics::new(Arc::clone(&shared.board), Arc::clone(&shared.clients)));
         let answering = Answering { shared: Arc::clone(shared), guard: Arc::new(guard), metrics };
         let (dashboard, foxglove, context) = (settings.dashboard, settings.foxglove, Arc::clone(context));
@@ -96,7 +99,7 @@ impl Server {
             runtime.block_on(serve(answering, dashboard, foxglove, context));
             runtime.shutdown_timeout(STOP_TIME);
         });
-        let thread = thread.map_err(|error| format!("the thread of the server cannot be started: {error}"))?;
+        let thread = thread.map_err(|error| format!("the thread of the server cannot start: {error}"))?;
         Ok(Self { thread, shared: Arc::clone(shared) })
     }
 
@@ -155,7 +158,7 @@ pub(crate) async fn bind(key: &str, listen: Listen) -> TcpListener {
             Ok(listener) => return listener,
             Err(_) if listen.is_default && address.port() != 0 => address.set_port(0),
             Err(error) => {
-                tracing::warn!("{key}: {address} cannot be listened on: {error}; name another address there");
+                tracing::warn!("{key}: the monitor cannot listen on {address}: {error}; set another address");
                 tokio::time::sleep(PAUSE).await;
             }
         }
@@ -230,8 +233,10 @@ fn signed_in(token: &str) -> Response {
     (StatusCode::SEE_OTHER, [(LOCATION, "/".to_owned()), (SET_COOKIE, cookie)]).into_response()
 }
 
-async fn metrics(State(answering): State<Answering>) -> Response {
-    ([(CONTENT_TYPE, MEDIA_TYPE)], answering.metrics.text()).into_response()
+async fn metrics(State(answering): State<Answering>, headers: HeaderMap) -> Response {
+    let accept = headers.get(ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let exposition = Exposition::accepted(accept);
+    ([(CONTENT_TYPE, exposition.media_type())], exposition.of(answering.metrics.text())).into_response()
 }
 
 /// The figures of the last second.

@@ -1,8 +1,8 @@
 //! The door to the viewers' server.
 //!
-//! The server of the SDK asks nobody who he is, waits without end for a handshake, and stops for good when it cannot accept a
-//! connection. So it listens on a port and an address of this machine that nobody knows, and whoever comes to the address
-//! that is known is looked at first, and counted; then bytes pass as they are.
+//! The server of the SDK has no authentication, waits without end for a handshake, and stops for good when it cannot accept a
+//! connection. So it listens on a secret port and address of this machine. Clients connect to the public address, where they
+//! are checked and counted first. Then bytes pass as they are.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -82,7 +82,7 @@ async fn start_inner(shared: &Shared, context: &Arc<Context>) -> Option<SocketAd
     match server.start().await {
         Ok(handle) => Some(SocketAddr::new(IpAddr::V4(address), handle.port())),
         Err(error) => {
-            tracing::error!("the server of the viewers cannot be started: {error}");
+            tracing::error!("the server for viewers cannot start: {error}");
             None
         }
     }
@@ -92,7 +92,7 @@ async fn start_inner(shared: &Shared, context: &Arc<Context>) -> Option<SocketAd
 async fn admit(mut viewer: TcpStream, guard: &Guard, inner: SocketAddr) -> std::io::Result<()> {
     let local = local_ip(&viewer)?;
     let Some(head) = tokio::time::timeout(HEAD_TIME, read_head(&mut viewer)).await.ok().flatten() else {
-        return viewer.write_all(&answer(StatusCode::BAD_REQUEST, "That is no request of a viewer.\n")).await;
+        return viewer.write_all(&answer(StatusCode::BAD_REQUEST, "This is not a request of a viewer.\n")).await;
     };
     if let Err(refusal) = guard.check_viewer(&head.headers, &head.uri, local) {
         return viewer.write_all(&answer(refusal.status(), refusal.text())).await;

@@ -55,7 +55,7 @@ fn buttons_record_mark_and_stop() {
     let bench = bench("");
     let watched = Watched::start(&bench, &[]);
     let refused = watched.control(&json!({"command": "mark", "text": "too early"}));
-    assert!(refused.status == 409 && refused.body.contains("begin one first"), "{refused:?}");
+    assert!(refused.status == 409 && refused.body.contains("start one before"), "{refused:?}");
     let recording = watched.control(&json!({"command": "record"}));
     assert_eq!(recording.status, 200, "{recording:?}");
     let state: Value = serde_json::from_str(&recording.body).unwrap();

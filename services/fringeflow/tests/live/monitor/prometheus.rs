@@ -1,7 +1,7 @@
 //! The real Prometheus watches an instance, and sees what everybody else sees.
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 
 use super::*;
 use crate::tracking::TRACKED_BODY;
@@ -35,7 +35,7 @@ pub(super) fn monitoring(name: &str) -> PathBuf {
 fn prometheus_rules_and_dashboard_find_what_they_ask_for() {
     let binaries = script(&mut Command::new(monitoring("prometheus_package.sh")));
     let promtool = PathBuf::from(&binaries).join("promtool");
-    script(Command::new(promtool).args(["test", "rules"]).arg(monitoring("alerts_test.yml")));
+    script(Command::new(&promtool).args(["test", "rules"]).arg(monitoring("alerts_test.yml")));
 
     let bench = bench_with(&TRACKED_BODY, "");
     let recording = bench.path("run.mcap");
@@ -44,6 +44,7 @@ fn prometheus_rules_and_dashboard_find_what_they_ask_for() {
     let metrics = bench.path("metrics.txt");
     std::fs::write(&metrics, watched.get("/metrics").body).unwrap();
     script(python().arg(monitoring("grafana.py")).arg(root().join("configs/grafana.json")).arg(&metrics));
+    lint(&promtool, &watched.request("GET", "/metrics", &[("Accept", "text/plain")], "").body);
     let url = format!("http://{}", watched.address);
     let seen = script(python().arg(monitoring("prometheus.py")).args([&url, &binaries]));
     let seen: Value = serde_json::from_str(&seen).unwrap();
@@ -69,6 +70,17 @@ fn prometheus_rules_and_dashboard_find_what_they_ask_for() {
         agree(&seen_last["since_start"]["stages"][name], &stage["latency"]);
     }
     agree_with_recording(&seen_last["since_start"], &bench.json(&[0], &[&"latency", &recording, &"--json"]));
+}
+
+/// Asserts that promtool finds no fault in the text format of the metrics.
+fn lint(promtool: &Path, metrics: &str) {
+    let mut check = Command::new(promtool);
+    check.args(["check", "metrics"]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut check = check.spawn().unwrap();
+    check.stdin.take().unwrap().write_all(metrics.as_bytes()).unwrap();
+    let output = check.wait_with_output().unwrap();
+    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(output.status.success() && said.iter().all(String::is_empty), "{said:?}\n{metrics}");
 }
 
 /// [`agree`] of what the recording tells.
