@@ -25,7 +25,7 @@ impl std::error::Error for SequenceFaults {}
 
 impl std::fmt::Display for SequenceFaults {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the images do not show the pattern steps that are said of them: ")?;
+        write!(f, "the images do not show the declared pattern steps: ")?;
         match (self.cam1, self.cam2) {
             (Some(one), Some(two)) if one.kind == two.kind => {
                 self.tell(f, "both cameras (or the projector)", &one)?;

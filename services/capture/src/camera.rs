@@ -202,7 +202,7 @@ impl Camera {
     fn begin(&mut self, streaming: Streaming) {
         self.is_missed = false;
         if std::mem::take(&mut self.is_unplugged) {
-            self.notes.add(Incident::Returned, format!("{} is there again", self.settings.device));
+            self.notes.add(Incident::Returned, format!("{} is back", self.settings.device));
         }
         self.state = State::Streaming(Box::new(streaming));
     }
@@ -256,7 +256,7 @@ impl Camera {
     fn restart(&mut self, why: &str) {
         let closed = State::Closed { next_ns: 0, failures: 0 };
         let State::Streaming(old) = std::mem::replace(&mut self.state, closed) else { return };
-        self.notes.add(Incident::StreamRestart, format!("{}: {why}; its stream begins anew", self.settings.device));
+        self.notes.add(Incident::StreamRestart, format!("{}: {why}; its stream is restarted", self.settings.device));
         let Streaming { device, prepared, queue, silences, heard_ns, .. } = *old;
         // Its buffers must be gone before the driver gives others.
         drop(queue);
@@ -308,7 +308,7 @@ impl Streaming {
         } else {
             let numbered = self.numbering.take(filled.sequence);
             if let Numbered::Anew { number } = numbered {
-                notes.add(Incident::NumberingRestart, format!("the driver counts its images anew, from {number}"));
+                notes.add(Incident::NumberingRestart, format!("the driver restarted its image numbers at {number}"));
                 self.session = now_ns;
             }
             match numbered {
@@ -326,12 +326,14 @@ impl Streaming {
             None => Ok(stamped),
             Some(StampFault::Ahead { by_ns }) => {
                 let by_ms = by_ns as f64 * 1e-6;
-                notes.add(Incident::StampAhead, format!("time stamps lie {by_ms:.3} ms after the arrival"));
+                notes.add(Incident::StampAhead, format!("time stamps are {by_ms:.3} ms later than the arrival"));
                 Ok(stamped)
             }
             Some(StampFault::Jump) => {
-                notes
-                    .add(Incident::StampJump, "time stamps leap or are of no known clock; times count from an arrival");
+                notes.add(
+                    Incident::StampJump,
+                    "time stamps jump or use an unknown clock; times now count from an arrival",
+                );
                 // Times before and after say nothing of each other.
                 self.session = now_ns;
                 Ok(stamped)

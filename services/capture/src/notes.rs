@@ -57,7 +57,7 @@ fn line(logged: &mut Option<(u64, u64)>, count: u64, words: &str, now_ns: u64) -
         _ => {
             let before = logged.replace((now_ns, 0)).map_or(0, |(_, since)| since);
             Some(if before > 0 {
-                format!("{words} (and {before} times since it was said last)")
+                format!("{words} (and {before} times since the last message)")
             } else {
                 words.to_owned()
             })

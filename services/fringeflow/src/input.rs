@@ -68,7 +68,7 @@ impl Input {
         match self {
             Self::Folder(dataset) => Ok(dataset),
             Self::Recording(..) => {
-                Err(self.unusable(&"a recording has no Gray-code images; give the dataset folder they are in"))
+                Err(self.unusable(&"a recording has no Gray-code images; give the dataset folder that has them"))
             }
         }
     }
@@ -119,7 +119,7 @@ impl Input {
             Self::Recording(_, pairs) => cycles(pairs, steps).collect(),
         };
         if starts.is_empty() {
-            let what = format!("among its {} image pairs is no complete cycle of {steps} steps", self.available());
+            let what = format!("its {} image pairs hold no complete cycle of {steps} steps", self.available());
             return Err(self.unusable(&what));
         }
         Ok(starts.into_iter().map(|start| start..start + steps).collect())

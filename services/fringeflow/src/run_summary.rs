@@ -72,7 +72,7 @@ fn pace(outcome: &Outcome) -> Option<Pace> {
 
 fn ended_badly(outcome: &Outcome) -> String {
     let services: Vec<String> = outcome.ended_badly.iter().map(|(name, how)| format!("{name}: {how}")).collect();
-    format!("services did not end well: {}", services.join(", "))
+    format!("services ended with errors: {}", services.join(", "))
 }
 
 impl<'a> Summary<'a> {
@@ -129,7 +129,7 @@ impl fmt::Display for Summary<'_> {
         }
         for SkewFigures { mean_ms, least_ms, greatest_ms } in self.stages.iter().filter_map(|s| s.skew.as_ref()) {
             let (mean, least, greatest) = (mean_ms, least_ms, greatest_ms);
-            writeln!(f, "images of camera 2 begin {mean:.3} ms later in the mean ({least:.3} to {greatest:.3} ms)")?;
+            writeln!(f, "images of camera 2 start {mean:.3} ms later on average ({least:.3} to {greatest:.3} ms)")?;
         }
         if let Some(drift) = self.drift {
             writeln!(f, "drift of the calibration {:.3} rad rms in the last window", drift.rms_rad)?;
@@ -149,7 +149,7 @@ impl fmt::Display for Summary<'_> {
         if let Some(Compared { same, different, new, missing }) = self.compared {
             writeln!(
                 f,
-                "clouds: {same} the same to the last byte, {different} differ, {missing} did not come, {new} new"
+                "clouds: {same} the same to the last byte, {different} differ, {missing} were not made again, {new} new"
             )?;
         }
         for (what, file) in [("recording", self.recording), ("trace", self.trace), ("report", self.report)] {

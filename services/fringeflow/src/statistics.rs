@@ -165,8 +165,8 @@ impl fmt::Display for Statistics {
         if self.delta_suspicious {
             writeln!(
                 f,
-                "warning: δ scatters over three times as widely as on calibrated rigs; do images and calibration belong \
-                 together, is the calibration out of date?"
+                "warning: δ scatters more than three times as widely as on calibrated rigs; check whether the calibration \
+                 is that of these images and up to date"
             )?;
         }
         if let Some(drift) = &self.drift {
@@ -187,7 +187,7 @@ impl fmt::Display for Statistics {
             if drift.beyond_limit {
                 writeln!(
                     f,
-                    "warning: the drift is beyond {} rad (health.drift_rad); calibrate anew, \
+                    "warning: the drift is beyond {} rad (health.drift_rad); calibrate again; \
                      `fringeflow rig CALIBRATION --images` shows the drift",
                     drift.limit_rad
                 )?;
@@ -213,8 +213,8 @@ impl fmt::Display for Statistics {
             let [cam1, cam2] = self.slip_steps;
             writeln!(
                 f,
-                "warning: the patterns of C1 and C2 were {cam1} and {cam2} steps ahead of what is said of them; the phases \
-                 were corrected"
+                "warning: the patterns of C1 and C2 were {cam1} and {cam2} steps ahead of the declared phase shifts; the \
+                 phases were corrected"
             )?;
         }
         writeln!(

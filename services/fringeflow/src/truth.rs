@@ -18,7 +18,7 @@ pub(crate) fn evaluate(input: &Input, cloud: &Cloud, image: Option<f64>) -> Resu
     let evaluation = match input.truth()? {
         Some(Truth::Rendered(truth)) => against_rendered_at(cloud, setup, &truth, image),
         Some(Truth::Captured(_)) if reference.is_some_and(|reference| reference != image) => {
-            let what = "a captured truth holds at field motion.t_ref alone; give --frames whose middle is there";
+            let what = "a captured truth holds only at field motion.t_ref; give --frames whose middle is there";
             return Err(input.unusable(&what));
         }
         Some(Truth::Captured(truth)) => against_captured(cloud, setup.image_size_px, &truth),

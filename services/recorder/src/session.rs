@@ -65,7 +65,7 @@ impl Session {
     pub(crate) fn standstill(&mut self) -> Option<String> {
         let why = self.recorder.ended()?;
         let first = !std::mem::replace(&mut self.has_told, true);
-        first.then(|| format!("{}: {why}; the scan goes on, nothing more is recorded", self.file.display()))
+        first.then(|| format!("{}: {why}; the scan goes on without a recording", self.file.display()))
     }
 
     /// Closes the file; what is in it, and its path.

@@ -23,7 +23,7 @@ impl FromStr for Pace {
             return Ok(Self::Fastest);
         }
         let rate = text.parse::<f64>().ok().filter(|rate| (0.01..=100.0).contains(rate));
-        rate.map(Self::Rate).ok_or_else(|| format!("{text:?} is no speed; give a number from 0.01 to 100, or max"))
+        rate.map(Self::Rate).ok_or_else(|| format!("{text:?} is not a speed; give a number from 0.01 to 100, or max"))
     }
 }
 

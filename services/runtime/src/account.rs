@@ -114,7 +114,7 @@ impl Arrivals {
 
 /// An account that cannot be kept.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: the account cannot be kept: {source}; make room there, or name another folder by FRINGEFLOW_RUNTIME_DIR", path.display())]
+#[error("{}: the account cannot be written: {source}; make room there, or set another folder by FRINGEFLOW_RUNTIME_DIR", path.display())]
 pub struct AccountError {
     /// Its file.
     pub path: PathBuf,

@@ -15,10 +15,10 @@ pub struct ServiceArgs {
     /// Configuration of the scanner, see configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
-    /// Folder with meta.json and calibration.yml, in place of the rig that the configuration names.
+    /// Folder with meta.json and calibration.yml, in place of the rig of the configuration.
     #[arg(long, value_name = "FOLDER")]
     pub setup: Option<PathBuf>,
-    /// File of the segment table: read if it exists, else computed and written; in place of that of the configuration.
+    /// File of the segment table, in place of that of the configuration. It is read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     pub segment_table: Option<PathBuf>,
     /// How often the service was started before in this instance.

@@ -173,7 +173,7 @@ impl Quantity {
             Self::DeltaNoise => "more light, slower motion, or a linear projector",
             Self::DeltaMean => "set pattern.phase_offset_rad, or see whether projector and cameras are in step",
             Self::ResidualCam1 | Self::ResidualCam2 => {
-                "see to exposure and gamma, move more slowly, and see whether each image shows the step that is said of it"
+                "check exposure and gamma, move more slowly, and check that each image shows its declared step"
             }
             Self::HarmonicsCam1 | Self::HarmonicsCam2 => "make the projector linear (its gamma), or lower the exposure",
             Self::SaturatedCam1 | Self::SaturatedCam2 => "lower the exposure, the gain or the light",

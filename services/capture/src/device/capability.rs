@@ -49,17 +49,17 @@ impl Capability {
     pub(crate) fn stream(&self) -> Result<u32, &'static str> {
         let is = |flags| self.node & flags != 0;
         if is(V4L2_CAP_VIDEO_M2M | V4L2_CAP_VIDEO_M2M_MPLANE) {
-            return Err("a converter, from memory to memory");
+            return Err("a converter from memory to memory");
         }
         let kind = match () {
             () if is(V4L2_CAP_VIDEO_CAPTURE) => CAPTURE,
             () if is(V4L2_CAP_VIDEO_CAPTURE_MPLANE) => CAPTURE_MPLANE,
             () if is(V4L2_CAP_META_CAPTURE | V4L2_CAP_META_OUTPUT) => {
-                return Err("a node for data about images; those of the same camera come from another node");
+                return Err("a node for data about images; another node of the same camera sends the images");
             }
-            () if self.is_unfed() => return Err("a loopback device into which no program writes"),
+            () if self.is_unfed() => return Err("a loopback device that no program writes into"),
             () if is(V4L2_CAP_VIDEO_OUTPUT | V4L2_CAP_VIDEO_OUTPUT_MPLANE) => return Err("an output"),
-            () => return Err("no camera"),
+            () => return Err("not a camera"),
         };
         if is(V4L2_CAP_STREAMING) { Ok(kind) } else { Err("a device that cannot stream into mapped buffers") }
     }
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(node("vivid", V4L2_CAP_VIDEO_OUTPUT | V4L2_CAP_STREAMING).stream(), Err("an output"));
         assert!(node("codec", camera | V4L2_CAP_VIDEO_M2M).stream().unwrap_err().contains("converter"));
         assert!(node("old", V4L2_CAP_VIDEO_CAPTURE).stream().unwrap_err().contains("cannot stream"));
-        assert_eq!(node("radio", V4L2_CAP_STREAMING).stream(), Err("no camera"));
+        assert_eq!(node("radio", V4L2_CAP_STREAMING).stream(), Err("not a camera"));
         assert!(node("uvcvideo", camera).is_camera() && !node("radio", V4L2_CAP_STREAMING).is_camera());
     }
 

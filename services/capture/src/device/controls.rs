@@ -236,7 +236,7 @@ impl fmt::Display for Control {
             ControlKind::Bitmask => write!(f, "bits out of 0x{greatest:x}, default 0x{default:x}"),
             ControlKind::Button => write!(f, "true presses it"),
             ControlKind::Text => write!(f, "a text of {least} to {greatest} bytes{}", steps(*step)),
-            ControlKind::Compound => write!(f, "not to be set here"),
+            ControlKind::Compound => write!(f, "cannot be set here"),
             ControlKind::Menu | ControlKind::IntegerMenu => {
                 let items = self.items.iter().map(|item| format!("{} \"{}\"", item.number, item.name));
                 write!(f, "one of {}, default {default}", items.collect::<Vec<_>>().join(", "))

@@ -62,7 +62,7 @@ pub enum OpenError {
 #[derive(Debug, thiserror::Error)]
 pub enum FindError {
     /// It is not there.
-    #[error("{name} is not there; {}", Seen(seen))]
+    #[error("{name} was not found; {}", Seen(seen))]
     Absent {
         /// The name.
         name: DeviceName,
@@ -70,7 +70,7 @@ pub enum FindError {
         seen: Vec<String>,
     },
     /// Several have that name.
-    #[error("{name} may be any of {nodes:?}; name one by its path, best that of a link in /dev/v4l/by-path")]
+    #[error("{name} fits all of {nodes:?}; name one by its path, best by a link in /dev/v4l/by-path")]
     Ambiguous {
         /// The name.
         name: DeviceName,
@@ -99,7 +99,7 @@ struct Seen<'a>(&'a [String]);
 impl fmt::Display for Seen<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            [] => write!(f, "there is no camera at all: check its cable and that its driver is loaded"),
+            [] => write!(f, "there is no camera: check the cable, and check that the driver is loaded"),
             seen => write!(f, "there are: {}", seen.join("; ")),
         }
     }

@@ -39,7 +39,7 @@ pub(crate) struct Layout {
 pub enum FormatError {
     /// The device answers with something else.
     #[error(
-        "the device takes {answered} in place of {wanted}; it offers {}; change cameras.format, or take a device and a \
+        "the device takes {answered} instead of {wanted}; it offers {}; change cameras.format, or take a device and a \
          calibration of the same image size",
         offer::summary(offered)
     )]
@@ -52,13 +52,13 @@ pub enum FormatError {
         offered: Vec<OfferedFormat>,
     },
     /// Rows of two moments in one image.
-    #[error("the images are interlaced (field {field}); a scanner needs whole images of one moment")]
+    #[error("the images are interlaced (field {field}); a scanner needs whole images, each of one moment")]
     Interlaced {
         /// `V4L2_FIELD_…`.
         field: u32,
     },
     /// An image has no room in what the driver states.
-    #[error("the driver states {what} as {found}; {wanted} takes at least {least}")]
+    #[error("the driver states {found} {what}; {wanted} needs at least {least}")]
     TooSmall {
         /// Of what.
         what: &'static str,
@@ -70,7 +70,7 @@ pub enum FormatError {
         least: u64,
     },
     /// Buffers that cannot be.
-    #[error("the driver states {count} planes a buffer; there are 1 to {MOST_PLANES}")]
+    #[error("the driver states {count} planes a buffer; 1 to {MOST_PLANES} are possible")]
     Planes {
         /// What it states.
         count: u32,

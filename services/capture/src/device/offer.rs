@@ -111,7 +111,7 @@ pub(crate) fn summary(formats: &[OfferedFormat]) -> String {
         format!("{} in {}", names.join(", "), sizes_text(sizes))
     };
     let groups: Vec<String> = groups.map(group).collect();
-    if groups.is_empty() { "no format that can be taken".to_owned() } else { groups.join("; ") }
+    if groups.is_empty() { "no supported format".to_owned() } else { groups.join("; ") }
 }
 
 fn sizes_text(sizes: &[OfferedSize]) -> String {
@@ -119,7 +119,7 @@ fn sizes_text(sizes: &[OfferedSize]) -> String {
     let more = sizes.len().saturating_sub(SHOWN_SIZES);
     let more = (more > 0).then(|| format!("{more} more sizes"));
     let sizes: Vec<String> = shown.chain(more).collect();
-    if sizes.is_empty() { "sizes that it does not list".to_owned() } else { sizes.join(", ") }
+    if sizes.is_empty() { "unlisted sizes".to_owned() } else { sizes.join(", ") }
 }
 
 /// Rates in one line, for people.
@@ -171,7 +171,7 @@ mod tests {
         ];
         let told = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in sizes that it does not list";
         assert_eq!(summary(&offered), told);
-        assert_eq!(summary(&offered[1..2]), "no format that can be taken");
+        assert_eq!(summary(&offered[1..2]), "no supported format");
         assert!(summary(&[format("GREY", vec![size(1, 1); 20])]).ends_with("1x1, 8 more sizes"));
         assert_eq!(rates_text(&[[30.0, 30.0], [1.0, 59.940_06]]), "30, 1 to 59.94");
     }

@@ -60,7 +60,7 @@ pub enum PrepareError {
         what: &'static str,
     },
     /// A loopback device that nobody writes into.
-    #[error("it is a loopback device into which no program writes yet")]
+    #[error("it is a loopback device, and no program writes into it yet")]
     Unfed,
     /// The timings of its signal.
     #[error(transparent)]
@@ -76,7 +76,7 @@ pub enum PrepareError {
     Controls(Vec<ControlError>),
     /// Something that was set changed the format.
     #[error(
-        "with all settings made, the device sends {found} in place of {wanted}; leave out the control that does it"
+        "after all settings the device sends {found} instead of {wanted}; leave out the control that changes the format"
     )]
     Unsettled {
         /// Format and size that were set.
@@ -131,7 +131,7 @@ pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> 
     }
     let found_hz = settled_rate(device, camera, signal, &layout, rate_hz)?;
     notes.push(found_hz.map_or_else(
-        || "the device does not tell its rate".to_owned(),
+        || "the device does not state its rate".to_owned(),
         |found_hz| format!("{} images a second", shown(found_hz)),
     ));
     let exposure_ns = exposure_ns(device, camera);

@@ -15,8 +15,8 @@ const PARTS: f64 = 1000.0;
 pub enum RateError {
     /// The device sends at another rate.
     #[error(
-        "the device sends {} images a second in place of {}{}; change cameras.rate_hz, let it expose for a shorter time, \
-         or leave it its rate with set_rate = false", shown(*answered_hz), shown(*wanted_hz), offer(offered_hz)
+        "the device sends {} images a second instead of {}{}; change cameras.rate_hz, shorten the exposure, or keep the \
+         rate of the device with set_rate = false", shown(*answered_hz), shown(*wanted_hz), offer(offered_hz)
     )]
     Other {
         /// What is wanted.
@@ -27,7 +27,7 @@ pub enum RateError {
         offered_hz: Vec<[f64; 2]>,
     },
     /// It cannot be told.
-    #[error("{} images a second: {source}; leave the device its rate with set_rate = false", shown(*wanted_hz))]
+    #[error("{} images a second: {source}; keep the rate of the device with set_rate = false", shown(*wanted_hz))]
     Refused {
         /// What is wanted.
         wanted_hz: f64,

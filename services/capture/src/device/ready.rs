@@ -69,7 +69,7 @@ impl CameraError {
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
         Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
-        None => Ok(ReadyCamera { path, notes: vec!["not set: the size of its images is not known".to_owned()] }),
+        None => Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] }),
     };
     let [cam1, cam2] = cameras;
     match [find::find(&cam1.device), find::find(&cam2.device)] {

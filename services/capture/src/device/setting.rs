@@ -46,28 +46,28 @@ pub enum ControlProblem {
         near: Vec<String>,
     },
     /// A value of another type.
-    #[error("it cannot be that")]
+    #[error("the control does not take this value")]
     Type,
     /// Outside its bounds, or no item of a menu.
-    #[error("it cannot be so")]
+    #[error("the control cannot be set")]
     Range,
     /// Between two steps.
-    #[error("it goes in steps; the nearest is {nearest}")]
+    #[error("the control has steps; the nearest value is {nearest}")]
     Step {
         /// The nearest value.
         nearest: i64,
     },
     /// It can only be read.
-    #[error("it can only be read")]
+    #[error("the control is read-only")]
     ReadOnly,
     /// Another control holds it.
-    #[error("another control holds it, such as one that is automatic; set that one as well")]
+    #[error("another control holds it, such as an automatic one; set that one too")]
     Inactive,
     /// Somebody else uses the device.
     #[error("the device is in use and holds it")]
     Grabbed,
     /// The device has another value after it was set.
-    #[error("the device has made {found} of it")]
+    #[error("the device set {found} instead")]
     Changed {
         /// That value.
         found: String,

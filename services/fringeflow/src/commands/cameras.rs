@@ -11,7 +11,7 @@ use crate::json;
 /// Arguments of `fringeflow cameras`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// One device: a path, "bus:" and a `bus_info`, or "serial:" and a serial number; else all cameras.
+    /// The device to show: a path, "bus:" and a `bus_info`, or "serial:" and a serial number. Without it all cameras are shown.
     device: Option<DeviceName>,
     /// Print one JSON object.
     #[arg(long)]
@@ -36,8 +36,8 @@ impl Args {
         if listings.is_empty() {
             writeln!(
                 out,
-                "There is no V4L2 camera here. Check its cable, that its driver is loaded (`lsmod`, for USB cameras \
-                 uvcvideo), and in a container that its /dev/video is passed on."
+                "No V4L2 camera was found. Check the cable. Check that the driver is loaded (`lsmod`; USB cameras use \
+                 uvcvideo). In a container, check that /dev/video is passed on."
             )?;
         }
         for listing in &listings {
@@ -65,7 +65,7 @@ fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
     }
     let (taken, others): (Vec<_>, Vec<_>) = listing.formats.iter().partition(|format| format.is_taken);
     if !taken.is_empty() {
-        writeln!(out, "  formats that can be cameras.format; images a second in brackets")?;
+        writeln!(out, "  formats for cameras.format, with images a second in brackets")?;
     }
     taken.into_iter().try_for_each(|format| print_format(out, format))?;
     if !others.is_empty() {

@@ -11,7 +11,7 @@ use crate::{json, progress};
 /// Arguments of `fringeflow check`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording.
+    /// Recording to check.
     input: PathBuf,
     /// Print one JSON object.
     #[arg(long)]
@@ -34,17 +34,19 @@ impl Args {
         }
         let file = self.input.display();
         if check.fault_count > 0 {
-            return Err(Failure::Refuted(format!("{file}: {} messages cannot be as they are", check.fault_count)));
+            return Err(Failure::Refuted(format!("{file}: {} messages are wrong", check.fault_count)));
         }
         if check.has_losses() {
-            return Err(Failure::Losses(format!("{file}: is whole, but something was lost when it was made")));
+            return Err(Failure::Losses(format!(
+                "{file}: the recording is whole, but images or messages were lost when it was made"
+            )));
         }
         Ok(())
     }
 
     fn print(&self, check: &Check) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
-        writeln!(out, "{}: {} messages, all checksums and counts right", self.input.display(), check.messages)?;
+        writeln!(out, "{}: {} messages, all checksums and counts are right", self.input.display(), check.messages)?;
         for fault in &check.faults {
             writeln!(out, "fault: {fault}")?;
         }
@@ -55,7 +57,7 @@ impl Args {
             out,
             "lost by the recorder: {lost}\nmissing images: {missing1} of camera 1, {missing2} of camera 2\n\
              repeated images: {repeated1} of camera 1, {repeated2} of camera 2\nmissing pattern events: {}\n\
-             clouds: {}, of which {} lack an image",
+             clouds: {}; {} of them lack an image",
             check.missing_patterns, check.clouds, check.clouds_without_images
         )?;
         Ok(())

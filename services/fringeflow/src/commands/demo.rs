@@ -1,4 +1,4 @@
-//! `fringeflow demo`: a live scan by a virtual scanner, for whoever has no rig at hand.
+//! `fringeflow demo`: a live scan by a virtual scanner, without a rig.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const FOLDER: &str = "../demo-output";
 /// Arguments of `fringeflow demo`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder of the demo. Its configuration is put there too: change demo.toml, and the next demo in this folder follows it.
+    /// Folder of the demo. It also gets the configuration, demo.toml. Change it, and the next demo in this folder uses it.
     #[arg(long, short, value_name = "FOLDER", default_value = "demo-output")]
     output: PathBuf,
     #[command(flatten)]

@@ -15,15 +15,15 @@ use crate::{json, progress};
 /// Arguments of `fringeflow import`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder.
+    /// Dataset folder to import.
     input: PathBuf,
     /// Recording to write.
     #[arg(short, long, value_name = "REC")]
     output: PathBuf,
-    /// Image pairs a second.
+    /// Image pairs a second, 0.001 to 100000.
     #[arg(long, value_name = "HZ", default_value_t = 30.0, value_parser = rate)]
     rate: f64,
-    /// TOML file with settings that the recording is to carry, see configs/reconstruct.toml.
+    /// TOML file with settings for the recording, see configs/reconstruct.toml.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Print one JSON object.
@@ -86,5 +86,5 @@ fn settings_of_few_images(dataset: &Dataset) -> String {
 /// A rate that a camera can have.
 fn rate(text: &str) -> Result<f64, String> {
     let rate = text.parse::<f64>().ok().filter(|rate| (0.001..=100_000.0).contains(rate));
-    rate.ok_or_else(|| format!("{text:?} is no rate; write image pairs a second, 0.001 to 100000"))
+    rate.ok_or_else(|| format!("{text:?} is not a rate; write image pairs a second, 0.001 to 100000"))
 }

@@ -11,7 +11,7 @@ use crate::json;
 /// Arguments of `fringeflow info`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording.
+    /// Recording to show.
     input: PathBuf,
     /// Print one JSON object.
     #[arg(long)]
@@ -87,6 +87,6 @@ fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) 
     }
     match s.lost {
         Some(lost) => writeln!(out, "lost by the recorder: {lost} messages"),
-        None => writeln!(out, "lost by the recorder: unknown, it did not come to its end"),
+        None => writeln!(out, "lost by the recorder: unknown, the recorder did not end in order"),
     }
 }

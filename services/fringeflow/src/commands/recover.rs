@@ -11,7 +11,7 @@ use crate::json;
 /// Arguments of `fringeflow recover`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Cut, damaged or unfinished recording; it stays as it is.
+    /// Cut, damaged or unfinished recording. It is not changed.
     input: PathBuf,
     /// Recording to write.
     #[arg(short, long, value_name = "REC")]
@@ -33,7 +33,10 @@ impl Args {
             return Ok(());
         }
         let missing = recovered.missing.join(", ");
-        Err(Failure::Losses(format!("{}: has no {missing}, so nothing can be measured with it", self.output.display())))
+        Err(Failure::Losses(format!(
+            "{}: the recording has no {missing}, so no cloud can be made of it",
+            self.output.display()
+        )))
     }
 
     fn print(&self, recovered: &Recovered) -> Result<(), Failure> {

@@ -19,14 +19,14 @@ pub(crate) struct Args {
     /// Configuration of the scanner, see configs/scanner.toml and configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// File of the segment table: read if it exists, else computed and written.
+    /// File of the segment table. It is read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
     #[command(flatten)]
     scan: Scan,
-    /// Only look whether everything is there and as the configuration says: cameras, calibration, memory, folders.
+    /// Only check whether everything is as the configuration says: cameras, calibration, memory, folders.
     ///
-    /// Exit code 2: something is wrong. The cameras are set as configured and let go again.
+    /// The check sets the cameras as configured and releases them. Exit code 2: something is wrong.
     #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
     check: bool,
 }
@@ -34,19 +34,19 @@ pub(crate) struct Args {
 /// How long a scan lasts and what is kept of it.
 #[derive(clap::Args)]
 pub(super) struct Scan {
-    /// Scan for so many seconds, then stop; else until Ctrl-C.
+    /// Stop after S seconds of scanning. By default the scan lasts until Ctrl-C.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Record to this file from the start; it must not exist.
+    /// Record to this file from the start. The file must not exist.
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
-    /// Write the report on the run to this file; else it goes to the folder of the recordings, named by the time.
+    /// File for the report on the run. By default it goes to the folder of the recordings, named by the time.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Write no report on the run.
     #[arg(long, conflicts_with = "report")]
     no_report: bool,
-    /// Write a trace of every item in every stage, to be opened in Perfetto (ui.perfetto.dev) or chrome://tracing.
+    /// Write a trace of every item in every stage. Perfetto (ui.perfetto.dev) and chrome://tracing open it.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Print the result as one JSON object.

@@ -39,7 +39,7 @@ impl Point {
     }
 }
 
-/// Looks at everything, and tells each point.
+/// Checks every point and prints it.
 ///
 /// # Errors
 /// Something is not as a run needs it.
@@ -70,10 +70,7 @@ fn points(arguments: &ServiceArgs) -> Vec<Point> {
     let mut points = vec![Point::of::<Failure>("configuration", Ok(file.to_string()))];
     if !configuration.processors.is_empty() {
         let processors = arguments.check_processors(&configuration);
-        points.push(Point::of(
-            "processors",
-            processors.map(|()| "this machine has those that services are given".to_owned()),
-        ));
+        points.push(Point::of("processors", processors.map(|()| "this machine has all configured CPUs".to_owned())));
     }
     let setup = arguments.setup(&configuration);
     points.push(Point::of("calibration and volume", setup.as_ref().map(rig_text)));
@@ -142,17 +139,17 @@ pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setu
 fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<String, Failure> {
     let sizes = channel_sizes(setup, configuration);
     check_shared_memory(&sizes)?;
-    Ok(format!("{} MiB are needed and there", required_bytes(&sizes).div_ceil(MIB)))
+    Ok(format!("{} MiB are needed and available", required_bytes(&sizes).div_ceil(MIB)))
 }
 
 /// Takes the place of the supervisor, and leaves it again.
 fn runtime_folder(configuration: &ScannerConfiguration) -> Result<String, Failure> {
     let instance = Instance::new(&configuration.name)?;
     drop(InstanceLock::take(&instance)?);
-    Ok(format!("{} can be used, no instance {} is running", instance.runtime_dir().display(), instance.name()))
+    Ok(format!("{} can be used, and no instance {} is running", instance.runtime_dir().display(), instance.name()))
 }
 
-/// Whether recordings can be made: in their folder, or in the one in which it is to be made.
+/// Whether recordings can be written to their folder, or the folder can be made.
 fn recorder(recorder: &RecorderConfiguration) -> Result<String, String> {
     let folder = std::path::absolute(&recorder.folder).map_err(|e| format!("{}: {e}", recorder.folder.display()))?;
     let exists = |folder: &&Path| folder.is_dir();
@@ -164,7 +161,7 @@ fn recorder(recorder: &RecorderConfiguration) -> Result<String, String> {
     let [free_mib, kept_mib] = [free / MIB, recorder.min_free_bytes / MIB];
     if free <= recorder.min_free_bytes {
         return Err(format!(
-            "{}: {free_mib} MiB are free, recorder.min_free_mb keeps {kept_mib} of them; make room or lower it",
+            "{}: {free_mib} MiB are free, but recorder.min_free_mb keeps {kept_mib} MiB free; make room or lower it",
             there.display()
         ));
     }

@@ -16,25 +16,25 @@ pub(crate) struct Args {
 
 #[derive(clap::Subcommand)]
 enum Service {
-    /// Pattern events of a virtual projector.
+    /// Publish the pattern events of a virtual projector.
     VirtualProjector(ServiceArgs),
-    /// Images of both cameras of a virtual scanner.
+    /// Publish the images of both cameras of a virtual scanner.
     VirtualCameras(ServiceArgs),
-    /// Images of camera 1, a V4L2 device.
+    /// Capture the images of camera 1, a V4L2 device.
     Camera1(ServiceArgs),
-    /// Images of camera 2, a V4L2 device.
+    /// Capture the images of camera 2, a V4L2 device.
     Camera2(ServiceArgs),
-    /// Images to phase maps.
+    /// Compute phase maps from images.
     Phase(ServiceArgs),
-    /// Phase maps to correspondences.
+    /// Find correspondences in phase maps.
     Correspondence(ServiceArgs),
-    /// Correspondences to clouds.
+    /// Triangulate clouds from correspondences.
     Cloud(ServiceArgs),
-    /// Clouds to poses and a model.
+    /// Track the scanner, and fuse the clouds into a model.
     Tracking(ServiceArgs),
-    /// All channels to recordings.
+    /// Record all channels.
     Recorder(ServiceArgs),
-    /// Metrics, dashboard and live view.
+    /// Serve metrics, dashboard and live view.
     Monitor(ServiceArgs),
 }
 
@@ -61,7 +61,7 @@ impl Service {
         }
     }
 
-    /// Runs until the service is to end; what was lost, if that is for the service to say.
+    /// Runs until the service is to end. A recorder returns what it lost.
     fn run(&self) -> Result<Option<String>, ServiceError> {
         let done = match self {
             Self::VirtualProjector(arguments) => fringeflow_virtual_rig::projector::run(arguments),

@@ -53,7 +53,7 @@ fn faults_without_a_trace_are_told_by_the_images() {
     let told: Vec<DropReason> =
         reasons.into_iter().filter(|&reason| ended.stage("phase").dropped(reason) > 0).collect();
     assert!(told.len() >= 2, "{ended:?}");
-    assert!(ended.log.contains("the images do not show the pattern steps that are said of them: camera"), "{ended:?}");
+    assert!(ended.log.contains("the images do not show the declared pattern steps: camera"), "{ended:?}");
 }
 
 /// Asserts that the images of each cloud's window show the steps in order, by the times of the recorded pattern events,

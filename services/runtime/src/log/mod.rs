@@ -2,8 +2,8 @@
 //!
 //! Levels are meant for readers. `error`: a person has to do something. `warn`: something was lost, or was survived that
 //! should not happen. `info`: what begins and ends. `debug`: what helps to find a fault. `trace`: each item of each stage.
-//! `FRINGEFLOW_LOG` chooses, as in `FRINGEFLOW_LOG=debug`. Whatever is said again within ten seconds is counted instead, and
-//! the number stands in the line that says it next; only `trace` says everything.
+//! `FRINGEFLOW_LOG` chooses, as in `FRINGEFLOW_LOG=debug`. A message that comes again within ten seconds is counted instead, and
+//! the next line with it states the number. Only `trace` writes all.
 
 mod line;
 mod lines;
@@ -26,11 +26,11 @@ const FORMAT: &str = "FRINGEFLOW_LOG_FORMAT";
 /// How log lines are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// For people: time, level, message, fields.
+    /// Lines for people: time, level, message, fields.
     #[default]
     Text,
-    /// For programs: an object a line with `time`, `level`, `process`, `message`, `fields`, and `repeated` where it was left
-    /// out before.
+    /// Lines for programs: one JSON object each, with time, level, process, message, fields, and repeated, the number of lines
+    /// left out before.
     Json,
 }
 
@@ -58,6 +58,6 @@ pub fn start(process: &'static str, format: Option<LogFormat>) {
     // Only the first start in a process counts.
     let is_first = subscriber.try_init().is_ok();
     if let Some(asked) = asked.filter(|_| is_first && known.is_none()) {
-        tracing::warn!("{FORMAT}={asked}: there is no such format; text or json are");
+        tracing::warn!("{FORMAT}={asked} is not a format; use text or json");
     }
 }

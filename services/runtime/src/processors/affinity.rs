@@ -7,7 +7,7 @@ use fringeflow_config::ProcessorsConfiguration;
 /// CPUs that this process may not use.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "key cpus is {wanted:?}; this process may use CPUs {}: name some of them, or leave the key out",
+    "key cpus is {wanted:?}, but this process may use CPUs {}; name some of them, or leave the key out",
     ranges(usable)
 )]
 pub struct AffinityError {
@@ -101,7 +101,7 @@ mod tests {
             let (service, error) = check(&given(cpus.clone())).unwrap_err();
             let text = error.to_string();
             assert!(
-                service == "phase" && text.contains(&format!("key cpus is {cpus:?}; this process may use CPUs")),
+                service == "phase" && text.contains(&format!("key cpus is {cpus:?}, but this process may use CPUs")),
                 "{text}"
             );
         }

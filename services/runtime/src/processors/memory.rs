@@ -19,10 +19,10 @@ pub(super) enum Extent {
 /// The system does not grant it; why, and what to do.
 pub(super) fn lock(extent: Extent) -> Result<(), String> {
     let remedy = "grant it by a line `USER - memlock unlimited` in /etc/security/limits.conf (`LimitMEMLOCK=infinity` in a \
-                  systemd unit), then log in anew; `ulimit -l` tells the limit";
+                  systemd unit), then log in again; `ulimit -l` shows the limit";
     // Within a limit the lock would be granted now, and memory refused later, in the middle of the work.
     if let Some(limit) = getrlimit(Resource::Memlock).current.filter(|_| !may_lock_all()) {
-        return Err(format!("lock_memory: {} KiB may be locked, which is not all; {remedy}", limit / 1024));
+        return Err(format!("lock_memory: only {} KiB may be locked; {remedy}", limit / 1024));
     }
     let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE;
     let flags = if extent == Extent::Used { flags | MlockAllFlags::ONFAULT } else { flags };

@@ -41,7 +41,7 @@ pub(crate) fn take(
     }
     if let Some(threads) = *threads {
         let built = use_threads(threads);
-        let refused = |_| format!("threads = {threads}: --threads on the command line counts");
+        let refused = |_| format!("threads = {threads}: --threads on the command line overrides it");
         standing.note(built.map(|()| format!("{threads} threads")).map_err(refused));
     }
     if let Some(priority) = *realtime_priority {

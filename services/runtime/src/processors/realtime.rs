@@ -18,7 +18,7 @@ pub(super) fn enter(priority: u8) -> Result<(), String> {
     let why = io::Error::last_os_error();
     Err(format!(
         "realtime_priority = {priority}: {why}; grant it by a line `USER - rtprio {priority}` in /etc/security/limits.conf \
-         (`LimitRTPRIO={priority}` in a systemd unit), then log in anew"
+         (`LimitRTPRIO={priority}` in a systemd unit), then log in again"
     ))
 }
 

@@ -29,12 +29,12 @@ impl Standing {
         if !self.granted.is_empty() {
             tracing::info!("runs with {}", self.granted.join(", "));
         }
-        self.refused.iter().for_each(|refused| tracing::warn!("goes on without {refused}"));
+        self.refused.iter().for_each(|refused| tracing::warn!("runs without {refused}"));
         let text = serde_json::to_string(self).map_err(std::io::Error::other);
         let written = fs::create_dir_all(accounts).and(text).and_then(|text| fs::write(file(accounts, service), text));
         // The log has told it.
         if let Err(error) = written {
-            tracing::debug!(%error, "`status` will not tell it");
+            tracing::debug!(%error, "`fringeflow status` will not show this");
         }
     }
 
@@ -47,7 +47,7 @@ impl Standing {
 
 impl fmt::Display for Standing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let granted = if self.granted.is_empty() { "nothing of its own".to_owned() } else { self.granted.join(", ") };
+        let granted = if self.granted.is_empty() { "the usual rights".to_owned() } else { self.granted.join(", ") };
         write!(f, "runs with {granted}")?;
         self.refused.iter().try_for_each(|refused| write!(f, "; without {refused}"))
     }

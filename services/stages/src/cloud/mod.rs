@@ -56,7 +56,10 @@ impl Transform for CloudStage {
     fn step(&mut self) -> Result<(), Dropped> {
         self.worker.step(&self.found, &mut self.cloud);
         if self.cloud.points.is_empty() {
-            return Err(Dropped::new(DropReason::EmptyCloud, "no correspondence has a point before both cameras"));
+            return Err(Dropped::new(
+                DropReason::EmptyCloud,
+                "no correspondence yields a point in front of both cameras",
+            ));
         }
         Ok(())
     }

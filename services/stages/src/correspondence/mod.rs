@@ -72,14 +72,14 @@ impl CorrespondenceStage {
         }
         self.slip_steps = found;
         match found {
-            [0, 0] => tracing::info!("the images show the steps again that are said of them"),
+            [0, 0] => tracing::info!("the images show the declared phase shifts again"),
             [a, b] if a == b => tracing::warn!(
-                "the pattern of both cameras is {a} steps ahead of what is said of it: projector and cameras are out of step; \
-                 the phases are corrected"
+                "the pattern of both cameras is {a} steps ahead of the declared phase shifts: projector and cameras are out of \
+                 step; the phases are corrected"
             ),
             [a, b] => tracing::warn!(
-                "the patterns of camera 1 and 2 are {a} and {b} steps ahead of what is said of them: a camera has lost or \
-                 repeated images that its numbers do not show; the phases are corrected"
+                "the patterns of camera 1 and 2 are {a} and {b} steps ahead of the declared phase shifts: a camera has lost or \
+                 repeated images, and its numbers do not show it; the phases are corrected"
             ),
         }
     }

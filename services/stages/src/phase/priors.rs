@@ -41,11 +41,11 @@ impl Priors {
         while let Some(message) = receive(input) {
             let (header, relief) = (*message.header(), message.payload());
             if !wire::prior::is_whole(&header, relief) {
-                tracing::warn!(prior = header.published, "a prior contradicts itself; it is passed over");
+                tracing::warn!(prior = header.published, "a prior contradicts itself and is ignored");
                 continue;
             }
             if self.kept.iter().any(|(kept, _)| kept.published == header.published) {
-                tracing::warn!(prior = header.published, "two priors have one number; the second is passed over");
+                tracing::warn!(prior = header.published, "two priors have the same number; the second is ignored");
                 continue;
             }
             if self.kept.len() == KEPT {

@@ -167,9 +167,9 @@ impl TrackingStage {
             (false, Some(reason)) => tracing::warn!(
                 reason = reason.name(),
                 cloud = report.cloud,
-                "the scanner is lost; move it back to where it was"
+                "the tracking has lost the scanner; move the scanner back to where it was"
             ),
-            (true, None) => tracing::info!(cloud = report.cloud, "the scanner is found again"),
+            (true, None) => tracing::info!(cloud = report.cloud, "the tracking has found the scanner again"),
             _ => {}
         }
     }

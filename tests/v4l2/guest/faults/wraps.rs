@@ -57,7 +57,7 @@ fn wrap_numbers(camera: &mut Capture<'_>, times: u64) {
         camera.until("its numbers wrap", |camera| camera.witness.last().is_some_and(|last| last.sequence > WRAP));
         let session = camera.witness.last().unwrap().session;
         press(&format!("/dev/video{SLOW}"), &[Knob::Fatal]);
-        camera.until("its stream begins anew", |camera| {
+        camera.until("its stream is restarted", |camera| {
             let is_new = camera.witness.last().is_some_and(|last| last.session > session);
             is_new && camera.incidents(Incident::StreamRestart) == restarts + 1
         });

@@ -66,14 +66,20 @@ impl Args {
     fn judge(&self, compared: &Compared) -> Result<(), Failure> {
         let file = self.input.display();
         if compared.different > 0 {
-            return Err(Failure::Refuted(format!("{file}: {} clouds are not those recorded", compared.different)));
+            return Err(Failure::Refuted(format!(
+                "{file}: {} clouds differ from the recorded ones",
+                compared.different
+            )));
         }
         if compared.missing > 0 {
             let why = match self.pace() {
-                Pace::Rate(_) => "windows that this machine was too slow for; --rate max loses none",
-                Pace::Fastest => "messages that they need are missing in the recording, see `fringeflow check`",
+                Pace::Rate(_) => "this machine was too slow; --rate max loses no window",
+                Pace::Fastest => "the recording lacks messages for them, see `fringeflow check`",
             };
-            return Err(Failure::Losses(format!("{file}: {} recorded clouds did not come: {why}", compared.missing)));
+            return Err(Failure::Losses(format!(
+                "{file}: {} recorded clouds were not made again: {why}",
+                compared.missing
+            )));
         }
         Ok(())
     }

@@ -63,7 +63,7 @@ impl Args {
             match &cloud.outcome {
                 VerifyOutcome::Different { points, first } => writeln!(
                     out,
-                    "cloud {}: {} points were recorded, {points} were made, the first difference is in point {first}",
+                    "cloud {}: {} points recorded, {points} made now, first difference in point {first}",
                     cloud.published, cloud.points
                 )?,
                 VerifyOutcome::NoCloud(why) => writeln!(out, "cloud {}: {why}", cloud.published)?,
@@ -75,8 +75,8 @@ impl Args {
         }
         writeln!(
             out,
-            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} the prior \
-             that they were made with, {} began before the recording",
+            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} lack their prior, \
+             {} began before the recording",
             self.input.display(),
             report.same,
             report.clouds,
@@ -89,8 +89,8 @@ impl Args {
             let first = first_different.map_or_else(String::new, |cloud| format!(", the first at cloud {cloud}"));
             writeln!(
                 out,
-                "{}: {same} of {poses} poses are the same to the last bit, {different} differ{first}, {without_clouds} rest on \
-                 clouds that are not recorded",
+                "{}: {same} of {poses} poses are the same to the last bit, {different} differ{first}, {without_clouds} \
+                 need clouds that were not recorded",
                 self.input.display()
             )?;
         }
@@ -103,15 +103,15 @@ impl Args {
             return Err(no_clouds(&self.input));
         }
         if let Some(poses) = report.poses.filter(|poses| poses.different > 0) {
-            return Err(Failure::Refuted(format!("{file}: {} poses are not those of their clouds", poses.different)));
+            return Err(Failure::Refuted(format!("{file}: {} poses differ from the recorded ones", poses.different)));
         }
         match report.different + report.no_cloud {
             0 if report.images_missing + report.prior_missing == 0 => Ok(()),
             0 => Err(Failure::Losses(format!(
-                "{file}: {} clouds lack an image, {} the prior that they were made with",
+                "{file}: {} clouds lack an image, {} lack their prior",
                 report.images_missing, report.prior_missing
             ))),
-            wrong => Err(Failure::Refuted(format!("{file}: {wrong} clouds are not those of their images"))),
+            wrong => Err(Failure::Refuted(format!("{file}: {wrong} clouds differ from the recorded ones"))),
         }
     }
 }

@@ -34,9 +34,9 @@ function showAbout() {
 function showRemark() {
     const remarks = [
         run.replayed &&
-            "The images were played from a recording: their exposures were long before. Exposure to cloud is left out; times count from the moment at which a window was complete.",
+            "This run was a replay. Times count from the moment at which a window was complete, and there is no latency from exposure to cloud.",
         run.windows_incomplete > 0 &&
-            `Left out of the way from exposure to cloud: ${plural(run.windows_incomplete, "window")} without the report of an earlier stage, since the recording began in the middle or a report was lost.`,
+            `The way from exposure to cloud leaves out ${plural(run.windows_incomplete, "window")} without the report of an earlier stage. The recording began in the middle, or a report was lost.`,
         run.time_line.length === 0 && "No stage has reported.",
     ].filter(Boolean);
     byId("remark").textContent = remarks.join(" ");
@@ -70,7 +70,7 @@ function showTiles(lost) {
         ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)}` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
-        ["False candidates (efc)", short(efc), "", "a true one, in the mean"],
+        ["False candidates (efc)", short(efc), "", "for each true one, on average"],
         ["Calibration drift", ...driftTile(window)],
         ["Health", ...describeHealth(run.health)],
     ];
@@ -132,5 +132,5 @@ showRates(run, times);
 showDrops(run);
 showHealth(run);
 showQuality(run, times);
-byId("foot").textContent = `Fringeflow ${run.version}. Written once, needs nothing beside itself.`;
+byId("foot").textContent = `Fringeflow ${run.version}. This file needs no other files.`;
 startTheme();
