@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(figures.state, HealthState::Bad);
         let text = figures.beyond_limits()[0].to_string();
         for part in
-            ["drift of the calibration: bad, 0.250 rad", "limit 0.200 rad", "health.drift_rad", "calibrate anew"]
+            ["drift of the calibration: bad, 0.250 rad", "limit 0.200 rad", "health.drift_rad", "calibrate again"]
         {
             assert!(text.contains(part), "{text}");
         }

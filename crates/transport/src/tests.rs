@@ -360,7 +360,7 @@ fn the_lock_is_exclusive_and_leaves_nothing_behind() {
     assert_eq!(refused, format!("an instance test is already running (pid {pid}); stop it or choose another name"));
 
     let begun = || Instance::begun_under(place.folder.path()).unwrap();
-    assert_eq!(begun().iter().map(|begun| begun.instance.clone()).collect::<Vec<_>>(), [place.instance.clone()]);
+    assert!(begun().iter().map(|begun| &begun.instance).eq([&place.instance]));
     let node = place.node();
     let publisher = Publisher::open(&node, CLOUD, &SIZES).unwrap();
     let subscriber = Subscriber::open(&node, CLOUD, &SIZES).unwrap();

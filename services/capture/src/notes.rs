@@ -77,6 +77,6 @@ mod tests {
         let said: Vec<usize> = (0..25).filter(|&s| lines[s].is_some()).collect();
         assert_eq!(said, [0, 10, 20]);
         assert_eq!(lines[0].as_deref(), Some("no image"));
-        assert_eq!(lines[10].as_deref(), Some("no image (and 18 times since it was said last)"));
+        assert_eq!(lines[10].as_deref(), Some("no image (and 18 times since the last message)"));
     }
 }

@@ -1,10 +1,16 @@
-//! The folder that a command writes its files to.
+//! The folders that a command writes its files to.
 
 use std::path::Path;
 
 use fringeflow_base::atomic_file::{WriteError, WriteProblem};
+use tempfile::TempDir;
 
 /// Makes the folder if it is missing, before the work whose results go there.
 pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {
     std::fs::create_dir_all(folder).map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })
+}
+
+/// Makes a folder that is removed with what is returned.
+pub(crate) fn temporary() -> Result<TempDir, WriteError> {
+    tempfile::tempdir().map_err(|e| WriteError { path: std::env::temp_dir(), problem: WriteProblem::Io(e) })
 }

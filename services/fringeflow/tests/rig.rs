@@ -77,7 +77,7 @@ fn wrong_use_ends_with_2_and_says_what_to_do() {
     let calibration = calibration.to_str().unwrap();
     let cases: [(&[&str], &str); 6] = [
         (&[calibration], "give --volume"),
-        (&[calibration, "--volume=1,2,3"], "has 3 numbers"),
+        (&[calibration, "--volume=1,2,3"], "3 numbers were given"),
         (&[calibration, "--volume=-60,-50,-320,60,50,-280"], "behind camera 1"),
         (&[calibration, "--volume=900,-50,280,1000,50,320"], "camera 1 never sees"),
         (&[calibration, VOLUME, "--period", "1"], "projector px"),
@@ -142,7 +142,7 @@ fn images_show_how_far_the_calibration_has_drifted() {
 
     let text = rig(&[calibration, "--images", images]);
     let text = String::from_utf8(text.stdout).unwrap();
-    assert!(text.contains("BEYOND the limit of 0.1 rad") && text.contains("calibrate anew"), "{text}");
+    assert!(text.contains("BEYOND the limit of 0.1 rad") && text.contains("calibrate again"), "{text}");
 }
 
 #[test]

@@ -211,7 +211,7 @@ mod tests {
     fn a_service_that_falls_silent_and_returns_is_told() {
         let mut log = EventLog::default();
         let mut look = |state, restarts| {
-            let why = "no sign of life for 3 s".to_owned();
+            let why = "no report for 3 s".to_owned();
             let service = ServiceStatus { state, why, restarts, ..ServiceStatus::new("phase", &[]) };
             let before = log.last_id();
             log.look(&Tally::default(), &ScanState::default(), &[service], 0.0);
@@ -219,7 +219,7 @@ mod tests {
         };
         assert_eq!(look(ServiceState::Ok, 0), Vec::<String>::new());
         assert_eq!(look(ServiceState::Slow, 0), Vec::<String>::new());
-        assert_eq!(look(ServiceState::Silent, 0), ["phase: no sign of life for 3 s"]);
+        assert_eq!(look(ServiceState::Silent, 0), ["phase: no report for 3 s"]);
         assert_eq!(look(ServiceState::Ok, 1), ["phase: started again, restart 1", "phase: reports again"]);
     }
 
@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(levels, [Level::Warning, Level::Error, Level::Info]);
         let [warned, bad, ended] = &texts(&log, 0)[..] else { panic!("three events") };
         assert!(warned.contains("health: drift of the calibration: warn, 0.130 rad"), "{warned}");
-        assert!(bad.contains("0.300 rad, limit 0.200 rad") && bad.contains("calibrate anew"), "{bad}");
+        assert!(bad.contains("0.300 rad, limit 0.200 rad") && bad.contains("calibrate again"), "{bad}");
         assert!(ended.contains("is ok: 0.070 rad, within 0.100"), "{ended}");
     }
 

@@ -256,7 +256,7 @@ mod tests {
         assert_eq!(states[0].0, ServiceState::Ok);
         assert_eq!(states[1], (ServiceState::Slow, "8 left out while it was busy".to_owned()));
         let states = look(&mut services, &tally(own, 2 * SECOND_NS, 8), 9 * SECOND_NS);
-        assert_eq!(states[1], (ServiceState::Silent, "no sign of life for 7 s".to_owned()));
+        assert_eq!(states[1], (ServiceState::Silent, "no report for 7 s".to_owned()));
         // No process has this number: it is beyond the largest that Linux gives.
         let states = look(&mut services, &tally(1 << 23, 9 * SECOND_NS, 8), 9 * SECOND_NS);
         assert_eq!(states[0], (ServiceState::Restarting, "its process has ended".to_owned()));

@@ -268,14 +268,14 @@ mod tests {
         assert!(!error.is_lasting());
         let text = error.to_string();
         let all = [
-            "bus:usb-7 is not there",
+            "bus:usb-7 was not found",
             "/dev/video0 (Cam, bus:usb-1, serial:A)",
             "/dev/video9 cannot be opened",
             "\"video\"",
         ];
         assert!(all.iter().all(|part| text.contains(part)) && !text.contains("video1"), "{text}");
         let none = choose(&"serial:A".parse().unwrap(), Vec::new()).unwrap_err().to_string();
-        assert!(none.contains("no camera at all"), "{none}");
+        assert!(none.contains("there is no camera"), "{none}");
     }
 
     #[test]

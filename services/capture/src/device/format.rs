@@ -213,9 +213,9 @@ mod tests {
         let refused = |layout: Layout| check(&layout, SourceFormat::Y10).unwrap_err().to_string();
         assert_eq!(
             refused(layout_of(0, 1280 * 480)),
-            "the driver states bytes of a row as 0; 640x480 Y10 takes at least 1280"
+            "the driver states 0 bytes of a row; 640x480 Y10 needs at least 1280"
         );
-        assert!(refused(layout_of(1280, 1280 * 480 - 1)).contains("bytes of an image as 614399"));
+        assert!(refused(layout_of(1280, 1280 * 480 - 1)).contains("states 614399 bytes of an image"));
         assert!(refused(Layout { field: 4, ..layout_of(1280, 614_400) }).contains("interlaced (field 4)"));
         let planes = |n| BufferKind { code: CAPTURE_MPLANE, planes: Some(n) };
         assert!(refused(Layout { kind: planes(0), ..layout_of(1280, 614_400) }).contains("states 0 planes"));

@@ -169,7 +169,7 @@ mod tests {
             format("Y12", vec![range]),
             format("MJPG", vec![]),
         ];
-        let told = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in sizes that it does not list";
+        let told = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in unlisted sizes";
         assert_eq!(summary(&offered), told);
         assert_eq!(summary(&offered[1..2]), "no supported format");
         assert!(summary(&[format("GREY", vec![size(1, 1); 20])]).ends_with("1x1, 8 more sizes"));

@@ -103,6 +103,6 @@ mod tests {
     fn what_is_offered_instead_is_told() {
         let error =
             RateError::Other { wanted_hz: 60.0, answered_hz: 30.0, offered_hz: vec![[30.0, 30.0], [15.0, 15.0]] };
-        assert!(error.to_string().starts_with("the device sends 30 images a second in place of 60; it offers 30, 15;"));
+        assert!(error.to_string().starts_with("the device sends 30 images a second instead of 60; it offers 30, 15;"));
     }
 }

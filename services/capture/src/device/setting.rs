@@ -344,10 +344,10 @@ mod tests {
         assert_eq!(number(&gain, 14), Ok(Encoded::Number(14)));
         assert_eq!(number(&gain, 94), Ok(Encoded::Number(94)));
         assert!(number(&gain, 3).is_err() && number(&gain, 101).is_err());
-        assert_eq!(number(&gain, 18).unwrap_err(), "it goes in steps; the nearest is 14");
-        assert_eq!(number(&gain, 20).unwrap_err(), "it goes in steps; the nearest is 24");
+        assert_eq!(number(&gain, 18).unwrap_err(), "the control has steps; the nearest value is 14");
+        assert_eq!(number(&gain, 20).unwrap_err(), "the control has steps; the nearest value is 24");
         // The step above would be out of bounds.
-        assert_eq!(number(&gain, 100).unwrap_err(), "it goes in steps; the nearest is 94");
+        assert_eq!(number(&gain, 100).unwrap_err(), "the control has steps; the nearest value is 94");
     }
 
     #[test]
@@ -387,7 +387,7 @@ mod tests {
     #[test]
     fn what_holds_a_control_is_told() {
         let flagged = |flags| number(&Control { flags, ..control(ControlKind::Integer, 0, 9, 1) }, 5).unwrap_err();
-        assert!(flagged(V4L2_CTRL_FLAG_READ_ONLY).contains("only be read"));
+        assert!(flagged(V4L2_CTRL_FLAG_READ_ONLY).contains("read-only"));
         assert!(flagged(V4L2_CTRL_FLAG_INACTIVE).contains("another control holds it"));
         assert!(flagged(V4L2_CTRL_FLAG_GRABBED).contains("in use"));
     }
@@ -397,7 +397,7 @@ mod tests {
         let value = ControlValue::Number(300);
         let gain = control(ControlKind::Integer, 0, 255, 1);
         let error = Setting { control: &gain, value: &value }.error(ControlProblem::Range).to_string();
-        assert_eq!(error, "control gain = 300: it cannot be so (it takes a number from 0 to 255, default 0)");
+        assert_eq!(error, "control gain = 300: the control cannot be set (it takes a number from 0 to 255, default 0)");
         let menu = menu();
         let error = Setting { control: &menu, value: &value }.error(ControlProblem::Range).to_string();
         assert!(error.ends_with("(it takes one of 1 \"Manual Mode\", 3 \"Aperture Priority\", default 0)"), "{error}");

@@ -47,11 +47,11 @@ fn everything_that_is_wrong_is_told_at_once() {
         found.as_str()
     };
     assert!(said("calibration and volume").contains("names no rig"));
-    assert!(said("camera 1").starts_with("/dev/no-camera is not there; "));
-    assert!(said("camera 2").starts_with("serial:none is not there; "));
-    assert!(said("recorder").contains("recorder.min_free_mb keeps 16000000"));
+    assert!(said("camera 1").starts_with("/dev/no-camera was not found; "));
+    assert!(said("camera 2").starts_with("serial:none was not found; "));
+    assert!(said("recorder").contains("recorder.min_free_mb keeps 16000000 MiB free"));
     assert!(found.iter().any(|(what, ready, _)| what == "runtime folder" && *ready));
-    bench.refused(&[&"cameras", &"/dev/no-camera"], &["/dev/no-camera is not there"]);
+    bench.refused(&[&"cameras", &"/dev/no-camera"], &["/dev/no-camera was not found"]);
     bench.refused(&[&"cameras", &"/dev/null"], &["/dev/null does not answer as a V4L2 device"]);
     bench.assert_nothing_left();
 }

@@ -39,14 +39,14 @@ fn a_calibration_that_has_drifted_is_told_once_and_recorded() {
     assert_eq!((&drift["warn"], &drift["bad"]), (&0.005.into(), &0.01.into()));
     assert!(drift["for_s"].as_f64().is_some_and(|for_s| for_s >= 0.0), "{drift}");
     let text = bench.done(&[0], &[&"status", &"t"]);
-    assert!(text.contains("health: bad") && text.contains("calibrate anew"), "{text}");
+    assert!(text.contains("health: bad") && text.contains("calibrate again"), "{text}");
     let ended = live.quit();
     ended.assert_undisturbed();
     assert!(ended.summary["drift"]["rms_rad"].as_f64().unwrap() > 0.01, "{}", ended.summary);
     let worst = quantity(&ended.summary["health"], "drift");
     assert_eq!((&ended.summary["health"]["worst"], &worst["state"]), (&"bad".into(), &"bad".into()));
     assert_eq!(ended.log.matches("drift of the calibration: ").count(), 1, "{}", ended.log);
-    assert!(ended.log.contains("limit 0.010 rad") && ended.log.contains("calibrate anew"), "{}", ended.log);
+    assert!(ended.log.contains("limit 0.010 rad") && ended.log.contains("calibrate again"), "{}", ended.log);
     let info = bench.json(&[0], &[&"info", &recording, &"--json"]);
     assert_eq!(quantity(&info["health"], "drift")["state"], "bad");
     let offline = bench.json(&[0], &[&"latency", &recording, &"--json"]);

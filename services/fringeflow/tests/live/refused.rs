@@ -57,7 +57,7 @@ fn configurations_that_cannot_be() {
         (
             "[window]",
             "[processors.phase]\ncpus = [0, 1023]\n[window]",
-            "in [processors.phase]: key cpus is [0, 1023]; this process may use CPUs",
+            "in [processors.phase]: key cpus is [0, 1023], but this process may use CPUs",
         ),
     ] {
         let bench = Bench::with(&[(from, to)]);

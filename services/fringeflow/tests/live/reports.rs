@@ -35,7 +35,7 @@ fn a_run_and_its_recording_tell_the_same_latencies() {
     assert_eq!(data_of(&html)["exposure_to_cloud"], offline["exposure_to_cloud"]);
     assert_trace(&offline_trace);
     let text = bench.done(&[0], &[&"latency", &recording]);
-    for part in ["correspondence_queue", "exposure to cloud", "windows that took longest", "in the median"] {
+    for part in ["correspondence_queue", "exposure to cloud", "slowest windows", "in the median"] {
         assert!(text.contains(part), "{part:?} is missing in: {text}");
     }
     assert_a_replay_is_told(&bench, &recording);

@@ -18,6 +18,6 @@ export function describeDrift(window) {
     const drift = window?.health?.quantities.find(({ quantity }) => quantity === "drift");
     const isBeyond = drift?.state === "warn" || drift?.state === "bad";
     const limit = `limit ${withUnit(fixed(drift?.state === "bad" ? drift?.bad : drift?.warn, 3), "rad")}`;
-    const note = isBeyond ? `calibrate anew, ${limit}` : isNumber(drift?.level) ? limit : "not measured";
+    const note = isBeyond ? `calibrate again, ${limit}` : isNumber(drift?.level) ? limit : "not measured";
     return { level: fixed(drift?.level, 3), isBeyond, note };
 }

@@ -36,7 +36,7 @@ fn what_a_camera_does_not_take_is_refused() {
     };
     refused(&vivid::scanner("brightness = 300"), &["camera 1", "brightness = 300", "from 0 to 255, default 128"]);
     refused(&vivid::scanner("brightnes = 3"), &["brightnes", "no such control", "brightness"]);
-    refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "can only be read"]);
+    refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "is read-only"]);
     let of_format = vivid::scanner("").replace("\n[cameras.cam1]", "\nformat = \"Y14\"\n[cameras.cam1]");
     refused(&of_format, &["Y14", "GREY", "Y16"]);
     let of_signal = vivid::scanner("").replace("1280x720@50", "1281x720@50");

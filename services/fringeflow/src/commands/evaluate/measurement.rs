@@ -7,6 +7,7 @@ use fringeflow_lab::simulation::{Object, Simulation, SimulationOptions, Simulati
 
 use crate::failure::Failure;
 use crate::input::Input;
+use crate::output_folder;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 use crate::truth;
@@ -29,7 +30,7 @@ pub(super) struct Measurement {
 impl Simulated {
     /// Takes the images of a scene, and the reference data that Gray code finds in them.
     pub(super) fn new(options: SimulationOptions) -> Result<Self, Failure> {
-        let folder = tempfile::tempdir()?;
+        let folder = output_folder::temporary()?;
         let simulation = Simulation::new(options)?;
         let target = folder.path().join(options.object.name());
         simulation.write(&target, || {})?;

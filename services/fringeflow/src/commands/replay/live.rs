@@ -10,6 +10,7 @@ use fringeflow_supervisor::{Plan, run};
 
 use crate::failure::Failure;
 use crate::globals::Globals;
+use crate::output_folder;
 use crate::run_summary::{self, Summary};
 
 use super::{Args, no_clouds};
@@ -21,7 +22,7 @@ impl Args {
             return Err(no_clouds(&self.input));
         }
         globals.start_log("replay");
-        let folder = tempfile::tempdir()?;
+        let folder = output_folder::temporary()?;
         let plan = self.plan(recording, folder.path(), globals)?;
         let comparison = if self.verify { Comparison::of(recording)? } else { Comparison::default() };
         let mut player = Player::new(recording, self.pace(), comparison);

@@ -226,11 +226,12 @@ mod tests {
     #[test]
     fn failures_are_listed_and_losses_unless_nothing_was_measured() {
         let measured = made_up(Knob::Depth, "nose", 0.2, 0.0);
-        let failed = Row { figures: None, failure: Some("no δ".to_owned()), ..measured.clone() };
-        assert!(failures(&[measured.clone()]).is_none());
-        let some = failures(&[measured, failed.clone()]);
+        let failed = Row { figures: None, failure: Some("no δ".to_owned()), ..measured };
+        let rows = [measured, failed];
+        assert!(failures(&rows[..1]).is_none());
+        let some = failures(&rows);
         let Some(Failure::Losses(text)) = some else { panic!("{some:?}") };
         assert_eq!(text, "1 of 2 measurements failed:\n  nose, depth 25, resolution paper: no δ");
-        assert!(matches!(failures(&[failed]), Some(Failure::Unmeasured(_))));
+        assert!(matches!(failures(&rows[1..]), Some(Failure::Unmeasured(_))));
     }
 }

@@ -26,8 +26,8 @@ fn series_table(rows: &[&Row]) -> String {
 
 fn line(row: &Row) -> String {
     let scene = format!("{:>8} {:<10} {:<12}", row.value, row.object, row.resolution);
-    match (&row.figures, &row.failure) {
-        (Some(figures), _) => format!(
+    match &row.figures {
+        Some(figures) => format!(
             "{scene} {:>8.3} {:>8} {:>8.3} {:>7.3} {:>8.3}  {}\n",
             figures.com_percent,
             figures.interior_percent.map_or_else(|| "–".to_owned(), |percent| format!("{percent:.3}")),
@@ -36,7 +36,7 @@ fn line(row: &Row) -> String {
             figures.efc_measured,
             figures.warning.map_or("", Warning::name),
         ),
-        (None, failure) => format!("{scene} {}\n", failure.as_deref().unwrap_or("not measured")),
+        None => format!("{scene} failed\n"),
     }
 }
 
@@ -54,6 +54,6 @@ mod tests {
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
         assert!(text.starts_with(Knob::Board.title()) && text.contains(Knob::Steps.title()), "{text}");
         assert_eq!(lines[2], ["25", "tooth", "paper", "99.500", "99.900", "12.500", "0.220", "0.200", "drift"]);
-        assert_eq!(lines[7], ["25", "tooth", "paper", "no", "δ"]);
+        assert_eq!(lines[7], ["25", "tooth", "paper", "failed"]);
     }
 }
