@@ -24,19 +24,21 @@ pub(crate) struct Display {
     head: ProgressBar,
     stages: Vec<(Stage, ProgressBar)>,
     logged_ns: u64,
+    /// Whether exposures are of now, so that latencies count from them.
+    is_live: bool,
     /// Log lines go above those of the terminal, not into them.
     _diversion: Option<Diversion>,
 }
 
 impl Display {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(is_live: bool) -> Self {
         let lines = stderr().is_terminal().then(MultiProgress::new);
         let head = line(lines.as_ref());
         let diversion = lines.as_ref().map(|lines| {
             let lines = lines.clone();
             log::divert(move |line| lines.suspend(|| stderr().write_all(line)))
         });
-        Self { lines, head, stages: Vec::new(), logged_ns: 0, _diversion: diversion }
+        Self { lines, head, stages: Vec::new(), logged_ns: 0, is_live, _diversion: diversion }
     }
 
     /// Whether somebody watches in a terminal.
@@ -53,7 +55,8 @@ impl Display {
             }
         } else if now_ns.saturating_sub(self.logged_ns) >= LOG_NS {
             self.logged_ns = now_ns;
-            tracing::info!("{}", waiting.map_or_else(|| log_line(tally, state, now_ns), str::to_owned));
+            let line = || log_line(tally, state, self.is_live, now_ns);
+            tracing::info!("{}", waiting.map_or_else(line, str::to_owned));
         }
     }
 
@@ -112,10 +115,11 @@ fn scanning(state: &ScanState) -> &'static str {
 }
 
 /// One line for the log: clouds a second, latency, drops by reason, silent stages.
-fn log_line(tally: &Tally, state: &ScanState, now_ns: u64) -> String {
+fn log_line(tally: &Tally, state: &ScanState, is_live: bool, now_ns: u64) -> String {
     let recording = if state.recording != 0 { ", recording" } else { "" };
     let clouds_hz = tally.stage(Stage::Cloud).map_or(0.0, |cloud| cloud.rate_hz);
-    let latency = tally.total().brief().map_or_else(String::new, |l| format!(", latency p50 {:.0} ms", l.p50_ms));
+    let latency = tally.total().brief().filter(|_| is_live);
+    let latency = latency.map_or_else(String::new, |l| format!(", latency p50 {:.0} ms", l.p50_ms));
     let dropped = listed(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
     let silent = tally.stages().filter(|(_, of_stage)| of_stage.is_silent(now_ns));
     let silent = listed(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
@@ -159,7 +163,7 @@ mod tests {
     #[test]
     fn the_log_line_tells_what_matters_and_no_zeros() {
         let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
-        assert_eq!(log_line(&tally, &state, 0), "scanning: 0.0 clouds/s");
+        assert_eq!(log_line(&tally, &state, true, 0), "scanning: 0.0 clouds/s");
         let ms = 1_000_000;
         for stage in [Stage::Camera1, Stage::Camera2, Stage::Cloud] {
             let mut report =
@@ -168,7 +172,8 @@ mod tests {
             report.counts.drop_many(DropReason::BetweenWindows, 9);
             tally.add(&report);
         }
-        let line = log_line(&tally, &state, 10_000 * ms);
+        assert!(!log_line(&tally, &state, false, 0).contains("latency"));
+        let line = log_line(&tally, &state, true, 10_000 * ms);
         assert_eq!(
             line,
             "scanning: 0.0 clouds/s, latency p50 40 ms, dropped: overrun 6, silent: camera1, camera2, cloud"

@@ -113,7 +113,7 @@ impl<'a, 's> Supervisor<'a, 's> {
         let node = Node::open(instance, "supervisor")?;
         let sizes = channel_sizes(&plan.setup, &plan.configuration);
         let ports = Ports::open(&node, &sizes)?;
-        let display = Display::new();
+        let display = Display::new(source.is_none());
         let launch = Launch {
             program: plan.program.clone(),
             before: plan.before.clone(),
