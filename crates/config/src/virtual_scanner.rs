@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::paths::in_folder;
-
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::FringeSequence;
+
+use super::paths::in_folder;
 
 /// The table `[virtual_scanner]`; a key that is not given has the default of the simulation.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]

@@ -75,8 +75,8 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::health::measures;
     use fringeflow::correspondence::{ChosenCandidates, Outcome};
+    use fringeflow_telemetry::health::measures;
     use fringeflow_telemetry::health::{HealthLimits, Quantity};
 
     #[test]

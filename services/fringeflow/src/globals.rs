@@ -1,6 +1,7 @@
 //! Options of every command; the services of an instance are started with the same.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+
 use fringeflow_runtime::log::{self, LogFormat};
 use fringeflow_runtime::processors::use_threads;
 use fringeflow_simd::Level;

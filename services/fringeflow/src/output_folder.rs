@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use fringeflow_base::atomic_file::{WriteError, WriteProblem};
 use tempfile::TempDir;
+
+use fringeflow_base::atomic_file::{WriteError, WriteProblem};
 
 /// Makes the folder if it is missing, before the work whose results go there.
 pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {

@@ -1,6 +1,7 @@
 //! Options that take one of a few words: help lists the words, and any other is refused with the list.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+
 use fringeflow::calibration::Unit;
 
 /// Takes one of `all` by its name.

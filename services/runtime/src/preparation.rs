@@ -6,8 +6,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fringeflow::transport::Instance;
 use serde::{Deserialize, Serialize};
+
+use fringeflow_transport::Instance;
 
 use crate::accounts_folder;
 

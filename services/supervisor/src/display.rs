@@ -2,16 +2,16 @@
 
 use std::io::{IsTerminal, Write, stderr};
 
-use fringeflow_message::{DropReason, ScanState, Stage};
-use fringeflow_telemetry::{StageTally, Tally};
-use fringeflow_transport::Instance;
-use fringeflow_runtime::Preparation;
-use fringeflow_runtime::log::{self, Diversion};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
+use fringeflow_message::{DropReason, ScanState, Stage};
 use fringeflow_message::{ScanState, Stage};
+use fringeflow_runtime::Preparation;
+use fringeflow_runtime::log::{self, Diversion};
 use fringeflow_runtime::log::{self, Diversion};
 use fringeflow_telemetry::{StageTally, Tally};
+use fringeflow_telemetry::{StageTally, Tally};
+use fringeflow_transport::Instance;
 
 /// Time between two log lines, nanoseconds.
 const LOG_NS: u64 = 10_000_000_000;
@@ -158,7 +158,7 @@ fn listed(what: &str, words: impl Iterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::message::StageReport;
+    use fringeflow_message::StageReport;
 
     #[test]
     fn the_log_line_tells_what_matters_and_no_zeros() {

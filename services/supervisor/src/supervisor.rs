@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use fringeflow_message::{DropReason, Stage};
 use fringeflow_recording::{Origin, UNFINISHED};
-use fringeflow_runtime::{Account, AccountError, ServiceKind, Stop, accounts_folder, channel_sizes, clock, Preparation};
+use fringeflow_runtime::{
+    Account, AccountError, Preparation, ServiceKind, Stop, accounts_folder, channel_sizes, clock,
+};
 use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
 use crate::child::{Event, Launch, Service};

@@ -2,13 +2,14 @@
 
 use std::io::{self, Write};
 
-use fringeflow::message::{Command, ControlRequest};
-use fringeflow::transport::{Begun, Instance, TransportError, request};
+use fringeflow_message::{Command, ControlRequest};
 use fringeflow_supervisor::{headline, waiting_from_outside};
+use fringeflow_transport::{Begun, Instance, TransportError, request};
 
-use super::status::{ANSWER, dashboard};
 use crate::failure::Failure;
 use crate::json;
+
+use super::status::{ANSWER, dashboard};
 
 /// An instance that runs.
 #[derive(serde::Serialize)]

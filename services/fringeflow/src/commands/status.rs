@@ -7,14 +7,17 @@ use std::time::Duration;
 use fringeflow_config::SERVICES;
 use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow_runtime::processors::Standing;
-use fringeflow_runtime::{accounts_folder, clock, dashboard_file, Preparation};
+use fringeflow_runtime::{Preparation, accounts_folder, clock, dashboard_file};
 use fringeflow_supervisor::{Observed, headline, observe, stage_line, waiting_from_outside};
-use fringeflow_telemetry::{GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures};
+use fringeflow_telemetry::{
+    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
+};
 use fringeflow_transport::{Instance, request};
 
-use super::instances;
 use crate::failure::Failure;
 use crate::json;
+
+use super::instances;
 
 /// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
 const SPAN_NS: u64 = 2_500_000_000;

@@ -3,11 +3,10 @@
 
 use fringeflow_message::{Counts, DropReason, Incident};
 
-use crate::support::Bench;
-
 use crate::guest::capture::{Capture, Done};
 use crate::guest::driver::{Knob, press};
 use crate::guest::vivid;
+use crate::support::Bench;
 
 /// How often each error is injected.
 const TIMES: u64 = 20;

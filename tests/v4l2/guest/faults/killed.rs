@@ -2,10 +2,9 @@
 
 use fringeflow_message::Stage;
 
-use crate::support::Bench;
-
 use crate::guest::capture::Capture;
 use crate::guest::vivid;
+use crate::support::Bench;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

@@ -6,10 +6,9 @@ use rustix::process::Signal;
 
 use fringeflow_message::DropReason;
 
-use crate::support::{Bench, send};
-
 use crate::guest::capture::{Capture, Done};
 use crate::guest::vivid;
+use crate::support::{Bench, send};
 
 #[test]
 #[ignore = "runs in the virtual machine"]

@@ -4,11 +4,10 @@ use std::time::{Duration, Instant};
 
 use fringeflow_message::Incident;
 
-use crate::support::{Bench, wait};
-
 use crate::guest::capture::Capture;
 use crate::guest::driver::{Driver, v4l2_ctl};
 use crate::guest::vivid;
+use crate::support::{Bench, wait};
 
 /// How long a service is watched without its camera.
 const ABSENCE: Duration = Duration::from_secs(1);

@@ -7,12 +7,11 @@ use std::time::{Duration, Instant};
 
 use fringeflow_message::{DropReason, Incident};
 
-use crate::scenes;
-use crate::support::Bench;
-
 use crate::guest::capture::Capture;
 use crate::guest::driver::{Driver, Knob, press};
 use crate::guest::scanner::configuration;
+use crate::scenes;
+use crate::support::Bench;
 
 /// Cameras whose time stamps wrap, and how often each.
 const SLOW: usize = 10;

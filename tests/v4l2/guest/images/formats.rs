@@ -2,12 +2,11 @@
 
 use fringeflow_message::PixelFormat;
 
-use crate::scenes;
-use crate::support::Bench;
-
 use crate::guest::capture::Capture;
 use crate::guest::driver::{Driver, v4l2_ctl};
 use crate::guest::vivid;
+use crate::scenes;
+use crate::support::Bench;
 
 /// A picture that does not change.
 const PICTURE: &str = "test_pattern = \"Gray Ramp\"\nosd_text_mode = \"None\"";

@@ -3,11 +3,10 @@
 use fringeflow_message::{DropReason, FrameHeader, Stage, Window};
 use fringeflow_recording::{Content, Recording, Topic};
 
-use crate::support::Bench;
-
 use crate::guest::capture::{Capture, gaps};
 use crate::guest::driver::{Knob, turn};
 use crate::guest::vivid;
+use crate::support::Bench;
 
 /// Percentages of images that are dropped, and how many must be so in the images of each.
 const PERCENTAGES: [(i64, u64); 3] = [(1, 1), (10, 5), (50, 60)];

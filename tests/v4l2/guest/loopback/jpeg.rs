@@ -3,12 +3,12 @@
 use fringeflow_message::{DropReason, PixelFormat};
 use fringeflow_pixels::{SourceFormat, unpack};
 
+use crate::guest::capture::Capture;
 use crate::scenes;
 use crate::support::Bench;
 
 use super::DEVICES;
 use super::writer::Writer;
-use crate::guest::capture::Capture;
 
 /// Width and height of the images below.
 pub(crate) const SIZE: &str = "80x72";

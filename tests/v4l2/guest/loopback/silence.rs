@@ -2,11 +2,11 @@
 
 use fringeflow_message::Incident;
 
+use crate::guest::capture::Capture;
 use crate::scenes;
 use crate::support::Bench;
 
 use super::feeder::Feeder;
-use crate::guest::capture::Capture;
 
 #[test]
 #[ignore = "runs in the virtual machine"]

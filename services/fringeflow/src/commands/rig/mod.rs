@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+
 use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
 use fringeflow_dataset::read_volume;
