@@ -31,9 +31,9 @@ impl Signal {
     pub(super) fn new(block: &Block, validity: &Validity) -> Option<Self> {
         let images = block.images;
         let free = images.checked_sub(TAKEN).filter(|&free| free > 0)?;
-        let mut changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
+        let changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
         let scatter: f64 = (0..images).map(|i| changes[i][i]).sum();
-        let eigen = Eigen::new(&mut changes, images);
+        let eigen = Eigen::new(&changes, images)?;
         let values = &eigen.values[..images];
         let first = greatest(values, None)?;
         let second = greatest(values, Some(first))?;
