@@ -64,7 +64,7 @@ fn measure(scene: &MovingScene, steps: usize) -> [f64; 4] {
     };
     for _ in 0..ROUNDS {
         time(0, &mut || drop(black_box(decode(&levels[..steps], width, height, &shifts, &validity))));
-        time(1, &mut || _ = black_box(check.fault(&levels, width, height, &validity)));
+        time(1, &mut || _ = black_box(check.find_fault(&levels, width, height, &validity)));
         time(2, &mut || drop(black_box(decode_moving(&levels, width, height, &fit, &validity))));
         time(3, &mut || black_box(&mut copy).copy_from_slice(black_box(&source)));
     }

@@ -86,7 +86,7 @@ fn what_tells_nothing_gives_no_flow() {
 fn a_relief_is_the_mean_of_its_cells() {
     let relief =
         Relief::from_points([40, 20], [([0, 0], 0.25), ([15, 15], 0.5), ([16, 0], 0.3), ([99, 0], 0.3)].into_iter());
-    assert_eq!(Relief::cells_of([40, 20]), [3, 2]);
+    assert_eq!(Relief::cell_counts([40, 20]), [3, 2]);
     let cells = relief.cells().to_vec();
     // 3 1/m is the mean of 4 and 2.
     assert_eq!(cells, [(3.0f64 * 65535.0 / 30.0).round() as u16, (65535.0f64 / 9.0).round() as u16, 0, 0, 0, 0]);

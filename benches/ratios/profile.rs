@@ -84,7 +84,7 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
                 decode_moving_into(&mut map, &mut scratch, &window[0], width, height, &fit, &validity).unwrap();
                 black_box(&map);
             }),
-            contender(|| _ = black_box(check.fault_in(&mut check_scratch, &window[0], width, height, &validity))),
+            contender(|| _ = black_box(check.find_fault_in(&mut check_scratch, &window[0], width, height, &validity))),
         ],
     );
     names.into_iter().zip(spent).map(|(name, spent)| (name, median(spent.iter().map(|s| s.cpu_ns * 1e-6)))).collect()

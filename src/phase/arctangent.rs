@@ -1,5 +1,8 @@
-//! The arctangent as a fraction of a turn: branch-free, so that the compiler turns loops of it into vector code, and
-//! made of single additions and multiplications, so that every machine computes the same bits.
+//! The arctangent as a fraction of a turn (paper, section 2.1). In: two floats. Out: 16 bits. Cost: a division and
+//! seven multiply-adds.
+//!
+//! It has no branches, so that the compiler vectorizes loops of it. It consists of single additions and
+//! multiplications, so that every machine computes the same bits.
 
 /// Coefficients of `atan(t)/2π ≈ t·(c0 + c1·t² + …)` on [0, 1], minimax; largest error 4e-8 turn (2.5e-7 rad),
 /// far below the 1/65536 turn that the result is rounded to.

@@ -1,83 +1,86 @@
-//! Histograms of the pixels of an image, which add up in any order.
+//! Histograms over the pixels of an image. In: values. Out: quantiles. Cost: an increment per value. Counts are whole
+//! numbers, so partial histograms can be added in any order.
 
 use fringeflow_simd::{LANES, Lanes};
 
-/// Counts that neighbours take turns at: most of them fall into the same bin, and each would wait for the one before.
-const TURNS: usize = 4;
+/// Copies of every counter, used in turn. Neighbouring pixels mostly fall into the same bin, and an increment would
+/// have to wait for the one before.
+const COPIES: usize = 4;
 
-/// How many values fall into each of some equal parts of a range; 2^16 at most.
+/// Histogram of `BINS` bins of equal width, at most 2^16.
 #[derive(Clone, Debug)]
 pub(super) struct Histogram<const BINS: usize> {
-    /// By bin: turns side by side, for distances of whole pages would look like the same place to the processor.
-    counts: [[u32; TURNS]; BINS],
+    /// The copies of a counter are next to each other: at distances of whole pages their addresses would alias.
+    counts: [[u32; COPIES]; BINS],
 }
 
 impl<const BINS: usize> Default for Histogram<BINS> {
     fn default() -> Self {
-        Self { counts: [[0; TURNS]; BINS] }
+        Self { counts: [[0; COPIES]; BINS] }
     }
 }
 
 impl<const BINS: usize> Histogram<BINS> {
-    /// Counts a value, given in bins; what is beyond the ends of the range counts there.
+    /// Counts a value, given in bins. Values outside the range count in the first or last bin.
     pub(super) fn add(&mut self, bins: f32) {
         let count = &mut self.counts[(bins as usize).min(BINS - 1)][0];
-        // More may have been taken away here than was counted here.
+        // `remove` may have wrapped this counter below zero: other copies hold the rest.
         *count = count.wrapping_add(1);
     }
 
-    /// Takes a value away that was counted.
+    /// Removes a value that was counted.
     pub(super) fn remove(&mut self, bins: f32) {
         let count = &mut self.counts[(bins as usize).min(BINS - 1)][0];
         *count = count.wrapping_sub(1);
     }
 
-    /// Counts those of 32 values, in bins, that are used: bit k says it of value k.
+    /// Counts 32 values, given in bins. Value k counts only if bit k of `used` is set.
     #[inline(always)]
     pub(super) fn add_block<L: Lanes>(&mut self, lanes: L, bins: L::Reals, used: u32) {
         let l = lanes;
-        let mut places = [0; LANES];
-        l.store_real_words(l.min_real(l.max_real(bins, l.real(0.0)), l.real((BINS - 1) as f32)), &mut places);
+        let mut indices = [0; LANES];
+        l.store_real_words(l.min_real(l.max_real(bins, l.real(0.0)), l.real((BINS - 1) as f32)), &mut indices);
+        // `% BINS` changes nothing; it proves to the compiler that the index is in range.
         if used == u32::MAX {
-            for places in places.as_chunks::<TURNS>().0 {
-                for (turn, &place) in places.iter().enumerate() {
-                    self.counts[usize::from(place) % BINS][turn] += 1;
+            for indices in indices.as_chunks::<COPIES>().0 {
+                for (copy, &index) in indices.iter().enumerate() {
+                    self.counts[usize::from(index) % BINS][copy] += 1;
                 }
             }
         } else {
-            let mut left = used;
-            while left != 0 {
-                let k = left.trailing_zeros() as usize;
-                self.counts[usize::from(places[k]) % BINS][k % TURNS] += 1;
-                left &= left - 1;
+            let mut remaining = used;
+            while remaining != 0 {
+                let k = remaining.trailing_zeros() as usize;
+                self.counts[usize::from(indices[k]) % BINS][k % COPIES] += 1;
+                remaining &= remaining - 1;
             }
         }
     }
 
-    /// Adds the counts of another.
+    /// Adds the counts of another histogram.
     pub(super) fn merge(&mut self, other: &Self) {
         let (mine, theirs) = (self.counts.as_flattened_mut(), other.counts.as_flattened());
         mine.iter_mut().zip(theirs).for_each(|(m, t)| *m = m.wrapping_add(*t));
     }
 
-    /// How many values were counted.
+    /// Number of values.
     pub(super) fn len(&self) -> u64 {
         (0..BINS).map(|bin| self.count(bin)).sum()
     }
 
-    /// The value that a share of all does not exceed, as a fraction of the range.
+    /// Quantile `share` of the values, as a fraction of the range.
     pub(super) fn quantile(&self, share: f64) -> f32 {
         quantile((0..BINS).map(|bin| self.count(bin)), share)
     }
 
-    /// How many values a bin has.
+    /// Number of values in a bin.
     pub(super) fn count(&self, bin: usize) -> u64 {
-        // What was taken away may have been counted at another turn.
+        // A value may have been counted in one copy and removed from another: only their wrapping sum is meaningful.
         u64::from(self.counts[bin].iter().fold(0_u32, |sum, &count| sum.wrapping_add(count)))
     }
 }
 
-/// The value that a share of all does not exceed, as a fraction of the range of bins with these counts.
+/// Quantile `share` of a histogram with these counts, as a fraction of its range.
 pub(super) fn quantile(counts: impl ExactSizeIterator<Item = u64> + Clone, share: f64) -> f32 {
     let bins = counts.len();
     let wanted = (counts.clone().sum::<u64>() as f64 * share).ceil() as u64;

@@ -1,9 +1,9 @@
-//! What decoding yields.
+//! The result of decoding: phase map and statistics (paper, section 2.1). Five bytes and a bool per pixel.
 
 /// Wrapped phase of one camera, row by row.
 ///
-/// The phase is a `u16` fraction of a turn (65536 = 2π): wrapping subtraction of two of them is the wrapped phase
-/// difference, and its step of 1e-4 rad lies far below the noise of any camera.
+/// The phase is a `u16` fraction of a turn (65536 = 2π), so wrapping subtraction yields the wrapped phase difference.
+/// Its step of 1e-4 rad is far below the noise of any camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PhaseMap {
     /// Width, pixels.
@@ -14,22 +14,22 @@ pub struct PhaseMap {
     pub phase: Vec<u16>,
     /// Modulation B.
     pub modulation: Vec<Modulation>,
-    /// Mean grey level A of the fringes, the texture of the scene.
+    /// Mean grey level A of the fringes: the texture of the scene.
     pub mean: Vec<u8>,
-    /// Whether the phase can be trusted: modulation, saturation and fit residual.
+    /// Whether the phase is reliable, by modulation, saturation and fit residual.
     pub valid: Vec<bool>,
     /// How well sinusoids fit the images.
     pub fit: FitStatistics,
-    /// Whether it was lit as it should be.
+    /// Whether the image is well exposed.
     pub exposure: Exposure,
-    /// What the fringes have beside their sinusoid.
+    /// Higher harmonics of the fringes.
     pub harmonics: Harmonics,
-    /// How the scene moved while the images were taken; `None` where N images alone cannot tell.
+    /// Motion of the scene during the images; `None` from a single cycle, which cannot measure it.
     pub motion: Option<Motion>,
 }
 
 impl PhaseMap {
-    /// Gives it another size; what its planes hold is of no meaning then.
+    /// Changes the size. The contents of the planes are then meaningless.
     pub(super) fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         let pixels = width * height;
@@ -40,30 +40,30 @@ impl PhaseMap {
     }
 }
 
-/// Modulation of a pixel, in steps of 1/128 grey level, 512 grey levels at most: far finer than its noise.
+/// Modulation of a pixel, in steps of 1/128 grey level up to 512 grey levels: far finer than its noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Modulation(pub(super) u16);
 
 impl Modulation {
-    /// Steps of a grey level.
+    /// Steps per grey level.
     pub(super) const PER_GREY: f32 = 128.0;
 
-    /// That of so many grey levels, rounded down; what is more than it can say is its most.
+    /// From grey levels, rounded down and limited to the range.
     #[must_use]
     #[inline]
     pub fn from_grey(grey: f32) -> Self {
         Self((grey * Self::PER_GREY) as u16)
     }
 
-    /// That of so many steps.
+    /// From steps.
     #[must_use]
     #[inline]
     pub fn from_steps(steps: u16) -> Self {
         Self(steps)
     }
 
-    /// In steps.
+    /// As steps.
     #[must_use]
     #[inline]
     pub fn steps(self) -> u16 {
@@ -83,43 +83,43 @@ impl Modulation {
 pub struct FitStatistics {
     /// Number of valid pixels.
     pub valid_pixels: u64,
-    /// Median of fit residual ÷ modulation; `None` for three steps, which fit any three images.
+    /// Median of fit residual ÷ modulation; `None` for three steps, which any three images fit exactly.
     pub residual_share: Option<f32>,
-    /// Standard deviation of the grey levels about the fit; at least that of rounding to whole grey levels.
+    /// Standard deviation of the grey levels about the fit, not less than the rounding of the samples.
     pub noise_grey: f32,
     /// Standard deviation of the phase per unit of noise ÷ modulation; √(2/N) for N evenly spaced shifts.
     pub noise_gain: f32,
 }
 
-/// How the scene of a window moved, over the valid pixels.
+/// Motion of the scene during a window, over the valid pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// Median phase moved from image to image, rad; its sign is that of the phase.
+    /// Median of the phase motion per image, rad, signed.
     pub median_rad: f32,
-    /// What the amount of it exceeds at one pixel in twenty, rad.
+    /// 95 % quantile of its magnitude, rad.
     pub fast_rad: f32,
-    /// Greatest departure of the brightness of an image from the mean of all, as a share of it; it is compensated.
+    /// Largest deviation of the brightness of an image from the mean, relative to it. It is compensated.
     pub brightness_share: f32,
-    /// Pixels whose images show more than one surface, decoded from those that show one.
+    /// Pixels whose images show more than one surface, decoded from the images of one of them.
     pub one_surface_pixels: u64,
-    /// Pixels left out: lit, but of their images too few show one surface, or the phase moves too fast.
+    /// Lit pixels without a phase: too few of their images show one surface, or the phase moves too fast.
     pub lost_pixels: u64,
 }
 
-/// How the lit pixels of an image were lit: those with the least modulation of a valid pixel, and those with saturated samples.
-/// What the projector does not reach, or an object does not fill, is not lit, and counts nowhere.
+/// Exposure of an image over its lit pixels: those with enough modulation to be valid, and those with saturated
+/// samples. Pixels outside the light of the projector or outside the object count nowhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exposure {
     /// Lit pixels.
     pub lit_pixels: u64,
-    /// Of these, pixels with a saturated sample.
+    /// Lit pixels with a saturated sample.
     pub saturated_pixels: u64,
-    /// Of these, pixels without one that are modulated by less than three times what a valid pixel needs.
+    /// Lit pixels without a saturated sample whose modulation is less than three times the minimum of a valid pixel.
     pub dim_pixels: u64,
 }
 
-/// Modulation of a pixel that is not dim, in that of one that is barely valid: there a grey level of noise makes as much δ, 0.05
-/// rad with four steps, as the error of a usual calibration.
+/// A pixel is dim below this multiple of the minimum modulation. There, with four steps, one grey level of noise causes
+/// a δ of 0.05 rad, as much as a usual calibration error.
 pub(super) const DIM: f32 = 3.0;
 
 impl Exposure {
@@ -130,7 +130,7 @@ impl Exposure {
         self.dim_pixels += u64::from(!is_saturated && (least_grey..DIM * least_grey).contains(&modulation_grey));
     }
 
-    /// These pixels and others.
+    /// Sum of both counts.
     pub(super) fn plus(self, other: Self) -> Self {
         Self {
             lit_pixels: self.lit_pixels + other.lit_pixels,
@@ -140,12 +140,12 @@ impl Exposure {
     }
 }
 
-/// Amplitudes of the harmonics of the fringes beside the sinusoid, in its own; `None` where the shifts do not tell: of the
-/// second with three steps, of the third with four.
+/// Amplitudes of the higher harmonics of the fringes, relative to the fundamental. `None` if the shifts do not
+/// determine them: three steps determine neither, four only the second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Harmonics {
-    /// Of the second.
+    /// Amplitude of the second harmonic.
     pub second_share: Option<f32>,
-    /// Of the third.
+    /// Amplitude of the third harmonic.
     pub third_share: Option<f32>,
 }

@@ -1,8 +1,11 @@
 //! Wrapped phase, modulation and validity from N phase-shifted images (paper, section 2.1).
 //!
-//! In: N images `I_k = A + B·cos(φ + s_k)` of one camera with known shifts `s_k`, N from 3 to 16, or more than a cycle of
-//! them where the scene moves ([`decode_moving`]). Out: a [`PhaseMap`].
-//! Cost: N multiply-adds for each of three sums a pixel, one square root and one polynomial arctangent.
+//! In: N images `I_k = A + B·cos(φ + s_k)` of one camera with known phase shifts `s_k`, N from 3 to 16; more than one
+//! cycle if the scene moves ([`decode_moving`]). Out: a [`PhaseMap`]. Cost per pixel: N multiply-adds for each of three
+//! sums, one square root and one polynomial arctangent.
+//!
+//! *decode*: scenes at rest; *motion*: moving scenes; *sequence*: lost and exchanged images; *gray code*: absolute
+//! phase for the reference methods; *shifts*, *harmonics*, *residuals*: what they share.
 
 mod arctangent;
 mod decode;

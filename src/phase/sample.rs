@@ -1,40 +1,41 @@
-//! What a camera stores for a pixel, as the kernels read it: where it lies, without a copy.
+//! Samples of 8 and 16 bits, as the kernels read them from the camera's memory, without a copy. In: stored values. Out:
+//! lanes of them. Cost: a load and a conversion.
 
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_simd::{LANES, Lanes};
 
-/// A stored value.
+/// The stored value of a pixel.
 pub(super) trait Sample: Copy + Default + Send + Sync + bytemuck::Pod {
-    /// Whether it is stored in 8 bits.
+    /// Whether it has 8 bits.
     const IS_BYTE: bool;
-    /// What [`Self::words`] adds to stored values, so that all are signed words.
+    /// Added by [`Self::words`], so that all values fit signed words.
     const BIAS: i16;
 
-    /// Stored values with their bias.
+    /// Values plus [`Self::BIAS`].
     fn words<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Words;
 
-    /// The low bytes of stored values: all of those of 8 bits.
+    /// Low bytes of the values; the values themselves if they have 8 bits.
     fn bytes<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Bytes;
 
-    /// Stored values as reals.
+    /// Values as floats.
     fn reals<L: Lanes>(lanes: L, samples: &[Self; LANES]) -> L::Reals;
 
-    /// Stored values as unsigned words, from those with their bias.
+    /// Unsigned values from [`Self::words`].
     fn unsigned<L: Lanes>(lanes: L, words: L::Words) -> L::Words;
 
-    /// Stored values of reals between 0 and the largest one, without their fractions.
-    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES];
+    /// Values from floats between 0 and the largest value, truncated.
+    fn from_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES];
 
-    /// The stored value.
+    /// The value as a number.
     fn value(self) -> u16;
 
-    /// Its grey level; `grey_per_value` is that of its format, less where its image is brighter than the others of a window.
+    /// Grey level of the value. `grey_per_value` depends on the format and on the brightness of the image.
     fn grey(self, grey_per_value: f32) -> f32;
 
-    /// The value from which on a grey level is at least `grey`.
+    /// Smallest value whose grey level is at least `grey`.
     fn from_grey(grey: u8, format: PixelFormat) -> Self;
 
-    /// Whether it is less than another.
+    /// Whether it is less than `limit`.
     fn is_below(self, limit: Self) -> bool;
 }
 
@@ -64,7 +65,7 @@ impl Sample for u8 {
     }
 
     #[inline(always)]
-    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
+    fn from_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
         let mut bytes = [0; LANES];
         lanes.store_real_bytes(reals, &mut bytes);
         bytes
@@ -89,7 +90,7 @@ impl Sample for u8 {
     }
 }
 
-/// More than 8 bits, little endian; at any address.
+/// More than 8 bits, little-endian, at any alignment.
 impl Sample for [u8; 2] {
     const IS_BYTE: bool = false;
     const BIAS: i16 = i16::MIN;
@@ -115,7 +116,7 @@ impl Sample for [u8; 2] {
     }
 
     #[inline(always)]
-    fn of_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
+    fn from_reals<L: Lanes>(lanes: L, reals: L::Reals) -> [Self; LANES] {
         let mut words = [0; LANES];
         lanes.store_real_words(reals, &mut words);
         words.map(u16::to_le_bytes)

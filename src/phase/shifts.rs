@@ -1,4 +1,5 @@
-//! The phase shifts of a sequence and the weights that solve for phase.
+//! Phase shifts of a pattern sequence, and the weights of the least-squares phase (paper, section 2.1). In: N shifts.
+//! Out: N weights for each of three sums. Cost: once per sequence.
 
 use std::f64::consts::TAU;
 
@@ -6,18 +7,30 @@ use nalgebra::{Matrix3, Vector3};
 
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 
-/// Shifts closer to equal spacing than this are taken as equally spaced, rad (files carry ten digits).
+/// Shifts count as equally spaced up to this deviation, rad (files hold ten digits).
 const SPACING_TOLERANCE_RAD: f64 = 1e-6;
-/// Smallest eigenvalue of the normal matrix, a step, that still determines all three unknowns.
+/// Smallest eigenvalue of the normal matrix, per step, that determines all three unknowns.
 const MIN_EIGENVALUE: f64 = 1e-3;
 
 /// Phase shifts `s_k` of N images with the weights of their least-squares solution.
 ///
 /// The images are linear in (A, C, S) with `C = B·cos φ`, `S = B·sin φ`: `I_k = A + C·cos s_k − S·sin s_k`.
+///
+/// ```
+/// use fringeflow::phase::PhaseShifts;
+///
+/// let four_steps = PhaseShifts::new(&[0.0, 90.0, 180.0, 270.0].map(f64::to_radians))?;
+/// assert_eq!(four_steps.steps(), 4);
+/// // Noise of one grey level at a modulation of 50 makes this standard deviation of the phase, rad: √(2/N)/50.
+/// assert!((four_steps.noise_gain() / 50.0 - 0.0141).abs() < 1e-4);
+/// // Shifts that are equal modulo 2π do not determine a phase.
+/// assert!(PhaseShifts::new(&[0.0, 90.0, 360.0].map(f64::to_radians)).is_err());
+/// # Ok::<(), fringeflow::phase::ShiftError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseShifts {
     steps: usize,
-    /// Zero beyond the steps, as are the weights.
+    /// Zero beyond the number of steps, like the weights.
     shifts_rad: [f64; MAX_STEPS],
     /// Rows of the solution: A, C and S as weighted sums of the images.
     weights: [[f32; MAX_STEPS]; 3],
@@ -26,26 +39,26 @@ pub struct PhaseShifts {
 /// Why shifts do not determine a phase.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShiftError {
-    /// Too few or too many.
+    /// Too few or too many shifts.
     #[error("{steps} phase images were given; a sequence has {MIN_STEPS} to {MAX_STEPS}")]
     Steps {
         /// Number of shifts.
         steps: usize,
     },
     /// Too few or too many images in a window of a moving scene.
-    #[error("a window has {images} images; to tell motion from phase it takes {least} to {most}")]
+    #[error("a window has {images} images; to separate motion from phase it must have {least} to {most}")]
     Window {
         /// Images of the window.
         images: usize,
-        /// Fewest.
+        /// Fewest allowed.
         least: usize,
-        /// Most.
+        /// Most allowed.
         most: usize,
     },
     /// A shift is NaN or infinite.
     #[error("phase shift {index} is {value}; every shift must be a finite number")]
     NotFinite {
-        /// Which one, from 0.
+        /// Index of the shift, from 0.
         index: usize,
         /// Its value.
         value: f64,
@@ -64,11 +77,11 @@ pub enum ShiftError {
 impl PhaseShifts {
     /// Shifts of N images, rad.
     ///
-    /// Equally spaced shifts get the closed-form weights `1/N`, `2/N·cos s_k`, `−2/N·sin s_k`; any others the general
+    /// Equally spaced shifts get the closed-form weights `1/N`, `2/N·cos s_k`, `−2/N·sin s_k`; others get the general
     /// least-squares solution.
     ///
     /// # Errors
-    /// Fewer than 3 or more than 16 shifts, non-finite ones, or ones that do not determine a phase.
+    /// Fewer than 3 or more than 16 shifts, a shift that is not finite, or shifts that do not determine a phase.
     pub fn new(shifts_rad: &[f64]) -> Result<Self, ShiftError> {
         let steps = shifts_rad.len();
         if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
@@ -82,11 +95,11 @@ impl PhaseShifts {
 
     /// Finite shifts of 3 to 16 images; `None` if they do not determine a phase.
     pub(super) fn solved(shifts_rad: &[f64]) -> Option<Self> {
-        let weights = match slots(shifts_rad) {
+        let weights = match even_order(shifts_rad) {
             Some(_) => equal_weights(shifts_rad),
             None => least_squares_weights(shifts_rad)?,
         };
-        let weights = weights.map(|of_images| of_images.map(|weight| weight as f32));
+        let weights = weights.map(|row| row.map(|weight| weight as f32));
         Some(Self { steps: shifts_rad.len(), shifts_rad: fringeflow_simd::filled(shifts_rad, 0.0), weights })
     }
 
@@ -96,16 +109,18 @@ impl PhaseShifts {
         self.steps
     }
 
-    /// The sense of shifts each of which is 2π/N ahead of the one before (1), or each behind it (−1): such a cycle begun at
-    /// another step is the same cycle with another phase. `None` for any others.
+    /// 1.0 if every shift is 2π/N more than the one before, −1.0 if every shift is 2π/N less, otherwise `None`.
+    ///
+    /// Such a cycle, started at another step, is the same cycle with another phase.
     #[must_use]
-    pub fn even_sense(&self) -> Option<f64> {
+    pub fn even_direction(&self) -> Option<f64> {
         let step = TAU / self.steps() as f64;
-        let apart =
-            |pair: &[f64], sense: f64| ((pair[1] - pair[0]) * sense - step + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
-        [1.0, -1.0]
-            .into_iter()
-            .find(|&sense| self.shifts_rad().windows(2).all(|pair| apart(pair, sense).abs() < SPACING_TOLERANCE_RAD))
+        let deviation = |pair: &[f64], direction: f64| {
+            ((pair[1] - pair[0]) * direction - step + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU
+        };
+        [1.0, -1.0].into_iter().find(|&direction| {
+            self.shifts_rad().windows(2).all(|pair| deviation(pair, direction).abs() < SPACING_TOLERANCE_RAD)
+        })
     }
 
     /// The shifts, rad.
@@ -114,13 +129,12 @@ impl PhaseShifts {
         &self.shifts_rad[..self.steps]
     }
 
-    /// The images of evenly spaced shifts, in whatever order they are, by rising shift from the first image on; `None` for any
-    /// others.
+    /// The images by rising shift, starting with the first image; `None` if the shifts are not equally spaced.
     pub(super) fn even_order(&self) -> Option<[usize; MAX_STEPS]> {
-        slots(self.shifts_rad())
+        even_order(self.shifts_rad())
     }
 
-    /// Weights in A, C and S of images with these angles, rad, as many and as evenly spaced as the shifts.
+    /// Weights in A, C and S of images with these angles (rad). The angles are equally spaced if the shifts are.
     pub(super) fn weights_at(&self, angles_rad: &[f64]) -> [[f64; MAX_STEPS]; 3] {
         let solved = if self.even_order().is_some() { None } else { least_squares_weights(angles_rad) };
         solved.unwrap_or_else(|| equal_weights(angles_rad))
@@ -128,7 +142,7 @@ impl PhaseShifts {
 
     /// Weights of the images in A, C and S, N each.
     pub(super) fn weights(&self) -> [&[f32]; 3] {
-        self.weights.each_ref().map(|of_images| &of_images[..self.steps])
+        self.weights.each_ref().map(|row| &row[..self.steps])
     }
 
     /// Standard deviation of the phase per unit of noise ÷ modulation; √(2/N) for equally spaced shifts.
@@ -139,18 +153,19 @@ impl PhaseShifts {
     }
 }
 
-/// Which shift is the k-th from the first on, if the shifts are, in whatever order, N places 2π/N apart.
-fn slots(shifts_rad: &[f64]) -> Option<[usize; MAX_STEPS]> {
+/// The images by rising shift, starting with the first image, if the shifts are 2π/N apart in any order.
+fn even_order(shifts_rad: &[f64]) -> Option<[usize; MAX_STEPS]> {
     let step = TAU / shifts_rad.len() as f64;
     let (mut order, mut taken) = ([0; MAX_STEPS], [false; MAX_STEPS]);
-    let even = shifts_rad.iter().enumerate().all(|(image, s)| {
+    // Every image must hit one of N equally spaced slots that no other image hits.
+    let is_even = shifts_rad.iter().enumerate().all(|(image, s)| {
         let place = (s - shifts_rad[0]).rem_euclid(TAU) / step;
         let slot = place.round() as usize % shifts_rad.len();
         order[slot] = image;
         let fits = (place - place.round()).abs() * step < SPACING_TOLERANCE_RAD;
         fits && !std::mem::replace(&mut taken[slot], true)
     });
-    even.then_some(order)
+    is_even.then_some(order)
 }
 
 fn equal_weights(shifts_rad: &[f64]) -> [[f64; MAX_STEPS]; 3] {
@@ -158,11 +173,11 @@ fn equal_weights(shifts_rad: &[f64]) -> [[f64; MAX_STEPS]; 3] {
     weights_of(shifts_rad, |s| [1.0 / n, 2.0 / n * s.cos(), -2.0 / n * s.sin()])
 }
 
-/// Weights of each shift in the three sums; zero beyond the shifts.
+/// Weights of each shift in the three sums; zero beyond the number of shifts.
 fn weights_of(shifts_rad: &[f64], weights: impl Fn(f64) -> [f64; 3]) -> [[f64; MAX_STEPS]; 3] {
     let mut all = [[0.0; MAX_STEPS]; 3];
     for (k, &shift_rad) in shifts_rad.iter().enumerate() {
-        all.iter_mut().zip(weights(shift_rad)).for_each(|(of_sum, weight)| of_sum[k] = weight);
+        all.iter_mut().zip(weights(shift_rad)).for_each(|(row, weight)| row[k] = weight);
     }
     all
 }
@@ -187,7 +202,7 @@ mod tests {
         for n in MIN_STEPS..=MAX_STEPS {
             // Any start, sense and order.
             let shifts: Vec<f64> = (0..n).rev().map(|k| 0.3 - TAU * k as f64 / n as f64).collect();
-            assert!(slots(&shifts).is_some());
+            assert!(even_order(&shifts).is_some());
             let (closed, general) = (equal_weights(&shifts), least_squares_weights(&shifts).unwrap());
             for (a, b) in closed.iter().flatten().zip(general.iter().flatten()) {
                 assert!((a - b).abs() < 1e-6);

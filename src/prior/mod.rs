@@ -1,12 +1,13 @@
-//! What the stream knows of a window before its images are looked at: how the scanner moves, roughly what it sees, and by
-//! how much the calibration errs.
+//! Prior knowledge about a window from earlier windows: motion of the scanner, coarse depth of the scene, drift of the
+//! calibration.
 //!
-//! In: the last tracked poses and the last cloud. Out: a [`Prior`], small enough for a message, and of it the [`Flow`](crate::phase::Flow) of what
-//! each camera sees while the images of a window are taken. The scanner moves rigidly past a rigid thing; 16 ms later what it
-//! sees is nearly the same (Tao et al. 2018, "High-speed real-time 3D shape measurement based on adaptive depth constraint").
+//! In: the last tracked poses and the last cloud. Out: a [`Prior`], small enough for a message, and from it the
+//! [`Flow`](crate::phase::Flow) in each camera during a window. Cost: 1 ms per window of 1.3 million pixels.
 //!
-//! A prior may be wrong: the scanner shakes, the thing moves, another one stands there. Who takes one finds out by the images.
-//! Cost: 1 ms a window of 1.3 million pixels.
+//! Scanner and object move rigidly, and 16 ms later the scanner sees nearly the same surface (Tao et al. 2018,
+//! "High-speed real-time 3D shape measurement based on adaptive depth constraint"). A prior may still be wrong: the
+//! scanner shakes, the object moves, or another object is there. Its users check it against the images. The paper has
+//! no such step: it measures windows one by one.
 
 mod flows;
 mod motion;
@@ -19,13 +20,13 @@ pub use motion::RigidMotion;
 pub use relief::{CELL_PX, Relief};
 pub use times::{Moment, WindowTimes};
 
-/// What is known beforehand.
+/// Prior knowledge about a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
     /// How the scanner moves.
     pub motion: RigidMotion,
-    /// What camera 1 saw at the time of the last cloud.
+    /// Coarse depth that camera 1 saw in the last cloud.
     pub relief: Relief,
-    /// The drift of the calibration that this cloud showed, if it showed one.
+    /// Drift of the calibration in that cloud, if there was any.
     pub drift: Option<KnownDrift>,
 }

@@ -1,18 +1,18 @@
-//! The motion of the scanner.
+//! Motion of the scanner. In: velocity and rate of turn. Out: the pose at any time.
 
 use crate::geometry::{Pose, Vector3};
 
-/// An even motion of camera 1, in its own frame at the time it is known of.
+/// Motion of camera 1 at constant velocity and rate, in its own frame at the reference time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidMotion {
-    /// Of its centre, metres a second.
+    /// Velocity of its centre, metres per second.
     pub velocity_m_s: Vector3,
-    /// Its turn about an axis, rad a second.
+    /// Angular velocity, rad per second.
     pub rate_rad_s: Vector3,
 }
 
 impl RigidMotion {
-    /// Pose of camera 1 so many seconds later, in its frame at the time the motion is known of.
+    /// Pose of camera 1 `seconds` after the reference time, in its frame at the reference time.
     #[must_use]
     pub fn pose_after(&self, seconds: f64) -> Pose {
         Pose::new(self.velocity_m_s * seconds, self.rate_rad_s * seconds)

@@ -1,11 +1,11 @@
-//! Roughly what camera 1 saw: an inverse depth for each square of its image.
+//! Coarse depth map of camera 1. In: points. Out: the mean inverse depth of each square of 16 × 16 pixels.
 
 /// Side of a cell, pixels.
 pub const CELL_PX: usize = 16;
-/// Inverse depth of a unit of a cell, 1/m: depths from 33 mm on, 0.3 m to 0.04 mm.
+/// Inverse depth of one unit, 1/m. Covers depths from 33 mm; resolves 0.04 mm at 0.3 m.
 const UNIT_PER_M: f64 = 30.0 / 65535.0;
 
-/// Mean inverse depths by cells of [`CELL_PX`] pixels.
+/// Coarse depth map: mean inverse depths of cells of [`CELL_PX`] × [`CELL_PX`] pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Relief {
     size_px: [usize; 2],
@@ -14,16 +14,16 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Columns and rows of cells of an image.
+    /// Columns and rows of cells in an image of this size.
     #[must_use]
-    pub fn cells_of(size_px: [usize; 2]) -> [usize; 2] {
+    pub fn cell_counts(size_px: [usize; 2]) -> [usize; 2] {
         size_px.map(|length| length.div_ceil(CELL_PX))
     }
 
-    /// The relief of points by their pixel of C1 (column, row) and depth, metres.
+    /// The map of points, given by their pixel of C1 (column, row) and depth in metres.
     #[must_use]
     pub fn from_points(size_px: [usize; 2], points: impl Iterator<Item = ([u16; 2], f32)>) -> Self {
-        let [columns, rows] = Self::cells_of(size_px);
+        let [columns, rows] = Self::cell_counts(size_px);
         let mut sums = vec![(0.0, 0u32); columns * rows];
         for ([u, v], depth_m) in points {
             let [u, v] = [u, v].map(usize::from);
@@ -37,10 +37,10 @@ impl Relief {
         Self { size_px, cells: sums.into_iter().map(cell).collect() }
     }
 
-    /// A relief of cells as [`Self::cells`] gives them; `None` where an image of that size has another number.
+    /// A map of cells as [`Self::cells`] returns them; `None` if their number does not fit the size of the image.
     #[must_use]
     pub fn from_cells(size_px: [usize; 2], cells: Vec<u16>) -> Option<Self> {
-        let [columns, rows] = Self::cells_of(size_px);
+        let [columns, rows] = Self::cell_counts(size_px);
         (cells.len() == columns * rows).then_some(Self { size_px, cells })
     }
 
@@ -56,9 +56,9 @@ impl Relief {
         &self.cells
     }
 
-    /// Middle (column, row; pixels) and depth (metres) of squares of `side` cells of which something was seen.
-    pub(super) fn places(&self, side: usize) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
-        let [columns, rows] = Self::cells_of(self.size_px);
+    /// Centre (column, row; pixels) and mean depth (metres) of squares of `side` × `side` cells that hold any point.
+    pub(super) fn square_depths(&self, side: usize) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
+        let [columns, rows] = Self::cell_counts(self.size_px);
         let squares = (0..rows).step_by(side).flat_map(move |row| (0..columns).step_by(side).map(move |c| [c, row]));
         squares.filter_map(move |[column, row]| {
             let (mut sum, mut middle, mut count) = (0.0, [0.0; 2], 0.0);

@@ -1,32 +1,32 @@
-//! When the images of a window are taken.
+//! Times of the images of a window.
 
-/// When the images of a window are taken, seen from a prior.
+/// Times of the images of a window relative to a prior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// From the time of the prior to the middle of the window, seconds.
+    /// Time from the prior to the middle of the window, seconds.
     pub age_s: f64,
-    /// From one image to the next, seconds.
+    /// Time from one image to the next, seconds.
     pub spacing_s: f64,
 }
 
-/// When the images of a window were taken.
+/// Absolute times of the images of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WindowTimes {
-    /// Starts of the first and of the last exposure, nanoseconds.
+    /// Starts of the first and the last exposure, nanoseconds.
     pub exposures_ns: [u64; 2],
-    /// Images of the window.
+    /// Number of images.
     pub images: usize,
 }
 
 impl WindowTimes {
-    /// Its middle: the time of its cloud, nanoseconds.
+    /// Middle of the window, which is the time of its cloud, nanoseconds.
     #[must_use]
     pub fn centre_ns(&self) -> u64 {
         let [first, last] = self.exposures_ns;
         first.midpoint(last)
     }
 
-    /// When it was taken, seen from an earlier moment.
+    /// Times relative to an earlier time.
     #[must_use]
     pub fn moment_after(&self, time_ns: u64) -> Moment {
         let [first, last] = self.exposures_ns;

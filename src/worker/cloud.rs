@@ -1,4 +1,4 @@
-//! From correspondences to the point cloud.
+//! Third stage. In: correspondences. Out: the point cloud.
 
 use std::sync::Arc;
 
@@ -24,7 +24,8 @@ impl CloudWorker {
         Ok(Self { table, triangulator: Triangulator::new(&EpipolarFrame::new(rig)?) })
     }
 
-    /// Makes the points, in the order of their pixels in C1; a match whose rays meet nowhere before the cameras has none.
+    /// Triangulates the points, in the order of their pixels in C1. A match whose rays do not intersect in front of the
+    /// cameras has no point.
     pub fn step(&mut self, correspondences: &Correspondences, out: &mut Cloud) {
         let input = TriangulationInput {
             width: correspondences.width,

@@ -1,11 +1,12 @@
-//! The three stages of the measurement as workers: `step(input, &mut output)`, whatever brings the input.
+//! The three stages of the measurement as workers: `step(input, &mut output)` (paper, sections 2.1 to 2.3).
 //!
 //! ```text
 //!  images ─► PhaseWorker ─► PhasePair ─► CorrespondenceWorker ─► Correspondences ─► CloudWorker ─► Cloud
 //! ```
 //!
-//! A worker knows no transport, no recording and no clock, and keeps nothing of one sequence for the next: the same
-//! images give the same bytes live, in a replay, in a test and in [`crate::reconstruction`].
+//! A worker knows no transport, no recording and no clock. It keeps memory from one sequence to the next, but no
+//! results: the same images give the same bytes live, in a replay, in a test and in [`crate::reconstruction`].
+//! Cost: after the first windows a worker allocates nothing.
 
 mod cloud;
 mod correspondence;

@@ -1,4 +1,4 @@
-//! From the images of both cameras to their phase maps.
+//! First stage. In: the images of both cameras. Out: their phase maps.
 
 use fringeflow_base::grey::GreyLevels;
 
@@ -19,7 +19,7 @@ pub struct PhasePair {
     pub cam1: PhaseMap,
     /// Camera 2.
     pub cam2: PhaseMap,
-    /// What is known beforehand of the drift of the calibration.
+    /// Drift of the calibration known from earlier windows.
     pub known_drift: Option<KnownDrift>,
 }
 
@@ -32,41 +32,41 @@ pub struct PhaseWorker {
     validity: Validity,
     cam1_px: [usize; 2],
     cam2_px: [usize; 2],
-    /// What was worked out for windows of so many images, by the step that they begin with.
-    steps: Vec<Option<WindowSteps>>,
+    /// Solvers for windows of `window_images` images, by their first step. Made when first needed.
+    solvers: Vec<Option<WindowSolver>>,
     window_images: usize,
-    /// Memory of either camera: both are decoded at once.
+    /// Scratch memory of each camera: both are decoded at once.
     scratches: [CameraScratch; 2],
 }
 
-/// Memory for the check of the steps of a camera, and for its windows of moving scenes.
+/// Scratch memory for the images of one camera.
 #[derive(Clone, Debug, Default)]
 struct CameraScratch {
     check: SequenceScratch,
     motion: MotionScratch,
 }
 
-/// What the steps of a window tell without its images.
+/// The part of decoding a window that depends on its steps alone.
 #[derive(Clone, Debug)]
-struct WindowSteps {
-    /// Those of either camera, which work out what they need.
+struct WindowSolver {
+    /// One per camera: each caches fits of its own.
     fits: [WindowFit; 2],
     check: SequenceCheck,
 }
 
-/// What the images of a window determine.
+/// How the phase of a window is fitted.
 #[derive(Clone, Debug)]
 enum WindowFit {
-    /// One cycle: the phase of a scene at rest.
+    /// One cycle of images: the scene rests.
     Resting(Box<PhaseShifts>),
-    /// More: the phase of a moving scene at the centre of the window.
+    /// More than a cycle: the scene moves; the phase is that at the centre of the window.
     Moving(Box<MotionFits>),
 }
 
-/// Images that no phase comes of.
+/// Why images yield no phase.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImagesError {
-    /// The images of a camera do not fit the rig or those of the other.
+    /// The images of a camera do not fit the rig or the images of the other camera.
     #[error(
         "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {expected_images} images of \
          {expected} pixels, all in one format"
@@ -80,26 +80,26 @@ pub enum ImagesError {
         pixels: Vec<usize>,
         /// Format of each.
         formats: Vec<&'static str>,
-        /// Number that was expected.
+        /// Expected number of images.
         expected_images: usize,
-        /// Pixels that the rig's camera has.
+        /// Pixels of the rig's camera.
         expected: usize,
     },
-    /// Their shifts determine no phase.
+    /// The shifts do not determine a phase.
     #[error(transparent)]
     Shifts(#[from] ShiftError),
-    /// The images do not show the steps that are said of them.
+    /// The images do not show the declared steps.
     #[error(transparent)]
     Sequence(#[from] SequenceFaults),
 }
 
 impl PhaseWorker {
-    /// A worker for the images of `rig`, lit by a pattern with one cycle of shifts.
+    /// A worker for the images of `rig`, illuminated by a pattern with one cycle of shifts.
     #[must_use]
     pub fn new(rig: &Rig, pattern: &FringePattern, cycle: &PhaseShifts, validity: Validity) -> Self {
         let [cam1_px, cam2_px] = [&rig.cam1, &rig.cam2].map(|camera| [camera.width_px(), camera.height_px()]);
         let cycle_rad = cycle.shifts_rad().to_vec();
-        let steps = vec![None; cycle_rad.len()];
+        let solvers = vec![None; cycle_rad.len()];
         Self {
             rig: rig.clone(),
             pattern: *pattern,
@@ -107,65 +107,67 @@ impl PhaseWorker {
             validity,
             cam1_px,
             cam2_px,
-            steps,
+            solvers,
             window_images: 0,
             scratches: Default::default(),
         }
     }
 
-    /// Decodes one window: images of C1 and of C2, grey levels row by row, in the order of their times, of which the first
-    /// shows step `first_step` of the cycle. With more images than a cycle has, motion is compensated: by what is known of it
-    /// beforehand, and by what the images tell. What is known of the drift goes on with the maps.
+    /// Decodes one window: images of C1 and C2, grey levels row by row, in order of time. The first image shows step
+    /// `first_step` of the cycle.
+    ///
+    /// A window of more images than a cycle is compensated for motion, with the help of `prior` if there is one. The
+    /// drift of the prior is passed on with the maps.
     ///
     /// # Errors
-    /// Images of another number or size, or of different depths; fewer than a cycle, or more than a window has; images that
-    /// tell that one of them was lost, came twice or out of turn.
+    /// Images of wrong number or size, or of different depths; fewer than a cycle, or more than a window holds; images
+    /// that show that one of them was lost, repeated or exchanged.
     pub fn step(
         &mut self,
         first_step: usize,
         cam1: &[GreyLevels<'_>],
         cam2: &[GreyLevels<'_>],
-        known: Option<(&Prior, Moment)>,
+        prior: Option<(&Prior, Moment)>,
         out: &mut PhasePair,
     ) -> Result<(), ImagesError> {
         let images = cam1.len().max(self.cycle_rad.len());
         if images != self.window_images {
-            self.steps.fill(None);
+            self.solvers.fill(None);
             self.window_images = images;
         }
         let begin = first_step % self.cycle_rad.len();
-        let mut steps = match self.steps[begin].take() {
-            Some(steps) => steps,
-            None => self.window_steps(begin, images)?,
+        let mut solver = match self.solvers[begin].take() {
+            Some(solver) => solver,
+            None => self.window_solver(begin, images)?,
         };
         let mut decode = || {
-            self.check_sequence(&steps.check, images, cam1, cam2)?;
-            let flows = match &steps.fits {
+            self.check_sequence(&solver.check, images, cam1, cam2)?;
+            let flows = match &solver.fits {
                 [WindowFit::Moving(_), _] => {
-                    known.and_then(|(prior, moment)| prior.flows(&self.rig, &self.pattern, moment))
+                    prior.and_then(|(prior, moment)| prior.flows(&self.rig, &self.pattern, moment))
                 }
                 [WindowFit::Resting(_), _] => None,
             };
             let [flow1, flow2] = flows.map_or([None, None], |flows| flows.map(Some));
-            let [fit1, fit2] = &mut steps.fits;
+            let [fit1, fit2] = &mut solver.fits;
             let Self { scratches: [scratch1, scratch2], validity, .. } = self;
             let first =
                 Decoding { camera: 1, images: cam1, size_px: self.cam1_px, fit: fit1, flow: flow1, scratch: scratch1 };
             let second =
                 Decoding { camera: 2, images: cam2, size_px: self.cam2_px, fit: fit2, flow: flow2, scratch: scratch2 };
-            // What of one camera takes a single thread leaves the others to the other camera.
+            // Both at once: while one camera is in a serial part, the other keeps the remaining threads busy.
             let PhasePair { cam1, cam2, .. } = out;
             let (first, second) =
                 rayon::join(|| first.decode(images, validity, cam1), || second.decode(images, validity, cam2));
             first.and(second)
         };
         let decoded = decode();
-        out.known_drift = known.and_then(|(prior, _)| prior.drift);
-        self.steps[begin] = Some(steps);
+        out.known_drift = prior.and_then(|(prior, _)| prior.drift);
+        self.solvers[begin] = Some(solver);
         decoded
     }
 
-    /// That both cameras' images show the steps in turn.
+    /// Checks that the images of both cameras show the steps in turn.
     fn check_sequence(
         &mut self,
         check: &SequenceCheck,
@@ -174,16 +176,17 @@ impl PhaseWorker {
         cam2: &[GreyLevels<'_>],
     ) -> Result<(), SequenceFaults> {
         let Self { scratches: [scratch1, scratch2], validity, .. } = self;
-        let of = |scratch: &mut CameraScratch, images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
-            check.fault_in(&mut scratch.check, images, width, height, validity)
+        let find_fault = |scratch: &mut CameraScratch, images: &[GreyLevels<'_>], [width, height]: [usize; 2]| {
+            check.find_fault_in(&mut scratch.check, images, width, height, validity)
         };
         let (size1_px, size2_px) = (self.cam1_px, self.cam2_px);
-        let (cam1, cam2) = rayon::join(|| of(scratch1, cam1, size1_px), || of(scratch2, cam2, size2_px));
+        let (cam1, cam2) =
+            rayon::join(|| find_fault(scratch1, cam1, size1_px), || find_fault(scratch2, cam2, size2_px));
         let faults = SequenceFaults { images, cam1, cam2 };
         if faults.first().is_some() { Err(faults) } else { Ok(()) }
     }
 
-    fn window_steps(&self, first_step: usize, images: usize) -> Result<WindowSteps, ShiftError> {
+    fn window_solver(&self, first_step: usize, images: usize) -> Result<WindowSolver, ShiftError> {
         let cycle = self.cycle_rad.iter().cycle().skip(first_step);
         let shifts_rad: Vec<f64> = cycle.take(images).copied().collect();
         let fit = if images == self.cycle_rad.len() {
@@ -191,11 +194,11 @@ impl PhaseWorker {
         } else {
             WindowFit::Moving(Box::new(MotionFits::new(&shifts_rad)?))
         };
-        Ok(WindowSteps { fits: [fit.clone(), fit], check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
+        Ok(WindowSolver { fits: [fit.clone(), fit], check: SequenceCheck::new(&self.cycle_rad, first_step, images) })
     }
 }
 
-/// The decoding of the images of a camera.
+/// Inputs of decoding the images of one camera.
 struct Decoding<'a> {
     camera: u8,
     images: &'a [GreyLevels<'a>],
@@ -206,7 +209,7 @@ struct Decoding<'a> {
 }
 
 impl Decoding<'_> {
-    /// Decodes so many images.
+    /// Decodes the images into `out`.
     fn decode(self, expected_images: usize, validity: &Validity, out: &mut PhaseMap) -> Result<(), ImagesError> {
         let Self { camera, images, size_px: size_px @ [width, height], fit, flow, scratch } = self;
         let scratch = &mut scratch.motion;

@@ -1,11 +1,11 @@
-//! Faults in the sequence of a window, of one camera or of both.
+//! Faults in the pattern sequence of a window: lost, repeated or exchanged images.
 
 use crate::phase::SequenceFault;
 
-/// What is wrong with the sequence of a window.
+/// Faults that the images of a window show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceFaults {
-    /// Images of a camera.
+    /// Number of images per camera.
     pub images: usize,
     /// Fault of camera 1.
     pub cam1: Option<SequenceFault>,
@@ -14,7 +14,7 @@ pub struct SequenceFaults {
 }
 
 impl SequenceFaults {
-    /// The fault that the window is refused for.
+    /// The first fault: the reason why the window is refused.
     #[must_use]
     pub fn first(&self) -> Option<SequenceFault> {
         self.cam1.or(self.cam2)
@@ -28,13 +28,14 @@ impl std::fmt::Display for SequenceFaults {
         write!(f, "the images do not show the declared pattern steps: ")?;
         match (self.cam1, self.cam2) {
             (Some(one), Some(two)) if one.kind == two.kind => {
-                self.tell(f, "both cameras (or the projector)", &one)?;
+                self.write_fault(f, "both cameras (or the projector)", &one)?;
             }
             (one, two) => {
-                let faults = [("camera 1", one), ("camera 2", two)].into_iter().filter_map(|(who, f)| Some((who, f?)));
-                for (number, (who, fault)) in faults.enumerate() {
+                let faults = [("camera 1", one), ("camera 2", two)];
+                let faults = faults.into_iter().filter_map(|(device, fault)| Some((device, fault?)));
+                for (number, (device, fault)) in faults.enumerate() {
                     f.write_str(if number > 0 { "; " } else { "" })?;
-                    self.tell(f, who, &fault)?;
+                    self.write_fault(f, device, &fault)?;
                 }
             }
         }
@@ -43,11 +44,11 @@ impl std::fmt::Display for SequenceFaults {
 }
 
 impl SequenceFaults {
-    fn tell(&self, f: &mut std::fmt::Formatter<'_>, who: &str, fault: &SequenceFault) -> std::fmt::Result {
+    fn write_fault(&self, f: &mut std::fmt::Formatter<'_>, device: &str, fault: &SequenceFault) -> std::fmt::Result {
         let percent = |share: f64| 100.0 * share;
         write!(
             f,
-            "{who}: {} (of {}; {:.0} % of the modulation does not fit what is said, {:.0} % that)",
+            "{device}: {} (of {}; {:.0} % of the modulation does not fit the declared steps, {:.0} % with the fault)",
             fault.kind,
             self.images,
             percent(fault.residual_share),

@@ -154,7 +154,7 @@ pub(crate) fn told(
 ) -> Option<SequenceFault> {
     let check = SequenceCheck::new(&shifts_rad(steps), first_step, window.len());
     let levels: Vec<GreyLevels<'_>> = GreyImage::levels_of(window);
-    check.fault(&levels, size_px[0], size_px[1], &Validity::default())
+    check.find_fault(&levels, size_px[0], size_px[1], &Validity::default())
 }
 
 /// Median motion of a window in which nothing is wrong, rad an image.

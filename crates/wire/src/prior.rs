@@ -62,6 +62,6 @@ pub fn is_whole(header: &PriorHeader, payload: &[u8]) -> bool {
 /// Bytes of the payload for images of a size.
 #[must_use]
 pub fn payload_bytes(size_px: [usize; 2]) -> usize {
-    let [columns, rows] = Relief::cells_of(size_px);
+    let [columns, rows] = Relief::cell_counts(size_px);
     columns.saturating_mul(rows).saturating_mul(size_of::<u16>())
 }

@@ -1,7 +1,8 @@
-//! The kernel: 32 pixels at a time from their samples to phase, modulation, mean and validity.
+//! The decoding kernel (paper, section 2.1). In: the samples of a band of pixels. Out: their phase, modulation, mean
+//! and validity. Cost: see [`super`].
 //!
-//! All in whole numbers of 16 and 32 bits but for one division: the sums, in the way that suits shifts and samples, then the
-//! *octant*. What pixels give is judged, counted and stored here.
+//! It decodes 32 pixels at a time, in whole numbers of 16 and 32 bits except for one division. A [`BlockDecoder`] that
+//! suits shifts and samples computes the values; this module checks, counts and stores them.
 
 use std::ops::Range;
 
@@ -15,22 +16,22 @@ use crate::phase::shifts::PhaseShifts;
 
 use super::even_steps::EvenSteps;
 use super::four_step::FourStep;
-use super::left_out::LeftOut;
 use super::plan::Plan;
 use super::side_by_side::SideBySide;
+use super::unsaturated::UnsaturatedSolver;
 use super::weighted::Weighted;
 use super::{Counts, Validity};
 
-/// What samples and sums are compared with.
+/// Limits in the units of the kernel.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
     /// Stored value from which on a sample is saturated.
     saturation: u16,
     pub(super) grey_per_value: f32,
-    /// Least modulation of a valid pixel and of one that is not dim.
+    /// Smallest modulation of a valid pixel, and of one that is not dim.
     least: Modulation,
     not_dim: Modulation,
-    /// Largest residual ÷ modulation; of three steps any.
+    /// Largest residual ÷ modulation; infinite for three steps, which have no residual.
     pub(super) max_share: f32,
 }
 
@@ -57,7 +58,7 @@ impl Limits {
     }
 }
 
-/// Some rows of the images of a camera, and where their phases go.
+/// A band of pixels: samples of all images, and the planes for the results.
 pub(super) struct Band<'a, S> {
     pub(super) samples: &'a [&'a [S]],
     pub(super) plan: &'a Plan,
@@ -70,35 +71,34 @@ pub(super) struct Band<'a, S> {
 }
 
 impl<S: Sample> Band<'_, S> {
-    /// Decodes it.
     pub(super) fn decode(self, level: Level) -> Counts {
         fringeflow_simd::run(level, self)
     }
 }
 
-/// What 32 pixels give.
+/// Decoded values of 32 pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Block<L: Lanes> {
     pub(super) phase: L::Words,
     pub(super) modulation: L::Words,
     pub(super) mean: L::Words,
-    /// Where samples fit no sinusoid.
+    /// Pixels whose residual is too large.
     pub(super) misfits: L::Mask,
-    /// Greatest sample.
+    /// Largest sample.
     pub(super) greatest: L::Words,
 }
 
-/// How blocks of 32 pixels are decoded.
-pub(super) trait Way<S: Sample> {
-    /// Whether two blocks side by side take less than one after the other: each is a long chain of operations that wait for those
-    /// before, and a line of memory, the bytes of two blocks, is read at once.
+/// Decodes blocks of 32 pixels.
+pub(super) trait BlockDecoder<S: Sample> {
+    /// Whether two blocks are faster together than one after the other. That holds for a long chain of operations that
+    /// wait for each other. Besides, a cache line holds the bytes of two blocks.
     const IS_CHAIN: bool;
 
-    /// Decodes some blocks; `of` tells the samples of the k-th image in the order of the plan, of each block.
+    /// Decodes `COUNT` blocks. `samples_of(k)` returns their samples in the k-th image in the order of the plan.
     fn decode<'a, L: Lanes, const COUNT: usize>(
         &self,
         blocks: SideBySide<L, COUNT>,
-        of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
+        samples_of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
     ) -> [Block<L>; COUNT];
 }
 
@@ -111,7 +111,7 @@ impl<S: Sample> Kernel for Band<'_, S> {
         let mut counts = if S::IS_BYTE && plan.is_even {
             match plan.steps {
                 3 => self.decode_blocks::<L, _, 4>(lanes, &EvenSteps::<1>::new(plan, limits)),
-                // What is asked in the loop would part its blocks.
+                // Decided here: a branch inside the loop would keep its blocks from overlapping.
                 4 if limits.max_share >= 1.0 => {
                     self.decode_blocks::<L, _, 4>(lanes, &FourStep::<true>::new(plan, limits))
                 }
@@ -124,16 +124,16 @@ impl<S: Sample> Kernel for Band<'_, S> {
             self.decode_blocks::<L, _, MAX_STEPS>(lanes, &Weighted { plan, limits })
         };
         if counts.exposure.saturated_pixels > 0 {
-            self.leave_out(&mut counts);
+            self.decode_saturated(&mut counts);
         }
         counts
     }
 }
 
 impl<S: Sample> Band<'_, S> {
-    /// Decodes all blocks of up to `STEPS` images.
+    /// Decodes all blocks of up to `STEPS` images: pairs of blocks, then single ones, then the incomplete last one.
     #[inline(always)]
-    fn decode_blocks<L: Lanes, W: Way<S>, const STEPS: usize>(&mut self, lanes: L, way: &W) -> Counts {
+    fn decode_blocks<L: Lanes, D: BlockDecoder<S>, const STEPS: usize>(&mut self, lanes: L, decoder: &D) -> Counts {
         let mut counts = Counts::default();
         let pixels = self.phase.len();
         let (whole, rest) = (pixels / LANES, pixels % LANES);
@@ -141,18 +141,18 @@ impl<S: Sample> Band<'_, S> {
         for (samples, k) in samples.iter_mut().zip(self.plan.order).take(self.plan.steps) {
             *samples = self.samples[k];
         }
-        let in_pairs = if L::TWO_AT_ONCE && W::IS_CHAIN { whole / 2 * 2 } else { 0 };
-        self.decode_part::<L, W, STEPS, 2>(lanes, way, &samples, 0..in_pairs, &mut counts);
-        self.decode_part::<L, W, STEPS, 1>(lanes, way, &samples, in_pairs..whole, &mut counts);
+        let in_pairs = if L::TWO_AT_ONCE && D::IS_CHAIN { whole / 2 * 2 } else { 0 };
+        self.decode_part::<L, D, STEPS, 2>(lanes, decoder, &samples, 0..in_pairs, &mut counts);
+        self.decode_part::<L, D, STEPS, 1>(lanes, decoder, &samples, in_pairs..whole, &mut counts);
         if rest > 0 {
             let mut padded = [[S::default(); LANES]; STEPS];
             for (padded, samples) in padded.iter_mut().zip(&samples).take(self.plan.steps) {
                 padded[..rest].copy_from_slice(&samples[whole * LANES..]);
             }
-            let [decoded] = way.decode(SideBySide::<L, 1>(lanes), |k| [&padded[k]]);
+            let [decoded] = decoder.decode(SideBySide::<L, 1>(lanes), |k| [&padded[k]]);
             let (mut phase, mut modulation, mut mean, mut valid) = ([0; LANES], [0; LANES], [0; LANES], [false; LANES]);
             let to = (&mut phase, &mut modulation, &mut mean, &mut valid);
-            counts = counts.plus(decoded.judge_and_store(lanes, self.limits, (1 << rest) - 1, to));
+            counts = counts.plus(decoded.check_and_store(lanes, self.limits, (1 << rest) - 1, to));
             let places = whole * LANES..;
             self.phase[places.clone()].copy_from_slice(&phase[..rest]);
             bytemuck::cast_slice_mut(&mut self.modulation[places.clone()]).copy_from_slice(&modulation[..rest]);
@@ -164,10 +164,10 @@ impl<S: Sample> Band<'_, S> {
 
     /// Decodes whole blocks, `COUNT` at a time.
     #[inline(always)]
-    fn decode_part<L: Lanes, W: Way<S>, const STEPS: usize, const COUNT: usize>(
+    fn decode_part<L: Lanes, D: BlockDecoder<S>, const STEPS: usize, const COUNT: usize>(
         &mut self,
         lanes: L,
-        way: &W,
+        decoder: &D,
         samples: &[&[S]; STEPS],
         blocks: Range<usize>,
         counts: &mut Counts,
@@ -182,29 +182,29 @@ impl<S: Sample> Band<'_, S> {
         let modulation = modulation.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
         let mean = self.mean[pixels.clone()].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
         let valid = self.valid[pixels].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        // Lengths that are plainly the same are not asked for in the loop.
+        // With equal lengths in plain sight, the compiler drops the bounds checks in the loop.
         let (phase, modulation, mean, valid) =
             (&mut phase[..times], &mut modulation[..times], &mut mean[..times], &mut valid[..times]);
-        // A copy, which nothing that is stored can change.
+        // A local copy stays in registers: stores through references could change `self.limits`.
         let limits = *self.limits;
         for t in 0..times {
-            let decoded = way.decode(SideBySide::<L, COUNT>(lanes), |k| chunks[k][t].each_ref());
+            let decoded = decoder.decode(SideBySide::<L, COUNT>(lanes), |k| chunks[k][t].each_ref());
             for i in 0..COUNT {
                 let to = (&mut phase[t][i], &mut modulation[t][i], &mut mean[t][i], &mut valid[t][i]);
-                *counts = counts.plus(decoded[i].judge_and_store(lanes, &limits, u32::MAX, to));
+                *counts = counts.plus(decoded[i].check_and_store(lanes, &limits, u32::MAX, to));
             }
         }
     }
 }
 
-/// Where the phases, modulations, means and validities of a block go.
+/// Destinations of phase, modulation, mean and validity of a block.
 type Places<'a> = (&'a mut [u16; LANES], &'a mut [u16; LANES], &'a mut [u8; LANES], &'a mut [bool; LANES]);
 
 impl<L: Lanes> Block<L> {
-    /// Judges and counts the pixels that are used, a bit each, and stores all. Pixels with saturated samples are not counted as
-    /// valid here.
+    /// Checks and counts the pixels whose bit in `used` is set, and stores all pixels. Pixels with saturated samples do
+    /// not count as valid: [`Band::decode_saturated`] decides about them.
     #[inline(always)]
-    fn judge_and_store(&self, lanes: L, limits: &Limits, used: u32, to: Places<'_>) -> Counts {
+    fn check_and_store(&self, lanes: L, limits: &Limits, used: u32, to: Places<'_>) -> Counts {
         let saturated = lanes.bits(lanes.is_at_least(self.greatest, lanes.word(limits.saturation as i16))) & used;
         let lit = lanes.is_at_least(self.modulation, lanes.word(limits.least.0 as i16));
         let not_dim = lanes.is_at_least(self.modulation, lanes.word(limits.not_dim.0 as i16));
@@ -227,11 +227,11 @@ impl<L: Lanes> Block<L> {
 }
 
 impl<S: Sample> Band<'_, S> {
-    /// Solves pixels with saturated samples again without these.
+    /// Solves pixels with saturated samples again, without these samples.
     #[cold]
     #[inline(never)]
-    fn leave_out(&mut self, counts: &mut Counts) {
-        let mut left_out = LeftOut::new(self.shifts);
+    fn decode_saturated(&mut self, counts: &mut Counts) {
+        let mut solver = UnsaturatedSolver::new(self.shifts);
         let pixels = self.phase.len();
         for begin in (0..pixels).step_by(LANES) {
             let mut saturated = [false; LANES];
@@ -242,11 +242,11 @@ impl<S: Sample> Band<'_, S> {
                 }
             }
             for (pixel, _) in (begin..).zip(saturated).filter(|(_, is_saturated)| *is_saturated) {
-                let kept = |k: usize| {
+                let unsaturated_grey = |k: usize| {
                     let sample = self.samples[k][pixel];
                     (!self.limits.saturates(sample)).then(|| sample.grey(self.limits.grey_per_value))
                 };
-                let solution = left_out.solve(kept);
+                let solution = solver.solve(unsaturated_grey);
                 self.valid[pixel] = solution.is_some_and(|s| self.limits.accepts(s.modulation, s.residual_grey));
                 if let Some(solution) = solution {
                     self.phase[pixel] = solution.phase;

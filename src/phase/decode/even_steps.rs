@@ -1,33 +1,35 @@
-//! Evenly spaced samples of 8 bits: weighted sums, the bytes of four images at a time.
+//! Decoder for equally spaced 8-bit samples: weighted sums, the bytes of four images at a time. Cost: one byte
+//! multiply-add per four images for each sum.
 
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_simd::{FourWeights, LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-use super::block::{Block, Limits, Way};
+use super::block::{Block, BlockDecoder, Limits};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::{PairWeights, Plan};
 use super::side_by_side::SideBySide;
 
-/// `FOURS`: how often four images, of which the last may be fewer. One is three images, which fit any sinusoid.
+/// `FOURS` groups of four images; the last may be incomplete. A single group means three images, which have no
+/// residual.
 pub(super) struct EvenSteps<const FOURS: usize> {
     cosine: [FourWeights; FOURS],
     sine: [FourWeights; FOURS],
     ahead: u16,
     steps: usize,
     half_per_step: u16,
-    /// Steps of 1/256 grey level of a step of the sums.
+    /// Steps of the sums in steps of 1/256 grey level.
     steps_256: f32,
-    /// Most N²·variance of the samples, by the square of the sums.
-    most_variance: f32,
+    /// Largest N²·variance of the samples, relative to the squared sums.
+    max_variance: f32,
 }
 
 impl<const FOURS: usize> EvenSteps<FOURS> {
     pub(super) fn new(plan: &Plan, limits: &Limits) -> Self {
-        let weights = |of: fn(&PairWeights) -> [i16; 2]| {
+        let weights = |part: fn(&PairWeights) -> [i16; 2]| {
             std::array::from_fn(|k| {
-                let ([a, b], [c, d]) = (of(&plan.pairs[2 * k]), of(&plan.pairs[2 * k + 1]));
+                let ([a, b], [c, d]) = (part(&plan.pairs[2 * k]), part(&plan.pairs[2 * k + 1]));
                 FourWeights::new([a, b, c, d])
             })
         };
@@ -41,21 +43,22 @@ impl<const FOURS: usize> EvenSteps<FOURS> {
             steps: plan.steps,
             half_per_step: plan.half_per_step,
             steps_256: 256.0 * (plan.value_per_step * limits.grey_per_value),
-            most_variance: steps * (0.5 * steps + share_square) * value_square,
+            max_variance: steps * (0.5 * steps + share_square) * value_square,
         }
     }
 }
 
-impl<S: Sample, const FOURS: usize> Way<S> for EvenSteps<FOURS> {
+impl<S: Sample, const FOURS: usize> BlockDecoder<S> for EvenSteps<FOURS> {
     const IS_CHAIN: bool = true;
 
     #[inline(always)]
     fn decode<'a, L: Lanes, const COUNT: usize>(
         &self,
         blocks: SideBySide<L, COUNT>,
-        of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
+        samples_of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
     ) -> [Block<L>; COUNT] {
         let l = blocks.0;
+        // Gather the bytes of four images side by side; missing images are zero.
         let none = l.bytes(&[0; LANES]);
         let mut greatest = [none; COUNT];
         let mut fours = [[l.fours([none; 4]); FOURS]; COUNT];
@@ -63,7 +66,7 @@ impl<S: Sample, const FOURS: usize> Way<S> for EvenSteps<FOURS> {
             let mut bytes = [[none; 4]; COUNT];
             for image in 4 * k..4 * k + 4 {
                 if image < self.steps {
-                    let samples = of(image);
+                    let samples = samples_of(image);
                     for i in 0..COUNT {
                         bytes[i][image % 4] = S::bytes(l, samples[i]);
                         greatest[i] = l.max_bytes(greatest[i], bytes[i][image % 4]);
@@ -74,6 +77,7 @@ impl<S: Sample, const FOURS: usize> Way<S> for EvenSteps<FOURS> {
                 fours[i][k] = l.fours(bytes[i]);
             }
         }
+        // Weighted sums, octant of (cosine, sine), mean and residual of each block.
         let no = [l.is_greater(l.word(0), l.word(0)); COUNT];
         let (mut share, mut large_256, mut mean) = (blocks.word(0), blocks.word(0), blocks.word(0));
         let mut direction = Direction { swapped: no, left: no, below: no };
@@ -88,15 +92,16 @@ impl<S: Sample, const FOURS: usize> Way<S> for EvenSteps<FOURS> {
             direction.below[i] = l.is_negative(sine);
             share[i] = l.share(small, large);
             large_256[i] = l.narrow(l.longs(l.times_float(large, l.float(self.steps_256))));
-            // (2·sum + N)/2N, rounded down; of 13 and 15 steps a mean that ends in 0.46 or more may be rounded up.
+            // The mean, rounded: (2·sum + N)/2N, rounded down. With 13 and 15 steps a mean ending in 0.46 or more may
+            // be rounded up.
             let twice = l.add(l.shift_left::<1>(l.narrow(sum)), l.word(self.steps as i16));
             mean[i] = l.times_high(twice, l.word(self.half_per_step as i16));
             if FOURS > 1 {
-                // N·Σ I² − (Σ I)² is exact, and holds N²/2·B² of the sinusoid.
+                // N·Σ I² − (Σ I)² is N²·variance, exactly. The sinusoid contributes N²/2·B²; the rest is residual.
                 let (sum, all) = (l.floats(sum), l.times_float(l.floats(squares), l.float(self.steps as f32)));
                 let about_mean = l.sub_float(all, l.times_float(sum, sum));
                 let power = l.add_float(l.times_float(cosine_f, cosine_f), l.times_float(sine_f, sine_f));
-                misfits[i] = l.is_greater_float(about_mean, l.times_float(power, l.float(self.most_variance)));
+                misfits[i] = l.is_greater_float(about_mean, l.times_float(power, l.float(self.max_variance)));
             }
         }
         let (phase, square) = angle(blocks, share, &direction, self.ahead);

@@ -1,18 +1,19 @@
-//! Four evenly spaced samples of 8 bits: cosine and sine are differences of two.
+//! Decoder for four equally spaced 8-bit samples: cosine and sine are differences of two samples (paper, section 2.1:
+//! 4-phase algorithm). Cost: some forty operations on 16-bit words.
 
 use fringeflow_simd::{LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-use super::block::{Block, Limits, Way};
+use super::block::{Block, BlockDecoder, Limits};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::Plan;
 use super::side_by_side::SideBySide;
 
-/// `IS_LOOSE`: whether residuals may be as large as the modulation, or larger.
+/// `IS_LOOSE`: whether the largest residual is at least the modulation.
 pub(super) struct FourStep<const IS_LOOSE: bool> {
     ahead: u16,
-    /// What the residual is multiplied with if it may be large, else the modulation, before they are compared.
+    /// Factor, a fraction of 2^15, of the residual if `IS_LOOSE`, otherwise of the modulation: it must not exceed 1.
     share: i16,
 }
 
@@ -23,20 +24,21 @@ impl<const IS_LOOSE: bool> FourStep<IS_LOOSE> {
     }
 }
 
-impl<S: Sample, const IS_LOOSE: bool> Way<S> for FourStep<IS_LOOSE> {
+impl<S: Sample, const IS_LOOSE: bool> BlockDecoder<S> for FourStep<IS_LOOSE> {
     const IS_CHAIN: bool = true;
 
     #[inline(always)]
     fn decode<'a, L: Lanes, const COUNT: usize>(
         &self,
         blocks: SideBySide<L, COUNT>,
-        of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
+        samples_of: impl Fn(usize) -> [&'a [S; LANES]; COUNT],
     ) -> [Block<L>; COUNT] {
         let s = blocks;
-        let (a, b, c, d) = (s.words(of(0)), s.words(of(1)), s.words(of(2)), s.words(of(3)));
+        let (a, b, c, d) =
+            (s.words(samples_of(0)), s.words(samples_of(1)), s.words(samples_of(2)), s.words(samples_of(3)));
         let (cosine, sine) = (s.sub(a, c), s.sub(d, b));
         let (even, odd) = (s.add(a, c), s.add(b, d));
-        // A quarter, rounded.
+        // A quarter of the sum, rounded.
         let mean = s.times(s.add(even, odd), s.word(1 << 13));
         let greatest = s.max_unsigned(s.max_unsigned(a, b), s.max_unsigned(c, d));
         let (abs_cosine, abs_sine) = (s.abs(cosine), s.abs(sine));
@@ -47,9 +49,9 @@ impl<S: Sample, const IS_LOOSE: bool> Way<S> for FourStep<IS_LOOSE> {
             below: s.is_greater(s.word(0), sine),
         };
         let (phase, square) = angle(s, s.share_of_bytes(small, large), &direction, self.ahead);
-        // Half the difference is the cosine sum: 256 · 1/2.
+        // C = (a − c)/2, in steps of 1/256 grey level: 256/2 = 2^7.
         let modulation = hypotenuse(s, s.shift_left::<7>(large), square);
-        // What is left beside the sinusoid: (a − b + c − d)/2, in steps of 1/128 grey level; both sides are signed words.
+        // The residual (a − b + c − d)/2, in steps of 1/128 grey level. Both sides of the comparison are signed words.
         let residual = s.shift_left::<6>(s.abs(s.sub(even, odd)));
         let misfits = if IS_LOOSE {
             s.is_greater(s.times(residual, s.word(self.share)), modulation)

@@ -1,19 +1,29 @@
-//! N-step decoding: sums of sines and cosines first, one arctangent a pixel.
+//! N-step decoding of a scene at rest (paper, section 2.1).
 //!
-//! *plan*: what the shifts make of the samples; *block*: the kernel; *four step*, *even steps* and *weighted*: its ways to the
-//! sums; *octant*: from these to angle and length; *side by side*: two blocks at once; *left out*: pixels with saturated
-//! samples; *statistics*: what some thousand pixels tell of all.
+//! In: N images. Out: a [`PhaseMap`]. Cost per pixel: N multiply-adds for each of two or three sums, one division and a
+//! polynomial arctangent, 32 pixels at a time.
+//!
+//! ```text
+//! plan: phase shifts ─► whole-number weights
+//! for each band of pixels, in parallel:
+//!     for each block of 32 pixels:
+//!         sums of cosine, sine and offset    four_step, even_steps or weighted, by shifts and sample size
+//!         ─► angle and length                octant
+//!         ─► validity, counts, planes        block
+//!     if any sample was saturated: solve its pixel again without it       unsaturated
+//! fit statistics and harmonics, from some hundred pixels                  statistics
+//! ```
 
 mod block;
 mod even_steps;
 mod four_step;
-mod left_out;
 mod octant;
 mod plan;
 mod side_by_side;
 mod statistics;
 #[cfg(test)]
 mod tests;
+mod unsaturated;
 mod weighted;
 
 use rayon::prelude::*;
@@ -22,7 +32,7 @@ use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_base::limits::MAX_STEPS;
 use fringeflow_simd::Level;
 
-use super::harmonics::AtRest;
+use super::harmonics::RestingHarmonics;
 use super::map::{Exposure, PhaseMap};
 use super::sample::Sample;
 use super::shifts::PhaseShifts;
@@ -30,21 +40,21 @@ use super::shifts::PhaseShifts;
 use block::{Band, Limits};
 use plan::Plan;
 
-/// Pixels of a task: some rows, so that tasks are many more than threads and their sums few.
+/// Pixels of a task: some rows. There are then many more tasks than threads, but few partial sums.
 const BAND: usize = 16_384;
 
-/// What makes a phase trustworthy.
+/// Criteria for a valid phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Validity {
-    /// Least modulation, grey levels.
+    /// Smallest modulation, grey levels.
     pub min_modulation_grey: f32,
-    /// Grey level from which on a sample is saturated and left out of the fit. Of deeper images 255 is 255 · 2^(bits − 8)
-    /// and more, such as 4080 to 4095 of 12 bits: what 8 bits of the same light would show as 255.
+    /// Grey level from which on a sample is saturated and left out of the fit. In deeper images 255 means 255 · 2^(bits
+    /// − 8) and more, for example 4080 to 4095 of 12 bits: the values that 8 bits would show as 255.
     pub saturation_grey: u8,
     /// Largest fit residual (standard deviation of the grey levels about the sinusoid) ÷ modulation.
     ///
-    /// Gamma and clipping leave residuals of 0.2 to 0.6 with a phase that is still useful; a lost or swapped image, or an
-    /// edge that moved, leaves more.
+    /// Gamma and clipping cause residuals of 0.2 to 0.6, and the phase is still useful. A lost or exchanged image or a
+    /// moving edge causes more.
     pub max_residual_share: f32,
 }
 
@@ -56,11 +66,11 @@ impl Default for Validity {
 
 /// Decodes the N images of one camera, each `width · height` grey levels row by row.
 ///
-/// `None` if there are not as many images as shifts, or an image has another size or depth.
+/// `None` if the number of images is not the number of shifts, or an image has another size or depth.
 ///
 /// Formula: with the least-squares sums A, C = B·cos φ and S = B·sin φ of [`PhaseShifts`], φ = atan2(S, C) and
-/// B = hypot(S, C); for equal spacing this is `atan2(−Σ I_k sin s_k, Σ I_k cos s_k)`. Saturated samples are left
-/// out where three or more others remain.
+/// B = hypot(S, C); for equal spacing this is `atan2(−Σ I_k sin s_k, Σ I_k cos s_k)`. Saturated samples are left out if
+/// at least three others remain.
 #[must_use]
 pub fn decode(
     images: &[GreyLevels<'_>],
@@ -74,7 +84,7 @@ pub fn decode(
     Some(map)
 }
 
-/// As [`decode`], into a map whose memory is used again; it is left as it was where that yields `None`.
+/// [`decode`] into the memory of another map, which stays as it is if the result is `None`.
 #[must_use]
 pub fn decode_into(
     map: &mut PhaseMap,
@@ -106,7 +116,7 @@ pub fn decode_into(
     Some(())
 }
 
-/// Decodes all bands in parallel; their counts are whole numbers, which add up the same in any order.
+/// Decodes all bands in parallel. Their counts are whole numbers, so the order of adding them does not matter.
 fn decode_samples<S: Sample>(
     images: &[&[S]],
     format: PixelFormat,
@@ -132,11 +142,19 @@ fn decode_samples<S: Sample>(
     });
     let counts = decoded.reduce(Counts::default, Counts::plus);
     map.exposure = counts.exposure;
-    statistics::measure(images, format, shifts, &AtRest::new(shifts.shifts_rad()), &limits, counts.valid_pixels, map);
+    statistics::measure(
+        images,
+        format,
+        shifts,
+        &RestingHarmonics::new(shifts.shifts_rad()),
+        &limits,
+        counts.valid_pixels,
+        map,
+    );
     map.motion = None;
 }
 
-/// What is counted over the pixels of an image.
+/// Counts over the pixels of an image.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     valid_pixels: u64,

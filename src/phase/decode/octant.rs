@@ -1,4 +1,5 @@
-//! From the lesser ÷ the greater of cosine and sine to the angle, and to the length of both.
+//! Angle and length of the vector (cosine, sine), from the quotient of the smaller and the larger of both. In: words.
+//! Out: words. Cost: two short polynomials.
 
 use fringeflow_simd::Lanes;
 
@@ -9,9 +10,9 @@ const ARCTANGENT: [i16; 5] = [20858, -6890, 3758, -1776, 435];
 /// Coefficients of `√(1 + u) − 1 ≈ u·(c0 + c1·u + …)` on [0, 1], minimax, times 2^15; largest error 1e-4.
 const ROOT: [i16; 3] = [16309, -3565, 832];
 
-/// In which octant an angle lies.
+/// The octant of an angle.
 pub(super) struct Direction<L: Lanes, const COUNT: usize> {
-    /// The sine is the greater.
+    /// The sine is the larger.
     pub(super) swapped: [L::Mask; COUNT],
     /// The cosine is negative.
     pub(super) left: [L::Mask; COUNT],
@@ -19,8 +20,9 @@ pub(super) struct Direction<L: Lanes, const COUNT: usize> {
     pub(super) below: [L::Mask; COUNT],
 }
 
-/// The angle less `ahead`, turns · 65536, and the square of `share`, times 2^15. `share` is the lesser ÷ the greater, of fractions of
-/// 2^15; 0 of no vector.
+/// The angle minus `ahead` (turns · 65536), and the square of `share`.
+///
+/// `share` is the smaller ÷ the larger of cosine and sine, as a fraction of 2^15; 0 for the null vector.
 #[inline(always)]
 pub(super) fn angle<L: Lanes, const COUNT: usize>(
     blocks: SideBySide<L, COUNT>,
@@ -37,7 +39,7 @@ pub(super) fn angle<L: Lanes, const COUNT: usize>(
     (b.sub(whole, b.word(ahead as i16)), square)
 }
 
-/// Modulation, in its steps: large · √(1 + square), large in steps of 1/256 grey level.
+/// Modulation in its steps: large · √(1 + square), with `large` in steps of 1/256 grey level.
 #[inline(always)]
 pub(super) fn hypotenuse<L: Lanes, const COUNT: usize>(
     blocks: SideBySide<L, COUNT>,
@@ -56,7 +58,7 @@ fn polynomial<L: Lanes, const COUNT: usize, const DEGREE: usize>(
     x: [L::Words; COUNT],
     coefficients: &[i16; DEGREE],
 ) -> [L::Words; COUNT] {
-    // A loop: what iterators do with closures is not inlined at once.
+    // A plain loop: closures of iterators are not always inlined.
     let mut sum = blocks.word(coefficients[DEGREE - 1]);
     let mut k = DEGREE - 1;
     while k > 0 {

@@ -1,4 +1,5 @@
-//! What phase shifts make of the samples, in whole numbers: the weights of the least-squares sums.
+//! Weights of the least-squares sums in whole numbers (paper, section 2.1). In: phase shifts. Out: a [`Plan`]. Cost:
+//! once per image set.
 
 use std::f64::consts::TAU;
 
@@ -6,14 +7,14 @@ use fringeflow_base::limits::MAX_STEPS;
 
 use crate::phase::shifts::PhaseShifts;
 
-/// Bits of the fraction of a weight. Weights of evenly spaced shifts are 2/3 at most, so that 16 bits hold them, and the sums
-/// of samples of 16 bits fit 31.
+/// Bits of the fraction of a weight. Weights of equally spaced shifts are at most 2/3. So 16 bits hold a weight, and 31
+/// bits hold the sums of 16-bit samples.
 const WEIGHT_BITS: i32 = 14;
-/// Greatest sum of the amounts of all weights of one sum: it fits with samples of 16 bits, and of weights that add up to 0 or 1
-/// none exceeds 1.95.
-const MOST_WEIGHT: f64 = 2.9;
+/// Largest sum of the magnitudes of the weights of one sum. It suits 16-bit samples, and no weight of a set that adds
+/// up to 0 or 1 then exceeds 1.95.
+const MAX_WEIGHT_SUM: f64 = 2.9;
 
-/// The weights of two images in the sums of offset, cosine and sine.
+/// Weights of two images in the sums of offset, cosine and sine.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PairWeights {
     pub(super) offset: [i16; 2],
@@ -21,20 +22,20 @@ pub(super) struct PairWeights {
     pub(super) sine: [i16; 2],
 }
 
-/// The sums, in steps of 2^−bits of a stored value.
+/// How the sums are computed, in steps of 2^−bits of a stored value.
 pub(super) struct Plan {
-    /// Images in the order of their weights: of evenly spaced shifts by rising shift, from the first image.
+    /// Order of the images in the sums. Equally spaced shifts: by rising shift, from the first image.
     pub(super) order: [usize; MAX_STEPS],
-    /// Weights of each two images in that order; of an odd number the last one has a partner of weight 0.
+    /// Weights of pairs of images in that order. The partner of the last image of an odd number has weight 0.
     pub(super) pairs: [PairWeights; MAX_STEPS / 2],
-    /// Angles of the images in that order, as cosine and sine.
+    /// Cosine and sine of the shifts in that order.
     pub(super) angles: [[f32; 2]; MAX_STEPS],
     pub(super) steps: usize,
-    /// Whether the shifts are evenly spaced; then the angles begin at 0.
+    /// Whether the shifts are equally spaced; the angles then begin at 0.
     pub(super) is_even: bool,
-    /// What the phase of these sums is ahead of the wanted one, turns · 65536.
+    /// Phase of these sums minus the true phase, turns · 65536.
     pub(super) ahead: u16,
-    /// Stored values a step of the sums.
+    /// Stored values per step of the sums.
     pub(super) value_per_step: f32,
     /// 2^16/2N, rounded up.
     pub(super) half_per_step: u16,
@@ -53,14 +54,16 @@ impl Plan {
             *angle = if is_even { TAU * k as f64 / steps as f64 } else { shifts.shifts_rad()[k] };
         }
         let weights = shifts.weights_at(&angles_rad[..steps]);
+        // Fewer bits if the weights are so large that the sums would overflow.
         let heaviest = weights.iter().map(|w| w.iter().map(|w| w.abs()).sum::<f64>()).fold(1.0, f64::max);
-        let bits = WEIGHT_BITS - (heaviest / MOST_WEIGHT).log2().ceil().max(0.0) as i32;
+        let bits = WEIGHT_BITS - (heaviest / MAX_WEIGHT_SUM).log2().ceil().max(0.0) as i32;
         let scale = f64::from(bits).exp2();
-        let [offset, cosine, sine] = [(0, scale), (1, 0.0), (2, 0.0)].map(|(i, sum)| whole(&weights[i], scale, sum));
+        let [offset, cosine, sine] =
+            [(0, scale), (1, 0.0), (2, 0.0)].map(|(i, sum)| round_weights(&weights[i], scale, sum));
         let mut pairs = [PairWeights::default(); MAX_STEPS / 2];
         for (p, pair) in pairs.iter_mut().enumerate() {
-            let of = |w: &[i16; MAX_STEPS]| [w[2 * p], w[2 * p + 1]];
-            *pair = PairWeights { offset: of(&offset), cosine: of(&cosine), sine: of(&sine) };
+            let of_pair = |w: &[i16; MAX_STEPS]| [w[2 * p], w[2 * p + 1]];
+            *pair = PairWeights { offset: of_pair(&offset), cosine: of_pair(&cosine), sine: of_pair(&sine) };
         }
         Self {
             order,
@@ -75,9 +78,9 @@ impl Plan {
     }
 }
 
-/// Weights as whole numbers that have exactly the wanted sum: what rounding leaves goes to the greatest. With a sum of 0 no
-/// offset of the samples, however great, leaks into cosine and sine.
-fn whole(weights: &[f64], scale: f64, sum: f64) -> [i16; MAX_STEPS] {
+/// Rounds weights to whole numbers with exactly the wanted sum; the largest weight takes the rounding error. Because
+/// the weights of cosine and sine add up to 0, no offset of the samples leaks into them.
+fn round_weights(weights: &[f64], scale: f64, sum: f64) -> [i16; MAX_STEPS] {
     let mut rounded = [0_i16; MAX_STEPS];
     rounded.iter_mut().zip(weights).for_each(|(rounded, weight)| *rounded = (weight * scale).round() as i16);
     let excess = rounded.iter().map(|&w| i64::from(w)).sum::<i64>() - sum as i64;
@@ -108,7 +111,7 @@ mod tests {
                     plan.pairs.iter().flat_map(whole).map(|w| f64::from(w) * f64::from(plan.value_per_step)).collect();
                 assert!((weights.iter().sum::<f64>() - wanted_sum).abs() < 1e-9, "{shifts_rad:?}");
                 for (weight, exact) in weights.iter().zip(&exact[k]) {
-                    // Rounding, and of the greatest one what all roundings leave.
+                    // Rounding; the largest weight also takes the rounding errors of all others.
                     let tolerance = 8.0 * f64::from(plan.value_per_step);
                     assert!((weight - exact).abs() < tolerance, "{shifts_rad:?}: {weight} {exact}");
                 }

@@ -1,5 +1,5 @@
-//! The same operation on several blocks of 32 pixels, one after the other: chains of operations that each wait for the one before
-//! do not wait for each other.
+//! Lanes of several blocks of 32 pixels at once. Each operation runs for all blocks in turn, so that their chains of
+//! dependent operations overlap in the processor.
 
 use fringeflow_simd::{LANES, Lanes};
 
@@ -10,7 +10,7 @@ use crate::phase::sample::Sample;
 pub(super) struct SideBySide<L: Lanes, const COUNT: usize>(pub(super) L);
 
 /// Operations of [`Lanes`] on the words and masks of all blocks.
-macro_rules! of_each_block {
+macro_rules! for_each_block {
     ($($name:ident($($operand:ident: $of:ident),+) -> $result:ident;)+) => {$(
         #[inline(always)]
         pub(super) fn $name(self, $($operand: [L::$of; COUNT]),+) -> [L::$result; COUNT] {
@@ -24,7 +24,7 @@ macro_rules! of_each_block {
 }
 
 impl<L: Lanes, const COUNT: usize> SideBySide<L, COUNT> {
-    of_each_block! {
+    for_each_block! {
         add(a: Words, b: Words) -> Words;
         sub(a: Words, b: Words) -> Words;
         abs(a: Words) -> Words;

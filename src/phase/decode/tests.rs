@@ -6,7 +6,7 @@ use crate::phase::map::{FitStatistics, Modulation};
 
 use super::*;
 
-/// Rows of `steps` one-row images of a ramp of phases, each with offset 100 and modulation 60.
+/// One-row images of a ramp of phases with offset 100 and modulation 60, times `gain`; one per shift.
 fn ramp(shifts_rad: &[f64], gain: f64, pixels: usize) -> Vec<Vec<u8>> {
     let grey = |i: usize, s: f64| gain * (100.0 + 60.0 * (phase_of(i, pixels) + s).cos());
     shifts_rad.iter().map(|&s| (0..pixels).map(|i| grey(i, s).round() as u8).collect()).collect()
@@ -22,7 +22,7 @@ fn decode_rows(rows: &[Vec<u8>], shifts_rad: &[f64]) -> PhaseMap {
     decode(&images, rows[0].len(), 1, &shifts, &Validity::default()).unwrap()
 }
 
-/// The same, with values of more bits, each made by `value` from its grey level, which need not be whole.
+/// Decodes deeper images; `value` converts a grey level, which need not be whole, to a sample.
 fn decode_deep(
     format: PixelFormat,
     rows: &[Vec<f64>],
@@ -83,7 +83,7 @@ fn pixels_without_a_sinusoid_are_invalid() {
 fn the_noise_is_measured() {
     let shifts: Vec<f64> = (0..8).map(|k| TAU * f64::from(k) / 8.0).collect();
     let mut rows = ramp(&shifts, 1.0, 20_000);
-    // Twelve coin tosses a sample: nearly normal, standard deviation √3.
+    // Twelve coin tosses per sample: nearly normal, standard deviation √3.
     let mut state = 1_u32;
     for grey in rows.iter_mut().flatten() {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -108,7 +108,7 @@ fn eight_bits_in_the_high_bits_of_more_are_the_same_image() {
             for format in [PixelFormat::Y10, PixelFormat::Y12, PixelFormat::Y14, PixelFormat::Y16] {
                 let shifted = |grey| (grey as u16) << (format.bits() - 8);
                 let deep = decode_deep(format, &greys, &shifts, shifted, &validity);
-                // The noise of rounding, its floor, is that of the depth.
+                // The lower limit of the noise, the rounding, depends on the bits.
                 let noise_grey = map.fit.noise_grey;
                 assert!(deep.fit.noise_grey <= noise_grey);
                 let fit = FitStatistics { noise_grey, ..deep.fit };
@@ -127,7 +127,7 @@ fn deeper_images_have_finer_phases() {
     for format in [PixelFormat::Y10, PixelFormat::Y12, PixelFormat::Y14] {
         let round = |grey: f64| (grey / f64::from(format.grey_per_value())).round() as u16;
         let map = decode_deep(format, &greys, &shifts, round, &Validity::default());
-        // Half a value of each sample, of 6 grey levels; the phase itself has steps of 1e-4.
+        // Samples are rounded by up to half a value, at a modulation of 6 grey levels; the phase has steps of 1e-4.
         limit_rad /= 4.0;
         assert!(largest_error_rad(&map) < limit_rad + 2e-4, "{format:?}: {}", largest_error_rad(&map));
         assert!(map.modulation.iter().all(|b| (b.grey() - 6.0).abs() < 0.2) && map.mean.iter().all(|&m| m == 100));
@@ -151,7 +151,7 @@ fn full_scale_of_every_depth_is_saturated() {
 }
 
 #[test]
-fn images_of_different_depth_are_no_sequence() {
+fn images_of_different_depth_are_refused() {
     let shifts = PhaseShifts::new(&[0.0, 2.0, 4.0]).unwrap();
     let bytes = [9; 8];
     let deep = GreyLevels { format: PixelFormat::Y12, bytes: &bytes };
@@ -161,7 +161,7 @@ fn images_of_different_depth_are_no_sequence() {
     assert!(!decoded(&[GreyLevels::eight_bit(&bytes); 3]));
 }
 
-/// Everything that a kernel writes, of images of any grey levels at all.
+/// Compares all results of the kernel for random images.
 #[test]
 fn all_levels_decode_the_same_bits() {
     const PIXELS: usize = 5 * 32 + 7;

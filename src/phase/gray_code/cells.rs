@@ -1,23 +1,24 @@
-//! Which absolute phase the bits of a pixel and its wrapped phase agree on.
+//! Absolute phase of a pixel from its Gray code and its wrapped phase. In: bits and phase. Out: the absolute phase, or
+//! `None`. Cost: up to four readings per pixel.
 //!
-//! A bit too close to its threshold is read both ways, and each reading votes for the absolute phases that agree with
-//! its cell:
+//! A bit too close to its threshold is read both ways. Each reading votes for the absolute phases that agree with its
+//! cell:
 //!
-//! - At a border between two cells exactly one bit is unsure. Both readings agree with the wrapped phase there, on the
-//!   same absolute phase, and that one wins with two votes.
-//! - Elsewhere, with half-period cells, the wrong reading lands half a turn off, contradicts the wrapped phase and has
-//!   no vote. With whole-period cells it has one, as the right reading has: a tie, and nothing is decided.
+//! - At a border between two cells exactly one bit is unsure. There both readings agree with the wrapped phase, on the
+//!   same absolute phase, which wins with two votes.
+//! - Elsewhere, with half-period cells, the wrong reading is half a turn off, contradicts the wrapped phase and has no
+//!   vote. With whole-period cells it has one vote, and so has the correct reading: a tie decides nothing.
 //!
-//! A sure cell that contradicts the wrapped phase decides nothing either.
+//! A cell without unsure bits that contradicts the wrapped phase decides nothing either.
 
 use crate::geometry::FringePattern;
 
-/// Turns by which the wrapped phase may overstep the border of its cell: blur and phase error there.
+/// Turns by which the wrapped phase may exceed the border of its cell, because of blur and phase error.
 const BORDER_TOLERANCE_TURNS: f64 = 0.1;
-/// More unsure bits than this leave nothing to decide.
+/// Pixels with more unsure bits stay undecided.
 const MAX_UNSURE_BITS: usize = 2;
 
-/// The Gray-code word of a pixel, and which of its bits could be read the other way.
+/// The Gray-code word of a pixel, and its unsure bits.
 pub(super) struct Bits {
     word: u32,
     unsure: [u32; MAX_UNSURE_BITS],
@@ -25,7 +26,7 @@ pub(super) struct Bits {
 }
 
 impl Bits {
-    /// Reads grey levels above (lit) and below (dark) the threshold, most significant bit first.
+    /// Reads the bits from grey levels minus threshold, most significant bit first. Within `margin` a bit is unsure.
     pub(super) fn read(above_threshold: impl ExactSizeIterator<Item = f32>, margin: f32) -> Self {
         let mut bits = Self { word: 0, unsure: [0; MAX_UNSURE_BITS], unsure_count: 0 };
         let top = above_threshold.len();
@@ -44,7 +45,7 @@ impl Bits {
         bits
     }
 
-    /// All readings; empty if too many bits are unsure.
+    /// All possible words; none if too many bits are unsure.
     fn readings(&self) -> impl Iterator<Item = u32> + '_ {
         let count = if self.unsure_count > MAX_UNSURE_BITS { 0 } else { 1 << self.unsure_count };
         (0..count).map(|which: usize| {
@@ -54,7 +55,7 @@ impl Bits {
     }
 }
 
-/// Where the cells of a code lie in the absolute phase.
+/// Position of the cells of a code along the absolute phase.
 pub(super) struct Cells {
     sign: f64,
     /// Column phase at the left edge of column 0, turns.
@@ -69,7 +70,7 @@ impl Cells {
         Self { sign: pattern.sign, origin_turns, width_turns }
     }
 
-    /// Absolute phase from a code word and a wrapped phase, both turns; `None` if they do not decide it.
+    /// Absolute phase from the bits and a wrapped phase, turns; `None` if they do not determine it.
     pub(super) fn absolute_turns(&self, bits: &Bits, wrapped_turns: f64) -> Option<f64> {
         if bits.unsure_count == 0 {
             return self.nearest(bits.word, wrapped_turns);
@@ -83,19 +84,19 @@ impl Cells {
         votes.winner()
     }
 
-    /// Absolute phase of the middle of the cell of a code word, turns.
+    /// Absolute phase at the centre of the cell of a code word, turns.
     fn centre(&self, word: u32) -> f64 {
         self.sign * ((f64::from(binary_of_gray(word)) + 0.5) * self.width_turns + self.origin_turns)
     }
 
-    /// The absolute phase closest to the middle of a cell, if that lies in the cell or just beyond its border.
+    /// The absolute phase closest to the centre of a cell, if it is within the cell or just beyond its border.
     fn nearest(&self, word: u32, wrapped_turns: f64) -> Option<f64> {
         let centre = self.centre(word);
         let turns = wrapped_turns + (centre - wrapped_turns).round();
         ((turns - centre).abs() <= self.width_turns / 2.0 + BORDER_TOLERANCE_TURNS).then_some(turns)
     }
 
-    /// The absolute phases, at most two, in a cell or just beyond its borders.
+    /// The absolute phases within a cell or just beyond its borders, at most two.
     fn consistent(&self, word: u32, wrapped_turns: f64) -> [Option<f64>; 2] {
         let reach = self.width_turns / 2.0 + BORDER_TOLERANCE_TURNS;
         let centre = self.centre(word);
@@ -104,17 +105,17 @@ impl Cells {
     }
 }
 
-/// Votes of the readings of a word for absolute phases.
+/// Votes for absolute phases.
 #[derive(Default)]
 struct Votes {
-    /// Absolute phase, turns, and its votes; two a reading at most.
+    /// Absolute phase (turns) and its votes; at most two per reading.
     entries: [(f64, u32); 2 << MAX_UNSURE_BITS],
     count: usize,
 }
 
 impl Votes {
     fn add(&mut self, turns: f64) {
-        // All are whole turns apart.
+        // All candidates are whole turns apart.
         match self.entries[..self.count].iter_mut().find(|(t, _)| (*t - turns).abs() < 0.5) {
             Some((_, votes)) => *votes += 1,
             None => {
@@ -124,7 +125,7 @@ impl Votes {
         }
     }
 
-    /// The absolute phase with most votes; `None` on a tie.
+    /// The absolute phase with the most votes; `None` if there is a tie.
     fn winner(&self) -> Option<f64> {
         let entries = &self.entries[..self.count];
         let most = entries.iter().map(|&(_, votes)| votes).max()?;
@@ -134,7 +135,7 @@ impl Votes {
     }
 }
 
-/// The number that a binary-reflected Gray code stands for.
+/// The number encoded by a binary-reflected Gray code.
 fn binary_of_gray(word: u32) -> u32 {
     [16, 8, 4, 2, 1].into_iter().fold(word, |n, shift| n ^ n >> shift)
 }

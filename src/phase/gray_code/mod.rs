@@ -1,12 +1,12 @@
-//! Absolute phase from Gray code, for the reference methods CGC and EGC alone (paper, Table 2).
+//! Absolute phase from Gray code, only for the reference methods CGC and EGC (paper, Table 2).
 //!
-//! In: the wrapped phase of a camera and its Gray-code images, most significant first. Out: the absolute phase in turns,
-//! counted as [`FringePattern::phase_turns`] counts it.
+//! In: the wrapped phase of a camera and its Gray-code images, most significant first. Out: the absolute phase in
+//! turns, counted as in [`FringePattern::phase_turns`]. Cost: up to four readings of the code per pixel.
 //!
-//! The binary-reflected code counts cells of `cell_periods` fringe periods from the left edge of projector column 0 on,
-//! in the sense of increasing columns. A cell states the absolute phase to half its width; the wrapped phase states it
-//! up to whole turns; together they yield it. Where a bit lies too close to its threshold, the readings of the code vote
-//! (see `cells`); what stays undecided is invalid. No order is guessed.
+//! The binary-reflected code counts cells of `cell_periods` fringe periods from the left edge of projector column 0
+//! towards increasing columns. A cell determines the absolute phase to half its width, the wrapped phase up to whole
+//! turns; both together determine it. If a bit is too close to its threshold, the possible readings vote (see `cells`).
+//! Undecided pixels are invalid; no order is guessed.
 
 mod cells;
 
@@ -19,13 +19,13 @@ use crate::geometry::FringePattern;
 use self::cells::{Bits, Cells};
 use super::PhaseMap;
 
-/// A bit is unsure closer to its threshold than this many standard deviations of the noise.
+/// A bit is unsure within this many standard deviations of noise from its threshold.
 const MARGIN_IN_SD: f32 = 2.0;
 
 /// A Gray code: cells of `cell_periods` fringe periods, binary-reflected code, most significant image first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GrayCode {
-    /// Number of images a camera.
+    /// Number of images per camera.
     pub images: usize,
     /// Width of a cell in fringe periods: 0.5 or 1.
     pub cell_periods: f64,
@@ -40,23 +40,23 @@ pub struct AbsolutePhase {
     pub height: usize,
     /// Absolute phase, turns (1 turn = 2π); zero where not valid.
     pub turns: Vec<f32>,
-    /// Whether the wrapped phase was valid and the code decided its order.
+    /// Whether the wrapped phase is valid and the code determines its fringe order.
     pub valid: Vec<bool>,
 }
 
-/// What the images of a Gray code are compared with.
+/// Threshold between dark and lit in the images of a Gray code.
 #[derive(Clone, Copy, Debug)]
 pub enum Threshold<'a> {
     /// The mean of a fully lit and an unlit image.
     WhiteAndBlack(GreyLevels<'a>, GreyLevels<'a>),
-    /// The mean of the phase images, as the phase map has it.
+    /// The mean of the phase images, from the phase map.
     MeanOfPhaseImages,
 }
 
 /// Why Gray-code images cannot be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GrayCodeError {
-    /// Not as many images as the code has bits.
+    /// The number of images is not the number of bits.
     #[error("{found} Gray-code images for a code of {expected}; give all of them, the most significant first")]
     Count {
         /// Images given.
@@ -64,15 +64,15 @@ pub enum GrayCodeError {
         /// Images of the code.
         expected: usize,
     },
-    /// An image has another size than the phase map.
+    /// An image does not have the size of the phase map.
     #[error(
         "image {index} of the Gray code and its thresholds has {found} pixels, the phase map {width} × {height}; they \
          must come from the same camera"
     )]
     Size {
-        /// Which one: first those of the code, then white and black.
+        /// Index of the image; white and black follow the images of the code.
         index: usize,
-        /// Its pixels.
+        /// Its number of pixels.
         found: usize,
         /// Width of the phase map, pixels.
         width: usize,
@@ -86,7 +86,7 @@ pub enum GrayCodeError {
 /// `noise_grey` is the standard deviation of the camera noise in grey levels.
 ///
 /// # Errors
-/// Images of a wrong number or size.
+/// Wrong number or size of images.
 pub fn decode_gray_code(
     phase: &PhaseMap,
     pattern: &FringePattern,
@@ -219,13 +219,13 @@ mod tests {
             let pattern = FringePattern { period_px: 18.0, sign: if negative { -1.0 } else { 1.0 }, offset_rad };
             let (correct, wrong) = decoded(&pattern, 1.0, 3.0, 0.0);
             prop_assert!(wrong == 0.0 && correct == 1.0, "{} {}", correct, wrong);
-            // The bit is unsure within 0.2 columns of the border, the phase off by 0.1: the rest is as good as sure.
+            // The bit is unsure within 0.2 columns of the border, and the phase error is 0.1 columns: less than that.
             let (correct, wrong) = decoded(&pattern, 1.0, 3.0, 0.1 / 18.0);
             prop_assert!(wrong == 0.0 && correct == 1.0, "{} {}", correct, wrong);
         }
     }
 
-    /// A code of one pixel, whose `which` bit lies on the threshold.
+    /// A code of one pixel with bit `which` on the threshold.
     fn with_unsure_bit(cell_periods: f64, which: usize, column: f64) -> (AbsolutePhase, FringePattern) {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let code = GrayCode { images: BITS, cell_periods };
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_and_misfit_images_are_refused() {
+    fn missing_and_wrongly_sized_images_are_refused() {
         let pattern = FringePattern { period_px: 18.0, sign: 1.0, offset_rad: 1.0 };
         let (map, code) = (phase_map(&pattern, &[193.0], 0.0), GrayCode { images: BITS, cell_periods: 0.5 });
         let mut images = encode(&[193.0], 9.0, 0.0);

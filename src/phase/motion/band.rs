@@ -1,9 +1,19 @@
-//! Rows of a window from their samples to the phase, so few at a time that what lies between stays in the cache.
+//! The kernel for moving scenes (paper, section 2.1, without motion). In: the samples of a band of rows. Out: their
+//! phase, modulation, mean, validity and motion. Cost: see [`super`].
+//!
+//! The rounds run as a pipeline over rows, so that intermediate results stay in the cache:
 //!
 //! ```text
-//!  row v: samples ─► fit, parts of the motion ─┐ 2 rows behind                ┐ 2 rows behind                ┐ 2 rows behind
-//!                       motion of 5 × 5 pixels ┴► parts without that ripple ─► ┴► the same once more ─► … motion ─► phase
+//! for each row v of the band and its surroundings:
+//!     fit row v; motion parts of round 0, as if nothing moved            fit_row
+//!     for round 1, 2 on row v − 2, v − 4:                                move_row
+//!         motion = quotient of the parts of the round before, over 5 × 5 pixels
+//!         motion parts without the ripple that this motion causes        find_parts
+//!     for round 3 on row v − 6:
+//!         motion as above, then phase, modulation, mean and validity     finish
 //! ```
+//!
+//! A round lags two rows behind the one before because 5 × 5 pixels reach two rows down.
 
 use std::ops::Range;
 
@@ -19,19 +29,19 @@ use super::estimate::{ColumnSums, MotionParts, REACH};
 use super::follow::Fits;
 use super::images::Images;
 use super::linear::Fitted;
-use super::moved::{Turns, everywhere, without_ripple};
+use super::moved::{Turns, splat, without_ripple};
 use super::speeds::Speeds;
 
-/// Rounds of the motion: the first takes what the fit gives, ripple and all, the next take off the ripple of the motion found
-/// before.
+/// Rounds of motion estimation. The first uses the fit including its ripple; the others remove the ripple of the motion
+/// found before.
 const ROUNDS: usize = 3;
-/// Rows that a phase depends on to either side.
+/// Rows on either side that a phase depends on.
 const HALO: usize = ROUNDS * REACH;
-/// Fitted rows that are kept, and rows of parts.
+/// Sizes of the ring buffers of fitted rows and of motion parts.
 const FITTED_ROWS: usize = HALO + 1;
 const PARTS_ROWS: usize = 2 * REACH + 1;
 
-/// What a band keeps of the rows that it is at.
+/// Scratch memory of a band, and its statistics.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BandScratch {
     greys: [[f32; LANES]; MAX_IMAGES],
@@ -39,7 +49,7 @@ pub(super) struct BandScratch {
     parts: [Vec<MotionParts>; ROUNDS],
     sums: ColumnSums,
     pub(super) residuals: Residuals,
-    /// How the valid pixels moved.
+    /// Motion of the valid pixels.
     pub(super) speeds: Speeds,
 }
 
@@ -53,33 +63,33 @@ impl BandScratch {
     }
 }
 
-/// Where what a band yields goes: planes of its rows.
+/// Results of a band.
 pub(super) struct Planes<'a> {
     pub(super) phase: &'a mut [u16],
     pub(super) modulation: &'a mut [Modulation],
     pub(super) mean: &'a mut [u8],
     pub(super) valid: &'a mut [bool],
-    pub(super) beside: &'a mut [Beside],
+    pub(super) block_fits: &'a mut [BlockFit],
 }
 
-/// What is known of 32 pixels of a row beside their phase.
+/// Motion and residual of 32 pixels of a row.
 #[derive(Clone, Debug)]
-pub(super) struct Beside {
-    /// Motion at the place that is followed, rad an image; NaN where it is not known.
+pub(super) struct BlockFit {
+    /// Phase motion of the surface point, rad per image; NaN where unknown.
     pub(super) motion_rad: [f32; LANES],
     /// Standard deviation of the samples about the moving sinusoid, grey levels.
     pub(super) residual: [f32; LANES],
-    /// Which have a saturated sample: pixel k is bit k.
+    /// Pixels with a saturated sample: bit k for pixel k.
     pub(super) saturated: u32,
 }
 
-impl Default for Beside {
+impl Default for BlockFit {
     fn default() -> Self {
         Self { motion_rad: [0.0; LANES], residual: [0.0; LANES], saturated: 0 }
     }
 }
 
-/// Decodes some rows.
+/// Decodes a band of rows.
 pub(super) struct Band<'a, 'b, S> {
     pub(super) images: &'a Images<'b, S>,
     pub(super) fits: Fits<'a>,
@@ -97,8 +107,9 @@ impl<S: Sample> Kernel for Band<'_, '_, S> {
         let height = self.images.height;
         self.scratch.resize(self.images.width.div_ceil(LANES));
         let mut turns = Turns::new(lanes);
-        let around = |reach: usize| self.rows.start.saturating_sub(reach)..(self.rows.end + reach).min(height);
-        let rows: [Range<usize>; ROUNDS + 1] = std::array::from_fn(|round| around(HALO - round * REACH));
+        let extended = |reach: usize| self.rows.start.saturating_sub(reach)..(self.rows.end + reach).min(height);
+        // Rows that each round needs: the later the round, the fewer surrounding rows.
+        let rows: [Range<usize>; ROUNDS + 1] = std::array::from_fn(|round| extended(HALO - round * REACH));
         for newest in rows[0].start..self.rows.end + HALO {
             if newest < rows[0].end {
                 self.fit_row(lanes, newest);
@@ -114,7 +125,7 @@ impl<S: Sample> Kernel for Band<'_, '_, S> {
 }
 
 impl<S: Sample> Band<'_, '_, S> {
-    /// Fits a row, and finds the parts of its motion as if it had none.
+    /// Fits a row and computes its motion parts as if nothing moved.
     #[inline(always)]
     fn fit_row<L: Lanes>(&mut self, lanes: L, row: usize) {
         let all = lanes.mask(u32::MAX);
@@ -124,24 +135,25 @@ impl<S: Sample> Band<'_, '_, S> {
         for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
             let count = (width - b * LANES).min(LANES);
             let place = [row * width + b * LANES, count];
-            let (fit, expected_rad) = self.fits.of([row, b]);
+            let (fit, expected_rad) = self.fits.for_block([row, b]);
             fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.scratch.greys);
-            if fitted.tells_motion {
+            if fitted.has_motion {
                 let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
-                parts.set(lanes, fitted, resting.map(|of| everywhere(lanes, of.resting)), all, expected_rad);
+                parts.set(lanes, fitted, resting.map(|sum| splat(lanes, sum.resting)), all, expected_rad);
             } else {
                 *parts = MotionParts::default();
             }
         }
     }
 
-    /// Finds the motion of a row by the parts of a round; with it the parts of the next, or the phase.
+    /// Computes the motion of a row from the parts of the round before; then the parts of this round or, in the last
+    /// round, the phase.
     #[inline(always)]
     fn move_row<L: Lanes>(&mut self, lanes: L, row: usize, round: usize, turns: &mut Turns<L>) {
         let blocks = self.images.width.div_ceil(LANES);
-        self.add_up(lanes, row, round - 1);
+        self.sum_columns(lanes, row, round - 1);
         for block in 0..blocks {
-            let motion_rad = self.scratch.sums.motion_rad(lanes, self.fits.of([row, block]), block);
+            let motion_rad = self.scratch.sums.motion_rad(lanes, self.fits.for_block([row, block]), block);
             if round < ROUNDS {
                 self.find_parts(lanes, [row, block], round, motion_rad, turns);
             } else {
@@ -150,9 +162,9 @@ impl<S: Sample> Band<'_, '_, S> {
         }
     }
 
-    /// Adds up the parts of the rows around one.
+    /// Adds up the motion parts of the five rows around `row`.
     #[inline(always)]
-    fn add_up<L: Lanes>(&mut self, lanes: L, row: usize, round: usize) {
+    fn sum_columns<L: Lanes>(&mut self, lanes: L, row: usize, round: usize) {
         let blocks = self.images.width.div_ceil(LANES);
         let (first, last) = (row.saturating_sub(REACH), (row + REACH).min(self.images.height - 1));
         let mut rows = [[].as_slice(); PARTS_ROWS];
@@ -162,6 +174,7 @@ impl<S: Sample> Band<'_, '_, S> {
         self.scratch.sums.set(lanes, &rows[..=last - first]);
     }
 
+    /// Computes the motion parts of a block without the ripple of its motion.
     #[inline(always)]
     fn find_parts<L: Lanes>(
         &mut self,
@@ -171,11 +184,11 @@ impl<S: Sample> Band<'_, '_, S> {
         motion_rad: L::Reals,
         turns: &mut Turns<L>,
     ) {
-        let ((fit, expected_rad), blocks) = (self.fits.of([row, block]), self.images.width.div_ceil(LANES));
+        let ((fit, expected_rad), blocks) = (self.fits.for_block([row, block]), self.images.width.div_ceil(LANES));
         let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
         let parts = &mut self.scratch.parts[round][row % PARTS_ROWS * blocks + block];
-        if fitted.tells_motion {
-            let (known, angle) = known(lanes, motion_rad);
+        if fitted.has_motion {
+            let (known, angle) = known_motion(lanes, motion_rad);
             turns.set(lanes, fit.images(), angle);
             let sums = turns.sums(lanes, [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple]);
             parts.set(lanes, fitted, sums, known, expected_rad);
@@ -184,21 +197,23 @@ impl<S: Sample> Band<'_, '_, S> {
         }
     }
 
-    /// Phase, modulation, mean and validity of a block.
+    /// Computes phase, modulation, mean and validity of a block.
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2], motion_rad: L::Reals, turns: &mut Turns<L>) {
         let l = lanes;
-        let ((fit, _), followed_rad) = (self.fits.of([row, block]), self.fits.followed_rad([row, block]));
+        let ((fit, _), followed_rad) = (self.fits.for_block([row, block]), self.fits.followed_rad([row, block]));
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let count = (width - block * LANES).min(LANES);
         let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
-        let (known, angle) = known(l, motion_rad);
+        // z without ripple, and the residual of the sinusoid that moves like this.
+        let (known, angle) = known_motion(l, motion_rad);
         turns.set(l, fit.images(), angle);
         let responses = turns.sums(l, [&fit.fine.direct, &fit.fine.ripple]);
         let z = [l.load_reals(&fitted.phase_z[0]), l.load_reals(&fitted.phase_z[1])];
         let (z, has_contrast) = without_ripple(l, responses, z);
         let place = [row * width + block * LANES, count];
         let [offset, residual] = turns.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
+        // Validity.
         let [re, im] = z;
         let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));
@@ -207,16 +222,17 @@ impl<S: Sample> Band<'_, '_, S> {
         let valid = l.and(valid, l.mask(first_lanes(count)));
         let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
         let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
-        let beside = &mut self.planes.beside[(row - self.rows.start) * blocks + block];
-        l.store_reals(l.add_real(motion_rad, l.real(followed_rad)), &mut beside.motion_rad);
-        l.store_reals(residual, &mut beside.residual);
-        beside.saturated = fitted.saturated;
+        let block_fit = &mut self.planes.block_fits[(row - self.rows.start) * blocks + block];
+        l.store_reals(l.add_real(motion_rad, l.real(followed_rad)), &mut block_fit.motion_rad);
+        l.store_reals(residual, &mut block_fit.residual);
+        block_fit.saturated = fitted.saturated;
         let mut decoded = DecodedBlock::default();
         l.store_real_words(turn_fractions(l, z), &mut decoded.phase);
         l.store_real_words(steps, &mut decoded.modulation);
         l.store_real_bytes(mean, &mut decoded.mean);
         l.store_mask(valid, &mut decoded.valid);
         decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
+        // Statistics use the rounded modulation, as every later reader of the map does.
         let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
         self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
         self.scratch.speeds.add_block(l, motion_rad, l.bits(valid));
@@ -233,13 +249,14 @@ struct DecodedBlock {
 }
 
 impl DecodedBlock {
-    /// Stores the first `count` from a pixel on.
+    /// Stores the first `count` pixels, from index `pixel` on.
     #[inline(always)]
     fn copy_to(&self, planes: &mut Planes<'_>, pixel: usize, count: usize) {
         let places = pixel..pixel + count;
         let modulation: &mut [u16] = bytemuck::cast_slice_mut(&mut planes.modulation[places.clone()]);
         let (phase, mean, valid) =
             (&mut planes.phase[places.clone()], &mut planes.mean[places.clone()], &mut planes.valid[places]);
+        // Copies of constant length are single instructions.
         if count == LANES {
             phase.copy_from_slice(&self.phase);
             modulation.copy_from_slice(&self.modulation);
@@ -254,14 +271,15 @@ impl DecodedBlock {
     }
 }
 
-/// Where motions are known, and the motions with 0 where they are not.
+/// Mask of known motions, and the motions with 0 in place of unknown ones.
 #[inline(always)]
-fn known<L: Lanes>(lanes: L, motion_rad: L::Reals) -> (L::Mask, L::Reals) {
+fn known_motion<L: Lanes>(lanes: L, motion_rad: L::Reals) -> (L::Mask, L::Reals) {
     let known = lanes.is_greater_real(lanes.real(f32::INFINITY), lanes.abs_real(motion_rad));
     (known, lanes.select_real(known, motion_rad, lanes.real(0.0)))
 }
 
-/// The angles of complex numbers, turns · 65536 rounded; 65536 in the place of 0 where that is nearer.
+/// Angles of complex numbers, in turns · 65536 before truncation; see [`crate::phase::arctangent::turn_fraction`].
+/// Angles just below a full turn give 65536, which wraps to 0.
 #[inline(always)]
 fn turn_fractions<L: Lanes>(lanes: L, [x, y]: [L::Reals; 2]) -> L::Reals {
     use crate::phase::arctangent::COEFFICIENTS;

@@ -1,11 +1,23 @@
-//! The brightness of each image compared with the others: exposure, projector and lamps drift or flicker.
+//! Brightness of each image relative to the others: exposure, projector and lamps drift or flicker.
 //!
-//! A sinusoid whose images differ in brightness by `1 + γ_i` leaves residuals that depend on A and z alone. Blocks of pixels
-//! all over the image, each freed from its own motion, give γ of all images by linear least squares; the brightness is
-//! divided out before anything else is measured. What brightness and motion do differs: the first scales A as well.
+//! In: M images. Out: a brightness per image, which is divided out before anything else is measured. Cost: one pixel in
+//! nine, twice.
 //!
-//! A γ that goes round with the shifts is left alone. It adds a sinusoid of one phase to all pixels, which the fit of each
-//! takes for its own; all that betrays it is what a projector that is not linear makes as well.
+//! If image i is brighter by `1 + γ_i`, the fit of a sinusoid has residuals that depend only on γ, A and z. Linear
+//! least squares over blocks of pixels all over the image yield γ; the motion of each block is removed first.
+//! Brightness and motion can be separated because only brightness scales A.
+//!
+//! A γ that is itself a sinusoid of the shifts is not compensated. It adds a sinusoid of constant phase to all pixels,
+//! which their fits cannot distinguish from the fringes. Its only trace looks like that of a nonlinear projector.
+//!
+//! ```text
+//! twice (the second time corrects the error of linearization):
+//!     for each block of 16 × 16 pixels, 48 apart, rows of blocks in parallel:
+//!         load grey levels; fit A, z, z' at each pixel; keep lit pixels without edges
+//!         motion of the block from z' and z
+//!         add its normal equations of γ
+//!     solve for γ in the observable directions; divide the images by 1 + γ
+//! ```
 
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -20,30 +32,30 @@ use super::fit::{MotionFit, time, unexplained};
 use super::follow::Fits;
 use super::images::Images;
 
-/// Side of a block, pixels: some fringes, so that phases of all kinds occur; and distance from one to the next.
+/// Side of a block, pixels: some fringes, so that all phases occur; and distance between blocks.
 const BLOCK: usize = 16;
 const PITCH: usize = 48;
 /// Pixels of a block.
 const PIXELS: usize = BLOCK * BLOCK;
-const _: () = assert!(2 * BLOCK == LANES, "two rows are taken at a time");
-/// Partial sums over pixels: always the same, so that their rounding is.
+const _: () = assert!(2 * BLOCK == LANES, "two rows are loaded at a time");
+/// Partial sums over pixels. Their number is fixed on all machines, so that the rounding is the same.
 const PARTS: usize = 8;
-/// Share of the mean diagonal that is added to the diagonal: a drift that nothing tells stays zero.
+/// Share of the mean diagonal added to the diagonal of the normal matrix: an undetermined γ stays zero.
 const RIDGE: f64 = 1e-4;
-/// Largest departure that is compensated: more is no drift.
+/// Largest γ that is compensated. More is not a drift.
 const LARGEST: f64 = 0.3;
-/// Residual ÷ modulation from which on a pixel is at an edge and says nothing.
+/// Residual ÷ modulation from which on a pixel counts as an edge and is ignored.
 const EDGE_SHARE: f64 = 0.25;
-/// Rounds: the second finds what the first left by being linear.
+/// Rounds of linearized least squares.
 const ROUNDS: usize = 2;
 
-/// Divides the brightness of the images out; the greatest departure from their mean, as a share.
+/// Divides out the brightness of the images. Returns the largest deviation from their mean, relative to it.
 pub(super) fn compensate<S: Sample>(
     level: Level,
     images: &mut Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
-    scratch: &mut Vec<Sums>,
+    scratch: &mut Vec<BrightnessSums>,
 ) -> f32 {
     let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
@@ -56,53 +68,53 @@ pub(super) fn compensate<S: Sample>(
     images.grey_per_value.iter().zip(&plain).map(share).fold(0.0, f32::max)
 }
 
-/// Sums over pixels: normal equations of γ, of as many images as there are.
+/// Normal equations of γ.
 #[derive(Clone, Debug)]
-pub(super) struct Sums {
+pub(super) struct BrightnessSums {
     normal: [[f64; MAX_IMAGES]; MAX_IMAGES],
     right: [f64; MAX_IMAGES],
 }
 
-impl Default for Sums {
+impl Default for BrightnessSums {
     fn default() -> Self {
         Self { normal: [[0.0; MAX_IMAGES]; MAX_IMAGES], right: [0.0; MAX_IMAGES] }
     }
 }
 
-impl Sums {
+impl BrightnessSums {
     fn add(&mut self, other: &Self) {
         let mine = self.normal.as_flattened_mut().iter_mut().chain(&mut self.right);
         mine.zip(other.normal.as_flattened().iter().chain(&other.right)).for_each(|(mine, theirs)| *mine += theirs);
     }
 }
 
-/// γ of every image; `None` without enough pixels to tell.
+/// γ of every image; `None` without usable pixels.
 fn departures<S: Sample>(
     level: Level,
     images: &Images<'_, S>,
     fits: Fits<'_>,
     validity: &Validity,
-    scratch: &mut Vec<Sums>,
+    scratch: &mut Vec<BrightnessSums>,
 ) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
-    let told = &fits.any().levelling.as_ref()?.told;
+    let observable = &fits.common().levelling.as_ref()?.observable;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     scratch.clear();
-    scratch.resize_with(starts(images.height).len(), Sums::default);
-    let images: &Images<'_, S> = images;
+    scratch.resize_with(starts(images.height).len(), BrightnessSums::default);
     scratch.par_iter_mut().enumerate().for_each(|(row, sums)| {
         let mut samples = BlockSamples::default();
         for u in starts(images.width) {
             let (v, centre) = (row * PITCH, BLOCK / 2);
-            let (fit, _) = fits.of([v + centre, (u + centre) / LANES]);
+            let (fit, _) = fits.for_block([v + centre, (u + centre) / LANES]);
             let Some(Levelling { projector, .. }) = &fit.levelling else { continue };
             let first = v * images.width + u;
             let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
             fringeflow_simd::run(level, block);
         }
     });
-    let mut sums = Sums::default();
-    scratch.iter().for_each(|of_row| sums.add(of_row));
+    // Added up in the order of the rows, not of the threads.
+    let mut sums = BrightnessSums::default();
+    scratch.iter().for_each(|row| sums.add(row));
     let product = |a: &[f64], b: &[f64]| -> f64 {
         (0..count).map(|i| (0..count).map(|j| a[i] * sums.normal[i][j] * b[j]).sum::<f64>()).sum()
     };
@@ -111,39 +123,40 @@ fn departures<S: Sample>(
     if ridge <= 0.0 {
         return None;
     }
-    // Beyond the directions that are told stands what changes nothing.
+    // The unused rest of the matrix stays the identity, so that it does not affect the solution.
     let mut reduced = SMatrix::<f64, MAX_IMAGES, MAX_IMAGES>::identity();
     let mut solution = SVector::<f64, MAX_IMAGES>::zeros();
-    for (k, direction) in told.iter().enumerate() {
-        told.iter().enumerate().for_each(|(l, other)| reduced[(k, l)] = product(direction, other));
+    for (k, direction) in observable.iter().enumerate() {
+        observable.iter().enumerate().for_each(|(l, other)| reduced[(k, l)] = product(direction, other));
         reduced[(k, k)] += ridge;
         solution[k] = direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum();
     }
     reduced.cholesky()?.solve_mut(&mut solution);
     let mut departures = [0.0; MAX_IMAGES];
     for (i, departure) in departures.iter_mut().enumerate().take(count) {
-        *departure = told.iter().zip(&solution).map(|(direction, part)| part * direction[i]).sum();
+        *departure = observable.iter().zip(&solution).map(|(direction, part)| part * direction[i]).sum();
     }
     departures.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(departures)
 }
 
-/// What the levelling of images with some shifts needs to know of these.
+/// The part of brightness compensation that depends on the shifts alone.
 #[derive(Clone, Debug)]
 pub(super) struct Levelling {
+    /// See [`residual_projector`].
     pub(super) projector: Vec<Vec<f64>>,
-    /// Directions of γ that go not round with the shifts.
-    told: Vec<Vec<f64>>,
+    /// Directions of γ that are orthogonal to sinusoids of the shifts.
+    observable: Vec<Vec<f64>>,
 }
 
 impl Levelling {
     /// `None` where the shifts determine no sinusoid.
     pub(super) fn new(shifts_rad: &[f64]) -> Option<Self> {
         let basis: Vec<[f64; 3]> = shifts_rad.iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
-        Some(Self { projector: residual_projector(shifts_rad)?, told: unexplained(&basis) })
+        Some(Self { projector: residual_projector(shifts_rad)?, observable: unexplained(&basis) })
     }
 }
 
-/// What projects the samples of a pixel onto what no sinusoid with these shifts explains; row by row.
+/// Matrix, row by row, that projects the samples of a pixel onto the complement of all sinusoids with these shifts.
 fn residual_projector(shifts_rad: &[f64]) -> Option<Vec<Vec<f64>>> {
     let rows: Vec<nalgebra::Vector3<f64>> =
         shifts_rad.iter().map(|s| nalgebra::Vector3::new(1.0, s.cos(), -s.sin())).collect();
@@ -152,10 +165,10 @@ fn residual_projector(shifts_rad: &[f64]) -> Option<Vec<Vec<f64>>> {
     Some((0..rows.len()).map(|i| (0..rows.len()).map(|j| entry(i, j)).collect()).collect())
 }
 
-/// A number a pixel of a block.
+/// One number per pixel of a block.
 type Plane = [f64; PIXELS];
 
-/// Samples of a block, and what is fitted to them.
+/// Samples of a block and their fit.
 struct BlockSamples {
     greys: [Plane; MAX_IMAGES],
     /// 1 where no sample is saturated, 0 elsewhere.
@@ -163,7 +176,7 @@ struct BlockSamples {
     /// A, Re z, Im z, Re z' and Im z'.
     fitted: [Plane; 5],
     squares: Plane,
-    /// A, Re z and Im z where the pixel is well lit and away from edges, 0 elsewhere.
+    /// A, Re z and Im z of pixels that are well lit and not at an edge, otherwise 0.
     kept: [Plane; 3],
 }
 
@@ -174,7 +187,7 @@ impl Default for BlockSamples {
     }
 }
 
-/// Adds a block, freed from its motion, to the sums.
+/// Adds the normal equations of a block, without its motion, to the sums.
 struct Block<'a, S> {
     images: &'a Images<'a, S>,
     fit: &'a MotionFit,
@@ -183,7 +196,7 @@ struct Block<'a, S> {
     /// Its first pixel.
     first: usize,
     samples: &'a mut BlockSamples,
-    sums: &'a mut Sums,
+    sums: &'a mut BrightnessSums,
 }
 
 impl<S: Sample> Kernel for Block<'_, S> {
@@ -192,7 +205,7 @@ impl<S: Sample> Kernel for Block<'_, S> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self { images, fit, projector, samples, sums, .. } = self;
-        samples.take(lanes, images, self.first);
+        samples.load(lanes, images, self.first);
         samples.fit(fit);
         let [slope, power] = samples.keep(fit, self.validity);
         let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
@@ -202,13 +215,14 @@ impl<S: Sample> Kernel for Block<'_, S> {
         let [offset, re, im] = &samples.kept;
         let [oo, or, oi, rr, ri, ii] =
             [(offset, offset), (offset, re), (offset, im), (re, re), (re, im), (im, im)].map(|(a, b)| dot(a, b));
-        // Σ (a + b·re − c·im)·x of pixels with these moments of A, Re z and Im z with x.
+        // The model of image i at a pixel is A + cos·Re z − sin·Im z. Sums over pixels of a model times anything follow
+        // from the moments of A, Re z and Im z, so no loop below runs over pixels.
         let mut models = [[0.0; 2]; MAX_IMAGES];
         let mut still_moments = [[0.0; 3]; MAX_IMAGES];
         for (i, shift) in fit.shifts_rad().iter().enumerate() {
             let [cos, sin] = fit.turns[i].map(f64::from);
             models[i] = [cos, sin];
-            // As if it had not moved.
+            // Moments of the grey levels as if the block had not moved: minus the change of the model by its motion.
             let moved = shift + f64::from(motion_rad) * time(i, images.count);
             let [cos, sin] = [moved.cos() - shift.cos(), moved.sin() - shift.sin()];
             let grey = &samples.greys[i];
@@ -220,7 +234,8 @@ impl<S: Sample> Kernel for Block<'_, S> {
         }
         for (i, row) in projector.iter().enumerate() {
             let [cos, sin] = models[i];
-            // Moments of the model of image i with A, Re z and Im z.
+            // Moments of the model of image i with A, Re z and Im z. The right side projects the grey levels, the
+            // normal matrix the models of the other images.
             let moments = [oo + or * cos - oi * sin, or + rr * cos - ri * sin, oi + ri * cos - ii * sin];
             for (j, q) in row.iter().enumerate() {
                 let [of_offset, of_re, of_im] = still_moments[j];
@@ -233,9 +248,9 @@ impl<S: Sample> Kernel for Block<'_, S> {
 }
 
 impl BlockSamples {
-    /// Takes the grey levels of a block, two rows at a time.
+    /// Loads the grey levels of a block, two rows at a time.
     #[inline(always)]
-    fn take<L: Lanes, S: Sample>(&mut self, lanes: L, images: &Images<'_, S>, first: usize) {
+    fn load<L: Lanes, S: Sample>(&mut self, lanes: L, images: &Images<'_, S>, first: usize) {
         let l = lanes;
         for pair in 0..PIXELS / LANES {
             let mut greatest = l.word(0);
@@ -259,7 +274,7 @@ impl BlockSamples {
         }
     }
 
-    /// Fits every pixel, and sums up the squares of what that leaves.
+    /// Fits every pixel and sums its squared residuals.
     #[inline(always)]
     fn fit(&mut self, fit: &MotionFit) {
         self.fitted = [[0.0; PIXELS]; 5];
@@ -278,13 +293,13 @@ impl BlockSamples {
         for (i, turn) in fit.turns.iter().enumerate() {
             let (grey, [cos, sin], t) = (&self.greys[i], turn.map(f64::from), time(i, images));
             for p in 0..PIXELS {
-                let off = grey[p] - offset[p] - (re[p] + t * a[p]) * cos + (im[p] + t * b[p]) * sin;
-                self.squares[p] += off * off;
+                let residual = grey[p] - offset[p] - (re[p] + t * a[p]) * cos + (im[p] + t * b[p]) * sin;
+                self.squares[p] += residual * residual;
             }
         }
     }
 
-    /// Keeps the pixels that are well lit and away from edges; their `Σ Im(z'·z*)` and `Σ |z|²`.
+    /// Keeps the pixels that are well lit and not at an edge. Returns their `Σ Im(z'·z*)` and `Σ |z|²`.
     #[inline(always)]
     fn keep(&mut self, fit: &MotionFit, validity: &Validity) -> [f64; 2] {
         let least = 2.0 * f64::from(validity.min_modulation_grey);

@@ -1,4 +1,8 @@
-//! The motion of every pixel: the slopes of the fits over 5 × 5 pixels, of which edges say little.
+//! Motion of every pixel, averaged over 5 × 5 pixels. In: fits. Out: phase motion, rad per image. Cost: some fifty
+//! operations per pixel.
+//!
+//! The motion is `Σ w·Im(z'·z*) / Σ w·|z|²`, corrected by a table for large motions. Pixels at edges have little weight
+//! w.
 
 use fringeflow_simd::{LANES, Lanes};
 
@@ -6,11 +10,10 @@ use super::fit::{MOTIONS, MotionFit, TABLE};
 use super::linear::Fitted;
 use super::moved::{Complexes, product, without_ripple};
 
-/// Pixels to either side that are asked.
+/// Pixels averaged on either side.
 pub(super) const REACH: usize = 2;
-const _: () = assert!(REACH == 2, "`around` adds five");
 
-/// Weighted `Im(z'·z*)` and `|z|²` of 32 pixels, without ripple: their quotient over some pixels is the motion.
+/// Weighted `Im(z'·z*)` and `|z|²` of 32 pixels, without ripple.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotionParts {
     slope: [f32; LANES],
@@ -24,8 +27,7 @@ impl Default for MotionParts {
 }
 
 impl MotionParts {
-    /// Those of fitted pixels, by the responses H, G and that of z' to the conjugate of z at their motion, which comes on top of
-    /// the one that is followed.
+    /// Sets the parts of fitted pixels. The responses at their motion are H, G and that of z' to the conjugate of z.
     #[inline(always)]
     pub(super) fn set<L: Lanes>(
         &mut self,
@@ -38,7 +40,8 @@ impl MotionParts {
         let l = lanes;
         let z = [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])];
         let ([x, y], has_contrast) = without_ripple(l, [direct, ripple], z);
-        // z' is freed of its own ripple, z is what the fit gives of it: both are then those of a single turning z.
+        // Remove the ripple of z', and use H·z instead of z: both then respond alike to the motion, and only the
+        // quotient matters.
         let [re, im] = product(l, direct, [x, y]);
         let [c, d] = slope_ripple;
         let re_ripple = l.add_real(l.times_real(c, x), l.times_real(d, y));
@@ -48,14 +51,14 @@ impl MotionParts {
         let weight = l.select_real(l.and(known, has_contrast), l.load_reals(&fitted.weight), l.real(0.0));
         let power = l.times_real(weight, l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let slope = l.times_real(weight, l.sub_real(l.times_real(im_clean, re), l.times_real(re_clean, im)));
-        // Neighbours may follow another motion: what they have in common is by how much it is not the expected one.
+        // Neighbours may follow another motion. Only deviations from the expected motion are comparable.
         let slope = l.sub_real(slope, l.times_real(power, l.real(expected_rad)));
         l.store_reals(power, &mut self.power);
         l.store_reals(slope, &mut self.slope);
     }
 }
 
-/// Sums of the parts of some rows, with room to either side.
+/// Column sums of motion parts over some rows, with `REACH` zeros on either side.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ColumnSums {
     slopes: Vec<f32>,
@@ -63,7 +66,7 @@ pub(super) struct ColumnSums {
 }
 
 impl ColumnSums {
-    /// Makes room for rows of so many blocks.
+    /// Makes room for rows of `blocks` blocks.
     pub(super) fn resize(&mut self, blocks: usize) {
         for sums in [&mut self.slopes, &mut self.powers] {
             sums.clear();
@@ -89,8 +92,7 @@ impl ColumnSums {
         }
     }
 
-    /// Motion of the pixels of a block on top of the one that is followed, rad an image; NaN where nothing tells it, or where it
-    /// is too fast.
+    /// Motion of the pixels of a block beyond the followed motion, rad per image; NaN where it is unknown or too fast.
     #[inline(always)]
     pub(super) fn motion_rad<L: Lanes>(
         &self,
@@ -99,12 +101,13 @@ impl ColumnSums {
         block: usize,
     ) -> L::Reals {
         let l = lanes;
-        let (slope, power) = (around(l, &self.slopes, block), around(l, &self.powers, block));
-        let nothing = l.real(f32::NAN);
-        let is_told = l.is_greater_real(power, l.real(0.0));
-        if l.bits(is_told) == 0 {
-            return nothing;
+        let (slope, power) = (sum_around(l, &self.slopes, block), sum_around(l, &self.powers, block));
+        let unknown = l.real(f32::NAN);
+        let is_known = l.is_greater_real(power, l.real(0.0));
+        if l.bits(is_known) == 0 {
+            return unknown;
         }
+        // Linear interpolation in the table of the sign of the motion.
         let slope = l.add_real(l.over_real(slope, power), l.real(expected_rad));
         let is_ahead = l.is_at_least_real(slope, l.real(0.0));
         let limit = l.select_real(is_ahead, l.real(fit.limits[0]), l.real(fit.limits[1]));
@@ -115,14 +118,14 @@ impl ColumnSums {
         let high = l.look_up_real(&fit.motions_rad[1..], entry);
         let motion = l.add_real(low, l.times_real(l.sub_real(high, low), l.sub_real(place, below)));
         let motion = l.select_real(is_ahead, motion, l.sub_real(l.real(0.0), motion));
-        let is_told = l.and(is_told, l.is_greater_real(l.real(TABLE as f32), below));
-        l.select_real(is_told, motion, nothing)
+        let is_known = l.and(is_known, l.is_greater_real(l.real(TABLE as f32), below));
+        l.select_real(is_known, motion, unknown)
     }
 }
 
-/// Sums over the pixels around those of a block.
+/// Sums over the `2 · REACH + 1` columns around each pixel of a block.
 #[inline(always)]
-fn around<L: Lanes>(lanes: L, values: &[f32], block: usize) -> L::Reals {
+fn sum_around<L: Lanes>(lanes: L, values: &[f32], block: usize) -> L::Reals {
     let values = &values[block * LANES..][..LANES + 2 * REACH];
     let mut sum = lanes.real(0.0);
     let mut k = 0;

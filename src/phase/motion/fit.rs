@@ -1,11 +1,14 @@
-//! What a window of images of a moving scene determines at a pixel, and how: the constants of its least-squares fit.
+//! Constants of the least-squares fit of a moving sinusoid. In: the phase shifts of a window. Out: weights and
+//! responses. Cost: once per kind of window, about a millisecond.
 //!
-//! Model of image i, taken at `t_i` images from the centre of the window with phase shift `s_i`, for a scene that moves the
-//! phase by ε an image: `I_i = A + Re(z·e^(i·(s_i + ε·t_i)))`, z = B·e^(iφ), φ the phase at the centre. To first order in ε
-//! it is linear: `I_i = A + A'·t_i + Re((z + z'·t_i)·e^(i·s_i))`, z' = iεz. A' is what texture, shading and light do that
-//! move across the pixel, and z' holds the same of the modulation. The phase is fitted without A' where the images hardly tell
-//! it from z: those of five images, and of eight and more steps with two images more (the phase would be twice as noisy as from
-//! the same images of a resting scene for 8 steps, three times for 16).
+//! Image i is taken at `t_i` images from the centre of the window, with phase shift `s_i`; the scene moves the phase by
+//! ε per image. The model is `I_i = A + Re(z·e^(i·(s_i + ε·t_i)))`, z = B·e^(iφ), φ the phase at the centre. To first
+//! order in ε it is linear: `I_i = A + A'·t_i + Re((z + z'·t_i)·e^(i·s_i))`, z' = iεz. A' is the effect of texture,
+//! shading and light that move across the pixel; z' contains their effect on the modulation.
+//!
+//! The phase is fitted without A' if the images hardly separate A' from z. That is the case for five images, and for
+//! eight and more steps with two more images. With A', the phase would be twice as noisy as from the same images of a
+//! resting scene for 8 steps, and three times for 16.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -18,27 +21,26 @@ use super::one_surface::runs;
 
 /// Unknowns of the linear fit: A, real and imaginary part of z and z', and A'.
 const UNKNOWNS: usize = 6;
-/// Fewest images of a window: with so many A' is taken as zero.
+/// Fewest images of a window. With so few, A' is taken as zero.
 const LEAST_IMAGES: usize = UNKNOWNS - 1;
-/// Noise of the phase with A', compared with that from the same images of a resting scene, up to which the phase is fitted with A'.
+/// The phase is fitted with A' if its noise is at most this multiple of that of a resting scene.
 const MAX_TREND_NOISE: f64 = 1.25;
-/// Least eigenvalue of the normal matrix, relative to the largest, that still determines them all.
+/// Smallest eigenvalue of the normal matrix, relative to the largest, that determines all unknowns.
 const MIN_EIGENVALUE_SHARE: f64 = 1e-5;
-/// Entries of the table from the measured to the true motion.
+/// Intervals of the table from measured to true motion.
 pub(super) const TABLE: usize = 512;
-/// Motions of a table.
+/// Entries of a table.
 pub(super) const MOTIONS: usize = TABLE + 2;
-/// The table is built from motions up to this, rad an image, as far as they can be told apart.
+/// Largest motion of the table, rad per image; less if the images cannot distinguish such motions.
 const WIDEST_RAD: f64 = 1.5;
-/// Least response |H| to a motion that can be told: what is left of the modulation.
+/// Smallest response |H| to a measurable motion: the share of the modulation that remains.
 const MIN_RESPONSE: f64 = 0.3;
 
-/// A complex number as the pair of its parts.
+/// A complex number: real and imaginary part.
 pub(super) type Complex = [f32; 2];
 
-/// Numbers of a pixel that are sums of its samples: A, Re z, Im z, Re z' and Im z' of the fit without A'; Re z and Im z of that
-/// with A', which the phase is taken from (of the other one where the images do not tell A'); the first number that the fit without
-/// A' leaves unexplained, 0 where it leaves none.
+/// Weighted sums of the samples of a pixel: A, Re z, Im z, Re z' and Im z' of the fit without A'; Re z and Im z for the
+/// phase (of the fit with A' if that is used); the first residual of the fit without A' (0 if it has none).
 pub(super) const SUMS: usize = 8;
 
 /// Constants of the fit of M images with known shifts.
@@ -49,29 +51,29 @@ pub struct MotionFit {
     pub(super) turns: Vec<Complex>,
     /// Weights of each image in the [`SUMS`].
     pub(super) weights: Vec<[f32; SUMS]>,
-    /// Responses of the fit without A'. It bears more ripple-free motion in the same images, so that motion is measured by it.
+    /// Responses of the fit without A', which measures the motion: with the same images it tolerates more motion.
     pub(super) rough: Response,
-    /// Responses of the fit that the phase is taken from.
+    /// Responses of the fit that yields the phase.
     pub(super) fine: Response,
-    /// Whether A' is determined, so that it is left out of the residual.
+    /// Whether A' is determined and therefore not part of the residual.
     pub(super) has_trend: bool,
-    /// What no fit without A' explains beside the last of the [`SUMS`]: weights of the images in as many numbers as are left, of
-    /// unit length.
+    /// Residuals of the fit without A' besides the last of the [`SUMS`]: unit vectors of image weights, one per
+    /// residual.
     pub(super) residuals: Vec<Vec<f32>>,
     /// Response of z' to the conjugate of z.
-    pub(super) slope_ripple: Turned,
-    /// Of the motions that raise the phase and of those that lower it. They differ where the window holds no whole number of
-    /// half cycles.
+    pub(super) slope_ripple: TurnedSum,
+    /// Tables for motions that raise the phase and for motions that lower it. They differ if the window is not a whole
+    /// number of half cycles.
     motions: [MotionTable; 2],
-    /// Their largest values, and all their motions, one behind the other.
+    /// Largest slopes of both tables, and all their motions one after the other.
     pub(super) limits: [f32; 2],
     pub(super) motions_rad: Vec<f32>,
     noise_gain: f32,
-    /// What other steps of the decoding need to know of the shifts alone.
+    /// For brightness compensation.
     pub(super) levelling: Option<Levelling>,
-    /// Time and phase shift of each image.
+    /// Time (images) and phase shift (rad) of each image.
     pub(super) moments: Vec<[f32; 2]>,
-    /// First and last image of the runs that may show one surface, the longest first.
+    /// First and last images of the runs that may show a single surface, the longest first.
     pub(super) runs: Vec<[usize; 2]>,
 }
 
@@ -79,21 +81,21 @@ pub struct MotionFit {
 #[derive(Clone, Debug)]
 pub(super) struct Response {
     /// `H(ε) = Σ h_i·e^(iεt_i)`, the response to z itself.
-    pub(super) direct: Turned,
-    /// `G(ε) = Σ g_i·e^(−iεt_i)`, the response to its conjugate: the ripple at twice the fringe frequency.
-    pub(super) ripple: Turned,
+    pub(super) direct: TurnedSum,
+    /// `G(ε) = Σ g_i·e^(−iεt_i)`, the response to the conjugate of z: the ripple at twice the fringe frequency.
+    pub(super) ripple: TurnedSum,
 }
 
-/// A sum `Σ c_i·e^(±iεt_i)` over the images, from the turns `e^(iε|t_i|)`.
+/// A sum `Σ c_i·e^(±iεt_i)` over the images, evaluated from the turns `e^(iε|t_i|)`.
 #[derive(Clone, Debug)]
-pub(super) struct Turned {
-    /// Of each image Re c, ±Im c, ±Re c and Im c, the signs those of its time and of the sum.
+pub(super) struct TurnedSum {
+    /// Re c, ±Im c, ±Re c and Im c of each image. The signs combine those of its time and of the exponent.
     pub(super) factors: Vec<[f32; 4]>,
-    /// The sum where nothing moves.
+    /// The sum for ε = 0.
     pub(super) resting: Complex,
 }
 
-impl Turned {
+impl TurnedSum {
     fn new(coefficients: &[[f64; 2]], sense: f32) -> Self {
         let images = coefficients.len();
         let factors: Vec<[f32; 4]> = coefficients
@@ -109,21 +111,22 @@ impl Turned {
     }
 }
 
-/// From `Im(z'/z)` as it is fitted to the motion of one sense that gives it: the same for small motions, less for large ones.
+/// Table from the fitted slope `Im(z'/z)` to the true motion, for one sign. Both are equal for small motions; the slope
+/// of large motions is smaller.
 #[derive(Clone, Debug)]
 struct MotionTable {
-    /// Largest value that belongs to a motion.
+    /// Largest slope.
     limit: f32,
-    /// Motions at equal distances up to the limit, and the last one once more.
+    /// Motions at equally spaced slopes up to the limit; the last entry is repeated for interpolation.
     motion_rad: Box<[f32; MOTIONS]>,
 }
 
 impl MotionFit {
-    /// The fit of images with these shifts, rad, in the order of their times, which are evenly spaced.
+    /// The fit of images with these shifts (rad) in order of time, equally spaced in time.
     ///
     /// # Errors
-    /// Fewer than five images, more than [`MAX_IMAGES`], shifts that are not finite, or ones that leave motion and phase
-    /// undetermined.
+    /// Fewer than five images, more than [`MAX_IMAGES`], a shift that is not finite, or shifts that do not determine
+    /// phase and motion.
     pub fn new(shifts_rad: &[f64]) -> Result<Self, ShiftError> {
         let images = shifts_rad.len();
         if !(LEAST_IMAGES..=MAX_IMAGES).contains(&images) {
@@ -148,12 +151,12 @@ impl MotionFit {
         let phase_weights = with_trend.unwrap_or_else(|| weights.clone());
         let noise_gain = noise_gain(&phase_weights);
         let response = |[re, im]: [&Vec<f64>; 2], sign: f64| {
-            let of = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
-            (0..images).map(of).collect::<Vec<[f64; 2]>>()
+            let coefficient = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
+            (0..images).map(coefficient).collect::<Vec<[f64; 2]>>()
         };
         let both = |z: [&Vec<f64>; 2]| Response {
-            direct: Turned::new(&response(z, 1.0), 1.0),
-            ripple: Turned::new(&response(z, -1.0), -1.0),
+            direct: TurnedSum::new(&response(z, 1.0), 1.0),
+            ripple: TurnedSum::new(&response(z, -1.0), -1.0),
         };
         let (z, slope) = ([&weights[1], &weights[2]], [&weights[3], &weights[4]]);
         let weight = |row: &Vec<f64>| row.iter().map(|&w| w as f32).collect::<Vec<f32>>();
@@ -170,7 +173,7 @@ impl MotionFit {
             turns: shifts_rad.iter().map(|s| [s.cos() as f32, s.sin() as f32]).collect(),
             rough: both(z),
             fine: both([&phase_weights[1], &phase_weights[2]]),
-            slope_ripple: Turned::new(&response(slope, -1.0), -1.0),
+            slope_ripple: TurnedSum::new(&response(slope, -1.0), -1.0),
             has_trend: images >= UNKNOWNS,
             residuals: unexplained.map(|row| weight(&row)).collect(),
             weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
@@ -188,7 +191,7 @@ impl MotionFit {
         self.shifts_rad.len()
     }
 
-    /// Numbers a pixel that tell how well the moving sinusoid fits.
+    /// Degrees of freedom per pixel that measure how well the moving sinusoid fits.
     pub(super) fn freedom(&self) -> usize {
         self.images() - MIN_STEPS - usize::from(self.has_trend)
     }
@@ -205,24 +208,24 @@ impl MotionFit {
         self.noise_gain
     }
 
-    /// The largest motion that is told in either sense, rad an image.
+    /// Largest motion that is measurable in both directions, rad per image.
     pub(super) fn least_limit_rad(&self) -> f32 {
         self.motions.iter().map(|table| table.motion_rad[TABLE]).fold(f32::INFINITY, f32::min)
     }
 
-    /// The motion, rad an image, whose fit gives `Im(z'/z)`; NaN where it is too fast to be told.
+    /// The motion (rad per image) of a fitted slope `Im(z'/z)`; NaN if it is too fast to measure.
     pub(super) fn motion_rad(&self, slope: f32) -> f32 {
-        let [ahead, back] = &self.motions;
-        let motion_rad = if slope >= 0.0 { ahead } else { back }.motion_rad(slope.abs());
+        let [rising, falling] = &self.motions;
+        let motion_rad = if slope >= 0.0 { rising } else { falling }.motion_rad(slope.abs());
         if slope >= 0.0 { motion_rad } else { -motion_rad }
     }
 }
 
-/// Weights of the samples in the first unknowns of a least-squares fit; `None` if these are not determined.
+/// Weights of the samples in the first `unknowns` unknowns of a least-squares fit; `None` if they are not determined.
 fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[Vec<f64>; UNKNOWNS]> {
     let mut normal: SMatrix<f64, UNKNOWNS, UNKNOWNS> = basis.iter().map(|row| row * row.transpose()).sum();
     for k in unknowns..UNKNOWNS {
-        // What is not asked for stands by itself.
+        // Decouple the other unknowns.
         normal.row_mut(k).fill(0.0);
         normal.column_mut(k).fill(0.0);
         normal[(k, k)] = 1.0;
@@ -232,21 +235,21 @@ fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[V
     Some(std::array::from_fn(|k| basis.iter().map(|row| (inverse * row)[k]).collect()))
 }
 
-/// An orthonormal basis of what the columns of a basis leave of the images (Gram and Schmidt); one row an image.
+/// Orthonormal basis of the complement of the columns of `basis`, which has one row per image (Gram and Schmidt).
 pub(super) fn unexplained<const COLUMNS: usize>(basis: &[[f64; COLUMNS]]) -> Vec<Vec<f64>> {
-    /// Length below which a direction is explained.
-    const EXPLAINED: f64 = 1e-6;
+    /// Vectors shorter than this are linearly dependent.
+    const MIN_LENGTH: f64 = 1e-6;
     let images = basis.len();
     let explained = (0..COLUMNS).map(|k| basis.iter().map(|row| row[k]).collect::<Vec<f64>>());
     let units = (0..images).map(|i| (0..images).map(|j| f64::from(u8::from(i == j))).collect());
     let mut directions: Vec<Vec<f64>> = Vec::with_capacity(images);
     for mut direction in explained.chain(units) {
         for other in &directions {
-            let along: f64 = other.iter().zip(&direction).map(|(a, b)| a * b).sum();
-            direction.iter_mut().zip(other).for_each(|(value, a)| *value -= along * a);
+            let projection: f64 = other.iter().zip(&direction).map(|(a, b)| a * b).sum();
+            direction.iter_mut().zip(other).for_each(|(value, a)| *value -= projection * a);
         }
         let length = direction.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if length > EXPLAINED {
+        if length > MIN_LENGTH {
             direction.iter_mut().for_each(|value| *value /= length);
             directions.push(direction);
         }
@@ -254,19 +257,20 @@ pub(super) fn unexplained<const COLUMNS: usize>(basis: &[[f64; COLUMNS]]) -> Vec
     directions.into_iter().skip(COLUMNS).take(images - COLUMNS).collect()
 }
 
-/// Time of image i of M since the centre of the window, images.
+/// Time of an image since the centre of the window, counted in images.
 pub(super) fn time(image: usize, images: usize) -> f64 {
     image as f64 - (images as f64 - 1.0) / 2.0
 }
 
-/// Whether an image was taken before the centre of the window (−1) or not (1).
+/// −1 for images before the centre of the window, otherwise 1.
 pub(super) fn side(image: usize, images: usize) -> f32 {
     if image < images / 2 { -1.0 } else { 1.0 }
 }
 
-/// Samples that leave anything to be told of how well they fit.
+/// Fewest samples whose fit has a residual.
 pub(super) const LEAST_FITTED: usize = MIN_STEPS + 1;
 
+/// `(re + i·im)·e^(i·angle)/2`.
 fn half_product([re, im]: [f64; 2], angle: f64) -> [f64; 2] {
     let (sin, cos) = angle.sin_cos();
     [(re * cos - im * sin) / 2.0, (re * sin + im * cos) / 2.0]

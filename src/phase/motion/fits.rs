@@ -1,48 +1,49 @@
-//! The fits of a window, by how far what is seen is known to move through the fringes.
+//! Fits of a window for surfaces of known motion. In: the phase shifts of a window. Out: a fit per motion, made when
+//! first needed and then kept. Cost: about a millisecond per fit.
 
 use crate::phase::shifts::ShiftError;
 
 use super::fit::{MotionFit, time};
 
-/// Motions that one fit serves, rad an image: what they differ by is left to the motion of each pixel.
+/// Range of motions that share one fit, rad per image. The rest is measured as motion of each pixel.
 const BIN_RAD: f32 = 0.1;
-/// Fits to either side of rest: up to half a turn an image.
+/// Fits on either side of rest: up to half a turn per image.
 const BINS: usize = 31;
-/// Noise of the phase up to which a motion may be followed: compared with that of a resting scene, or per unit of noise ÷
-/// modulation, about what four images make of it. Beyond, the surface moves so much with the fringes that its images hardly differ.
+/// A motion can be followed up to this noise: relative to a resting scene, or per unit of noise ÷ modulation (about
+/// that of four images). Beyond, the surface moves so much with the fringes that its images hardly differ.
 const MAX_NOISE: f32 = 1.25;
 const MAX_NOISE_GAIN: f32 = 0.75;
-/// Least motion, beyond what is followed, that a fit must tell, rad an image.
+/// A fit must be able to measure at least this motion beyond the followed one, rad per image.
 const LEAST_LIMIT_RAD: f32 = 0.3;
 
-/// Fits of images with the same shifts for surfaces that are followed; each is worked out when it is first asked for.
+/// Fits of images with the same shifts, for surfaces of different motion.
 #[derive(Clone, Debug)]
 pub struct MotionFits {
     resting: MotionFit,
-    /// `None` where nobody asked yet; from the motion that lowers the phase most to the one that raises it most.
-    moving: Vec<Option<Followable>>,
+    /// Fits by rising motion; `None` until first needed.
+    moving: Vec<Option<FollowingFit>>,
 }
 
-/// A fit for a motion, if the images tell phases there.
+/// The fit for a motion; `None` if the images do not determine a phase at this motion.
 #[derive(Clone, Debug)]
-struct Followable(Option<Box<MotionFit>>);
+struct FollowingFit(Option<Box<MotionFit>>);
 
 impl MotionFits {
-    /// The fits of images with these shifts, rad, in the order of their times.
+    /// The fits of images with these shifts (rad) in order of time.
     ///
     /// # Errors
-    /// As [`MotionFit::new`].
+    /// Those of [`MotionFit::new`].
     pub fn new(shifts_rad: &[f64]) -> Result<Self, ShiftError> {
         Ok(Self { resting: MotionFit::new(shifts_rad)?, moving: vec![None; 2 * BINS + 1] })
     }
 
-    /// The fit of a scene of which nothing is known.
+    /// The fit for a scene of unknown motion.
     #[must_use]
     pub fn resting(&self) -> &MotionFit {
         &self.resting
     }
 
-    /// The bin of a motion whose phases the images tell, and works its fit out.
+    /// The bin of a motion, whose fit is made if needed; `None` if the motion cannot be followed.
     pub(super) fn bin_for(&mut self, motion_rad: f32) -> Option<Bin> {
         let place = (motion_rad / BIN_RAD).round();
         if place.abs() > BINS as f32 {
@@ -50,38 +51,38 @@ impl MotionFits {
         }
         let bin = (place + BINS as f32) as usize;
         let Self { resting, moving } = self;
-        let followable = moving[bin].get_or_insert_with(|| Followable::new(resting, f64::from(place * BIN_RAD)));
-        followable.0.as_ref().map(|_| Bin(bin))
+        let following = moving[bin].get_or_insert_with(|| FollowingFit::new(resting, f64::from(place * BIN_RAD)));
+        following.0.as_ref().map(|_| Bin(bin))
     }
 
-    /// The fit of a bin.
+    /// The fit of a bin; the resting one for `None`.
     #[inline(always)]
-    pub(super) fn of(&self, bin: Option<Bin>) -> &MotionFit {
+    pub(super) fn for_bin(&self, bin: Option<Bin>) -> &MotionFit {
         let moving = bin.and_then(|Bin(bin)| self.moving[bin].as_ref()?.0.as_deref());
         moving.unwrap_or(&self.resting)
     }
 }
 
-/// Which fit a tile is decoded with.
+/// Index of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Bin(usize);
 
 impl Bin {
-    /// The motion that its fit follows, rad an image.
+    /// Motion followed by its fit, rad per image.
     pub(super) fn motion_rad(self) -> f32 {
         (self.0 as f32 - BINS as f32) * BIN_RAD
     }
 }
 
-impl Followable {
+impl FollowingFit {
     fn new(resting: &MotionFit, motion_rad: f64) -> Self {
         let images = resting.images();
         let shifts = resting.shifts_rad().iter().enumerate();
         let turned: Vec<f64> = shifts.map(|(i, shift)| shift + motion_rad * time(i, images)).collect();
-        let tells = |fit: &MotionFit| {
+        let is_usable = |fit: &MotionFit| {
             fit.noise_gain() <= MAX_NOISE_GAIN.max(MAX_NOISE * resting.noise_gain())
                 && fit.least_limit_rad() >= LEAST_LIMIT_RAD
         };
-        Self(MotionFit::new(&turned).ok().filter(tells).map(Box::new))
+        Self(MotionFit::new(&turned).ok().filter(is_usable).map(Box::new))
     }
 }

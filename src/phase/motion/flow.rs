@@ -1,21 +1,21 @@
-//! How what is seen moves through the images of a camera, as far as that is known before they are decoded.
+//! Flow: known motion of the scene through the images of a camera. In: a motion per tile. Out: the motion at a pixel.
 
 /// Side of a tile, pixels.
 pub const FLOW_TILE_PX: usize = 32;
 
-/// How a place of a surface moves from image to image.
+/// Motion of a surface point from image to image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceMotion {
-    /// Through the image: columns and rows, pixels an image.
+    /// Motion through the image: columns and rows, pixels per image.
     pub velocity_px: [f32; 2],
-    /// Through the fringes: by so much the phase of the place grows, rad an image.
+    /// Motion through the fringes: growth of the phase of the point, rad per image.
     pub motion_rad: f32,
 }
 
-/// Motion of what a camera sees, by square tiles of [`FLOW_TILE_PX`].
+/// Motion of the scene in the image of a camera, in square tiles of [`FLOW_TILE_PX`] pixels.
 ///
-/// Within a tile it hardly differs: a millimetre of depth at 300 mm changes it by a third of a per cent. What differs is left to
-/// the fit of each pixel.
+/// The motion hardly varies within a tile: a millimetre of depth at 300 mm changes it by 0.3 %. The fit of each pixel
+/// measures the rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flow {
     columns: usize,
@@ -23,23 +23,22 @@ pub struct Flow {
 }
 
 impl Flow {
-    /// Tiles of an image of so many columns, row by row; `None` where they are not that many, or hold a number that is not
-    /// finite.
+    /// A flow of these tiles, row by row; `None` if their number does not fit the image, or a value is not finite.
     #[must_use]
     pub fn new([width, height]: [usize; 2], tiles: Vec<SurfaceMotion>) -> Option<Self> {
-        let [columns, rows] = Self::tiles_of([width, height]);
+        let [columns, rows] = Self::tile_counts([width, height]);
         let is_finite =
             |tile: &SurfaceMotion| tile.velocity_px.iter().all(|v| v.is_finite()) && tile.motion_rad.is_finite();
         (tiles.len() == columns * rows && tiles.iter().all(is_finite)).then_some(Self { columns, tiles })
     }
 
-    /// Columns and rows of tiles of an image.
+    /// Columns and rows of tiles in an image of this size.
     #[must_use]
-    pub fn tiles_of(size_px: [usize; 2]) -> [usize; 2] {
+    pub fn tile_counts(size_px: [usize; 2]) -> [usize; 2] {
         size_px.map(|length| length.div_ceil(FLOW_TILE_PX))
     }
 
-    /// The motion at a pixel: column, row.
+    /// The motion at a pixel (column, row).
     #[must_use]
     pub fn motion_at(&self, [u, v]: [usize; 2]) -> Option<&SurfaceMotion> {
         let column = Some(u / FLOW_TILE_PX).filter(|&column| column < self.columns)?;
@@ -56,7 +55,7 @@ impl Flow {
         &self.tiles
     }
 
-    /// Tiles of a row.
+    /// Number of tiles in a row.
     pub(super) fn columns(&self) -> usize {
         self.columns
     }

@@ -1,4 +1,5 @@
-//! The images of a window, and grey levels of them.
+//! The images of a window. In: samples of 8 or 16 bits. Out: grey levels, with compensated brightness. Cost: a
+//! conversion and a multiplication per sample.
 
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_base::limits::MAX_IMAGES;
@@ -6,11 +7,11 @@ use fringeflow_simd::{LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-/// The images of a window, by what they store for a pixel.
+/// The images of a window, by size of their samples.
 pub(super) enum Stack<'a> {
     /// 8 bits.
     Bytes(Images<'a, u8>),
-    /// More.
+    /// More than 8 bits.
     Words(Images<'a, [u8; 2]>),
 }
 
@@ -21,9 +22,9 @@ pub(super) struct Images<'a, S> {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) format: PixelFormat,
-    /// Value from which on a sample is saturated.
+    /// Smallest saturated sample.
     saturation: S,
-    /// Grey levels of a value, image by image: what differs is the brightness that is compensated.
+    /// Grey levels per value of each image, by its compensated brightness.
     pub(super) grey_per_value: [f32; MAX_IMAGES],
 }
 
@@ -65,7 +66,7 @@ impl<'a, S: Sample> Images<'a, S> {
         }
     }
 
-    /// Grey level of a pixel in an image, its brightness compensated.
+    /// Grey level of a pixel in an image.
     #[inline(always)]
     pub(super) fn grey(&self, image: usize, pixel: usize) -> f32 {
         self.samples[image][pixel].grey(self.grey_per_value[image])
@@ -77,26 +78,26 @@ impl<'a, S: Sample> Images<'a, S> {
         !self.samples[image][pixel].is_below(self.saturation)
     }
 
-    /// Images of as many other samples, each `plane` behind the one before.
-    pub(super) fn others<'b>(&self, samples: &'b [S], plane: usize) -> Images<'b, S> {
-        let mut others = [[].as_slice(); MAX_IMAGES];
-        others.iter_mut().zip(samples.chunks_exact(plane.max(1))).take(self.count).for_each(|(to, from)| *to = from);
-        Images { samples: others, ..*self }
+    /// The same images with other samples, in planes of `plane` samples.
+    pub(super) fn with_samples<'b>(&self, samples: &'b [S], plane: usize) -> Images<'b, S> {
+        let mut planes = [[].as_slice(); MAX_IMAGES];
+        planes.iter_mut().zip(samples.chunks_exact(plane.max(1))).take(self.count).for_each(|(to, from)| *to = from);
+        Images { samples: planes, ..*self }
     }
 
-    /// Value from which on a sample is saturated.
+    /// Smallest saturated value.
     pub(super) fn saturation(&self) -> u16 {
         self.saturation.value()
     }
 
-    /// A sample that is saturated.
+    /// A saturated sample.
     pub(super) fn saturated_sample(&self) -> S {
         self.saturation
     }
 
-    /// Whether images hold all of so many columns and rows from a place on.
+    /// Whether images contain this number of columns and rows, from a point on.
     #[inline(always)]
-    pub(super) fn holds(&self, [(u, columns), (v, rows)]: [(f32, usize); 2]) -> bool {
+    pub(super) fn contains(&self, [(u, columns), (v, rows)]: [(f32, usize); 2]) -> bool {
         let within = |x: f32, count: usize, length: usize| x >= 0.0 && x + (count - 1) as f32 <= (length - 1) as f32;
         within(u, columns, self.width) && within(v, rows, self.height)
     }
@@ -113,13 +114,13 @@ impl<'a, S: Sample> Images<'a, S> {
         &self.samples[image][pixel..]
     }
 
-    /// The samples of an image from a pixel on, `count` of which are of its row, the others 0.
+    /// `count` samples of an image from a pixel on, padded with zeros.
     #[inline(always)]
     pub(super) fn block(&self, image: usize, pixel: usize, count: usize) -> [S; LANES] {
         fringeflow_simd::filled(&self.samples[image][pixel..pixel + count], S::default())
     }
 
-    /// Grey levels of those samples; `greatest` takes them in, for [`Self::saturates`].
+    /// Grey levels of [`Self::block`]. Updates `greatest`, the largest samples so far, for [`Self::saturates`].
     #[inline(always)]
     pub(super) fn greys<L: Lanes>(
         &self,
@@ -133,7 +134,7 @@ impl<'a, S: Sample> Images<'a, S> {
         lanes.times_real(S::reals(lanes, &block), lanes.real(self.grey_per_value[image]))
     }
 
-    /// Where any of the greatest samples of pixels is saturated.
+    /// Pixels whose largest sample is saturated.
     #[inline(always)]
     pub(super) fn saturates<L: Lanes>(&self, lanes: L, greatest: L::Words) -> L::Mask {
         lanes.is_at_least(greatest, lanes.word(self.saturation.value() as i16))

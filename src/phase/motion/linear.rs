@@ -1,4 +1,5 @@
-//! The linear fit of a pixel: sums of its samples.
+//! The linear fit of 32 pixels. In: samples. Out: A, z, z' and a weight for the motion. Cost: eight multiply-adds per
+//! sample, and one more for each further residual.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{LANES, Lanes, first_lanes};
@@ -9,21 +10,21 @@ use crate::phase::sample::Sample;
 use super::fit::{MotionFit, SUMS};
 use super::images::Images;
 
-/// What the fit leaves at 32 pixels, grey levels.
+/// Fitted values of 32 pixels, grey levels.
 #[derive(Clone, Debug)]
 pub(super) struct Fitted {
     /// Offset A.
     pub(super) offset: [f32; LANES],
-    /// z and z' as they are fitted without A', ripple and all.
+    /// z and z' of the fit without A', including ripple.
     pub(super) z: [[f32; LANES]; 2],
     pub(super) slope: [[f32; LANES]; 2],
-    /// z as it is fitted with A', ripple and all.
+    /// z of the fit for the phase, including ripple.
     pub(super) phase_z: [[f32; LANES]; 2],
-    /// How much a pixel says of the motion, 0 to 1: those at edges, whose images show two surfaces, say little.
+    /// Weight of a pixel in the motion, 0 to 1: small at edges, where the images show two surfaces.
     pub(super) weight: [f32; LANES],
-    /// Whether any of them says something.
-    pub(super) tells_motion: bool,
-    /// Which have a saturated sample: pixel k is bit k.
+    /// Whether any pixel has weight.
+    pub(super) has_motion: bool,
+    /// Pixels with a saturated sample: bit k for pixel k.
     pub(super) saturated: u32,
 }
 
@@ -36,14 +37,14 @@ impl Default for Fitted {
             slope: [plane; 2],
             phase_z: [plane; 2],
             weight: plane,
-            tells_motion: false,
+            has_motion: false,
             saturated: 0,
         }
     }
 }
 
 impl Fitted {
-    /// Fits `count` pixels of a row, from `pixel` on; the others say nothing. `greys` is scratch memory for their grey levels.
+    /// Fits `count` pixels of a row, from `pixel` on; the others get no weight. `greys` is scratch memory.
     #[inline(always)]
     pub(super) fn fit<L: Lanes, S: Sample>(
         &mut self,
@@ -67,20 +68,21 @@ impl Fitted {
                 k += 1;
             }
         }
-        let [offset, re, im, re_slope, im_slope, phase_re, phase_im, left] = sums;
-        let mut squares = l.times_real(left, left);
+        let [offset, re, im, re_slope, im_slope, phase_re, phase_im, residual] = sums;
+        // Squared residual of the fit without A'. The first residual is part of the sums: most windows have no other.
+        let mut squares = l.times_real(residual, residual);
         for weights in &fit.residuals {
-            let mut left = l.real(0.0);
+            let mut residual = l.real(0.0);
             for (grey, &weight) in greys.iter().zip(weights) {
-                left = l.add_real(left, l.times_real(l.load_reals(grey), l.real(weight)));
+                residual = l.add_real(residual, l.times_real(l.load_reals(grey), l.real(weight)));
             }
-            squares = l.add_real(squares, l.times_real(left, left));
+            squares = l.add_real(squares, l.times_real(residual, residual));
         }
         let saturated = images.saturates(l, greatest);
-        let weight = weight(l, [re, im], squares, saturated, validity);
+        let weight = motion_weight(l, [re, im], squares, saturated, validity);
         let used = l.mask(first_lanes(count));
         let weight = l.select_real(used, weight, l.real(0.0));
-        self.tells_motion = l.bits(l.is_greater_real(weight, l.real(0.0))) != 0;
+        self.has_motion = l.bits(l.is_greater_real(weight, l.real(0.0))) != 0;
         self.saturated = l.bits(l.and(saturated, used));
         l.store_reals(offset, &mut self.offset);
         l.store_reals(re, &mut self.z[0]);
@@ -93,18 +95,18 @@ impl Fitted {
     }
 }
 
-/// How much pixels say of the motion, by z and the squares of what no motion explains.
+/// Weight of pixels in the motion, from z and the squared residual that no motion explains.
 #[inline(always)]
-fn weight<L: Lanes>(
+fn motion_weight<L: Lanes>(
     lanes: L,
     [re, im]: [L::Reals; 2],
     squares: L::Reals,
     saturated: L::Mask,
     validity: &Validity,
 ) -> L::Reals {
-    /// Residual ÷ modulation at which the weight has fallen to a half.
+    /// Residual ÷ modulation at which the weight is one half.
     const HALF_WEIGHT_SHARE: f32 = 0.1;
-    /// Clipping distorts z' more than z: such pixels are asked where there are no others.
+    /// Clipping distorts z' more than z. So saturated pixels matter only if there are no others.
     const SATURATED_WEIGHT: f32 = 1e-3;
     let l = lanes;
     let least = validity.min_modulation_grey * validity.min_modulation_grey;

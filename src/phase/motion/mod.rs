@@ -1,25 +1,25 @@
 //! Wrapped phase of a scene that moves while its images are taken.
 //!
-//! In: M = N + K images in the order of their times, evenly spaced, with their shifts (K from 1). Out: the [`PhaseMap`] at
-//! the centre of the window, with a [`Motion`] that says how the scene moved.
+//! In: M = N + K images in order of time, equally spaced, with their phase shifts (K at least 1). Out: the [`PhaseMap`]
+//! at the centre of the window, with its [`Motion`]. Cost per pixel: eight sums of M images instead of three of N, and
+//! three rounds of motion compensation. (The paper, section 2.1, takes the scene to be at rest during a sequence.)
 //!
 //! ```text
-//!  images ─► brightness of each image ─► fit of A, z, z' at every pixel ─► motion ε over 5 × 5 pixels
-//!         ─► z without the ripple that ε makes ─► where images show two surfaces: only those that show one
+//!  images ─► equalize brightness ─► fit A, z, z' at every pixel ─► motion ε over 5 × 5 pixels
+//!         ─► remove the ripple that ε causes from z ─► images of two surfaces: fit only those of one
 //! ```
 //!
-//! A plain N-step phase ripples by about ε/2 rad at twice the fringe frequency, ε the phase moved an image. Binomial
-//! weights (arXiv 2404.06693; as sums of images arXiv 2507.10009) suppress the ripple to the order of their length. The
-//! least-squares fit of a sinusoid whose phase and modulation change steadily uses the same images, suppresses it to the
-//! second order at less noise, and says what ε is: so what is left of the ripple is taken off exactly, up to motions of about
-//! 1 rad an image for N = 4. Cost: seven sums of M images a pixel in the place of three of N, and three rounds of responses to the
-//! motion of each pixel.
+//! Let ε be the phase motion per image. A plain N-step phase has a ripple of about ε/2 rad at twice the fringe
+//! frequency. Binomial weights (arXiv 2404.06693; as sums of images arXiv 2507.10009) suppress the ripple to the order
+//! of their length. The least-squares fit of a sinusoid whose phase and modulation change steadily uses the same
+//! images. It suppresses the ripple to second order with less noise, and it measures ε. So the remaining ripple can be
+//! removed exactly, up to motions of about 1 rad per image for N = 4.
 //!
-//! Where it is known beforehand how the scene moves ([`Flow`]), *follow* samples the images along the way of what they show first,
-//! and *fits* turns their shifts by as much as the phase is expected to grow: what is left for the steps above is small.
+//! If the motion of the scene is known in advance ([`Flow`]), *follow* first samples the images along the motion, and
+//! *fits* adds the expected phase motion to the shifts. The motion that remains for the steps above is small.
 //!
-//! *band*: rows one behind the other, by *linear* (the fit), *estimate* (the motion) and *moved* (what is left of z); *window*: what
-//! takes all of them; *one surface* and *solve*: the pixels that are decoded again.
+//! *band*: kernel over rows, made of *linear* (the fit), *estimate* (the motion) and *moved* (ripple removal);
+//! *window*: all bands of an image; *one surface* and *solve*: pixels that are decoded again.
 
 mod band;
 mod brightness;
@@ -52,18 +52,18 @@ pub use fits::MotionFits;
 pub use flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 pub use window::MotionScratch;
 
-/// Images beyond a cycle of N that compensate motion well: more of them reach further into what has moved away.
+/// Usual number of images beyond a cycle of N for motion compensation. With more, the scene has moved further.
 ///
-/// Two leave one number a pixel that tells how well N = 4 images fit; N = 3 needs a third for it.
+/// With N = 4 and two more images, one degree of freedom per pixel remains to measure the fit; N = 3 needs three more.
 #[must_use]
 pub const fn usual_extra_images(steps: usize) -> usize {
     if steps == 3 { 3 } else { 2 }
 }
 
-/// Decodes the M images of one camera in the order of their times, each `width · height` grey levels row by row, at the
-/// centre of the window.
+/// Decodes the M images of one camera in order of time, each `width · height` grey levels row by row. The phase is that
+/// at the centre of the window.
 ///
-/// `None` if there are not as many images as the fit has shifts, or an image has another size or depth.
+/// `None` if the number of images does not suit the fit, or an image has another size or depth.
 #[must_use]
 pub fn decode_moving(
     images: &[GreyLevels<'_>],
@@ -77,8 +77,8 @@ pub fn decode_moving(
     Some(map)
 }
 
-/// As [`decode_moving`], into a map whose memory is used again, as is the scratch memory; what they held makes no difference.
-/// The map is left as it was where that yields `None`.
+/// [`decode_moving`] into the memory of another map and with scratch memory, whose contents do not matter. The map
+/// stays as it is if the result is `None`.
 #[must_use]
 pub fn decode_moving_into(
     map: &mut PhaseMap,
@@ -92,8 +92,8 @@ pub fn decode_moving_into(
     decode_at(Level::in_use(), map, scratch, images, [width, height], Scene::Unknown(fit), validity)
 }
 
-/// As [`decode_moving_into`], of a scene whose motion is known beforehand, as exactly as may be: each pixel follows its surface
-/// where that fits better than staying where it is.
+/// [`decode_moving_into`] for a scene whose motion is roughly known: each pixel follows its surface if that fits better
+/// than staying in place.
 #[must_use]
 pub fn decode_following_into(
     map: &mut PhaseMap,
@@ -103,13 +103,13 @@ pub fn decode_following_into(
     (fits, flow): (&mut MotionFits, &Flow),
     validity: &Validity,
 ) -> Option<()> {
-    if Flow::tiles_of([width, height]) != flow.size() {
+    if Flow::tile_counts([width, height]) != flow.size() {
         return None;
     }
     decode_at(Level::in_use(), map, scratch, images, [width, height], Scene::Followed(fits, flow), validity)
 }
 
-/// Decodes at a level.
+/// Decodes with the instructions of a SIMD level.
 fn decode_at(
     level: Level,
     map: &mut PhaseMap,

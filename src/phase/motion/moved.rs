@@ -1,30 +1,32 @@
-//! Pixels whose motion is known: z without ripple, and how well the images fit it.
+//! Pixels of known motion. In: fits and motions. Out: z without ripple, and the residual. Cost: four multiply-adds per
+//! image for each response, ten for the residual.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::Lanes;
 
 use crate::phase::sample::Sample;
 
-use super::fit::{Complex, MotionFit, Turned, side, time};
+use super::fit::{Complex, MotionFit, TurnedSum, side, time};
 use super::images::Images;
 
-/// Least of what the response to a motion leaves of z compared with its ripple: below it they cannot be told apart.
+/// Smallest contrast |H|² − |G|² that separates z from its ripple.
 const MIN_CONTRAST: f32 = 0.05;
 
 /// Complex numbers of 32 pixels: real and imaginary parts.
 pub(super) type Complexes<L> = [<L as Lanes>::Reals; 2];
 
-/// `e^(iεt)` of the images behind the centre, from the nearest on; those before it are the conjugates.
+/// `e^(iεt)` of the images after the centre of the window, starting with the nearest. Images before it have the
+/// conjugates.
 pub(super) struct Turns<L: Lanes>([Complexes<L>; MAX_IMAGES / 2]);
 
 impl<L: Lanes> Turns<L> {
-    /// Scratch for those of any window.
+    /// Scratch memory for any window.
     #[inline(always)]
     pub(super) fn new(lanes: L) -> Self {
         Self([[lanes.real(0.0); 2]; MAX_IMAGES / 2])
     }
 
-    /// Takes those of a window of so many images and of motions, rad an image, none of which is NaN.
+    /// Sets the turns for a window of `images` images and for motions (rad per image) that are not NaN.
     #[inline(always)]
     pub(super) fn set(&mut self, lanes: L, images: usize, motion_rad: L::Reals) {
         let l = lanes;
@@ -41,7 +43,7 @@ impl<L: Lanes> Turns<L> {
 
     /// `e^(iε|t|)` of an image.
     #[inline(always)]
-    fn of(&self, image: usize, images: usize) -> Complexes<L> {
+    fn for_image(&self, image: usize, images: usize) -> Complexes<L> {
         let middle = images / 2;
         self.0[match (image < middle, images.is_multiple_of(2)) {
             (true, true) => middle - 1 - image,
@@ -50,17 +52,17 @@ impl<L: Lanes> Turns<L> {
         }]
     }
 
-    /// Sums over the images.
+    /// Evaluates sums over the images at these turns.
     #[inline(always)]
-    pub(super) fn sums<const COUNT: usize>(&self, lanes: L, of: [&Turned; COUNT]) -> [Complexes<L>; COUNT] {
+    pub(super) fn sums<const COUNT: usize>(&self, lanes: L, turned: [&TurnedSum; COUNT]) -> [Complexes<L>; COUNT] {
         let l = lanes;
-        let images = of[0].factors.len();
+        let images = turned[0].factors.len();
         let mut sums = [[l.real(0.0); 2]; COUNT];
         for image in 0..images {
-            let [cos, sin] = self.of(image, images);
+            let [cos, sin] = self.for_image(image, images);
             let mut k = 0;
             while k < COUNT {
-                let [re, signed_im, signed_re, im] = of[k].factors[image];
+                let [re, signed_im, signed_re, im] = turned[k].factors[image];
                 let along = l.sub_real(l.times_real(l.real(re), cos), l.times_real(l.real(signed_im), sin));
                 let across = l.add_real(l.times_real(l.real(signed_re), sin), l.times_real(l.real(im), cos));
                 sums[k] = [l.add_real(sums[k][0], along), l.add_real(sums[k][1], across)];
@@ -70,7 +72,8 @@ impl<L: Lanes> Turns<L> {
         sums
     }
 
-    /// Offset of the images about the sinusoids z that move so, and standard deviation of the samples about them, grey levels.
+    /// Offset of the samples of `count` pixels from `pixel` on, and their standard deviation about the moving sinusoids
+    /// z, grey levels. `offset` is an estimate of the offset.
     #[inline(always)]
     pub(super) fn residual<S: Sample>(
         &self,
@@ -86,17 +89,18 @@ impl<L: Lanes> Turns<L> {
         let mut times = 0.0;
         for (i, &[cos, sin]) in fit.turns.iter().enumerate() {
             let (sign, t) = (side(i, images.count), time(i, images.count) as f32);
-            let [c, d] = self.of(i, images.count);
+            let [c, d] = self.for_image(i, images.count);
             let along = l.sub_real(l.times_real(l.real(cos), c), l.times_real(l.real(sign * sin), d));
             let across = l.add_real(l.times_real(l.real(sign * cos), d), l.times_real(l.real(sin), c));
             let model = l.sub_real(l.times_real(re, along), l.times_real(im, across));
             let grey = l.times_real(S::reals(l, &images.block(i, pixel, count)), l.real(images.grey_per_value[i]));
-            let off = l.sub_real(l.sub_real(grey, offset), model);
-            sum = l.add_real(sum, off);
-            trend = l.add_real(trend, l.times_real(l.real(t), off));
-            squares = l.add_real(squares, l.times_real(off, off));
+            let residual = l.sub_real(l.sub_real(grey, offset), model);
+            sum = l.add_real(sum, residual);
+            trend = l.add_real(trend, l.times_real(l.real(t), residual));
+            squares = l.add_real(squares, l.times_real(residual, residual));
             times += t * t;
         }
+        // Subtract the squares explained by a better offset and, if it is determined, by the trend A'.
         let count = l.real(images.count as f32);
         let per_time = l.real(if fit.has_trend { 1.0 / times } else { 0.0 });
         let explained = l.over_real(l.times_real(sum, sum), count);
@@ -107,7 +111,7 @@ impl<L: Lanes> Turns<L> {
     }
 }
 
-/// z from `H·z + G·z*`, which is what the fit gives, and where that can be told.
+/// z from the fitted w = H·z + G·z*, and a mask of pixels where it is determined.
 #[inline(always)]
 pub(super) fn without_ripple<L: Lanes>(
     lanes: L,
@@ -133,13 +137,14 @@ pub(super) fn product<L: Lanes>(lanes: L, [a, b]: Complexes<L>, [c, d]: Complexe
     [l.sub_real(l.times_real(a, c), l.times_real(b, d)), l.add_real(l.times_real(a, d), l.times_real(b, c))]
 }
 
-/// The same number everywhere.
+/// The same number in all lanes.
 #[inline(always)]
-pub(super) fn everywhere<L: Lanes>(lanes: L, [re, im]: Complex) -> Complexes<L> {
+pub(super) fn splat<L: Lanes>(lanes: L, [re, im]: Complex) -> Complexes<L> {
     [lanes.real(re), lanes.real(im)]
 }
 
-/// Cosine and sine of angles up to 1.5 rad, to 2e-6 (Taylor); additions and multiplications alone, the same bits everywhere.
+/// Cosine and sine of angles up to 1.5 rad, exact to 2e-6 (Taylor). Only additions and multiplications, so that every
+/// machine computes the same bits.
 #[inline(always)]
 fn cos_sin<L: Lanes>(lanes: L, angle: L::Reals) -> Complexes<L> {
     const COS: [f32; 6] = [1.0, 0.5, 1.0 / 24.0, 1.0 / 720.0, 1.0 / 40_320.0, 1.0 / 3_628_800.0];

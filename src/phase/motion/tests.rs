@@ -8,13 +8,13 @@ use super::*;
 const WIDTH: usize = 256;
 const HEIGHT: usize = 64;
 
-/// What a pixel shows at a time, images from the centre of the window.
+/// A scene by pixel (column, row).
 struct Scene {
     /// Phase at the centre.
     phase_rad: fn(usize, usize) -> f64,
     motion_rad: fn(usize, usize) -> f64,
     brightness: fn(usize) -> f64,
-    /// Time from which on another, brighter surface is seen.
+    /// Time from which on another, brighter surface is visible, in images from the centre of the window.
     changes_at: fn(usize) -> f64,
 }
 
@@ -26,7 +26,7 @@ const RESTING: Scene = Scene {
 };
 
 impl Scene {
-    /// 16-bit images of the scene with N steps, the first of which is `first`.
+    /// 16-bit images of the scene with N steps, starting with step `first`.
     fn images(&self, steps: usize, images: usize, first: usize) -> Vec<Vec<u8>> {
         (0..images)
             .map(|i| {
@@ -77,7 +77,7 @@ fn a_resting_scene_has_its_phase_and_no_motion() {
 }
 
 #[test]
-fn the_ripple_of_a_moving_scene_is_taken_off() {
+fn the_ripple_of_a_moving_scene_is_removed() {
     for (steps, images, limit_rad) in [(3, 6, 0.02), (4, 6, 0.01), (4, 8, 0.02), (5, 7, 0.01), (8, 10, 0.05)] {
         let moving = Scene { motion_rad: |u, _| 0.1 + 0.3 * u as f64 / WIDTH as f64, ..RESTING };
         let map = moving.decoded(steps, images);
@@ -89,7 +89,7 @@ fn the_ripple_of_a_moving_scene_is_taken_off() {
 }
 
 #[test]
-fn both_senses_of_motion_are_told_apart() {
+fn the_sign_of_the_motion_is_measured() {
     let back = Scene { motion_rad: |_, _| -0.4, ..RESTING };
     let map = back.decoded(4, 6);
     assert!((map.motion.unwrap().median_rad + 0.4).abs() < 0.01, "{:?}", map.motion);
@@ -98,7 +98,8 @@ fn both_senses_of_motion_are_told_apart() {
 
 #[test]
 fn images_of_different_brightness_are_levelled() {
-    // Every second image is brighter: of four steps, what would otherwise add half of that in phase.
+    // Every second image is brighter. Uncompensated, with four steps, half of the difference would appear as phase
+    // error.
     let flicker = |i: usize| [0.97, 1.03][i % 2];
     for motion_rad in [(|_, _| 0.0) as fn(usize, usize) -> f64, |_, _| 0.2] {
         let scene = Scene { brightness: flicker, motion_rad, ..RESTING };
@@ -110,8 +111,8 @@ fn images_of_different_brightness_are_levelled() {
 }
 
 #[test]
-fn where_something_moves_across_only_images_of_one_surface_count() {
-    // At columns from 20 on the second surface is seen from the last image but one, at 40 from the second.
+fn only_images_of_one_surface_count_where_an_edge_passes() {
+    // The second surface appears in columns 20 to 22 in the last but one image, in columns 40 to 42 in the second.
     let scene = Scene {
         changes_at: |u| match u {
             20..23 => 1.0,
@@ -149,7 +150,7 @@ fn saturated_samples_are_left_out() {
 
 #[test]
 fn the_noise_gain_is_that_of_the_phase() {
-    // Of six images with four steps the fit leaves less noise than four images do: √(2/4).
+    // Six images with four steps give less noise than four images, √(2/4).
     let shifts: Vec<f64> = (0..6).map(|i| TAU * f64::from(i) / 4.0).collect();
     assert!((MotionFit::new(&shifts).unwrap().noise_gain() - 0.6847).abs() < 1e-3);
 }
@@ -169,11 +170,11 @@ fn windows_that_determine_nothing_are_refused() {
 }
 
 fn flow_of(size_px: [usize; 2], way: impl Fn(usize) -> SurfaceMotion) -> Flow {
-    let [columns, rows] = Flow::tiles_of(size_px);
+    let [columns, rows] = Flow::tile_counts(size_px);
     Flow::new(size_px, (0..columns * rows).map(way).collect()).unwrap()
 }
 
-/// A wall of dark and bright bars that moves along itself: the fringes stand still, the bars go by.
+/// A wall of dark and bright bars that moves in its own plane: the fringes stand still, the bars move.
 struct Wall {
     velocity_px: f64,
 }
@@ -194,7 +195,7 @@ impl Wall {
         (0..images).map(|i| (0..WIDTH * HEIGHT).map(|pixel| grey(i, pixel % WIDTH).round() as u8).collect()).collect()
     }
 
-    /// Root mean square of what the phase is off by, the pixels whose way leads out of the image left out.
+    /// Root mean square error of the phase, without pixels whose path leaves the image.
     fn error_rad(&self, flow: Option<&Flow>) -> f64 {
         let bytes = self.images(6);
         let levels: Vec<GreyLevels<'_>> = bytes.iter().map(|bytes| GreyLevels::eight_bit(bytes)).collect();
@@ -222,7 +223,7 @@ impl Wall {
 }
 
 #[test]
-fn a_surface_that_is_followed_keeps_its_texture_and_one_that_does_not_move_so_is_left_alone() {
+fn following_a_surface_removes_the_effect_of_its_texture_and_a_wrong_flow_does_no_harm() {
     let wall = Wall { velocity_px: 2.0 };
     let way = |velocity_px: f32| {
         let motion_rad = (TAU / Wall::PERIOD_PX) as f32 * velocity_px;
@@ -232,7 +233,7 @@ fn a_surface_that_is_followed_keeps_its_texture_and_one_that_does_not_move_so_is
         (wall.error_rad(None), wall.error_rad(Some(&way(2.0))), wall.error_rad(Some(&way(1.0))));
     assert!(followed < 0.007 && followed * 4.0 < alone, "{followed} rad where it is followed, {alone} rad alone");
     assert!(half < 1.1 * alone, "{half} rad where half of it is followed, {alone} rad alone");
-    // As far the other way; so fast that no image shows it twice; and what would be seen if it moved with the fringes.
+    // Wrong flows: wrong phase motion, too fast to stay in the image, not a motion at all, and moving with the fringes.
     let wrong = |velocity_px: [f32; 2], motion_rad: f32| {
         wall.error_rad(Some(&flow_of([WIDTH, HEIGHT], |_| SurfaceMotion { velocity_px, motion_rad })))
     };
@@ -244,7 +245,7 @@ fn a_surface_that_is_followed_keeps_its_texture_and_one_that_does_not_move_so_is
 }
 
 #[test]
-fn a_flow_of_no_numbers_or_of_other_images_is_refused() {
+fn flows_that_are_not_finite_or_of_another_size_are_refused() {
     let tile = SurfaceMotion { velocity_px: [0.0, f32::NAN], motion_rad: 0.0 };
     assert_eq!(Flow::new([64, 32], vec![tile; 2]), None);
     assert_eq!(Flow::new([64, 32], vec![SurfaceMotion::default(); 3]), None);
@@ -269,10 +270,10 @@ fn any_number_of_threads_gives_the_same_bytes() {
     assert_eq!(one, three);
 }
 
-/// Everything that is decoded, of widths that are no whole blocks and of scenes with all that may happen to a pixel; in scratch memory that
-/// another window was decoded in.
+/// Compares complete maps, for widths that are not whole blocks and scenes with all kinds of pixels, with used scratch
+/// memory.
 #[test]
-fn all_levels_and_any_room_give_the_same_bits() {
+fn all_levels_and_any_scratch_memory_give_the_same_bits() {
     let scene = Scene {
         motion_rad: |u, v| 0.02 * u as f64 - 1.5 + 0.01 * v as f64,
         changes_at: |u| if u % 19 < 3 { 0.7 } else { f64::INFINITY },
@@ -283,7 +284,7 @@ fn all_levels_and_any_room_give_the_same_bits() {
     type Way = fn(usize) -> SurfaceMotion;
     let ways: [Option<Way>; 2] = [
         None,
-        // Ways of all lengths, some beyond the image, some that cannot be followed.
+        // Paths of all lengths: some leave the image, some cannot be followed.
         Some(|tile| SurfaceMotion {
             velocity_px: [tile as f32 * 1.3 - 2.0, 0.7 - tile as f32 * 0.4],
             motion_rad: tile as f32 * 0.3 - 1.0,

@@ -1,4 +1,12 @@
-//! A whole window: bands of rows side by side, then what takes all of them to know.
+//! Decodes a window of a moving scene. In: images. Out: a phase map. Cost: see [`super`].
+//!
+//! ```text
+//! equalize the brightness of the images
+//! for each band of rows, in parallel: fit, motion, phase                 band
+//! statistics of all bands: the usual residual
+//! for each band of rows, in parallel: decode suspicious pixels again     one_surface
+//! counts and harmonics
+//! ```
 
 use std::ops::Range;
 
@@ -12,8 +20,8 @@ use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 
-use super::band::{Band, BandScratch, Beside, Planes};
-use super::brightness;
+use super::band::{Band, BandScratch, BlockFit, Planes};
+use super::brightness::{BrightnessSums, compensate};
 use super::fit::{MotionFit, time};
 use super::fits::MotionFits;
 use super::flow::Flow;
@@ -22,44 +30,39 @@ use super::images::Images;
 use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
 use super::speeds::Speeds;
 
-/// Fewest rows of a band: those around it are fitted once more.
+/// Fewest rows of a band. Each band fits six surrounding rows again that its neighbours fit too.
 const LEAST_ROWS: usize = 64;
 
-/// Memory for the decoding of windows, about nine bytes a pixel and some rows of each thread; where what is seen is followed, as
-/// many bytes as the images have besides.
+/// Scratch memory: about nine bytes per pixel and some rows per thread. With a flow, the size of the images in
+/// addition.
 #[derive(Clone, Debug, Default)]
 pub struct MotionScratch {
-    brightness: Vec<brightness::Sums>,
+    brightness: Vec<BrightnessSums>,
     follow: FollowScratch,
-    beside: Vec<Beside>,
+    block_fits: Vec<BlockFit>,
     bands: Vec<(BandScratch, RepairScratch)>,
     samples: Samples,
 }
 
-/// What is known of the scene beforehand.
+/// Prior knowledge about the scene.
 pub(super) enum Scene<'a> {
     /// Nothing.
     Unknown(&'a MotionFit),
-    /// How it moves.
+    /// Its motion.
     Followed(&'a mut MotionFits, &'a Flow),
 }
 
 impl Scene<'_> {
-    /// Images of the window.
+    /// Number of images of the window.
     pub(super) fn images(&self) -> usize {
-        self.fit().images()
-    }
-
-    /// The fit of a scene of which nothing is known.
-    fn fit(&self) -> &MotionFit {
         match self {
-            Self::Unknown(fit) => fit,
-            Self::Followed(fits, _) => fits.resting(),
+            Self::Unknown(fit) => fit.images(),
+            Self::Followed(fits, _) => fits.resting().images(),
         }
     }
 }
 
-/// Decodes a window at a level.
+/// Decodes a window with the instructions of a SIMD level.
 pub(super) fn decode<S: Sample>(
     level: Level,
     images: Images<'_, S>,
@@ -81,7 +84,7 @@ pub(super) fn decode<S: Sample>(
     }
 }
 
-/// Decodes images as they are sampled.
+/// Decodes images after sampling.
 fn decode_sampled<S: Sample>(
     level: Level,
     mut images: Images<'_, S>,
@@ -92,10 +95,10 @@ fn decode_sampled<S: Sample>(
 ) {
     let (width, height) = (images.width, images.height);
     map.resize(width, height);
-    let brightness_share = brightness::compensate(level, &mut images, fits, validity, &mut scratch.brightness);
+    let brightness_share = compensate(level, &mut images, fits, validity, &mut scratch.brightness);
     let images = &images;
     let rows = rows_of_band(height);
-    scratch.beside.resize_with(height * width.div_ceil(LANES), Beside::default);
+    scratch.block_fits.resize_with(height * width.div_ceil(LANES), BlockFit::default);
     scratch.bands.resize_with(height.div_ceil(rows), Default::default);
     bands(map, scratch, rows).for_each(|(rows, planes, (scratch, _))| {
         fringeflow_simd::run(level, Band { images, fits, validity, rows, scratch, planes });
@@ -105,7 +108,7 @@ fn decode_sampled<S: Sample>(
         residuals.merge(&band.residuals);
         speeds.merge(&band.speeds);
     }
-    let statistics = residuals.statistics(fits.any().freedom(), images.format, fits.noise_gain());
+    let statistics = residuals.statistics(fits.common().freedom(), images.format, fits.noise_gain());
     let one_surface = OneSurface::new(images, fits, validity, &statistics);
     bands(map, scratch, rows).for_each(|(rows, planes, (_, scratch))| {
         fringeflow_simd::run(level, Repair { one_surface: &one_surface, rows, scratch, planes });
@@ -116,19 +119,20 @@ fn decode_sampled<S: Sample>(
     let [median_rad, fast_rad] = speeds.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
-    map.harmonics = harmonics(images, fits.any(), map, &scratch.beside, &mut scratch.samples);
+    map.harmonics = harmonics(images, fits.common(), map, &scratch.block_fits, &mut scratch.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
     map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
 }
 
-/// Rows of a band: all for a single thread, else two bands a thread, so that no thread waits long for the last one.
+/// Rows of a band: one band for a single thread, otherwise two bands per thread, so that no thread waits long for the
+/// last.
 fn rows_of_band(height: usize) -> usize {
     let threads = rayon::current_num_threads();
     let bands = if threads > 1 { 2 * threads } else { 1 };
     height.div_ceil(bands).max(LEAST_ROWS)
 }
 
-/// The bands of so many rows, each with its planes and its scratch memory.
+/// All bands of `rows` rows, each with its planes and its scratch memory.
 fn bands<'a>(
     map: &'a mut PhaseMap,
     scratch: &'a mut MotionScratch,
@@ -142,28 +146,28 @@ fn bands<'a>(
         .zip(map.modulation.par_chunks_mut(pixels))
         .zip(map.mean.par_chunks_mut(pixels))
         .zip(map.valid.par_chunks_mut(pixels))
-        .zip(scratch.beside.par_chunks_mut(rows * width.div_ceil(LANES)))
+        .zip(scratch.block_fits.par_chunks_mut(rows * width.div_ceil(LANES)))
         .zip(&mut scratch.bands);
-    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), beside), scratch))| {
+    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), block_fits), scratch))| {
         let rows = band * rows..((band + 1) * rows).min(height);
-        (rows, Planes { phase, modulation, mean, valid, beside }, scratch)
+        (rows, Planes { phase, modulation, mean, valid, block_fits }, scratch)
     })
 }
 
-/// The harmonics of the fringes, the motion taken off.
+/// The harmonics of the fringes, without the effect of motion.
 fn harmonics<S: Sample>(
     images: &Images<'_, S>,
     fit: &MotionFit,
     map: &PhaseMap,
-    beside: &[Beside],
+    block_fits: &[BlockFit],
     scratch: &mut Samples,
 ) -> Harmonics {
     let (shifts, blocks) = (fit.shifts_rad(), images.width.div_ceil(LANES));
     harmonics::measure(shifts, images.width * images.height, scratch, |pixel, out: &mut Samples| {
         let (row, u) = (pixel / images.width, pixel % images.width);
-        let beside = &beside[row * blocks + u / LANES];
-        let motion_rad = f64::from(beside.motion_rad[u % LANES]);
-        if !map.valid[pixel] || !motion_rad.is_finite() || beside.saturated >> (u % LANES) & 1 == 1 {
+        let block_fit = &block_fits[row * blocks + u / LANES];
+        let motion_rad = f64::from(block_fit.motion_rad[u % LANES]);
+        if !map.valid[pixel] || !motion_rad.is_finite() || block_fit.saturated >> (u % LANES) & 1 == 1 {
             return false;
         }
         let sample = |image: usize| {

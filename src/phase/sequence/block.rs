@@ -1,4 +1,5 @@
-//! Blocks of pixels all over an image: how their samples vary together from image to image.
+//! Blocks of pixels spread over an image. In: M images. Out: first and second moments of each block over the images.
+//! Cost: M²/2 multiply-adds per pixel, for 100 to 200 blocks of 16 × 16 pixels.
 
 use rayon::prelude::*;
 
@@ -11,20 +12,19 @@ use crate::phase::Validity;
 use super::signal::Signal;
 use super::{Matrix, Vector};
 
-/// Side of a block, pixels: a fringe or more, and small enough to move alike.
+/// Side of a block, pixels: at least a fringe, but small enough to move as a whole.
 const SIDE: usize = 16;
 const PIXELS: usize = SIDE * SIDE;
-/// Blocks along the shorter side of an image; as many as have room where it is smaller.
+/// Blocks along the shorter side of an image; fewer if the image is small.
 const ALONG: usize = 10;
-/// Least share of a block's pixels that are not saturated.
+/// Smallest share of unsaturated pixels in a usable block.
 const MIN_SHARE: f64 = 0.5;
-/// Blocks that a thread handles in turn.
-const AT_ONCE: usize = 8;
-/// Sums that wait for none of the others.
+/// Blocks per task of a thread.
+const BLOCKS_PER_TASK: usize = 8;
+/// Independent partial sums of a dot product.
 const SUMS: usize = 32;
 
-/// Mean and second moments of the samples of a block, and what they say. Only as many numbers as there are images have a
-/// meaning.
+/// Moments of the samples of a block, and the signal in them. Only the first `images` entries have a meaning.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub(super) images: usize,
@@ -32,13 +32,12 @@ pub(super) struct Block {
     pub(super) mean: Vector,
     /// Mean products of the grey levels of every two images.
     pub(super) products: Matrix,
-    /// `None` where the block is hardly lit, or saturated.
+    /// `None` if the block is dark or saturated.
     pub(super) signal: Option<Signal>,
 }
 
 impl Block {
-    /// Finds the blocks of images of `width` pixels a row and the same size each, row by row; what they held makes no
-    /// difference.
+    /// Computes the blocks of images of equal size, row by row. The old contents of `blocks` do not matter.
     pub(super) fn find_all(
         blocks: &mut Vec<Self>,
         images: &[GreyLevels<'_>],
@@ -50,28 +49,28 @@ impl Block {
         let [columns, rows] = [width, height].map(|length| (length + 1).saturating_sub(SIDE).div_ceil(pitch));
         blocks.resize_with(columns * rows, Self::default);
         let level = Level::in_use();
-        blocks.par_chunks_mut(AT_ONCE).enumerate().for_each(|(chunk, blocks)| {
+        blocks.par_chunks_mut(BLOCKS_PER_TASK).enumerate().for_each(|(chunk, blocks)| {
             let greys = &mut [[0.0; PIXELS]; MAX_IMAGES];
-            for (number, block) in (chunk * AT_ONCE..).zip(blocks) {
+            for (number, block) in (chunk * BLOCKS_PER_TASK..).zip(blocks) {
                 let corner = [number % columns * pitch, number / columns * pitch];
                 let is_usable =
-                    fringeflow_simd::run(level, TakeKernel { block, greys, images, width, corner, validity });
+                    fringeflow_simd::run(level, MomentsKernel { block, greys, images, width, corner, validity });
                 block.signal = if is_usable { Signal::new(block, validity) } else { None };
             }
         });
     }
 
     /// Divides every image by its brightness.
-    pub(super) fn level(&mut self, brightness: &Vector, validity: &Validity) {
+    pub(super) fn equalize_brightness(&mut self, brightness: &Vector, validity: &Validity) {
         let images = self.images;
-        self.mean[..images].iter_mut().zip(brightness).for_each(|(mean, by)| *mean /= by);
-        for (products, by) in self.products[..images].iter_mut().zip(brightness) {
-            products[..images].iter_mut().zip(brightness).for_each(|(product, other)| *product /= other * by);
+        self.mean[..images].iter_mut().zip(brightness).for_each(|(mean, own)| *mean /= own);
+        for (products, own) in self.products[..images].iter_mut().zip(brightness) {
+            products[..images].iter_mut().zip(brightness).for_each(|(product, other)| *product /= other * own);
         }
         self.signal = Signal::new(self, validity);
     }
 
-    /// Without an image.
+    /// The block with one image removed.
     pub(super) fn without(&self, image: usize, validity: &Validity) -> Self {
         let mut rest = Self { images: self.images - 1, ..Self::default() };
         let from = |place: usize| if place < image { place } else { place + 1 };
@@ -83,17 +82,17 @@ impl Block {
         rest
     }
 
-    /// Mean squared difference of an image and the one behind it, grey levels.
+    /// Mean squared difference between an image and the next one, grey levels.
     pub(super) fn difference_square(&self, image: usize) -> f64 {
         let (a, b) = (image, image + 1);
         self.products[a][a] + self.products[b][b] - 2.0 * self.products[a][b]
     }
 }
 
-/// Takes the moments of a block; whether enough of its pixels are not saturated.
-struct TakeKernel<'a> {
+/// Computes the moments of a block; returns whether enough of its pixels are unsaturated.
+struct MomentsKernel<'a> {
     block: &'a mut Block,
-    /// Scratch for the grey levels of its pixels.
+    /// Scratch memory for the grey levels of the block.
     greys: &'a mut [[f32; PIXELS]; MAX_IMAGES],
     images: &'a [GreyLevels<'a>],
     width: usize,
@@ -102,7 +101,7 @@ struct TakeKernel<'a> {
     validity: &'a Validity,
 }
 
-impl Kernel for TakeKernel<'_> {
+impl Kernel for MomentsKernel<'_> {
     type Output = bool;
 
     #[inline(always)]
@@ -112,13 +111,13 @@ impl Kernel for TakeKernel<'_> {
         let mut kept = [1.0; PIXELS];
         for (greys, image) in greys.iter_mut().zip(images) {
             for (row, greys) in greys.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
-                take_row(greys, image, (v + row) * width + u);
+                load_row(greys, image, (v + row) * width + u);
             }
             for p in 0..PIXELS {
                 kept[p] = if greys[p] >= saturation { 0.0 } else { kept[p] };
             }
         }
-        // Samples are whole numbers of a power of two: sums of their products are exact in any order.
+        // Samples are multiples of a power of two, so sums of their products are exact, in any order of addition.
         let pixels = dot(&kept, &kept);
         if pixels < MIN_SHARE * PIXELS as f64 {
             return false;
@@ -138,9 +137,9 @@ impl Kernel for TakeKernel<'_> {
     }
 }
 
-/// Grey levels of some pixels of a row.
+/// Loads grey levels of a row of pixels.
 #[inline(always)]
-fn take_row(greys: &mut [f32; SIDE], image: &GreyLevels<'_>, first: usize) {
+fn load_row(greys: &mut [f32; SIDE], image: &GreyLevels<'_>, first: usize) {
     match image.format {
         PixelFormat::Grey => {
             let bytes = &image.bytes[first..first + SIDE];
@@ -199,7 +198,8 @@ mod tests {
         for level in Level::ALL {
             let (mut block, mut scratch) = (Block::default(), [[7.0; PIXELS]; MAX_IMAGES]);
             let (images, validity) = (&images, &validity);
-            let kernel = TakeKernel { block: &mut block, greys: &mut scratch, images, width: WIDTH, corner, validity };
+            let kernel =
+                MomentsKernel { block: &mut block, greys: &mut scratch, images, width: WIDTH, corner, validity };
             assert!(fringeflow_simd::run(level, kernel));
             for i in 0..3 {
                 assert_eq!(block.mean[i], mean(&|greys| greys[i]), "{level:?}");

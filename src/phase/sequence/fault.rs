@@ -1,44 +1,45 @@
-//! What may be wrong with the steps of a window, and which steps its images show then.
+//! Possible faults of a window. In: a fault. Out: the steps and times that its images then show. Cost: none to speak
+//! of.
 
 use fringeflow_base::limits::MAX_IMAGES;
 
-/// What is wrong with the images of a window.
+/// Kind of fault in the images of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SequenceFaultKind {
-    /// Images are missing behind one.
+    /// Images are missing after one.
     Lost {
-        /// The image before them, from 0.
+        /// Index of the image before them, from 0.
         after: usize,
-        /// How many, 1 to N − 2.
+        /// Number of lost images, 1 to N − 2.
         images: usize,
     },
-    /// The image behind one shows the same step.
+    /// An image and the next one show the same step.
     Duplicated {
-        /// The image that comes twice, from 0.
+        /// Index of the first of both, from 0.
         image: usize,
     },
-    /// An image and the one behind it are exchanged.
+    /// An image and the next one are exchanged.
     Swapped {
-        /// The first of both, from 0.
+        /// Index of the first of both, from 0.
         first: usize,
     },
     /// One image shows something else.
     Wrong {
-        /// Which one, from 0.
+        /// Index of the image, from 0.
         image: usize,
     },
-    /// The images fit neither the steps that are said of them nor any of these faults.
+    /// The images fit neither the declared steps nor any of these faults.
     Unexplained,
 }
 
-/// A fault, and how clearly it shows.
+/// A fault, and how clear it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceFault {
-    /// What it is.
+    /// The kind of fault.
     pub kind: SequenceFaultKind,
-    /// What the said steps leave unexplained, a share of the modulation.
+    /// Residual with the declared steps, a share of the modulation.
     pub residual_share: f64,
-    /// What is left with the fault.
+    /// Residual with the steps of the fault.
     pub explained_share: f64,
 }
 
@@ -55,34 +56,35 @@ impl std::fmt::Display for SequenceFaultKind {
     }
 }
 
-/// The images as a fault, or none, would have it. Only as many numbers as there are images have a meaning.
+/// Assumed steps and times of the images of a window. Only the first `images` entries have a meaning.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hypothesis {
-    /// The fault; `None` where all is as said.
+    /// The assumed fault; `None` without a fault.
     pub(super) kind: Option<SequenceFaultKind>,
     /// Number of images, [`MAX_IMAGES`] at most.
     pub(super) images: usize,
-    /// Step of every image, counted on from that of the first.
+    /// Step of every image, counted from the first image.
     pub(super) steps: [usize; MAX_IMAGES],
-    /// Time of every image, in images.
+    /// Time of every image, counted in images.
     pub(super) times: [usize; MAX_IMAGES],
 }
 
 impl Hypothesis {
-    /// Nothing is wrong.
+    /// The declared steps.
     pub(super) fn nominal(images: usize) -> Self {
         let order = std::array::from_fn(|image| image);
         Self { kind: None, images, steps: order, times: order }
     }
 
-    /// Nothing is wrong but an image, which is left out.
+    /// The declared steps without one image.
     pub(super) fn without(image: usize, images: usize) -> Self {
         let kept = std::array::from_fn(|place| if place < image { place } else { place + 1 });
         Self { kind: None, images: images - 1, steps: kept, times: kept }
     }
 
-    /// All faults of order in a window of so many images and a cycle of N steps, those that are the likeliest first. A camera
-    /// that errs shifts the times with the steps, a projector that errs does not.
+    /// All faults of order (lost, repeated, exchanged images) in a window of an N-step cycle, the most likely first.
+    ///
+    /// Each occurs in several ways: a fault of the camera shifts times and steps, a fault of the projector only steps.
     pub(super) fn all_of_order(images: usize, cycle: usize) -> impl Iterator<Item = Self> {
         let pairs = images.saturating_sub(1);
         let lost = move |lost: usize| (0..pairs).map(move |after| SequenceFaultKind::Lost { after, images: lost });
@@ -94,18 +96,18 @@ impl Hypothesis {
         few.chain(duplicated).chain(swapped).chain(many).flat_map(move |kind| Self::all_of_kind(kind, images))
     }
 
-    /// The ways in which a fault of order may have come about.
+    /// The ways in which a fault of order may have happened.
     pub(super) fn all_of_kind(kind: SequenceFaultKind, images: usize) -> impl Iterator<Item = Self> {
         let nominal = Self::nominal(images);
         let steps_by = |step: &dyn Fn(usize) -> usize| std::array::from_fn(step);
-        // The steps, and those of another way that keeps its times.
-        let [steps, instead] = match kind {
+        // The steps, and the steps of an alternative.
+        let [steps, alternative] = match kind {
             SequenceFaultKind::Lost { after, images: lost } => {
                 [Some(steps_by(&|i| if i > after { i + lost } else { i })), None]
             }
             SequenceFaultKind::Duplicated { image } => [
                 Some(steps_by(&|i| if i > image { i - 1 } else { i })),
-                // The second may also have taken the place of the image behind.
+                // The repeated image may also have replaced the next one, instead of delaying it.
                 Some(steps_by(&|i| if i == image + 1 { image } else { i })),
             ],
             SequenceFaultKind::Swapped { first } => {
@@ -117,8 +119,9 @@ impl Hypothesis {
             }
             SequenceFaultKind::Wrong { .. } | SequenceFaultKind::Unexplained => [None, None],
         };
-        let of = move |steps, times| Self { kind: Some(kind), images, steps, times };
-        let [both, of_projector] = [steps.map(|steps| of(steps, steps)), steps.map(|steps| of(steps, nominal.times))];
-        [both, of_projector, instead.map(|steps| of(steps, steps))].into_iter().flatten()
+        let with = move |steps, times| Self { kind: Some(kind), images, steps, times };
+        let camera_fault = steps.map(|steps| with(steps, steps));
+        let projector_fault = steps.map(|steps| with(steps, nominal.times));
+        [camera_fault, projector_fault, alternative.map(|steps| with(steps, steps))].into_iter().flatten()
     }
 }

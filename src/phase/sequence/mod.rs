@@ -1,45 +1,49 @@
-//! Whether the images of a window show the pattern steps that are said of them: lost, duplicated and swapped images that no
-//! number and no time stamp tells of.
+//! Checks that the images of a window show the declared pattern steps. Finds lost, repeated and exchanged images even
+//! if frame numbers and time stamps are in order.
 //!
-//! In: the M images of one camera in the order of their times, and the steps that they are said to show. Out: the
-//! [`SequenceFault`] that the images themselves tell, if any.
+//! In: the M images of one camera in order of time, and their declared steps. Out: the [`SequenceFault`] visible in the
+//! images, if any. Cost: M²/2 multiply-adds for about one pixel in twenty, much less than decoding. Other steps are
+//! tried only if the declared ones do not fit. (The paper assumes correct sequences.)
 //!
 //! ```text
-//!  images ─► moments of blocks ─► the two directions in which the fringes of a block change, noise apart
-//!         ─► share of them that the said steps leave unexplained, whatever the motion ─► other steps, where it is large
+//!  images ─► moments of blocks ─► plane in which the fringes of a block change, without noise
+//!         ─► share of it that the declared steps do not explain at any motion ─► if large: try other steps
 //! ```
 //!
-//! The samples of a pixel are `I_i = A + Re(z·e^(iθ_i))`, `θ_i = s_i + ε·t_i`, with the same θ in all pixels of a block that
-//! moves alike: without their mean they lie in the plane of `cos θ_i` and `sin θ_i` in the space of M images, whatever the
-//! texture, the modulation and the phase of each pixel. That plane is seen without knowing any step, from the second
-//! moments of the block; the other directions hold the noise, which so is known as well. A block across which an edge moves
-//! has no such plane and is not asked. What is left of the seen plane beside that of the said steps, at the ε that suits
-//! best, is the residual: a share of the modulation, with the noise already taken off. Motion of any steady speed, texture
-//! and noise leave next to nothing of it, a wrong step a third of the modulation. The median over the fifth of the blocks that
-//! move most alike decides. Only where it is large others than the said steps are tried; they must leave less in nearly all
-//! of these blocks: motion that is not steady leaves something too, but no other steps explain it in one block after the
-//! other.
+//! The samples of a pixel are `I_i = A + Re(z·e^(iθ_i))`, `θ_i = s_i + ε·t_i`. In a coherent block, one whose pixels
+//! move alike, θ is the same everywhere. Without their mean, the samples of each pixel are then a vector in the plane
+//! of `cos θ_i` and `sin θ_i` in the space of M images, for any texture, modulation and phase. The second moments of
+//! the block show this plane without knowledge of the steps. The other directions contain the noise and so measure it.
+//! A block crossed by a moving edge has no such plane and is ignored.
 //!
-//! # What cannot be seen
+//! The residual is the part of the observed plane outside the plane of the declared steps, at the best ε, as a share of
+//! the modulation. Noise is already subtracted. Steady motion, texture and noise leave nearly no residual; a wrong step
+//! leaves a third of the modulation. The median over the most coherent fifth of the blocks decides. Only if it is large
+//! are other steps tried. They must fit better in nearly all of these blocks: unsteady motion leaves a residual too,
+//! but no other steps explain it in block after block.
 //!
-//! - *A fault before the first or behind the last image* of a window: the same steps, all ahead by as much. That is a slip of
-//!   the whole window (see `correspondence`), as are all windows behind a fault.
-//! - *N images lost in a row*, or a multiple: the steps are right again; only the time jumps, which shows where the scene moves.
-//!   N − 1 lost show the same steps as a duplicate, which is the name that they are given.
-//! - *Images of the same step exchanged*: nothing is wrong with their phase.
+//! # Invisible faults
+//!
+//! - *A fault before the first or after the last image* of a window: the steps are the same, all shifted alike. That is
+//!   a
+//!   slip of the whole window (see `correspondence`), like all windows after a fault.
+//! - *N images lost in a row*, or a multiple of N: the steps are correct again. Only the time jumps, which is visible
+//!   if the
+//!   scene moves. N − 1 lost images show the same steps as a repeated image and are reported as such.
+//! - *Exchanged images of the same step*: their phase is correct.
 //! - *The mirrored sequence*: cos and sin of −θ span the same plane.
-//! - *Few images*: the plane of M images leaves M − 3 directions to be told by, and ε takes one part of them. With N = 3 and
-//!   M = 3 there is none, which is why windows of fewer than five images are not looked at.
-//! - *A fault that a steady motion explains*: with N = 4 and M = 6 an image lost in the middle of a scene at rest gives the
-//!   steps 0 1 2 0 1 2, as if it moved by π/6 an image. It is a fault where all blocks move by exactly that and would be
-//!   at rest otherwise; a frontal wall that came nearer at that very speed would be mistaken for it. With a faster scene,
-//!   long losses whose way makes up a turn, `k·(2π/N + ε) ≈ 2π`, are hidden too, and N = 16 hides more of them than N = 4.
-//!   [`SequenceCheck::residual_share`] says for any fault and motion what is left to be seen.
-//! - *A scene of which fewer than one block in five moves alike* all through the window, as when everything is quick and the
-//!   window long: only an image that alone shows something else is told then. Decoding leaves such pixels out by itself.
-//!
-//! Cost: the moments, M²/2 multiply-adds for one pixel in twenty or so, far below those of decoding. Other steps are tried only
-//! where the said ones do not fit.
+//! - *Few images*: beside the mean and the plane, M images have M − 3 directions that can show a fault, and ε takes
+//!   part of
+//!   them. With N = 3 and M = 3 there are none. Windows of fewer than five images are not checked.
+//! - *A fault that steady motion explains*: with N = 4 and M = 6, a loss in the middle of a resting scene gives the
+//!   steps
+//!   0 1 2 0 1 2, like motion by π/6 per image. It counts as a fault if all blocks move by exactly that and would rest
+//!   otherwise. A frontal wall approaching at that very speed would be mistaken for it. With faster scenes, long losses
+//!   that
+//!   add up to a full turn, `k·(2π/N + ε) ≈ 2π`, are hidden too, and N = 16 hides more of them than N = 4.
+//!   [`SequenceCheck::residual_share`] states the visible residual of any fault and motion.
+//! - *A scene in which fewer than one block in five is coherent* throughout the window, for example if everything moves
+//!   fast and the window is long. Then only a single foreign image is found. Decoding leaves such pixels out by itself.
 
 mod block;
 mod check;
@@ -56,10 +60,10 @@ use fringeflow_base::limits::MAX_IMAGES;
 pub use check::{SequenceCheck, SequenceScratch};
 pub use fault::{SequenceFault, SequenceFaultKind};
 
-/// Fewest images of a window whose steps can be told.
+/// Fewest images of a window that can be checked.
 const LEAST_IMAGES: usize = 5;
 
-/// A number for each image of a window.
+/// One number per image of a window.
 type Vector = [f64; MAX_IMAGES];
-/// A number for every two images.
+/// One number per pair of images: `[column][row]`.
 type Matrix = [Vector; MAX_IMAGES];

@@ -1,12 +1,17 @@
-//! Images sampled along the way of what they show, so that a pixel sees the same place of a surface in all of them.
+//! Samples the images of a window along the known motion, so that a pixel shows the same surface point in all of them.
+//!
+//! In: images and a [`Flow`]. Out: sampled images and the fit of each tile. Cost: about eight multiply-adds per sample,
+//! and a fit of one row in eight.
 //!
 //! ```text
-//!  flow ─► way and fit of each tile ─► images sampled along it ─► tiles whose samples fit worse than at rest: left as they were
+//!  flow ─► path and fit of each tile ─► images sampled along the path ─► tiles that fit worse than at rest: not
+//!  followed
 //! ```
 //!
-//! At rest a pixel sees other places of the surface from image to image: texture, shading and edges pass through it. Along the way
-//! of the surface they stay, and the phase grows by what the surface moves through the fringes, which is known nearly as well.
-//! Where it moves so much with the fringes that its images hardly differ, a part of the way across them is followed.
+//! A fixed pixel sees other surface points from image to image: texture, shading and edges pass through it. Along the
+//! path of the surface they stay, and the phase grows by the motion through the fringes, which is known nearly as well.
+//! If a surface moves so much with the fringes that its images hardly differ, only a part of its motion across the
+//! fringes is followed.
 
 mod judging;
 mod sampling;
@@ -23,16 +28,19 @@ use super::fits::{Bin, MotionFits};
 use super::flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 use super::images::Images;
 
-use judging::{JudgeScratch, Judging, Verdict, judge};
+use judging::{JudgeScratch, Verdict, VerdictKernel, remove_wrong_paths};
 use sampling::Sampling;
 
 const _: () = assert!(FLOW_TILE_PX == LANES, "a block of pixels lies in one tile");
 
-/// Shares of the way across the fringes that are tried, the largest first; the way along them is followed whole.
+/// Shares of the motion across the fringes that are tried, the largest first. Motion along the fringes is followed
+/// fully.
 const SHARES: [f32; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
-/// Longest way to either side of the centre of a window, as a share of the image's width: no surface stays in the image for more.
+/// Longest path on either side of the centre of a window, as a share of the image width. Faster surfaces leave the
+/// image.
 const LONGEST_SHARE: f32 = 0.25;
-/// Memory for the sampled images: as many bytes as they have.
+
+/// Scratch memory, mostly for the sampled images: as many bytes as the images themselves.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FollowScratch {
     paths: Vec<Path>,
@@ -41,16 +49,16 @@ pub(super) struct FollowScratch {
     verdicts: Vec<Verdict>,
 }
 
-/// The way of a tile, and the fit it is decoded with.
+/// Path and fit of a tile.
 #[derive(Clone, Copy, Debug, Default)]
 struct Path {
     velocity_px: [f32; 2],
     bin: Option<Bin>,
-    /// Motion that is expected on top of the one of the fit, rad an image.
+    /// Expected motion beyond that of the fit, rad per image.
     expected_rad: f32,
 }
 
-/// How the blocks of an image are decoded: each with the fit of its tile.
+/// The fit of each block of an image.
 #[derive(Clone, Copy)]
 pub(super) struct Fits<'a> {
     resting: &'a MotionFit,
@@ -65,49 +73,49 @@ struct Followed<'a> {
 }
 
 impl<'a> Fits<'a> {
-    /// One fit for all.
+    /// One fit for all blocks.
     pub(super) fn resting(fit: &'a MotionFit) -> Self {
         Self { resting: fit, followed: None }
     }
 
-    /// What holds of all: images and what follows from their number.
-    pub(super) fn any(&self) -> &'a MotionFit {
+    /// A fit for properties that all fits share, such as the number of images and their times.
+    pub(super) fn common(&self) -> &'a MotionFit {
         self.resting
     }
 
-    /// The fit of a block, and the motion that is expected on top of it, rad an image.
+    /// The fit of a block, and the expected motion beyond that of the fit, rad per image.
     #[inline(always)]
-    pub(super) fn of(&self, [row, block]: [usize; 2]) -> (&'a MotionFit, f32) {
+    pub(super) fn for_block(&self, [row, block]: [usize; 2]) -> (&'a MotionFit, f32) {
         let Some(Followed { fits, columns, paths }) = self.followed else { return (self.resting, 0.0) };
         let path = &paths[row / FLOW_TILE_PX * columns + block];
-        (fits.of(path.bin), path.expected_rad)
+        (fits.for_bin(path.bin), path.expected_rad)
     }
 
-    /// Whether the image holds the sample that a pixel (column, row) has in it.
-    pub(super) fn holds<S: Sample>(&self, images: &Images<'_, S>, image: usize, [u, v]: [usize; 2]) -> bool {
+    /// Whether the path of a pixel (column, row) is inside the image at the time of `image`.
+    pub(super) fn is_inside<S: Sample>(&self, images: &Images<'_, S>, image: usize, [u, v]: [usize; 2]) -> bool {
         let Some(Followed { columns, paths, .. }) = self.followed else { return true };
         let path = &paths[v / FLOW_TILE_PX * columns + u / FLOW_TILE_PX];
         let t = time(image, images.count) as f32;
         let [x, y] = path.velocity_px.map(|velocity| velocity * t);
-        images.holds([(u as f32 + x, 1), (v as f32 + y, 1)])
+        images.contains([(u as f32 + x, 1), (v as f32 + y, 1)])
     }
 
-    /// The motion that the samples of a block follow, rad an image.
+    /// Motion followed by the samples of a block, rad per image.
     #[inline(always)]
     pub(super) fn followed_rad(&self, [row, block]: [usize; 2]) -> f32 {
         let Some(Followed { columns, paths, .. }) = self.followed else { return 0.0 };
         paths[row / FLOW_TILE_PX * columns + block].bin.map_or(0.0, Bin::motion_rad)
     }
 
-    /// Mean of what the fits make of noise.
+    /// Mean noise gain of the fits.
     pub(super) fn noise_gain(&self) -> f32 {
         let Some(Followed { fits, paths, .. }) = self.followed else { return self.resting.noise_gain() };
-        let sum: f64 = paths.iter().map(|path| f64::from(fits.of(path.bin).noise_gain())).sum();
+        let sum: f64 = paths.iter().map(|path| f64::from(fits.for_bin(path.bin).noise_gain())).sum();
         (sum / paths.len().max(1) as f64) as f32
     }
 }
 
-/// Samples images along the way of what they show; the samples, and how they are decoded. `None` where nothing is followed.
+/// Samples images along the flow. Returns the sampled images and their fits; `None` if no tile is followed.
 pub(super) fn follow<'a, S: Sample>(
     level: Level,
     images: &Images<'_, S>,
@@ -127,50 +135,51 @@ pub(super) fn follow<'a, S: Sample>(
     }
     let fits = &*fits;
     let tile_rows = paths.len().div_ceil(columns.max(1));
-    // Planes of whole rows of tiles, so that each image has as many pieces.
+    // Planes of whole rows of tiles, so that every image has the same number of pieces.
     let (piece, plane) = (FLOW_TILE_PX * width, tile_rows * FLOW_TILE_PX * width);
     samples.resize(images.count * plane * size_of::<S>(), 0);
     let sampled: &mut [S] = bytemuck::cast_slice_mut(samples);
-    let each = |sampled: &mut [S], paths: &[Path], followed: bool| {
+    let sample_tiles = |sampled: &mut [S], paths: &[Path], followed: bool| {
         sampled.par_chunks_mut(piece).enumerate().for_each(|(place, to)| {
             let (image, tile_row) = (place / tile_rows, place % tile_rows);
             let paths = &paths[tile_row * columns..][..columns];
             fringeflow_simd::run(level, Sampling { images, paths, image, tile_row, followed, to });
         });
     };
-    each(sampled, paths, true);
+    sample_tiles(sampled, paths, true);
     rows.resize_with(tile_rows, JudgeScratch::default);
-    let followed = images.others(sampled, plane);
+    let followed = images.with_samples(sampled, plane);
     verdicts.clear();
     verdicts.resize(paths.len(), Verdict::default());
     let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
     of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), scratch))| {
         fringeflow_simd::run(
             level,
-            Judging { images: [images, &followed], fits, validity, tile_row, paths, verdicts, scratch },
+            VerdictKernel { images: [images, &followed], fits, validity, tile_row, paths, verdicts, scratch },
         );
     });
-    judge(paths, verdicts, columns);
+    remove_wrong_paths(paths, verdicts, columns);
     if !is_followed(paths) {
         return None;
     }
-    each(sampled, paths, false);
+    // Tiles that are not followed are copied unchanged.
+    sample_tiles(sampled, paths, false);
     let followed = Some(Followed { fits, columns, paths });
-    Some((images.others(sampled, plane), Fits { resting: fits.resting(), followed }))
+    Some((images.with_samples(sampled, plane), Fits { resting: fits.resting(), followed }))
 }
 
 impl Path {
-    /// As much of a way as the images tell phases along.
+    /// The path of the largest share of the motion that can be followed; no path if there is none.
     fn new(tile: &SurfaceMotion, longest_px: f32, fits: &mut MotionFits) -> Self {
         let SurfaceMotion { velocity_px, motion_rad } = *tile;
         let half = 0.5 * fits.resting().images() as f32;
         let is_short = velocity_px.iter().all(|v| v.abs() * half <= longest_px);
-        let along = |share: f32| {
+        let path = |share: f32| {
             let bin = fits.bin_for(share * motion_rad)?;
             let expected_rad = share * motion_rad - bin.motion_rad();
             let [across, along] = velocity_px;
             Some(Self { velocity_px: [share * across, along], bin: Some(bin), expected_rad })
         };
-        SHARES.into_iter().filter(|_| is_short).find_map(along).unwrap_or_default()
+        SHARES.into_iter().filter(|_| is_short).find_map(path).unwrap_or_default()
     }
 }

@@ -1,4 +1,5 @@
-//! Samples of images between their pixels: cubic along the rows, which cross the fringes, linear from row to row.
+//! Interpolates images between their pixels: cubic along rows, which cross the fringes, and linear between rows. In: an
+//! image and a path. Out: samples. Cost: eight multiply-adds per sample.
 
 use fringeflow_simd::{Kernel, LANES, Lanes};
 
@@ -9,10 +10,13 @@ use crate::phase::sample::Sample;
 
 use super::Path;
 
-/// Pixels either side of a sample that horizontal interpolation takes.
+/// Pixels of a row that contribute to a sample.
 const TAPS: usize = 4;
+/// A result is saturated if a saturated sample of at least this weight contributes. Lighter ones clip less than the
+/// noise.
+const SATURATING_WEIGHT: f32 = 0.1;
 
-/// Samples an image in those of a row of tiles that are followed, or in those that are not: as they are.
+/// Samples a row of tiles of one image: either the followed tiles along their paths, or the others unchanged.
 pub(super) struct Sampling<'a, 'b, S> {
     pub(super) images: &'a Images<'b, S>,
     pub(super) paths: &'a [Path],
@@ -51,15 +55,15 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
                 let mut taps = [[S::default(); LANES + TAPS - 1]; 2];
                 for (k, taps) in taps.iter_mut().enumerate() {
                     let from = (row as isize + above as isize + k as isize).clamp(0, last) as usize;
-                    *taps = around(images.row(image, from), begin as isize + left as isize - 1);
+                    *taps = load_taps(images.row(image, from), begin as isize + left as isize - 1);
                 }
-                let mut sampled = between(lanes, images, &taps, across, down);
+                let mut sampled = interpolate(lanes, images, &taps, across, down);
                 let place = [(begin as f32 + x, count), (row as f32 + y, 1)];
-                if !images.holds(place) {
-                    // What was not taken is as little known as what is too bright.
-                    let beyond = |k: usize| !images.holds([((begin + k) as f32 + x, 1), (row as f32 + y, 1)]);
+                if !images.contains(place) {
+                    // Outside the image nothing is known. Saturated samples are ignored, so mark these as saturated.
+                    let is_outside = |k: usize| !images.contains([((begin + k) as f32 + x, 1), (row as f32 + y, 1)]);
                     let saturated = images.saturated_sample();
-                    (0..count).filter(|&k| beyond(k)).for_each(|k| sampled[k] = saturated);
+                    (0..count).filter(|&k| is_outside(k)).for_each(|k| sampled[k] = saturated);
                 }
                 to.copy_from_slice(&sampled[..count]);
             }
@@ -67,9 +71,9 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
     }
 }
 
-/// Samples of a row from a column on; beyond its ends those at the ends.
+/// Loads samples of a row from a column on. Beyond its ends the samples at the ends are repeated.
 #[inline(always)]
-fn around<S: Sample>(row: &[S], column: isize) -> [S; LANES + TAPS - 1] {
+fn load_taps<S: Sample>(row: &[S], column: isize) -> [S; LANES + TAPS - 1] {
     if let Some(all) = usize::try_from(column).ok().and_then(|column| row.get(column..)?.first_chunk()) {
         return *all;
     }
@@ -77,18 +81,15 @@ fn around<S: Sample>(row: &[S], column: isize) -> [S; LANES + TAPS - 1] {
     std::array::from_fn(|k| row[(column + k as isize).clamp(0, last) as usize])
 }
 
-/// Weights of four samples for a place at a share of the way between the middle ones (Catmull and Rom).
+/// Weights of four samples at a point between the middle two, at `share` of their distance (Catmull and Rom).
 fn cubic(share: f32) -> [f32; TAPS] {
     let [x, x2, x3] = [share, share * share, share * share * share];
     [0.5 * (2.0 * x2 - x - x3), 0.5 * (2.0 - 5.0 * x2 + 3.0 * x3), 0.5 * (x + 4.0 * x2 - 3.0 * x3), 0.5 * (x3 - x2)]
 }
 
-/// Least weight of a saturated sample that makes what it is part of one: less clips no more than noise.
-const SATURATING_WEIGHT: f32 = 0.1;
-
-/// Samples between those of two rows; saturated where any of these is that counts.
+/// Interpolates between the samples of two rows.
 #[inline(always)]
-fn between<L: Lanes, S: Sample>(
+fn interpolate<L: Lanes, S: Sample>(
     lanes: L,
     images: &Images<'_, S>,
     taps: &[[S; LANES + TAPS - 1]; 2],
@@ -98,21 +99,22 @@ fn between<L: Lanes, S: Sample>(
     let l = lanes;
     let (mut sum, mut greatest) = (l.real(0.0), l.word(0));
     for (taps, down) in taps.iter().zip(down) {
-        let mut of_row = l.real(0.0);
+        let mut row = l.real(0.0);
         let mut k = 0;
         while k < TAPS {
             if let Some(samples) = taps[k..].first_chunk() {
                 if across[k] * down >= SATURATING_WEIGHT {
                     greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, samples)));
                 }
-                of_row = l.add_real(of_row, l.times_real(l.real(across[k]), S::reals(l, samples)));
+                row = l.add_real(row, l.times_real(l.real(across[k]), S::reals(l, samples)));
             }
             k += 1;
         }
-        sum = l.add_real(sum, l.times_real(l.real(down), of_row));
+        sum = l.add_real(sum, l.times_real(l.real(down), row));
     }
+    // Unsaturated results stay below saturation, even where cubic interpolation overshoots.
     let saturation = f32::from(images.saturation());
     let rounded = l.max_real(l.add_real(sum, l.real(0.5)), l.real(0.0));
     let unsaturated = l.min_real(rounded, l.real(saturation - 1.0));
-    S::of_reals(l, l.select_real(images.saturates(l, greatest), l.real(saturation), unsaturated))
+    S::from_reals(l, l.select_real(images.saturates(l, greatest), l.real(saturation), unsaturated))
 }
