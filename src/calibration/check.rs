@@ -1,4 +1,5 @@
-//! From the matrices of a file to a rig that cannot be invalid.
+//! Checks and conversion of a calibration (paper, section 2.1). In: the matrices of a file. Out: a rig in metres, or
+//! the first problem found. Cost: the undistortion of one pixel in a thousand of three images.
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
@@ -9,14 +10,14 @@ use super::{CalibrationProblem, Unit};
 
 /// Largest deviation of R·Rᵀ from the identity; files carry 8 or more digits.
 const ROTATION_TOLERANCE: f64 = 1e-5;
-/// Largest ratio of the two focal lengths of a camera or projector that is still believed.
+/// Largest plausible ratio of the two focal lengths of a camera or projector.
 const MAX_FOCAL_RATIO: f64 = 4.0;
-/// Base lengths of a scanner that are believed, metres; outside, the unit is wrong.
+/// Plausible base lengths of a scanner, metres. Outside this range the unit is wrong.
 const BASE_RANGE_M: std::ops::RangeInclusive<f64> = 1e-3..=20.0;
-/// Spacing of the pixels at which the inverse of a distortion is tried.
+/// Spacing of the pixels at which the inverse of a distortion is tested.
 const INVERSE_GRID_PX: usize = 32;
 
-/// Names of the four fields of a camera.
+/// Names of the fields of a camera.
 struct CameraFields {
     matrix: &'static str,
     distortion: &'static str,
@@ -64,7 +65,7 @@ fn check_camera_matrix(field: &'static str, k: &[f64], size: [usize; 2]) -> Resu
     if !last_row_is_unit {
         return fail("a camera matrix has the form [fx s cx; 0 fy cy; 0 0 1]".to_owned());
     }
-    // A principal point outside the image is normal for projectors (lens shift), but not by more than an image.
+    // Projectors often have their principal point outside the image (lens shift), but by less than an image.
     for (axis, centre, extent) in [("cx", k[2], size[0] as f64), ("cy", k[5], size[1] as f64)] {
         if centre < -extent || centre > 2.0 * extent {
             return fail(format!("{axis} is {centre} px, more than an image away from an image of {extent} px"));
@@ -101,7 +102,7 @@ fn check_invertible(camera: &Camera, field: &'static str) -> Result<(), Calibrat
     Ok(())
 }
 
-/// Grid points over one image axis, both ends included.
+/// Grid points along one image axis, both ends included.
 fn grid(extent_px: usize) -> impl Iterator<Item = f64> {
     let last = extent_px - 1;
     (0..last).step_by(INVERSE_GRID_PX).chain([last]).map(|i| i as f64)
@@ -128,7 +129,7 @@ fn pose(
         return Err(shape_error(translation, t, "3×1"));
     }
     let t = Vector3::from_column_slice(&t.values) * unit.in_metres();
-    // Files round to some digits; the quaternion makes it a rotation to the last bit.
+    // Files hold rounded digits; the quaternion makes it a rotation to the last bit.
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
         &r,
         1e-15,
@@ -138,12 +139,12 @@ fn pose(
     Ok(Pose::from_parts(Translation3::from(t), rotation))
 }
 
-/// The base must have a length that scanners have.
+/// The base must have the length of a scanner.
 fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
     let base_m = rig.cam2_from_cam1.translation.vector.norm();
     if !BASE_RANGE_M.contains(&base_m) {
         let what = format!(
-            "cameras 1 and 2 are {base_m} m apart (unit {}); believed are {} to {} m: check T2 and the unit",
+            "cameras 1 and 2 are {base_m} m apart (unit {}), which is not plausible (from {} to {} m): check T2 and the unit",
             unit.symbol(),
             BASE_RANGE_M.start(),
             BASE_RANGE_M.end()
@@ -153,10 +154,10 @@ fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
     Ok(())
 }
 
-/// The axes of both cameras and of the projector must be able to meet before the cameras.
+/// The optical axes of both cameras and of the projector must be able to meet in front of the cameras.
 ///
 /// Inverted transforms (x1 = R·x2 + T instead of x2 = R·x1 + T) turn the axes away from each other on a toed-in rig.
-/// Cameras swapped as a whole make a sound rig; that the images do not fit it shows when they are matched.
+/// Completely swapped cameras make a valid rig. Matching finds out that the images do not fit it.
 fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     EpipolarFrame::new(rig).map_err(|e| match e {
         EpipolarError::NoBase { .. } => CalibrationProblem::Implausible { field: "T2", what: e.to_string() },
@@ -166,8 +167,8 @@ fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     for (field, pose) in [("R2", &rig.cam2_from_cam1), ("Rp", &rig.projector_from_cam1)] {
         if let Some(angle_deg) = diverging_axes_deg(pose) {
             let what = format!(
-                "its optical axis leads away from that of camera 1 by {angle_deg:.1}°, so that they never look at the \
-                 same object; are the cameras swapped, or is the transform inverted? (x2 = R2·x1 + T2)"
+                "its optical axis points away from the axis of camera 1 by {angle_deg:.1}°, so both never see the same \
+                 object; are the cameras swapped, or is the transform inverted? (x2 = R2·x1 + T2)"
             );
             return Err(CalibrationProblem::Implausible { field, what });
         }
@@ -175,17 +176,17 @@ fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     Ok(())
 }
 
-/// Angle by which two optical axes part, degrees, if they part by more than a wide lens would forgive.
+/// Angle in degrees by which two optical axes diverge, if a wide lens cannot compensate it.
 fn diverging_axes_deg(other_from_cam1: &Pose) -> Option<f64> {
-    const FORGIVEN_DEG: f64 = 8.0;
+    const TOLERATED_DEG: f64 = 8.0;
     let cam1_from_other = other_from_cam1.inverse();
     let centre = cam1_from_other.translation.vector;
     let axis = cam1_from_other.rotation * Vector3::z();
     let away = centre - Vector3::z() * centre.z;
     let away = away.try_normalize(1e-9)?;
-    // Positive: the axis leans away from C1's axis, on the side where the other centre lies.
+    // Positive where the axis points away from C1's axis, towards the side of the other centre.
     let lean_deg = axis.dot(&away).atan2(axis.z).to_degrees();
-    (lean_deg > FORGIVEN_DEG).then_some(lean_deg)
+    (lean_deg > TOLERATED_DEG).then_some(lean_deg)
 }
 
 fn image_size(matrices: &Matrices, field: &'static str) -> Result<[usize; 2], CalibrationProblem> {

@@ -1,7 +1,8 @@
-//! Calibration files: OpenCV FileStorage YAML to a checked [`Rig`].
+//! Calibration files: OpenCV FileStorage YAML to a checked [`Rig`] (paper, section 2.1).
 //!
-//! In: a file with `K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp`, in the unit that the dataset or the user names.
-//! Out: a [`Rig`] in metres whose every number was checked, or an error that names file, field, value and remedy.
+//! In: a file with `K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp` and the unit of its lengths. Out: a [`Rig`] in
+//! metres whose every number was checked, or an error that names file, field, value and remedy. Cost: once per rig;
+//! most of it is undistorting a grid of pixels.
 
 mod check;
 mod file_storage;
@@ -32,7 +33,7 @@ pub enum CalibrationProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// It is no FileStorage YAML.
+    /// It is not FileStorage YAML.
     #[error("is not an OpenCV FileStorage YAML file: {0}")]
     NotFileStorage(String),
     /// A field is absent.
@@ -52,7 +53,7 @@ pub enum CalibrationProblem {
         cols: usize,
         /// Values present.
         values: usize,
-        /// What belongs there.
+        /// Expected shape.
         expected: &'static str,
     },
     /// A value is NaN or infinite.
@@ -65,7 +66,7 @@ pub enum CalibrationProblem {
         /// The value.
         value: f64,
     },
-    /// A camera matrix is none.
+    /// A camera matrix is invalid.
     #[error("field {field}: {what}")]
     CameraMatrix {
         /// Name of the field.
@@ -83,7 +84,7 @@ pub enum CalibrationProblem {
         /// Height found.
         height: f64,
     },
-    /// The distortion uses a tilted sensor.
+    /// The distortion has a tilted sensor.
     #[error(
         "field {field} has a tilted sensor (τx = {tau_x}, τy = {tau_y}); this model is not supported: \
          calibrate without CALIB_TILTED_MODEL"
@@ -109,7 +110,7 @@ pub enum CalibrationProblem {
         /// Row, pixels.
         v_px: f64,
     },
-    /// A rotation is none.
+    /// A rotation matrix is invalid.
     #[error("field {field} is not a rotation: {what}")]
     NotARotation {
         /// Name of the field.
@@ -136,7 +137,7 @@ pub enum CalibrationProblem {
         /// Height of the images.
         image_height: usize,
     },
-    /// A length is out of any rig's proportions.
+    /// The arrangement of the rig cannot be right.
     #[error("field {field}: {what}")]
     Implausible {
         /// Name of the field.
@@ -146,27 +147,27 @@ pub enum CalibrationProblem {
     },
 }
 
-/// Reads a calibration file and checks everything that can be checked without images.
+/// Reads a calibration file and makes all checks that need no images.
 ///
 /// `unit` is the unit of `T2` and `Tp`.
 ///
 /// # Errors
 /// [`CalibrationError`], which names file, field and value.
 pub fn read_calibration(path: &Path, unit: Unit) -> Result<Rig, CalibrationError> {
-    let parsed = parse_calibration(&read_text(path)?, unit);
+    let parsed = parse_calibration(&read_calibration_text(path)?, unit);
     parsed.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
 }
 
-/// Reads the text of a calibration file, unchecked.
+/// Reads the text of a calibration file without checking it.
 ///
 /// # Errors
 /// [`CalibrationProblem::Unreadable`].
-pub fn read_text(path: &Path) -> Result<String, CalibrationError> {
+pub fn read_calibration_text(path: &Path) -> Result<String, CalibrationError> {
     let text = std::fs::read_to_string(path).map_err(CalibrationProblem::Unreadable);
     text.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
 }
 
-/// [`read_calibration`] on text that is already in memory.
+/// [`read_calibration`] from text in memory.
 ///
 /// # Errors
 /// [`CalibrationProblem`], which names field and value.
@@ -174,9 +175,7 @@ pub fn parse_calibration(text: &str, unit: Unit) -> Result<Rig, CalibrationProbl
     check::rig(&file_storage::parse(text)?, unit)
 }
 
-/// Checks that images have the size that the rig was calibrated for.
-///
-/// `cam1_px`, `cam2_px`: width and height of the images.
+/// Checks that images (width and height, pixels) have the size that the rig was calibrated for.
 ///
 /// # Errors
 /// [`CalibrationProblem::OtherImageSize`].

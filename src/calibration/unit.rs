@@ -1,4 +1,4 @@
-//! Units of length in files; everything inside is in metres.
+//! Units of length in files. Inside the program all lengths are in metres.
 
 use std::str::FromStr;
 
@@ -17,7 +17,7 @@ pub enum Unit {
 pub struct UnknownUnit(pub String);
 
 impl Unit {
-    /// Metres in one of this unit.
+    /// Length of this unit in metres.
     #[must_use]
     pub fn in_metres(self) -> f64 {
         match self {
@@ -26,7 +26,7 @@ impl Unit {
         }
     }
 
-    /// How files name it.
+    /// Its name in files.
     #[must_use]
     pub fn symbol(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! Writing a cloud to a file: format, unit, remarks, checks.
+//! Writes a cloud to a file. In: a cloud, a path and a unit. Out: a complete file, or an error and no change on disk.
 
 use std::path::{Path, PathBuf};
 
@@ -8,12 +8,12 @@ use crate::calibration::Unit;
 
 use super::{Cloud, CloudPoint, npz, pcd, ply};
 
-/// What the file of a cloud says about it.
+/// Unit and origin of an exported cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CloudExport<'a> {
     /// Unit of `x y z` and `sigma`.
     pub unit: Unit,
-    /// Name of the dataset or recording that the cloud was made of.
+    /// Name of the dataset or recording that the cloud comes from.
     pub dataset: &'a str,
 }
 
@@ -24,26 +24,26 @@ pub enum CloudFormat {
     Ply,
     /// PCD 0.7, binary.
     Pcd,
-    /// NPZ, one array a field.
+    /// NPZ, one array per field.
     Npz,
 }
 
-/// Why a cloud was not written; what stood at its path before is untouched.
+/// Why a cloud was not written. An existing file stays as it is.
 #[derive(Debug, thiserror::Error)]
 pub enum CloudWriteError {
-    /// The extension names no format.
+    /// The extension is not that of a supported format.
     #[error(
         "{}: {} does not name a format for point clouds; use .ply, .pcd or .npz",
         path.display(),
         extension.as_ref().map_or("a name without extension".to_owned(), |e| format!("extension .{e}"))
     )]
     UnknownFormat {
-        /// The path asked for.
+        /// The requested path.
         path: PathBuf,
         /// Its extension.
         extension: Option<String>,
     },
-    /// A point has a number that is not finite, in the unit of the file.
+    /// A value of a point is not finite in the unit of the file.
     #[error(
         "{}: the point of pixel {}, {} of C1 has a {field} that is not finite ({value}); nothing was written",
         path.display(), cam1_px[0], cam1_px[1]
@@ -64,10 +64,10 @@ pub enum CloudWriteError {
 }
 
 impl CloudFormat {
-    /// Chooses the format by the extension of a path, in upper or lower case.
+    /// The format that belongs to the extension of a path, in upper or lower case.
     ///
     /// # Errors
-    /// [`CloudWriteError::UnknownFormat`] for any other extension than `ply`, `pcd` and `npz`.
+    /// [`CloudWriteError::UnknownFormat`] if the extension is not `ply`, `pcd` or `npz`.
     pub fn from_path(path: &Path) -> Result<Self, CloudWriteError> {
         let extension = path.extension().map(|e| e.to_string_lossy().into_owned());
         match extension.as_deref().map(str::to_ascii_lowercase).as_deref() {
@@ -80,15 +80,15 @@ impl CloudFormat {
 }
 
 impl CloudExport<'_> {
-    /// Export units in a metre.
-    pub fn per_metre(&self) -> f32 {
+    /// Export units per metre.
+    pub fn units_per_metre(&self) -> f32 {
         match self.unit {
             Unit::Millimetre => 1000.0,
             Unit::Metre => 1.0,
         }
     }
 
-    /// What the file says besides the points: keys and values, one printable ASCII line each.
+    /// Metadata of the file: keys and values, one printable ASCII line each.
     pub fn remarks(&self) -> [(&'static str, String); 4] {
         [
             ("unit", self.unit.symbol().to_owned()),
@@ -100,16 +100,16 @@ impl CloudExport<'_> {
 }
 
 impl Cloud {
-    /// Writes the cloud to a file whose extension chooses the format: `.ply`, `.pcd` or `.npz`.
+    /// Writes the cloud to a file in the format of its extension: `.ply`, `.pcd` or `.npz`.
     ///
-    /// The same cloud and export give the same bytes.
+    /// The same cloud and export always give the same bytes.
     ///
     /// # Errors
-    /// [`CloudWriteError`]: another extension, a number that is not finite, or a file that cannot be written; whatever
-    /// stood at the path stays as it was.
+    /// The extension is unknown, a value is not finite, or the file cannot be written. An existing file then stays as
+    /// it is.
     pub fn write(&self, path: &Path, export: &CloudExport<'_>) -> Result<(), CloudWriteError> {
         let format = CloudFormat::from_path(path)?;
-        check_finite(path, &self.points, export.per_metre())?;
+        check_finite(path, &self.points, export.units_per_metre())?;
         write_atomically(path, |out| match format {
             CloudFormat::Ply => ply::write(out, &self.points, export),
             CloudFormat::Pcd => pcd::write(out, &self.points, export),
@@ -119,7 +119,7 @@ impl Cloud {
     }
 }
 
-/// Headers are lines of ASCII: anything else in a name becomes a question mark.
+/// Replaces everything but printable ASCII by question marks: header lines hold nothing else.
 fn ascii_line(name: &str) -> String {
     name.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c } else { '?' }).collect()
 }
@@ -216,7 +216,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_hostile_name_cannot_break_the_header() {
+    fn no_name_can_break_the_header() {
         let export = CloudExport { dataset: "a\nend_header\u{e9}", ..EXPORT_MM };
         assert_eq!(export.remarks()[3].1, "a?end_header?");
     }

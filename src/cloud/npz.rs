@@ -1,4 +1,4 @@
-//! NPZ for NumPy: one array a field, stored without compression, and the remarks as byte strings.
+//! NPZ for NumPy: one uncompressed array per field, and the metadata as byte strings.
 
 use std::io::{self, Seek, Write};
 
@@ -12,7 +12,7 @@ use super::{CloudExport, CloudPoint};
 /// Writes an NPZ file.
 pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
     let mut fields = FieldWriter { npz: NpzWriter::new(&mut *out), points };
-    let per_metre = export.per_metre();
+    let per_metre = export.units_per_metre();
     fields.write("x", |p| p.position_m[0] * per_metre)?;
     fields.write("y", |p| p.position_m[1] * per_metre)?;
     fields.write("z", |p| p.position_m[2] * per_metre)?;
@@ -30,7 +30,7 @@ pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export
     for (key, value) in export.remarks() {
         fields.write_text(key, &value)?;
     }
-    // Dropping the writer would write the directory of the archive too, but swallow its errors.
+    // Dropping the writer would also write the directory of the archive, but ignore errors.
     fields.npz.zip_writer().finish()?;
     Ok(())
 }
@@ -50,7 +50,7 @@ impl<W: Write + Seek> FieldWriter<'_, W> {
 
     /// A zero-dimensional array of bytes: `str(npz["unit"].item(), "ascii")` in Python.
     fn write_text(&mut self, name: &str, text: &str) -> io::Result<()> {
-        // NumPy knows no strings of no bytes.
+        // NumPy has no byte strings of length zero.
         let type_str = format!("|S{}", text.len().max(1)).parse().map_err(io::Error::other)?;
         let array = self.npz.array::<[u8]>(name, options())?.dtype(DType::Plain(type_str)).shape(&[]);
         let mut array = array.begin_nd()?;
@@ -59,7 +59,7 @@ impl<W: Write + Seek> FieldWriter<'_, W> {
     }
 }
 
-/// Stored as it is, at the zero of ZIP time: the same cloud is the same bytes on any day.
+/// No compression and a fixed time stamp, so that the same cloud gives the same bytes on any day.
 fn options() -> FileOptions {
     FileOptions::default().compression_method(CompressionMethod::Stored).last_modified_time(DateTime::default())
 }
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn the_arrays_are_the_fields_of_the_other_formats_and_the_remarks() {
+    fn the_arrays_are_the_fields_of_the_other_formats_and_the_metadata() {
         let bytes = written(&sample_points());
         let archive = NpzArchive::new(Cursor::new(&bytes)).unwrap();
         let mut names: Vec<_> = archive.array_names().collect();

@@ -1,4 +1,4 @@
-//! PCD 0.7, binary: the fields of the PLY file, for PCL and CloudCompare.
+//! PCD 0.7, binary, for PCL and CloudCompare. It has the fields of the PLY file.
 
 use std::io::{self, Write};
 
@@ -8,10 +8,10 @@ use super::{CloudExport, CloudPoint};
 /// Writes a PCD file.
 pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
     out.write_all(header(points.len(), export).as_bytes())?;
-    write_records(out, points, export.per_metre())
+    write_records(out, points, export.units_per_metre())
 }
 
-/// The header; its lines must stand in this order.
+/// The header. PCD prescribes this order of lines.
 fn header(count: usize, export: &CloudExport<'_>) -> String {
     let mut header = String::from("# .PCD v0.7 - Point Cloud Data file format\n");
     for (key, value) in export.remarks() {

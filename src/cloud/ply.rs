@@ -1,4 +1,4 @@
-//! PLY, binary little-endian: one vertex a point.
+//! PLY, binary little-endian: one vertex per point.
 
 use std::io::{self, Write};
 
@@ -8,10 +8,10 @@ use super::{CloudExport, CloudPoint};
 /// Writes a PLY file.
 pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
     out.write_all(ply_header(points.len(), &export.remarks(), &FIELDS).as_bytes())?;
-    write_records(out, points, export.per_metre())
+    write_records(out, points, export.units_per_metre())
 }
 
-/// The header of `count` vertices with these remarks (keys and values, one line each) and fields.
+/// PLY header for `count` vertices with these `fields`; `remarks` are keys and values of one line each.
 pub fn ply_header(count: usize, remarks: &[(&str, String)], fields: &[(&str, Scalar)]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for (key, value) in remarks {
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_cloud_is_a_header_alone() {
+    fn an_empty_cloud_is_only_a_header() {
         let text = String::from_utf8(written(&[])).unwrap();
         assert_eq!(text, HEADER.replace("vertex 2", "vertex 0"));
     }

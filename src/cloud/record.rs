@@ -1,7 +1,7 @@
-//! One point as the exported files hold it: names, types and order of its fields.
+//! Binary record of one point: names, types and order of its fields. In: points. Out: 41 bytes per point.
 //!
-//! PLY and PCD store the same 41 bytes a point, little-endian and without padding, as do the channel `cloud` and
-//! recordings, with lengths in metres; NPZ stores one array a field under the same names.
+//! PLY, PCD, the channel `cloud` and recordings use the same record, little-endian and without padding. Channel and
+//! recordings hold lengths in metres. NPZ stores one array per field under the same names.
 
 use rayon::prelude::*;
 
@@ -61,37 +61,37 @@ pub const RECORD_BYTES: usize = {
     sum
 };
 
-/// Records encoded at a time: large enough for one system call each, small enough for the cache.
+/// Records encoded at a time: enough to keep system calls rare, few enough for the cache.
 const CHUNK_POINTS: usize = 8192;
 
-/// Writes all points as packed little-endian records; lengths times `per_metre`.
+/// Writes all points as packed little-endian records. Multiplies lengths by `per_metre`.
 ///
 /// # Errors
-/// Those of `out`.
+/// Errors of `out`.
 pub fn write_records(out: &mut impl std::io::Write, points: &[CloudPoint], per_metre: f32) -> std::io::Result<()> {
     let mut bytes = vec![0; CHUNK_POINTS.min(points.len()) * RECORD_BYTES];
     for chunk in points.chunks(CHUNK_POINTS) {
         let bytes = &mut bytes[..chunk.len() * RECORD_BYTES];
-        encode_all(chunk, per_metre, bytes);
+        encode_chunk(chunk, per_metre, bytes);
         out.write_all(bytes)?;
     }
     Ok(())
 }
 
-/// Fills [`RECORD_BYTES`] bytes a point with the packed little-endian records of points, their lengths in metres; in parallel.
-pub fn fill_with_records(bytes: &mut [u8], points: &[CloudPoint]) {
+/// Encodes points in parallel into packed little-endian records of [`RECORD_BYTES`] bytes, lengths in metres.
+pub fn encode_records(bytes: &mut [u8], points: &[CloudPoint]) {
     let chunks = bytes.par_chunks_mut(CHUNK_POINTS * RECORD_BYTES).zip(points.par_chunks(CHUNK_POINTS));
-    chunks.for_each(|(bytes, points)| encode_all(points, 1.0, bytes));
+    chunks.for_each(|(bytes, points)| encode_chunk(points, 1.0, bytes));
 }
 
-fn encode_all(points: &[CloudPoint], per_metre: f32, bytes: &mut [u8]) {
+fn encode_chunk(points: &[CloudPoint], per_metre: f32, bytes: &mut [u8]) {
     let (records, _) = bytes.as_chunks_mut::<RECORD_BYTES>();
     for (record, point) in records.iter_mut().zip(points) {
         encode(point, per_metre, record);
     }
 }
 
-/// Encodes one point; the order and the types are those of [`FIELDS`].
+/// Encodes one point in the order and types of [`FIELDS`].
 fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
     let [x, y, z] = point.position_m.map(|c| c * per_metre);
     record[0..4].copy_from_slice(&x.to_le_bytes());
@@ -110,24 +110,24 @@ fn encode(point: &CloudPoint, per_metre: f32, record: &mut [u8; RECORD_BYTES]) {
     record[37..41].copy_from_slice(&point.confidence.to_le_bytes());
 }
 
-/// Reads records whose lengths are in metres; `None` if they do not fill the bytes.
+/// Decodes records with lengths in metres; `None` if the bytes do not hold a whole number of records.
 #[must_use]
 pub fn read_records(bytes: &[u8]) -> Option<Vec<CloudPoint>> {
     let (records, rest) = bytes.as_chunks::<RECORD_BYTES>();
     rest.is_empty().then(|| records.iter().map(decode_record).collect())
 }
 
-/// Decodes one point whose lengths are in metres.
+/// Decodes one record with lengths in metres.
 #[must_use]
 pub fn decode_record(record: &[u8; RECORD_BYTES]) -> CloudPoint {
-    let two = |at: usize| [record[at], record[at + 1]];
+    let two_bytes = |at: usize| [record[at], record[at + 1]];
     let float = |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
     CloudPoint {
         position_m: [float(0), float(4), float(8)],
         intensity: record[12],
-        cam1_px: [u16::from_le_bytes(two(13)), u16::from_le_bytes(two(15))],
+        cam1_px: [u16::from_le_bytes(two_bytes(13)), u16::from_le_bytes(two_bytes(15))],
         cam2_px: [float(17), float(21)],
-        order: i16::from_le_bytes(two(25)),
+        order: i16::from_le_bytes(two_bytes(25)),
         delta_rad: float(27),
         candidates: record[31],
         stage: record[32],
@@ -148,7 +148,7 @@ mod tests {
         write_records(&mut bytes, &points, 1.0).unwrap();
         assert_eq!(read_records(&bytes).unwrap(), points);
         let mut in_place = vec![0; bytes.len()];
-        fill_with_records(&mut in_place, &points);
+        encode_records(&mut in_place, &points);
         assert_eq!(in_place, bytes);
         assert!(read_records(&bytes[1..]).is_none());
         assert!(read_records(&[]).unwrap().is_empty());

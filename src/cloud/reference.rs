@@ -1,4 +1,4 @@
-//! Clouds of the reference methods: from matched pixels to points (paper, Table 2).
+//! Clouds of the reference methods (paper, Table 2). In: matched pixels. Out: points. Cost: two projections per point.
 
 use rayon::prelude::*;
 
@@ -8,10 +8,10 @@ use crate::correspondence::reference_methods::ReferenceMatch;
 use crate::geometry::{FringePattern, Pixel, Point3, Rig, range_per_pixel};
 use crate::phase::PhaseMap;
 
-/// Points of matches, in the order of their pixels.
+/// The points of matches, in the order of their pixels.
 ///
-/// `pattern` and `phase` (of C1) give δ; `match_sd_px` is the standard deviation of a match along the epipolar line,
-/// from which `sigma_m` follows.
+/// δ follows from `pattern` and `phase` (of C1). `match_sd_px` is the standard deviation of a match along the epipolar
+/// line; `sigma_m` follows from it.
 #[must_use]
 pub fn reference_cloud(
     rig: &Rig,
@@ -24,8 +24,8 @@ pub fn reference_cloud(
         let found = (*found)?;
         let (u, v) = (i % phase.width, i / phase.width);
         let position = Point3::from(rig.cam1.ray(&Pixel::new(u as f64, v as f64))? * found.depth_m);
-        let lit_by = pattern.phase_turns(rig.project_projector(&position)?.x);
-        let delta_turns = lit_by - f64::from(*phase.phase.get(i)?) / 65536.0;
+        let back_projected_turns = pattern.phase_turns(rig.project_projector(&position)?.x);
+        let delta_turns = back_projected_turns - f64::from(*phase.phase.get(i)?) / 65536.0;
         Some(CloudPoint {
             position_m: position.coords.map(|x| x as f32).into(),
             intensity: *phase.mean.get(i)?,

@@ -1,7 +1,16 @@
-//! From correspondences to points with their standard deviation.
+//! Triangulation of all correspondences, with the standard deviation of every point (paper, section 2.1).
 //!
-//! The correspondence lies on the epipolar line of its pixel, so the two rays meet; the depth is linear-fractional in the
-//! column of the epipolar frame.
+//! In: matches and the phase data of C1. Out: a [`Cloud`]. Cost: some hundred operations per point, in vector code. A
+//! correspondence lies on the epipolar line of its pixel, so both rays intersect exactly.
+//!
+//! ```text
+//! count the matches of every row             (so that each row has its part of the cloud)
+//! for each row, in parallel:
+//!     for each tile of neighbouring pixels:
+//!         triangulate every pixel of the tile, matched or not (no branches: vector code)
+//!         append the points of its matches   (a match has no point if its rays do not intersect)
+//! close the gaps that missing points left    (serial; most often nothing moves)
+//! ```
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -9,19 +18,19 @@ use std::ops::Range;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::{Confidence, Matches, Outcome, RayRow, SegmentTable};
-use crate::geometry::{EpipolarFrame, Sights};
+use crate::geometry::{EpipolarFrame, ImageTriangulation};
 use crate::phase::Modulation;
 
 use super::{Cloud, CloudPoint};
 
-/// Pixels that are looked at together.
+/// Pixels triangulated together.
 const TILE_PX: usize = RayRow::PIXELS;
-/// Rows that one thread takes at a time.
-const ROWS_AT_A_TIME: usize = 16;
-/// δ is told in turns · 65536.
+/// Most rows in a task of one thread.
+const ROWS_PER_TASK: usize = 16;
+/// Matches hold δ in turns · 65536.
 const RAD_PER_DELTA: f32 = (TAU / 65536.0) as f32;
 
-/// What the points are made of, beside the matches.
+/// Input of the triangulation besides the matches.
 #[derive(Clone, Copy)]
 pub struct TriangulationInput<'a> {
     /// Width of the images of C1, pixels.
@@ -30,41 +39,43 @@ pub struct TriangulationInput<'a> {
     pub mean: &'a [u8],
     /// Modulation of every pixel of C1.
     pub modulation: &'a [Modulation],
-    /// Standard deviation of the phase of C1 and of C2, times the modulation, grey levels: noise of the grey levels times its
+    /// Standard deviation of the phase of C1 and C2 times the modulation, grey levels: grey-level noise times noise
     /// gain, see [`crate::phase::FitStatistics`].
     pub phase_noise_grey: [f32; 2],
-    /// Segment table that the matches come from.
+    /// Segment table of the matches.
     pub table: &'a SegmentTable,
 }
 
-/// Makes the points of one window after the other, in the same memory.
+/// Triangulates the windows of one rig, in the same memory.
 #[derive(Clone, Debug)]
 pub struct Triangulator {
-    sights: Sights,
-    /// Of each row the place of its first point, if all of its matches have one, and how many have.
-    rows: Vec<PointsOfRow>,
+    triangulation: ImageTriangulation,
+    rows: Vec<RowPoints>,
 }
 
+/// Where the points of a row are in the cloud.
 #[derive(Clone, Copy, Debug, Default)]
-struct PointsOfRow {
+struct RowPoints {
+    /// Index of the first, with room for a point per match.
     begin: usize,
-    made: usize,
+    /// Number of points.
+    count: usize,
 }
 
 impl Triangulator {
-    /// For the rig of an epipolar frame.
+    /// A triangulator for the rig of an epipolar frame.
     #[must_use]
     pub fn new(frame: &EpipolarFrame) -> Self {
-        Self { sights: frame.sights(), rows: Vec::new() }
+        Self { triangulation: frame.image_triangulation(), rows: Vec::new() }
     }
 
-    /// Makes the points of all matches, in the order of their pixels, in the memory of the cloud before; a match whose rays part
-    /// has none.
+    /// Triangulates all matches, in the order of their pixels, into the memory of `cloud`. A match whose rays do not
+    /// intersect has no point.
     ///
-    /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in either camera (the modulation of C1 stands for both),
-    /// divided by the slope of the phase along the epipolar line, times the depth per column, times the length of the ray.
+    /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in each camera (the modulation of C1 stands for both),
+    /// divided by the slope of the phase along the epipolar line, times depth per column, times length of the ray.
     pub fn triangulate(&mut self, matches: &Matches, input: TriangulationInput<'_>, cloud: &mut Cloud) {
-        let Self { sights, rows } = self;
+        let Self { triangulation, rows } = self;
         let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
         let phase_noise = (cam1_grey.hypot(cam2_grey) / TAU * 65536.0) as f32;
         rows.clear();
@@ -72,51 +83,52 @@ impl Triangulator {
         rows.extend(matches.outcomes.chunks_exact(input.width.max(1)).map(|outcomes| {
             let begin = end;
             end += outcomes.iter().map(|outcome| usize::from(outcome.is_found())).sum::<usize>();
-            PointsOfRow { begin, made: 0 }
+            RowPoints { begin, count: 0 }
         }));
         cloud.points.resize(end, CloudPoint::default());
-        let work = Work { matches, input, sights, phase_noise };
-        work.fill(0..rows.len(), rows, &mut cloud.points);
+        let shared = Shared { matches, input, triangulation, phase_noise };
+        shared.fill_rows(0..rows.len(), rows, &mut cloud.points);
         close_gaps(&mut cloud.points, rows);
     }
 }
 
-/// What all rows share.
+/// Input that all rows share.
 #[derive(Clone, Copy)]
-struct Work<'a> {
+struct Shared<'a> {
     matches: &'a Matches,
     input: TriangulationInput<'a>,
-    sights: &'a Sights,
-    /// Standard deviation of the phase of both cameras together at a modulation of a grey level, turns · 65536.
+    triangulation: &'a ImageTriangulation,
+    /// Standard deviation of the phase of both cameras together at a modulation of one grey level, turns · 65536.
     phase_noise: f32,
 }
 
-impl Work<'_> {
-    /// Fills in the points of some rows, in parallel.
-    fn fill(self, range: Range<usize>, rows: &mut [PointsOfRow], points: &mut [CloudPoint]) {
-        if range.len() > ROWS_AT_A_TIME {
+impl Shared<'_> {
+    /// Fills in the points of a range of rows, in parallel.
+    fn fill_rows(self, range: Range<usize>, rows: &mut [RowPoints], points: &mut [CloudPoint]) {
+        // Rows have parts of different length in the cloud, so the range is halved until one task's worth is left.
+        if range.len() > ROWS_PER_TASK {
             let (middle, half) = (range.start + range.len() / 2, range.len() / 2);
             let (upper, lower) = rows.split_at_mut(half);
             let (points_above, points_below) = points.split_at_mut(lower[0].begin - upper[0].begin);
             rayon::join(
-                || self.fill(range.start..middle, upper, points_above),
-                || self.fill(middle..range.end, lower, points_below),
+                || self.fill_rows(range.start..middle, upper, points_above),
+                || self.fill_rows(middle..range.end, lower, points_below),
             );
             return;
         }
         let mut rest = points;
         for (place, v) in range.enumerate() {
-            let count = rows.get(place + 1).map_or(rest.len(), |next| next.begin - rows[place].begin);
+            let matched = rows.get(place + 1).map_or(rest.len(), |next| next.begin - rows[place].begin);
             let out;
-            (out, rest) = rest.split_at_mut(count);
-            rows[place].made = fringeflow_simd::run(Level::in_use(), RowKernel { work: self, v, out });
+            (out, rest) = rest.split_at_mut(matched);
+            rows[place].count = fringeflow_simd::run(Level::in_use(), RowKernel { shared: self, v, out });
         }
     }
 }
 
-/// Makes the points of row `v`; how many there are.
+/// Triangulates row `v`; returns the number of points.
 struct RowKernel<'a, 'b> {
-    work: Work<'a>,
+    shared: Shared<'a>,
     v: usize,
     out: &'b mut [CloudPoint],
 }
@@ -126,22 +138,22 @@ impl Kernel for RowKernel<'_, '_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> usize {
-        let Self { work, v, out } = self;
-        let width = work.input.width;
-        let rays = work.input.table.rays(v);
-        let mut made = 0;
+        let Self { shared, v, out } = self;
+        let width = shared.input.width;
+        let rays = shared.input.table.rays(v);
+        let mut count = 0;
         for k in 0..width.div_ceil(TILE_PX) {
             let first = v * width + TILE_PX * k;
-            let tile = Tile::new(&work, first, TILE_PX.min(width - TILE_PX * k));
+            let tile = Tile::new(&shared, first, TILE_PX.min(width - TILE_PX * k));
             if tile.found.contains(&true) {
-                made += tile.points(&work, rays.of_patch(k), [TILE_PX * k, v], &mut out[made..]);
+                count += tile.write_points(&shared, rays.of_patch(k), [TILE_PX * k, v], &mut out[count..]);
             }
         }
-        made
+        count
     }
 }
 
-/// What is known of some neighbouring pixels of a row.
+/// Data of neighbouring pixels of a row, copied to arrays of fixed size.
 struct Tile {
     found: [bool; TILE_PX],
     outcome: [Outcome; TILE_PX],
@@ -156,10 +168,10 @@ struct Tile {
 }
 
 impl Tile {
-    /// `count` pixels from `first` on; nothing is found beyond them.
+    /// `count` pixels from `first` on; the rest of the tile is padding without matches.
     #[inline(always)]
-    fn new(work: &Work<'_>, first: usize, count: usize) -> Self {
-        let (matches, input, pixels) = (work.matches, &work.input, first..first + count);
+    fn new(shared: &Shared<'_>, first: usize, count: usize) -> Self {
+        let (matches, input, pixels) = (shared.matches, &shared.input, first..first + count);
         let outcome = fringeflow_simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
         let mut found = [false; TILE_PX];
         for i in 0..TILE_PX {
@@ -179,11 +191,11 @@ impl Tile {
         }
     }
 
-    /// Makes their points, of pixels from column and row `[u, v]` on; how many there are.
+    /// Writes the points of the tile, whose first pixel is at column and row `[u, v]`; returns their number.
     #[inline(always)]
-    fn points(
+    fn write_points(
         &self,
-        work: &Work<'_>,
+        shared: &Shared<'_>,
         [ray_x, ray_y, row_px]: [[f32; TILE_PX]; 3],
         [u, v]: [usize; 2],
         out: &mut [CloudPoint],
@@ -191,25 +203,26 @@ impl Tile {
         let (mut x_m, mut y_m, mut z_m) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
         let (mut u2_px, mut v2_px) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
         let (mut delta_rad, mut sigma_m) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
-        let (mut confidence, mut is_seen) = ([0.0_f32; TILE_PX], [false; TILE_PX]);
+        let (mut confidence, mut has_point) = ([0.0_f32; TILE_PX], [false; TILE_PX]);
         for i in 0..TILE_PX {
-            let seen = work.sights.look([ray_x[i], ray_y[i]], self.column_px[i], row_px[i]);
+            let found = shared.triangulation.triangulate([ray_x[i], ray_y[i]], self.column_px[i], row_px[i]);
             let slope = f32::from(self.slope[i].unsigned_abs().max(1));
-            let column_sd_px = work.phase_noise / (self.modulation[i].grey() * slope);
-            let (x, y, z) = (ray_x[i] * seen.depth_m, ray_y[i] * seen.depth_m, seen.depth_m);
+            let column_sd_px = shared.phase_noise / (self.modulation[i].grey() * slope);
+            let (x, y, z) = (ray_x[i] * found.depth_m, ray_y[i] * found.depth_m, found.depth_m);
             (x_m[i], y_m[i], z_m[i]) = (x, y, z);
-            [u2_px[i], v2_px[i]] = seen.cam2_px;
-            sigma_m[i] = column_sd_px * seen.depth_per_column_m * seen.range_per_depth;
+            [u2_px[i], v2_px[i]] = found.cam2_px;
+            sigma_m[i] = column_sd_px * found.depth_per_column_m * found.range_per_depth;
             delta_rad[i] = f32::from(self.delta[i]) * RAD_PER_DELTA;
             confidence[i] = self.confidence[i].probability();
-            // Before the camera, and no number that is not finite.
+            // The sum is finite only if every term is: one comparison instead of six.
             let sum = x + y + z + u2_px[i] + v2_px[i] + sigma_m[i];
-            is_seen[i] = self.found[i] & (z > 0.0) & (sum.abs() < f32::INFINITY);
+            has_point[i] = self.found[i] & (z > 0.0) & (sum.abs() < f32::INFINITY);
         }
-        let mut made = 0;
+        // A loop of its own: appending depends on the pixels before, and would keep the loop above from vectorizing.
+        let mut count = 0;
         for i in 0..TILE_PX {
-            if is_seen[i] {
-                out[made] = CloudPoint {
+            if has_point[i] {
+                out[count] = CloudPoint {
                     position_m: [x_m[i], y_m[i], z_m[i]],
                     intensity: self.intensity[i],
                     cam1_px: [(u + i) as u16, v as u16],
@@ -221,21 +234,21 @@ impl Tile {
                     sigma_m: sigma_m[i],
                     confidence: confidence[i],
                 };
-                made += 1;
+                count += 1;
             }
         }
-        made
+        count
     }
 }
 
-/// Keeps of each row's points those that were made: of some matches the rays part.
-fn close_gaps(points: &mut Vec<CloudPoint>, rows: &[PointsOfRow]) {
+/// Moves the points of all rows together: a match without a point leaves a gap at the end of its row.
+fn close_gaps(points: &mut Vec<CloudPoint>, rows: &[RowPoints]) {
     let mut to = 0;
     for row in rows {
         if row.begin != to {
-            points.copy_within(row.begin..row.begin + row.made, to);
+            points.copy_within(row.begin..row.begin + row.count, to);
         }
-        to += row.made;
+        to += row.count;
     }
     points.truncate(to);
 }
@@ -248,7 +261,7 @@ mod tests {
     fn rows_with_fewer_points_than_matches_leave_no_gaps() {
         let mut points: Vec<CloudPoint> =
             (0..9).map(|i| CloudPoint { intensity: i, ..CloudPoint::default() }).collect();
-        let rows = [(0, 3), (3, 0), (3, 1), (7, 2)].map(|(begin, made)| PointsOfRow { begin, made });
+        let rows = [(0, 3), (3, 0), (3, 1), (7, 2)].map(|(begin, count)| RowPoints { begin, count });
         close_gaps(&mut points, &rows);
         assert_eq!(points.iter().map(|point| point.intensity).collect::<Vec<_>>(), [0, 1, 2, 3, 7, 8]);
     }

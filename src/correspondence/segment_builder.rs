@@ -84,7 +84,7 @@ impl Builder<'_> {
     /// Where the segments of all pixels begin and end, row by row, with the ends after the beginnings.
     pub(super) fn limits(&self, fields: &Patches<FIELDS>) -> Vec<u16> {
         let [width, height] = self.size_px();
-        let clip = self.volume.seen_from_cam1();
+        let clip = self.volume.ray_clipper();
         let last_row = (self.frame.height_px() - 1) as f32;
         let last_px = (self.frame.width_px() - 1) as f64;
         let units = f64::from(units_per_px(self.frame.width_px()));
@@ -158,7 +158,7 @@ struct MiddleSurface {
 impl MiddleSurface {
     /// That of the rays that meet the volume, the longer they are in it the more; at the depth of its centre where none does.
     fn new(volume: &MeasurementVolume, rays: &[Option<Vector3>]) -> Self {
-        let clip = volume.seen_from_cam1();
+        let clip = volume.ray_clipper();
         let inverse_depths = |ray: &Vector3| {
             let (near_m, far_m) = clip.clip(ray)?;
             Some((1.0 / near_m.max(MIN_DEPTH_SHARE * far_m), 1.0 / far_m))

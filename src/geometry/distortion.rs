@@ -1,4 +1,7 @@
-//! Lens distortion in OpenCV's model: radial, rational, tangential, thin prism.
+//! Lens distortion in OpenCV's model: radial, rational, tangential, thin prism (operator D of the paper, section 2.1).
+//!
+//! In: coefficients and a point at z = 1. Out: its distorted or undistorted image. Cost: two polynomials and a
+//! division; undistortion takes about four Newton steps of twice that.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -23,13 +26,13 @@ pub struct Distortion {
 const MAX_NEWTON_STEPS: usize = 30;
 /// Residual, in normalized coordinates, at which the inversion is accepted (1e-12 · f is far below a pixel).
 const NEWTON_TOLERANCE: f64 = 1e-12;
-/// Radii beyond this (79° off axis) are not examined: no scanner lens reaches them.
+/// Larger radii (79° off axis) are not examined: no scanner lens reaches them.
 const MAX_EXAMINED_RADIUS: f64 = 5.0;
 
 impl Distortion {
     /// The distortion from OpenCV's vector of 4, 5, 8 or 12 coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4]]].
     ///
-    /// Missing coefficients are zero; further ones are ignored (the caller has judged them).
+    /// Missing coefficients are zero. Further ones are ignored: the caller has checked them.
     #[must_use]
     pub fn from_opencv(coefficients: &[f64]) -> Self {
         let c = |i: usize| coefficients.get(i).copied().unwrap_or(0.0);
@@ -88,7 +91,7 @@ impl Distortion {
             let residual = self.distort(ideal) - distorted;
             if residual.amax() <= NEWTON_TOLERANCE {
                 let jacobian = self.jacobian(ideal);
-                // Both signs positive: on the first sheet of the mapping, neither folded nor turned through the centre.
+                // Beyond the fold the mapping reverses its sense: the determinant or the trace turns negative there.
                 return (jacobian.determinant() > 0.0 && jacobian.trace() > 0.0).then_some(ideal);
             }
             ideal -= self.jacobian(ideal).try_inverse()? * residual;
@@ -99,7 +102,7 @@ impl Distortion {
         None
     }
 
-    /// Largest ideal radius up to which the radial term grows, so that no two rays share an image point.
+    /// Largest ideal radius up to which the radial term grows. Up to there no two rays share an image point.
     #[must_use]
     pub fn max_invertible_radius(&self) -> f64 {
         let step = 1e-3;
@@ -110,6 +113,7 @@ impl Distortion {
             let den = polynomial(self.rational, r2);
             let rho = polynomial(self.radial, r2) / den;
             let rho_r2 = (slope(self.radial, r2) - rho * slope(self.rational, r2)) / den;
+            // The distorted radius is r·ρ(r²); its derivative is ρ + 2r²·dρ/d(r²).
             if den <= 0.0 || rho + 2.0 * r2 * rho_r2 <= 0.0 {
                 return radius;
             }

@@ -1,8 +1,12 @@
-//! The epipolar frame of C2: a virtual, distortion-free camera at the centre of C2 whose rows are epipolar lines.
+//! The epipolar frame of C2: a virtual, distortion-free camera at the centre of C2 whose rows are epipolar lines
+//! (paper, section 2.1).
 //!
-//! In it the search for a correspondence runs along a row, inverse depth is linear in the column, and the distortion of
-//! C2 is undone once per image instead of once per candidate. C1 is not resampled: each of its raw pixels has a row
-//! (a real number) of its own.
+//! In: a rig. Out: the row and the columns of the epipolar line of any ray of C1. Cost: a matrix times a vector per
+//! ray.
+//!
+//! In this frame the search for a correspondence runs along a row, and inverse depth is linear in the column. The
+//! distortion of C2 is undone once per image instead of once per candidate. C1 is not resampled: each of its raw pixels
+//! has a row (a real number) of its own.
 
 use nalgebra::{Matrix3, Rotation3};
 
@@ -41,16 +45,14 @@ pub struct EpipolarLine {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum EpipolarError {
     /// The two cameras have the same centre.
-    #[error(
-        "cameras 1 and 2 are {base_m:e} m apart: without a base nothing can be triangulated; check T2 and the unit"
-    )]
+    #[error("cameras 1 and 2 are {base_m:e} m apart, too close together to triangulate; check T2 and the unit")]
     NoBase {
         /// Length of the base, metres.
         base_m: f64,
     },
     /// C2 looks along the base.
     #[error(
-        "camera 2 looks along the base within {angle_deg:.0}°: its epipolar lines do not run across the image; check R2 and T2"
+        "camera 2 looks along the base (to {angle_deg:.0}°), so epipolar lines do not cross its image; check R2 and T2"
     )]
     LooksAlongBase {
         /// Smallest angle between a viewing ray of C2 and the base, degrees.
@@ -67,7 +69,7 @@ pub enum EpipolarError {
 }
 
 impl EpipolarFrame {
-    /// The epipolar frame of a rig, large enough for the whole image of C2 at its own scale.
+    /// The epipolar frame of a rig. It holds the whole image of C2 at its own scale.
     ///
     /// # Errors
     /// No base, C2 looking along the base, or a distortion without inverse.
@@ -93,7 +95,7 @@ impl EpipolarFrame {
         Ok(frame)
     }
 
-    /// Moves the principal point and sets the size so that the image of C2 just fits.
+    /// Sets principal point and size so that the image of C2 just fits.
     fn fit_to_image(&mut self) -> Result<(), EpipolarError> {
         let (mut min, mut max) =
             (Pixel::new(f64::INFINITY, f64::INFINITY), Pixel::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
@@ -124,7 +126,7 @@ impl EpipolarFrame {
         self.height_px
     }
 
-    /// Epipolar line of a ray of C1 (direction with `z = 1`); `None` where the ray never comes before the frame.
+    /// Epipolar line of a ray of C1 (direction with `z = 1`); `None` where the whole ray is behind the frame.
     #[must_use]
     pub fn line(&self, ray_cam1: &Vector3) -> Option<EpipolarLine> {
         let a = self.epipolar_from_cam1 * ray_cam1;
@@ -135,7 +137,7 @@ impl EpipolarFrame {
         })
     }
 
-    /// Raw image point of C2 at a place of the frame; `None` where the distortion cannot follow.
+    /// Raw image point of C2 at a point of the frame; `None` beyond the radius at which the distortion folds back.
     #[must_use]
     pub fn cam2_pixel(&self, place: &Pixel) -> Option<Pixel> {
         let offset = (place - self.principal_px) / self.focal_px;
@@ -151,16 +153,16 @@ impl EpipolarLine {
         self.column_at_infinity_px + self.column_per_inverse_depth / depth_m
     }
 
-    /// Depth (z in the frame of C1, metres) of the point seen at a column; infinite or negative where the rays part.
+    /// Depth (z in the frame of C1, metres) of the point seen at a column; infinite or negative where the rays diverge.
     #[must_use]
     pub fn depth_of_column(&self, column_px: f64) -> f64 {
         self.column_per_inverse_depth / (column_px - self.column_at_infinity_px)
     }
 }
 
-/// Rotation into a frame whose x axis is the base and whose z axis is as close to the optical axis as that allows.
+/// Rotation into a frame whose x axis is the base and whose z axis is as close to the optical axis as possible.
 ///
-/// The sense of x is that of the image axis the base is closest to, so that rows run as in the raw image.
+/// x points like the image axis closest to the base, so rows run in the same sense as in the raw image.
 fn rows_along(base: &Vector3) -> Rotation3<f64> {
     let along = if base.x.abs() >= base.y.abs() { base.x } else { base.y };
     let x = if along < 0.0 { -base } else { *base };

@@ -1,4 +1,5 @@
-//! The fringe pattern: how the phase runs over the projector's columns.
+//! The fringe pattern: the phase as a function of the projector column (paper, section 2.1). In: a column or a phase.
+//! Out: the other. Cost: a division.
 
 use std::f64::consts::TAU;
 

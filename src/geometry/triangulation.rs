@@ -1,14 +1,15 @@
 //! Triangulation: the point of a ray of C1 that comes closest to a ray of C2 (paper, section 2.1).
 //!
-//! In: a pixel of C1 and its correspondence in C2. Out: a point *on the ray of C1*, so that a point and its pixel never
-//! part, and the gap that the ray of C2 leaves, which is zero for a correspondence on the epipolar line.
+//! In: a pixel of C1 and its correspondence in C2. Out: a point *on the ray of C1*, so that it projects exactly onto
+//! its pixel, and its distance from the ray of C2, which is zero for a correspondence on the epipolar line. Cost: two
+//! undistortions and some thirty operations.
 
 use super::{Pixel, Point3, Pose, Rig, Vector3};
 
-/// Least sine of the angle between two rays that still meet somewhere; below it (0.003°) they count as parallel.
+/// Smallest sine of the angle between two rays that intersect; below it (0.003°) they count as parallel.
 const MIN_SINE: f64 = 5e-5;
 
-/// Where two rays meet.
+/// The intersection of two rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangulation {
     /// The point on the ray of C1, frame of C1, metres.
@@ -19,22 +20,22 @@ pub struct Triangulation {
 
 /// Triangulates a raw pixel of C1 and a raw point of C2.
 ///
-/// `None` where a distortion has no inverse, the rays are parallel, or they meet behind a camera.
+/// `None` where a distortion has no inverse, or the rays are parallel or intersect behind a camera. Example: [`Rig`].
 #[must_use]
 pub fn triangulate(rig: &Rig, cam1_px: &Pixel, cam2_px: &Pixel) -> Option<Triangulation> {
-    meet(&rig.cam2_from_cam1, &rig.cam1.ray(cam1_px)?, &rig.cam2.ray(cam2_px)?)
+    intersect_rays(&rig.cam2_from_cam1, &rig.cam1.ray(cam1_px)?, &rig.cam2.ray(cam2_px)?)
 }
 
-/// Meets two rays, each a direction with `z = 1` in the frame of its own camera.
+/// Intersects two rays, each a direction with `z = 1` in the frame of its own camera.
 ///
-/// With a the ray of C1, n the unit direction of C2's ray and c the centre of C2, all in the frame of C1, and ⊥ the
-/// part of a vector across n, the depth is a⊥·c⊥ / a⊥². `None` where the rays are parallel or meet behind a camera.
-#[must_use]
-pub fn meet(cam2_from_cam1: &Pose, ray_cam1: &Vector3, ray_cam2: &Vector3) -> Option<Triangulation> {
+/// In the frame of C1, a is the ray of C1, n the unit direction of C2's ray and c the centre of C2. With v⊥ the
+/// component of v perpendicular to n, the depth is a⊥·c⊥ / a⊥². `None` where the rays are parallel or intersect behind
+/// a camera.
+fn intersect_rays(cam2_from_cam1: &Pose, ray_cam1: &Vector3, ray_cam2: &Vector3) -> Option<Triangulation> {
     let cam1_from_cam2 = cam2_from_cam1.inverse();
     let (centre, direction) = (cam1_from_cam2.translation.vector, (cam1_from_cam2.rotation * ray_cam2).normalize());
-    let across = |v: &Vector3| v - direction * direction.dot(v);
-    let (ray, offset) = (across(ray_cam1), across(&centre));
+    let perpendicular = |v: &Vector3| v - direction * direction.dot(v);
+    let (ray, offset) = (perpendicular(ray_cam1), perpendicular(&centre));
     if ray.norm() < MIN_SINE * ray_cam1.norm() {
         return None;
     }
@@ -45,8 +46,8 @@ pub fn meet(cam2_from_cam1: &Pose, ray_cam1: &Vector3, ray_cam2: &Vector3) -> Op
     (depth > 0.0 && before_cam2).then(|| Triangulation { point_cam1: Point3::from(point), gap_m })
 }
 
-/// How far a point moves along its ray of C1 when its correspondence in C2 moves by a pixel along the epipolar line,
-/// metres a pixel; `None` where C2 does not see the point.
+/// Distance in metres that a point moves along its ray of C1 when its correspondence in C2 moves by one pixel along the
+/// epipolar line; `None` where C2 does not see the point.
 #[must_use]
 pub fn range_per_pixel(rig: &Rig, point_cam1: &Point3) -> Option<f64> {
     let step = 1e-4;
@@ -99,12 +100,12 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_never_meet_have_no_point() {
+    fn rays_that_do_not_intersect_have_no_point() {
         let pose = Pose::translation(-0.1, 0.0, 0.0);
         let ahead = Vector3::z();
-        assert!(meet(&pose, &ahead, &ahead).is_none());
-        // They part before the cameras and meet behind them.
-        assert!(meet(&pose, &Vector3::new(-0.2, 0.0, 1.0), &Vector3::new(0.2, 0.0, 1.0)).is_none());
+        assert!(intersect_rays(&pose, &ahead, &ahead).is_none());
+        // They diverge in front of the cameras and intersect behind them.
+        assert!(intersect_rays(&pose, &Vector3::new(-0.2, 0.0, 1.0), &Vector3::new(0.2, 0.0, 1.0)).is_none());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use fringeflow::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_text};
+use fringeflow::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_calibration_text};
 use fringeflow::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
@@ -215,7 +215,7 @@ impl ScannerConfiguration {
         sequence: &FringeSequence,
         volume: &MeasurementVolume,
     ) -> Result<SetupText, SetupTextError> {
-        let calibration = read_text(file)?;
+        let calibration = read_calibration_text(file)?;
         let rig = parse_calibration(&calibration, unit);
         let rig = rig.map_err(|problem| CalibrationError { file: file.to_owned(), problem })?;
         let description = DatasetDescription {

@@ -89,7 +89,7 @@ impl Dataset {
         }
         let text = SetupText {
             description: read_text(&folder.join(META_FILE))?,
-            calibration: calibration::read_text(&folder.join(CALIBRATION_FILE))?,
+            calibration: calibration::read_calibration_text(&folder.join(CALIBRATION_FILE))?,
         };
         let mut setup = Setup::parse(text, unit).map_err(|e| e.of_files(folder))?;
         if setup.name.is_empty() {

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use fringeflow::calibration::Unit;
-use fringeflow::geometry::{Pose, between};
+use fringeflow::geometry::{Pose, interpolate_pose};
 
 use super::Problem;
 use super::meta::{field, raw_pose, rigid};
@@ -29,7 +29,7 @@ impl Motion {
         let image = image.clamp(0.0, last as f64);
         let before = self.poses.get(image.floor() as usize)?;
         let after = self.poses.get(image.ceil() as usize)?;
-        Some(between(before, after, image.fract()))
+        Some(interpolate_pose(before, after, image.fract()))
     }
 
     /// So many images, or all, whose middle is nearest to where the truth holds.

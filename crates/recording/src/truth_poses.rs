@@ -6,7 +6,7 @@
 
 use foxglove::messages::FrameTransform;
 
-use fringeflow::geometry::{Point3, Pose, between};
+use fringeflow::geometry::{Point3, Pose, interpolate_pose};
 
 use super::content::Content;
 use super::error::RecordingError;
@@ -51,7 +51,7 @@ impl TruthPoses {
         }
         let before = self.poses.get(next.checked_sub(1)?)?;
         let [since_ns, whole_ns] = [time_ns, after.exposure_start_ns].map(|at_ns| at_ns - before.exposure_start_ns);
-        Some(between(&before.cam1_from_object, &after.cam1_from_object, since_ns as f64 / whole_ns as f64))
+        Some(interpolate_pose(&before.cam1_from_object, &after.cam1_from_object, since_ns as f64 / whole_ns as f64))
     }
 }
 

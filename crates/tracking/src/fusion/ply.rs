@@ -37,7 +37,7 @@ pub fn write_model(
     remarks.push(("origin", format!("cam1 at the first of {} clouds", model.clouds())));
     write_atomically(path, |out| {
         out.write_all(ply_header(count, &remarks, &FIELDS).as_bytes())?;
-        model.supported(min_support).try_for_each(|surfel| write(out, surfel, f64::from(export.per_metre())))
+        model.supported(min_support).try_for_each(|surfel| write(out, surfel, f64::from(export.units_per_metre())))
     })?;
     Ok(count)
 }

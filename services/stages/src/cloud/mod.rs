@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use fringeflow::cloud::{Cloud, RECORD_BYTES, fill_with_records};
+use fringeflow::cloud::{Cloud, RECORD_BYTES, encode_records};
 use fringeflow::worker::{CloudWorker, Correspondences};
 use fringeflow_message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, clock, run_transform};
@@ -68,7 +68,7 @@ impl Transform for CloudStage {
         let points = &self.cloud.points;
         let (delta_mean_rad, delta_sd_rad) = self.found.matches.chosen_delta_rad;
         let made = output.send_made(points.len() * RECORD_BYTES, |bytes| {
-            fill_with_records(bytes, points);
+            encode_records(bytes, points);
             Ok::<_, Infallible>(CloudHeader {
                 published,
                 window: self.window,
