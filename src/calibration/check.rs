@@ -144,7 +144,7 @@ fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
     let base_m = rig.cam2_from_cam1.translation.vector.norm();
     if !BASE_RANGE_M.contains(&base_m) {
         let what = format!(
-            "cameras 1 and 2 are {base_m} m apart (unit {}), which is not plausible (from {} to {} m): check T2 and the unit",
+            "cameras 1 and 2 are {base_m} m apart (unit {}); plausible are {} to {} m: check T2 and the unit",
             unit.symbol(),
             BASE_RANGE_M.start(),
             BASE_RANGE_M.end()
@@ -167,7 +167,7 @@ fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     for (field, pose) in [("R2", &rig.cam2_from_cam1), ("Rp", &rig.projector_from_cam1)] {
         if let Some(angle_deg) = diverging_axes_deg(pose) {
             let what = format!(
-                "its optical axis points away from the axis of camera 1 by {angle_deg:.1}°, so both never see the same \
+                "its optical axis points away from the axis of camera 1 by {angle_deg:.1}°, so they never see the same \
                  object; are the cameras swapped, or is the transform inverted? (x2 = R2·x1 + T2)"
             );
             return Err(CalibrationProblem::Implausible { field, what });

@@ -120,22 +120,18 @@ pub enum CalibrationProblem {
     },
     /// The size of an image differs from the calibration's.
     #[error(
-        "field {field} is {calibrated_width} × {calibrated_height}, but the images of camera {camera} are \
-         {image_width} × {image_height}; use the calibration of these images"
+        "field {field} is {} × {}, but the images of camera {camera} are {} × {}; use the calibration of these images",
+        calibrated_px[0], calibrated_px[1], image_px[0], image_px[1]
     )]
     OtherImageSize {
         /// Name of the field.
         field: &'static str,
         /// 1 or 2.
         camera: u8,
-        /// Width in the calibration.
-        calibrated_width: usize,
-        /// Height in the calibration.
-        calibrated_height: usize,
-        /// Width of the images.
-        image_width: usize,
-        /// Height of the images.
-        image_height: usize,
+        /// Width and height in the calibration.
+        calibrated_px: [usize; 2],
+        /// Width and height of the images.
+        image_px: [usize; 2],
     },
     /// The arrangement of the rig cannot be right.
     #[error("field {field}: {what}")]
@@ -180,17 +176,10 @@ pub fn parse_calibration(text: &str, unit: Unit) -> Result<Rig, CalibrationProbl
 /// # Errors
 /// [`CalibrationProblem::OtherImageSize`].
 pub fn check_image_sizes(rig: &Rig, cam1_px: [usize; 2], cam2_px: [usize; 2]) -> Result<(), CalibrationProblem> {
-    for (camera, field, calibrated, image) in [(1, "size1", &rig.cam1, cam1_px), (2, "size2", &rig.cam2, cam2_px)] {
-        let size = [calibrated.width_px(), calibrated.height_px()];
-        if size != image {
-            return Err(CalibrationProblem::OtherImageSize {
-                field,
-                camera,
-                calibrated_width: size[0],
-                calibrated_height: size[1],
-                image_width: image[0],
-                image_height: image[1],
-            });
+    for (camera, field, calibrated, image_px) in [(1, "size1", &rig.cam1, cam1_px), (2, "size2", &rig.cam2, cam2_px)] {
+        let calibrated_px = [calibrated.width_px(), calibrated.height_px()];
+        if calibrated_px != image_px {
+            return Err(CalibrationProblem::OtherImageSize { field, camera, calibrated_px, image_px });
         }
     }
     Ok(())

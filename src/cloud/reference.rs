@@ -1,4 +1,4 @@
-//! Clouds of the reference methods (paper, Table 2). In: matched pixels. Out: points. Cost: two projections per point.
+//! Clouds of the reference methods (paper, Table 2). In: matched pixels. Out: points. Cost: three projections a point.
 
 use rayon::prelude::*;
 

@@ -185,18 +185,10 @@ fn border(camera: &Camera) -> impl Iterator<Item = Pixel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Distortion, Pose};
+    use crate::geometry::{Pose, rig};
 
     fn rig(translation: Vector3, turn: Vector3) -> Rig {
-        let d = Distortion::from_opencv(&[-0.15, 0.2, -0.002, 0.0016, 0.0]);
-        let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], d, [640, 512]);
-        Rig {
-            cam1: camera.clone(),
-            cam2: camera.clone(),
-            projector: camera,
-            cam2_from_cam1: Pose::new(translation, turn),
-            projector_from_cam1: Pose::identity(),
-        }
+        rig::tests::rig(Pose::new(translation, turn), &[-0.15, 0.2, -0.002, 0.0016])
     }
 
     #[test]

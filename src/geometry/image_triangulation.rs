@@ -132,21 +132,14 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Camera, Distortion, Pixel, Pose, Rig, Vector3};
+    use crate::geometry::{Pixel, Pose, Rig, Vector3, rig};
 
     #[test]
     fn single_precision_agrees_with_the_epipolar_frame() {
-        let lens =
-            Distortion::from_opencv(&[-0.15, 0.2, -0.002, 0.0016, 0.03, 0.01, -0.02, 0.005, 1e-3, 2e-4, -1e-3, 3e-4]);
-        let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], lens, [640, 512]).with_skew(0.4);
+        let lens = [-0.15, 0.2, -0.002, 0.0016, 0.03, 0.01, -0.02, 0.005, 1e-3, 2e-4, -1e-3, 3e-4];
         let cam2_from_cam1 = Pose::new(Vector3::new(-0.11, 0.003, 0.02), Vector3::new(0.01, 0.38, -0.02));
-        let rig = Rig {
-            cam1: camera.clone(),
-            cam2: camera.clone(),
-            projector: camera,
-            cam2_from_cam1,
-            projector_from_cam1: Pose::identity(),
-        };
+        let rig = rig::tests::rig(cam2_from_cam1, &lens);
+        let rig = Rig { cam2: rig.cam2.clone().with_skew(0.4), ..rig };
         let frame = EpipolarFrame::new(&rig).unwrap();
         let triangulation = frame.image_triangulation();
         for i in 0..100 {
@@ -174,15 +167,7 @@ mod tests {
 
     #[test]
     fn rays_beyond_the_fold_of_the_lens_have_no_pixel() {
-        let lens = Distortion::from_opencv(&[-0.2, 0.0, 0.0, 0.0]);
-        let camera = Camera::new([800.0, 800.0], [320.0, 256.0], lens, [640, 512]);
-        let rig = Rig {
-            cam1: camera.clone(),
-            cam2: camera.clone(),
-            projector: camera,
-            cam2_from_cam1: Pose::new(Vector3::new(-0.1, 0.0, 0.0), Vector3::zeros()),
-            projector_from_cam1: Pose::identity(),
-        };
+        let rig = rig::tests::rig(Pose::translation(-0.1, 0.0, 0.0), &[-0.2, 0.0, 0.0, 0.0]);
         let triangulation = EpipolarFrame::new(&rig).unwrap().image_triangulation();
         assert!(triangulation.triangulate([0.1, 0.0], 200.0, 256.0).cam2_px[0].is_finite());
         assert!(triangulation.triangulate([0.1, 0.0], 9000.0, 256.0).cam2_px[0].is_nan());

@@ -24,7 +24,7 @@ pub struct Readout {
 pub enum ReadoutError {
     /// The region leaves the image.
     #[error(
-        "region {region:?} (x, y, width, height) is not within the image of {} × {} pixels that the rig is calibrated for",
+        "region {region:?} (x, y, width, height) is not within the calibrated image of {} × {} pixels",
         sensor_px[0], sensor_px[1]
     )]
     Outside {

@@ -72,3 +72,21 @@ impl Rig {
         self.centre_of_projector().coords.dot(&base) / base.norm_squared()
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::geometry::Distortion;
+
+    /// A rig of three equal cameras with these OpenCV coefficients of distortion.
+    pub(in crate::geometry) fn rig(cam2_from_cam1: Pose, distortion: &[f64]) -> Rig {
+        let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], Distortion::from_opencv(distortion), [640, 512]);
+        Rig {
+            cam1: camera.clone(),
+            cam2: camera.clone(),
+            projector: camera,
+            cam2_from_cam1,
+            projector_from_cam1: Pose::identity(),
+        }
+    }
+}

@@ -60,19 +60,12 @@ pub fn range_per_pixel(rig: &Rig, point_cam1: &Point3) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Camera, Distortion};
+    use crate::geometry::rig;
     use proptest::prelude::*;
 
     fn rig() -> Rig {
-        let d = Distortion::from_opencv(&[-0.15, 0.2, -0.002, 0.0016, 0.0]);
-        let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], d, [640, 512]);
-        Rig {
-            cam1: camera.clone(),
-            cam2: camera.clone(),
-            projector: camera,
-            cam2_from_cam1: Pose::new(Vector3::new(-0.11, 0.003, 0.02), Vector3::new(0.01, 0.38, -0.02)),
-            projector_from_cam1: Pose::identity(),
-        }
+        let cam2_from_cam1 = Pose::new(Vector3::new(-0.11, 0.003, 0.02), Vector3::new(0.01, 0.38, -0.02));
+        rig::tests::rig(cam2_from_cam1, &[-0.15, 0.2, -0.002, 0.0016])
     }
 
     proptest! {

@@ -1,5 +1,5 @@
 //! Flow of the scene through the images of both cameras. In: a [`Prior`] and the times of a window. Out: a [`Flow`] per
-//! camera. Cost: five projections for each square of 32 × 32 pixels.
+//! camera. Cost: eight projections for each square of 32 × 32 pixels.
 
 use std::f64::consts::TAU;
 

@@ -68,8 +68,8 @@ enum WindowFit {
 pub enum ImagesError {
     /// The images of a camera do not fit the rig or the images of the other camera.
     #[error(
-        "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {expected_images} images of \
-         {expected} pixels, all in one format"
+        "camera {camera}: got {images} images, of {pixels:?} pixels in {formats:?}; expected {expected_images} images \
+         of {expected} pixels, all in one format"
     )]
     Camera {
         /// 1 or 2.

@@ -19,6 +19,18 @@ impl SequenceFaults {
     pub fn first(&self) -> Option<SequenceFault> {
         self.cam1.or(self.cam2)
     }
+
+    fn write_fault(&self, f: &mut std::fmt::Formatter<'_>, device: &str, fault: &SequenceFault) -> std::fmt::Result {
+        let percent = |share: f64| 100.0 * share;
+        write!(
+            f,
+            "{device}: {} (of {}; {:.0} % of the modulation does not fit the declared steps, {:.0} % with the fault)",
+            fault.kind,
+            self.images,
+            percent(fault.residual_share),
+            percent(fault.explained_share)
+        )
+    }
 }
 
 impl std::error::Error for SequenceFaults {}
@@ -40,19 +52,5 @@ impl std::fmt::Display for SequenceFaults {
             }
         }
         f.write_str("; nothing is measured from this window")
-    }
-}
-
-impl SequenceFaults {
-    fn write_fault(&self, f: &mut std::fmt::Formatter<'_>, device: &str, fault: &SequenceFault) -> std::fmt::Result {
-        let percent = |share: f64| 100.0 * share;
-        write!(
-            f,
-            "{device}: {} (of {}; {:.0} % of the modulation does not fit the declared steps, {:.0} % with the fault)",
-            fault.kind,
-            self.images,
-            percent(fault.residual_share),
-            percent(fault.explained_share)
-        )
     }
 }

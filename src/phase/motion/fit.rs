@@ -1,5 +1,5 @@
 //! Constants of the least-squares fit of a moving sinusoid. In: the phase shifts of a window. Out: weights and
-//! responses. Cost: once per kind of window, about a millisecond.
+//! responses. Cost: once per kind of window, up to a millisecond.
 //!
 //! Image i is taken at `t_i` images from the centre of the window, with phase shift `s_i`; the scene moves the phase by
 //! ε per image. The model is `I_i = A + Re(z·e^(i·(s_i + ε·t_i)))`, z = B·e^(iφ), φ the phase at the centre. To first

@@ -1,5 +1,5 @@
 //! Fits of a window for surfaces of known motion. In: the phase shifts of a window. Out: a fit per motion, made when
-//! first needed and then kept. Cost: about a millisecond per fit.
+//! first needed and then kept. Cost: up to a millisecond per fit.
 
 use crate::phase::shifts::ShiftError;
 

@@ -85,13 +85,8 @@ impl<'a, S: Sample> Images<'a, S> {
         Images { samples: planes, ..*self }
     }
 
-    /// Smallest saturated value.
-    pub(super) fn saturation(&self) -> u16 {
-        self.saturation.value()
-    }
-
-    /// A saturated sample.
-    pub(super) fn saturated_sample(&self) -> S {
+    /// Smallest saturated sample.
+    pub(super) fn saturation(&self) -> S {
         self.saturation
     }
 

@@ -1,5 +1,5 @@
-//! Eigenvalues and eigenvectors of the symmetric matrices of 4 to 24 images, by nalgebra. Cost: 1 µs for 4 images, 6 µs for
-//! 12, 30 µs for 24.
+//! Eigenvalues and eigenvectors of the symmetric matrices of 4 to 24 images, by nalgebra. Cost: 1 µs for 4 images, 6 µs
+//! for 12, 30 µs for 24.
 //!
 //! The size is known at run time only, and a window must not allocate. So each size has a matrix type of its own.
 
@@ -37,7 +37,7 @@ macro_rules! solve_by_size {
 }
 
 impl Eigen {
-    /// Solves the first `size` rows and columns of a matrix, whose lower triangle is read; `None` if the size is not 4 to 24.
+    /// Solves the first `size` rows and columns of a matrix, from its lower triangle; `None` unless `size` is 4 to 24.
     pub(super) fn new(matrix: &Matrix, size: usize) -> Option<Self> {
         const { assert!(MAX_IMAGES == 24, "list every size") };
         solve_by_size!(matrix, size: 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24)

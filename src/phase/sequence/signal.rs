@@ -1,5 +1,6 @@
 //! Signal of a block: the plane in which its fringes change from image to image. In: second moments of M images. Out:
-//! two directions and the noise. Cost: two products and the eigenvectors of an M × M matrix, some 10 to 100 µs.
+//! two directions and the noise. Cost: two matrix products and the eigenvectors of an M × M matrix, 2 µs for six
+//! images, 50 µs for 24.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{Kernel, Lanes, Level};

@@ -1,5 +1,5 @@
 //! Planes of possible fringes in the space of M images, one per motion. In: steps and times. Out: the part of a block's
-//! signal outside the best plane. Cost: four multiply-adds per image and plane, about 60 planes for six images.
+//! signal outside the best plane. Cost: four multiply-adds per image and plane, 31 planes for six images.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{Kernel, Lanes, Level};

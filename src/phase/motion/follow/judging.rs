@@ -88,17 +88,8 @@ impl Verdict {
     }
 }
 
-/// Scratch memory for a row of tiles.
-#[derive(Clone, Debug)]
-pub(super) struct JudgeScratch {
-    greys: Box<[[f32; LANES]; MAX_IMAGES]>,
-}
-
-impl Default for JudgeScratch {
-    fn default() -> Self {
-        Self { greys: Box::new([[0.0; LANES]; MAX_IMAGES]) }
-    }
-}
+/// Scratch memory for the grey levels of a block.
+pub(super) type BlockGreys = [[f32; LANES]; MAX_IMAGES];
 
 /// Removes the paths of tiles that fit better without, and all paths if the flow is wrong.
 pub(super) fn remove_wrong_paths(paths: &mut [Path], verdicts: &[Verdict], columns: usize) {
@@ -138,7 +129,7 @@ pub(super) struct VerdictKernel<'a, 'b, S> {
     pub(super) tile_row: usize,
     pub(super) paths: &'a [Path],
     pub(super) verdicts: &'a mut [Verdict],
-    pub(super) scratch: &'a mut JudgeScratch,
+    pub(super) greys: &'a mut BlockGreys,
 }
 
 impl<S: Sample> Kernel for VerdictKernel<'_, '_, S> {
@@ -146,7 +137,7 @@ impl<S: Sample> Kernel for VerdictKernel<'_, '_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { images: [resting, followed], fits, validity, tile_row, paths, verdicts, scratch } = self;
+        let Self { images: [resting, followed], fits, validity, tile_row, paths, verdicts, greys } = self;
         let [first, step] = CHECKED_ROWS;
         let with_path = paths.iter().zip(verdicts).enumerate().filter(|(_, (path, _))| path.bin.is_some());
         for (block, (path, verdict)) in with_path {
@@ -156,7 +147,7 @@ impl<S: Sample> Kernel for VerdictKernel<'_, '_, S> {
                 let place = [row * resting.width + block * LANES, count];
                 let both = [(resting, fits.resting()), (followed, fits.for_bin(path.bin))];
                 let [resting, followed] =
-                    both.map(|(images, fit)| fit_quality(lanes, images, fit, validity, place, &mut scratch.greys));
+                    both.map(|(images, fit)| fit_quality(lanes, images, fit, validity, place, greys));
                 *verdict = verdict.plus(Verdict { lit: resting.lit, resting, followed });
             }
         }
@@ -171,7 +162,7 @@ fn fit_quality<L: Lanes, S: Sample>(
     fit: &MotionFit,
     validity: &Validity,
     [pixel, count]: [usize; 2],
-    greys: &mut [[f32; LANES]; MAX_IMAGES],
+    greys: &mut BlockGreys,
 ) -> FitQuality {
     let l = lanes;
     let Some(levelling) = &fit.levelling else { return FitQuality::default() };

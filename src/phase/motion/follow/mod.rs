@@ -18,6 +18,7 @@ mod sampling;
 
 use rayon::prelude::*;
 
+use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{LANES, Level};
 
 use crate::phase::Validity;
@@ -28,7 +29,7 @@ use super::fits::{Bin, MotionFits};
 use super::flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 use super::images::Images;
 
-use judging::{JudgeScratch, Verdict, VerdictKernel, remove_wrong_paths};
+use judging::{BlockGreys, Verdict, VerdictKernel, remove_wrong_paths};
 use sampling::Sampling;
 
 const _: () = assert!(FLOW_TILE_PX == LANES, "a block of pixels lies in one tile");
@@ -45,7 +46,7 @@ const LONGEST_SHARE: f32 = 0.25;
 pub(super) struct FollowScratch {
     paths: Vec<Path>,
     samples: Vec<u8>,
-    rows: Vec<JudgeScratch>,
+    greys: Vec<BlockGreys>,
     verdicts: Vec<Verdict>,
 }
 
@@ -124,7 +125,7 @@ pub(super) fn follow<'a, S: Sample>(
     validity: &Validity,
     scratch: &'a mut FollowScratch,
 ) -> Option<(Images<'a, S>, Fits<'a>)> {
-    let FollowScratch { paths, samples, rows, verdicts } = scratch;
+    let FollowScratch { paths, samples, greys, verdicts } = scratch;
     let (columns, width) = (flow.columns(), images.width);
     let longest_px = LONGEST_SHARE * width as f32;
     paths.clear();
@@ -147,15 +148,15 @@ pub(super) fn follow<'a, S: Sample>(
         });
     };
     sample_tiles(sampled, paths, true);
-    rows.resize_with(tile_rows, JudgeScratch::default);
+    greys.resize(tile_rows, [[0.0; LANES]; MAX_IMAGES]);
     let followed = images.with_samples(sampled, plane);
     verdicts.clear();
     verdicts.resize(paths.len(), Verdict::default());
-    let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(rows);
-    of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), scratch))| {
+    let of_rows = paths.par_chunks(columns).zip(verdicts.par_chunks_mut(columns)).zip(greys);
+    of_rows.enumerate().for_each(|(tile_row, ((paths, verdicts), greys))| {
         fringeflow_simd::run(
             level,
-            VerdictKernel { images: [images, &followed], fits, validity, tile_row, paths, verdicts, scratch },
+            VerdictKernel { images: [images, &followed], fits, validity, tile_row, paths, verdicts, greys },
         );
     });
     remove_wrong_paths(paths, verdicts, columns);

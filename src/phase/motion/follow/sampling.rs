@@ -62,7 +62,7 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
                 if !images.contains(place) {
                     // Outside the image nothing is known. Saturated samples are ignored, so mark these as saturated.
                     let is_outside = |k: usize| !images.contains([((begin + k) as f32 + x, 1), (row as f32 + y, 1)]);
-                    let saturated = images.saturated_sample();
+                    let saturated = images.saturation();
                     (0..count).filter(|&k| is_outside(k)).for_each(|k| sampled[k] = saturated);
                 }
                 to.copy_from_slice(&sampled[..count]);
@@ -113,7 +113,7 @@ fn interpolate<L: Lanes, S: Sample>(
         sum = l.add_real(sum, l.times_real(l.real(down), row));
     }
     // Unsaturated results stay below saturation, even where cubic interpolation overshoots.
-    let saturation = f32::from(images.saturation());
+    let saturation = f32::from(images.saturation().value());
     let rounded = l.max_real(l.add_real(sum, l.real(0.5)), l.real(0.0));
     let unsaturated = l.min_real(rounded, l.real(saturation - 1.0));
     S::from_reals(l, l.select_real(images.saturates(l, greatest), l.real(saturation), unsaturated))
