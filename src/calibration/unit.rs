@@ -1,4 +1,4 @@
-//! Units of length in files. Inside the program all lengths are in metres.
+//! Units of length in files. In: `mm` or `m`. Out: a factor. Inside the program all lengths are in metres.
 
 use std::str::FromStr;
 

@@ -1,4 +1,4 @@
-//! NPZ for NumPy: one uncompressed array per field, and the metadata as byte strings.
+//! NPZ for NumPy. In: points. Out: one uncompressed array per field, and the metadata as byte strings.
 
 use std::io::{self, Seek, Write};
 

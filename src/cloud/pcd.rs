@@ -1,4 +1,4 @@
-//! PCD 0.7, binary, for PCL and CloudCompare. It has the fields of the PLY file.
+//! PCD 0.7, binary, for PCL and CloudCompare. In: points. Out: a header and the records of the PLY file.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! PLY, binary little-endian: one vertex per point.
+//! PLY, binary little-endian. In: points. Out: a header and one vertex of 41 bytes per point.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! Times of the images of a window.
+//! Times of the images of a window. In: time stamps, ns. Out: the middle of the window, age and image spacing.
 
 /// Times of the images of a window relative to a prior.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Third stage. In: correspondences. Out: the point cloud.
+//! Third stage. In: correspondences. Out: the point cloud. Cost: see [`crate::cloud`].
 
 use std::sync::Arc;
 

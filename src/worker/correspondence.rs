@@ -1,4 +1,5 @@
-//! Second stage. In: two phase maps. Out: the correspondence of every pixel of camera 1.
+//! Second stage. In: two phase maps. Out: the correspondence of every pixel of camera 1. Cost: see
+//! [`crate::correspondence`]; the longest of the three stages.
 
 use std::sync::Arc;
 

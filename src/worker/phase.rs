@@ -1,4 +1,4 @@
-//! First stage. In: the images of both cameras. Out: their phase maps.
+//! First stage. In: the images of both cameras. Out: their phase maps. Cost: see [`crate::phase`]; both at once.
 
 use fringeflow_base::grey::GreyLevels;
 

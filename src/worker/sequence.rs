@@ -1,4 +1,5 @@
-//! Faults in the pattern sequence of a window: lost, repeated or exchanged images.
+//! Faults in the pattern sequence of a window: lost, repeated or exchanged images. In: the fault of each camera. Out:
+//! an error text.
 
 use crate::phase::SequenceFault;
 

@@ -1,5 +1,5 @@
-//! Lanes of several blocks of 32 pixels at once. Each operation runs for all blocks in turn, so that their chains of
-//! dependent operations overlap in the processor.
+//! Lanes of several blocks of 32 pixels at once. In, out: one vector per block. Each operation runs for all blocks in
+//! turn, so that their chains of dependent operations overlap in the processor.
 
 use fringeflow_simd::{LANES, Lanes};
 
