@@ -93,7 +93,7 @@ impl Scene {
                 return (made, told.unwrap());
             }
             stream.track(&made, &times);
-            told = stream.tracker().prior(made.matches.drift.as_ref().map(Drift::known));
+            told = stream.tracker().prior(made.matches.drift.as_ref().map(Drift::to_known));
         }
         panic!("the window in the middle was not reached")
     }

@@ -146,7 +146,7 @@ impl Kernel for RowKernel<'_, '_> {
             let first = v * width + TILE_PX * k;
             let tile = Tile::new(&shared, first, TILE_PX.min(width - TILE_PX * k));
             if tile.found.contains(&true) {
-                count += tile.write_points(&shared, rays.of_patch(k), [TILE_PX * k, v], &mut out[count..]);
+                count += tile.write_points(&shared, rays.patch(k), [TILE_PX * k, v], &mut out[count..]);
             }
         }
         count

@@ -1,20 +1,21 @@
-//! Whether two phase maps and a rig belong together: wrong ones make a cloud too, of noise.
+//! Checks that two phase maps and a rig belong together. Maps of another rig give a cloud too, of noise.
 
 use super::delta_statistics::DeltaStatistics;
 
-/// Ratio of sd with exchanged images to sd that shows, with more references, that they are exchanged: over exchanged ones δ
-/// is spread over all the test.
+/// The images count as exchanged if δ scatters by less than this share of the measured sd when they are the other way
+/// round, and more references are found: with exchanged images δ is spread over the whole test.
 const EXCHANGED_SD_RATIO: f64 = 0.5;
-/// Expected false candidates (Eq. 1) beyond which δ carries no information: six times what the paper recommends at most.
+/// Most expected false candidates (Eq. 1). Above six times what the paper recommends δ tells nothing.
 const MAX_FALSE_CANDIDATES: f64 = 3.0;
-/// sd of δ beyond which it carries none either, rad: the test would pass over two fifths of all wrong candidates; and the
-/// number of these, expected by Eq. 1, from which that matters: on segments of one period there are none.
+/// Largest sd of δ, rad: above it the test passes over two fifths of all wrong candidates. It matters only with this
+/// many expected false candidates: on segments of one period there are none.
 const MAX_SD_RAD: f64 = 0.45;
 const MANY_FALSE_CANDIDATES: f64 = 1.0;
-/// The same for what the drift of the calibration leaves of sd: of images that belong to it noise alone is left.
+/// The same for the sd about the drift of the calibration. Images of this calibration leave noise alone.
 const MAX_REST_SD_RAD: f64 = 0.25;
 const SOME_FALSE_CANDIDATES: f64 = 0.5;
-/// Least share of the pixels with candidates that find a correspondence where sd is suspicious: wrong orders seldom agree.
+/// Least share of the pixels with candidates that must find a correspondence where sd is suspicious: wrong orders
+/// seldom agree.
 const MIN_FOUND_SHARE: f64 = 0.25;
 
 /// Why two phase maps cannot be matched.
@@ -60,7 +61,7 @@ pub enum MatchError {
         /// Expected false candidates by Eq. (1).
         efc: f64,
     },
-    /// Hardly a pixel agrees with its neighbours.
+    /// Few pixels agree with their neighbours.
     #[error(
         "of {pixels} pixels with candidates {found} agree with their neighbours, and the back-projection phases scatter by \
          {sd_rad:.2} rad: the images do not belong to this calibration, or nothing lies in the measurement volume (with \
@@ -76,7 +77,7 @@ pub enum MatchError {
     },
 }
 
-/// Refuses a δ that scatters widely, but not with the images exchanged; `exchanged` measures that.
+/// Refuses images whose δ scatters widely, but far less with the images exchanged. `exchanged` measures the latter.
 pub(super) fn check_order(
     delta: &DeltaStatistics,
     exchanged: impl FnOnce() -> Option<DeltaStatistics>,
@@ -91,7 +92,7 @@ pub(super) fn check_order(
     }
 }
 
-/// Refuses a δ that scatters so widely that it tells nothing; `exchanged` measures it with the images exchanged.
+/// Refuses images whose δ scatters so widely that it tells nothing. `exchanged` measures δ with the images exchanged.
 pub(super) fn check_scatter(
     delta: &DeltaStatistics,
     exchanged: impl FnOnce() -> Option<DeltaStatistics>,
@@ -103,7 +104,7 @@ pub(super) fn check_scatter(
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
-/// Refuses a δ that scatters widely even about the drift of the calibration.
+/// Refuses images whose δ scatters widely even about the drift of the calibration.
 pub(super) fn check_rest(rest: &DeltaStatistics) -> Result<(), MatchError> {
     let efc = rest.expected_false_candidates();
     let DeltaStatistics { sd_rad, mean_periods, .. } = *rest;
@@ -111,8 +112,8 @@ pub(super) fn check_rest(rest: &DeltaStatistics) -> Result<(), MatchError> {
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
-/// Refuses a result of which hardly anything agrees: `found` correspondences of so many `pixels` with candidates, where what
-/// was measured gives reason to doubt.
+/// Refuses a result where few of the `pixels` with candidates have `found` a correspondence, if the measured δ is
+/// `doubtful`.
 pub(super) fn check_share(
     delta: &DeltaStatistics,
     doubtful: bool,

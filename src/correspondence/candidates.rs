@@ -1,8 +1,8 @@
-//! Candidates: the points of a segment whose phase equals that of the pixel, and their back-projection test (paper,
-//! sections 2.1 and 2.3).
+//! Candidates: the points of a segment whose wrapped phase equals that of the pixel, and their back-projection test
+//! (paper, sections 2.1 and 2.3).
 //!
-//! The *scan* looks at every pair of neighbouring columns of a segment. With an open gate it finds the candidates that fail
-//! the test too, from which sd is estimated.
+//! The scan looks at every pair of neighbouring columns of a segment. With an open gate it also finds the candidates
+//! that fail the test; sd is estimated from these.
 
 use std::ops::ControlFlow;
 
@@ -34,7 +34,7 @@ pub struct DeltaGate {
 }
 
 impl DeltaGate {
-    /// The test that every candidate passes.
+    /// A test that every candidate passes.
     pub const OPEN: Self = Self { mean_turns: 0.0, threshold_turns: f32::INFINITY };
 
     /// Whether a candidate passes.
@@ -45,10 +45,10 @@ impl DeltaGate {
     }
 }
 
-/// Crossings closer together than this are one: no camera resolves fringes of so short a period.
+/// Crossings closer together than this are one candidate: no camera resolves fringes of so short a period.
 const SAME_PLACE_PX: f32 = 2.0;
 
-/// The candidates of a pixel that pass the gate, by ascending column: every column of its segment is looked at.
+/// Adds the candidates of a pixel that pass the gate, by ascending column. Looks at every column of the segment.
 pub(super) fn scan_segment(
     row: &RowView<'_>,
     segment: &Segment,
@@ -67,9 +67,9 @@ pub(super) fn scan_segment(
     });
 }
 
-/// Whether the phase occurs on the segment at all. `guess_px` is a column near which it may, as it did for a neighbour: there it
-/// is looked for first, and it becomes the column where it was found.
-pub(super) fn occurs(row: &RowView<'_>, segment: &Segment, phase: u16, guess_px: &mut f32) -> bool {
+/// Whether the phase occurs on the segment at all. The search begins near `guess_px`, the column found for a neighbour,
+/// and sets it to the column found.
+pub(super) fn phase_occurs(row: &RowView<'_>, segment: &Segment, phase: u16, guess_px: &mut f32) -> bool {
     let (begin, end) = (segment.begin_px as usize, segment.end_px.ceil() as usize);
     let near = (*guess_px as usize).saturating_sub(LANES / 2).clamp(begin, end);
     let limits_px = segment.limits_px();
@@ -87,13 +87,14 @@ fn back_project(segment: &Segment, phase: u16, column_px: f32, slope: i32) -> Ca
     Candidate { column_px, order: order as i16, delta: delta.clamp(-32768, 32767) as i16, slope: slope as i16 }
 }
 
-/// The nearest whole number. `f32::round` would be a call of the C library, once and again per candidate.
+/// The nearest whole number. `f32::round` would call the C library, once or twice per candidate.
 #[inline]
 fn nearest_whole(value: f32) -> i32 {
     (value + 0.5_f32.copysign(value)) as i32
 }
 
-/// Noise can cross the phase more than once near one place: of candidates of one place the one with the least |δ| stays.
+/// Adds a candidate. Noise can cross the phase more than once near one place; only the candidate with the least |δ| is
+/// kept there.
 #[inline]
 pub(super) fn keep_best_of_place(candidate: Candidate, first: usize, found: &mut Vec<Candidate>) {
     match found[first..].last_mut() {

@@ -1,12 +1,13 @@
-//! The candidates that were chosen, a plane a quantity.
+//! The chosen candidates, one array per quantity.
 
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
 
-/// The chosen candidates of all pixels of C1, row by row: what is read of whole images, and what channels carry, are planes.
+/// The chosen candidates of all pixels of C1, row by row.
 ///
-/// All numbers are zero where none was chosen; which pixels these are is said by their outcome.
+/// Whole images are read and sent array by array. All numbers are zero where no candidate was chosen;
+/// [`super::Outcome`] tells these pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChosenCandidates {
     /// Columns in the epipolar frame, pixels.
@@ -19,7 +20,7 @@ pub struct ChosenCandidates {
     pub slope: Vec<i16>,
 }
 
-/// Those of one row.
+/// The chosen candidates of one row.
 pub(super) struct ChosenRow<'a> {
     column_px: &'a mut [f32],
     order: &'a mut [i16],
@@ -28,14 +29,14 @@ pub(super) struct ChosenRow<'a> {
 }
 
 impl ChosenCandidates {
-    /// Makes room for so many pixels; what was chosen before stays where there is room for it.
+    /// Resizes to `pixels`. Keeps earlier candidates as far as there is room.
     pub fn resize(&mut self, pixels: usize) {
         let Self { column_px, order, delta, slope } = self;
         column_px.resize(pixels, 0.0);
         [order, delta, slope].into_iter().for_each(|plane| plane.resize(pixels, 0));
     }
 
-    /// What stands at a pixel: its candidate, if one was chosen.
+    /// The numbers stored for a pixel: its candidate, if one was chosen.
     #[must_use]
     #[inline]
     pub fn at(&self, pixel: usize) -> Candidate {
@@ -47,13 +48,13 @@ impl ChosenCandidates {
         }
     }
 
-    /// Takes back what was chosen for a pixel.
+    /// Removes the candidate of a pixel.
     pub fn clear(&mut self, pixel: usize) {
         self.column_px[pixel] = 0.0;
         [&mut self.order, &mut self.delta, &mut self.slope].into_iter().for_each(|plane| plane[pixel] = 0);
     }
 
-    /// The rows, to be filled in.
+    /// The rows, to be written.
     pub(super) fn rows_mut(&mut self, width: usize) -> impl IndexedParallelIterator<Item = ChosenRow<'_>> {
         let columns_and_orders = self.column_px.par_chunks_mut(width).zip(self.order.par_chunks_mut(width));
         let rest = self.delta.par_chunks_mut(width).zip(self.slope.par_chunks_mut(width));
@@ -67,7 +68,7 @@ impl ChosenCandidates {
 }
 
 impl ChosenRow<'_> {
-    /// Says what was chosen for the pixel in a column.
+    /// Stores the candidate of the pixel in column `u`.
     #[inline]
     pub(super) fn set(&mut self, u: usize, candidate: Option<Candidate>) {
         let none = Candidate { column_px: 0.0, order: 0, delta: 0, slope: 0 };

@@ -1,21 +1,21 @@
-//! Claims on places of C2: one place serves one order (paper, 2.2.3).
+//! Claims on places of C2: one place serves one fringe order (paper, 2.2.3).
 
 use super::neighbourhood::TURN;
 
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;
 
-/// Who has a place.
+/// The claim that holds a place.
 #[derive(Clone, Copy, Debug)]
 struct Owner {
     precedence: f32,
     absolute: i32,
 }
 
-/// Nobody has it.
+/// No claim yet.
 const NOBODY: Owner = Owner { precedence: f32::NEG_INFINITY, absolute: 0 };
 
-/// A claim on a place.
+/// A pixel's claim on a place.
 #[derive(Clone, Copy)]
 pub(super) struct Claim {
     /// Index of the place in the epipolar frame.
@@ -25,20 +25,20 @@ pub(super) struct Claim {
     pub(super) absolute: i32,
 }
 
-/// For each place of the epipolar frame the greatest precedence, and the absolute phase that has it.
+/// The strongest claim on each place of the epipolar frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     owners: Vec<Owner>,
 }
 
 impl Claims {
-    /// Nobody claims any of so many places.
+    /// Resets to `places` unclaimed places.
     pub(super) fn clear(&mut self, places: usize) {
         self.owners.clear();
         self.owners.resize(places, NOBODY);
     }
 
-    /// Takes a claim into account: of equal ones the first has the place.
+    /// Adds a claim. Of equal ones the first keeps the place.
     #[inline(always)]
     pub(super) fn make(&mut self, claim: Claim) {
         let owner = &mut self.owners[claim.place as usize];
@@ -47,11 +47,12 @@ impl Claims {
         }
     }
 
-    /// Whether another order takes the place: its precedence must be greater by more than a handicap.
+    /// Whether another order holds the place of a claim, with a precedence that is greater by more than `handicap`.
     #[inline(always)]
     pub(super) fn is_lost(&self, claim: Claim, handicap: f32) -> bool {
         let place = claim.place as usize;
-        // A surface that C2 sees larger than C1 leaves gaps between its claims; a gap between two is claimed too.
+        // A surface that C2 sees larger than C1 leaves gaps between its claims. A gap between two claimed places counts
+        // as claimed.
         self.loses(place, claim, handicap)
             || (self.loses(place.wrapping_sub(1), claim, handicap) && self.loses(place + 1, claim, handicap))
     }

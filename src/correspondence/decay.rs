@@ -1,6 +1,6 @@
 //! The exponential function, the same on every machine.
 
-/// e^(−x) for x ≥ 0, to 1e-6, and 0 beyond 18. That of the C library differs from one processor to the next in its last bit.
+/// e^(−x) for x ≥ 0, exact to 1e-6, and 0 beyond 18. The C library differs from processor to processor in the last bit.
 #[inline(always)]
 pub(super) fn decay(x: f64) -> f64 {
     /// Squarings that undo the division of the exponent.

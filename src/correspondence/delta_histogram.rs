@@ -1,4 +1,4 @@
-//! The histogram of δ, and where its peak lies.
+//! The histogram of δ, and the fit of its peak.
 
 use std::f64::consts::TAU;
 
@@ -14,26 +14,26 @@ use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
-/// Pixels of C1, along either axis, of which one is examined for the histogram.
+/// Distance of the examined pixels of C1 along both axes.
 const STRIDE: usize = 8;
 /// Bins of the histogram over one turn.
 const BINS: usize = 512;
-/// Half width of the part of the histogram that is fitted, turns (0.8 rad): the nearest teeth stay out of it.
+/// Half width of the fitted part, turns (0.8 rad): it excludes the nearest teeth.
 const FIT_HALF_WIDTH_TURNS: f64 = 0.127;
-/// Half width within which the peak is looked for, turns (0.6 rad).
+/// Half width within which the peak is sought, turns (0.6 rad).
 const PEAK_HALF_WIDTH_TURNS: f64 = 0.095;
-/// Bins on either side over which the histogram is smoothed to find the peak.
+/// Bins on either side that are averaged to find the peak.
 const SMOOTHING_BINS: usize = 4;
-/// Steps of the fit; it settles within twenty.
+/// Steps of the fit. It settles within twenty.
 const FIT_STEPS: usize = 50;
 
-/// How often each δ occurs among all candidates of a part of the pixels, whether they pass a test or not: the true ones are
-/// a peak near zero, the false ones a floor with teeth.
+/// Histogram of δ over all candidates of a sample of the pixels, before any test. True candidates make a peak near
+/// zero, false ones a floor with teeth.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeltaHistogram {
     /// Counts; bin k begins at δ = k turns / 512.
     bins: [u32; BINS],
-    /// Pixels that were examined and have a candidate.
+    /// Examined pixels that have a candidate.
     pixels: u32,
 }
 
@@ -44,19 +44,19 @@ impl Default for DeltaHistogram {
 }
 
 impl DeltaHistogram {
-    /// The histogram of phases of C1 that are too great by `ahead` turns · 65536.
+    /// The histogram with the phases of C1 lowered by `ahead`, turns · 65536.
     #[must_use]
     pub fn from_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
         HistogramScratch::default().count(cam1, cam2, table, ahead)
     }
 
-    /// Counts over −π to π rad in equal parts, from the least δ up.
+    /// Counts over −π to π rad in equal parts, in ascending order of δ.
     #[must_use]
     pub fn from_minus_to_plus_pi(&self) -> [u32; BINS] {
         std::array::from_fn(|part| self.bins[(part + BINS / 2) % BINS])
     }
 
-    /// Candidates a pixel whose δ, with an offset added, is near zero: each counts `exp(−δ²/(2·sd²))`.
+    /// Candidates per pixel whose δ plus an offset is near zero. Each counts `exp(−δ²/(2·sd²))`.
     pub(super) fn agreement(&self, offset_rad: f64, sd_rad: f64) -> f64 {
         let weight = |bin: usize| {
             let delta_rad = (bin as f64 + 0.5) / BINS as f64 * TAU + offset_rad;
@@ -77,7 +77,7 @@ impl DeltaHistogram {
         self.pixels += other.pixels;
     }
 
-    /// Normal distribution on a constant floor around the peak near zero, by expectation maximization.
+    /// Fits a normal distribution on a constant floor around the peak near zero, by expectation maximization.
     pub(super) fn fit(&self) -> Option<DeltaStatistics> {
         let candidates: u32 = self.bins.iter().sum();
         if candidates == 0 {
@@ -115,7 +115,7 @@ impl DeltaHistogram {
         })
     }
 
-    /// Bin of the highest place near zero after smoothing.
+    /// Bin of the highest point near zero after smoothing.
     fn peak(&self) -> i64 {
         let reach = (PEAK_HALF_WIDTH_TURNS * BINS as f64) as i64;
         let smooth = SMOOTHING_BINS as i64;
@@ -124,11 +124,11 @@ impl DeltaHistogram {
     }
 }
 
-/// Memory in which histograms are counted, to be used from window to window.
+/// Scratch memory for histograms, kept from window to window.
 #[derive(Clone, Debug, Default)]
 pub(super) struct HistogramScratch(Pool<Part>);
 
-/// What somebody counts by himself.
+/// The count of one thread.
 #[derive(Debug, Default)]
 struct Part {
     segments: SegmentRow,

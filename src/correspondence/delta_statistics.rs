@@ -1,9 +1,9 @@
-//! sd, measured from the images themselves, without truth (paper, section 2.3).
+//! Measures sd from the images themselves, without ground truth (paper, section 2.3).
 //!
-//! The true candidates form a narrow peak in the histogram of δ near zero; the false ones a floor below it, with teeth
-//! of their own elsewhere (δ of the candidate k orders away on a flat surface is close to 2π·k·r, r the place of the
-//! projector on the base). A first estimate is a normal distribution on a constant floor, fitted around the peak. With
-//! the threshold that follows, reference correspondences are selected; their δ, free of the floor, give mean and sd.
+//! True candidates make a narrow peak near zero in the histogram of δ. False ones make a floor, with teeth elsewhere:
+//! on a flat surface δ of the candidate k orders away is close to 2π·k·r, where r is the place of the projector on the
+//! base. The first estimate is a normal distribution on a constant floor, fitted around the peak. Its threshold selects
+//! reference correspondences. Their δ, free of the floor, gives mean and sd.
 
 use std::f64::consts::TAU;
 
@@ -13,42 +13,41 @@ use super::candidates::DeltaGate;
 use super::delta_histogram::DeltaHistogram;
 use super::epipolar_image::EpipolarImage;
 use super::neighbourhood::TURN;
-use super::reference_methods::ResolutionSettings;
 use super::segment_table::SegmentTable;
 use super::support::{Support, SupportRule};
 use super::unique::{Search, UniqueCandidates};
 
-/// Rows of the bands in which references are selected, and the distance from one band to the next.
+/// Rows of the bands in which references are selected, and the distance between bands.
 const BAND_ROWS: usize = 16;
 const BAND_PITCH_ROWS: usize = 128;
-/// Least sd that is believed, turns (0.003 rad): rounding alone makes more.
+/// Least accepted sd, turns (0.003 rad): rounding alone makes more.
 pub(super) const MIN_SD_TURNS: f64 = 0.0005;
 /// Factor from sd to the threshold (paper, section 2.1).
 const THRESHOLD_SD: f64 = 3.0;
-/// sd of δ beyond which something is wrong with images or calibration, rad.
+/// sd of δ beyond which images or calibration are wrong, rad.
 const SUSPICIOUS_SD_RAD: f64 = 0.15;
-/// Fewest reference correspondences that refine the first estimate.
+/// Fewest reference correspondences needed to refine the first estimate.
 const MIN_REFERENCES: usize = 200;
-/// Tolerated difference of δ between neighbours, in standard deviations of that difference.
+/// Tolerated difference of δ between neighbours, in sd of that difference.
 const TOLERANCE_NOISE_SD: f64 = 6.0;
 /// Least tolerated difference, in sd: the smooth part of δ changes too.
 const MIN_TOLERANCE_SD: f64 = 0.5;
-/// Rounds of refinement, and the relative change of sd below which another one would find nothing new.
+/// Rounds of refinement, and the relative change of sd below which another round is skipped.
 const REFINEMENTS: usize = 2;
 const REFINED_CHANGE: f64 = 0.1;
 
-/// Mean and standard deviation of δ over the true candidates, and what follows from them.
+/// Mean and standard deviation of δ over the true candidates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeltaStatistics {
     /// Mean of δ, rad: zero for a perfect calibration.
     pub mean_rad: f64,
     /// Standard deviation of δ about its mean, rad: the paper's sd.
     pub sd_rad: f64,
-    /// Standard deviation of δ from one pixel to the next of one surface (÷ √2), rad: what noise contributes to sd.
+    /// Standard deviation of δ from one pixel to the next on one surface (÷ √2), rad: the part of sd that is noise.
     pub noise_sd_rad: f64,
     /// Mean number n of fringe periods on a segment, over the valid pixels.
     pub mean_periods: f64,
-    /// Reference correspondences that mean and sd were measured on.
+    /// Reference correspondences from which mean and sd were measured.
     pub references: usize,
 }
 
@@ -59,21 +58,21 @@ impl DeltaStatistics {
         (THRESHOLD_SD * self.sd_rad).min(0.5 * TAU)
     }
 
-    /// The back-projection test that follows.
+    /// The back-projection test with this threshold.
     #[must_use]
     pub fn gate(&self) -> DeltaGate {
         DeltaGate { mean_turns: (self.mean_rad / TAU) as f32, threshold_turns: (self.threshold_rad() / TAU) as f32 }
     }
 
-    /// Difference of δ between neighbours of one surface that is tolerated, turns · 65536.
+    /// Tolerated difference of δ between neighbours on one surface, turns · 65536.
     pub(super) fn tolerance(&self) -> i32 {
         let noise_rad = TOLERANCE_NOISE_SD * 2.0_f64.sqrt() * self.noise_sd_rad;
         let turns = (noise_rad.max(MIN_TOLERANCE_SD * self.sd_rad) / TAU).min(0.5) as f32;
         (turns * TURN as f32) as i32
     }
 
-    /// Whether δ scatters over three times as widely as on calibrated rigs, the paper's and ours: images and calibration may
-    /// not belong together, or the calibration is out of date.
+    /// Whether δ scatters more than three times as widely as on calibrated rigs, the paper's and ours. Then images and
+    /// calibration may not belong together, or the calibration is out of date.
     #[must_use]
     pub fn is_suspicious(&self) -> bool {
         self.sd_rad > SUSPICIOUS_SD_RAD
@@ -86,23 +85,23 @@ impl DeltaStatistics {
     }
 }
 
-/// Measures mean and sd of δ, and n, from the phases of one pair of images, beginning with their histogram; `None` where no
-/// pixel has a candidate.
+/// Measures mean and sd of δ, and n, from one pair of phase maps, starting from their histogram. A reference needs the
+/// support of `min_votes` neighbours. `None` if no pixel has a candidate.
 #[must_use]
 pub fn measure_delta(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
     histogram: &DeltaHistogram,
-    settings: &ResolutionSettings,
+    min_votes: u16,
 ) -> Option<DeltaStatistics> {
-    DeltaScratch::default().measure(cam1, cam2, table, histogram, settings)
+    DeltaScratch::default().measure(cam1, cam2, table, histogram, min_votes)
 }
 
-/// Memory in which δ is measured, to be used from window to window.
+/// Scratch memory for the measurement, kept from window to window.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DeltaScratch {
-    /// Rows that say what δ is like.
+    /// The rows that are sampled.
     rows: Vec<Option<usize>>,
     sample: PhaseMap,
     unique: UniqueCandidates,
@@ -120,14 +119,14 @@ impl DeltaScratch {
         cam2: &EpipolarImage,
         table: &SegmentTable,
         histogram: &DeltaHistogram,
-        settings: &ResolutionSettings,
+        min_votes: u16,
     ) -> Option<DeltaStatistics> {
         let mut statistics = histogram.fit()?;
         find_bands(cam1.height, &mut self.rows);
         stack(cam1, &self.rows, &mut self.sample);
         for _ in 0..REFINEMENTS {
             let search = Search { cam1, cam2, table, gate: &statistics.gate() };
-            let rule = SupportRule { min_votes: settings.min_votes, tolerance: statistics.tolerance() };
+            let rule = SupportRule { min_votes, tolerance: statistics.tolerance() };
             self.find_references(search, rule);
             let Self { deltas, differences, .. } = self;
             statistics.references = deltas.len();
@@ -144,8 +143,8 @@ impl DeltaScratch {
         Some(statistics)
     }
 
-    /// Selects the reference correspondences of the rows: pixels with exactly one candidate that passes, supported by
-    /// neighbours that have just one too and agree by Eq. (2) (paper, 2.2.1).
+    /// Selects the reference correspondences of the sampled rows: pixels with exactly one candidate that passes,
+    /// supported by neighbours that have exactly one too and agree by Eq. (2) (paper, 2.2.1).
     fn find_references(&mut self, search: Search<'_>, rule: SupportRule) {
         let Self { rows, sample, unique, support, deltas, differences } = self;
         unique.find(search, rows);
@@ -162,8 +161,7 @@ impl DeltaScratch {
     }
 }
 
-/// The rows that say what δ is like, one below the other, with an empty one after each band of them: an eighth of the image.
-/// All rows of images so small that all are needed.
+/// Lists the sampled rows: bands with one empty row after each, an eighth of the image. A small image is sampled whole.
 fn find_bands(height: usize, bands: &mut Vec<Option<usize>>) {
     bands.clear();
     if height < 2 * BAND_PITCH_ROWS {
@@ -173,7 +171,7 @@ fn find_bands(height: usize, bands: &mut Vec<Option<usize>>) {
     bands.extend(rows.map(|v| (v % BAND_PITCH_ROWS < BAND_ROWS).then_some(v)));
 }
 
-/// Puts some rows of a phase map one below the other; a row that is `None` has no phase.
+/// Copies rows of a phase map one below the other. A row that is `None` has no phase.
 fn stack(map: &PhaseMap, rows: &[Option<usize>], stack: &mut PhaseMap) {
     let width = map.width;
     (stack.width, stack.height) = (width, rows.len());
@@ -194,7 +192,7 @@ fn stack(map: &PhaseMap, rows: &[Option<usize>], stack: &mut PhaseMap) {
     }
 }
 
-/// Sums of δ, turns · 65536.
+/// Count and sums of δ, turns · 65536.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct DeltaSums {
     count: u32,
@@ -203,7 +201,7 @@ pub(super) struct DeltaSums {
 }
 
 impl DeltaSums {
-    /// Those of so many δ with such a sum, and such a sum of their squares.
+    /// From the number of δ, their sum and the sum of their squares.
     pub(super) fn new(count: u32, sum: i64, squares: u64) -> Self {
         Self { count, sum, squares }
     }
@@ -227,8 +225,8 @@ fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
     each.fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
 }
 
-/// Standard deviation of differences of δ (turns · 65536) from their median magnitude, rad: edges do not disturb it. They are put
-/// in another order.
+/// Standard deviation of differences of δ (turns · 65536), rad, from their median magnitude: edges do not disturb it.
+/// Reorders the differences.
 fn sd_of_differences_rad(differences: &mut [i16]) -> f64 {
     const MEDIAN_OF_UNIT_NORMAL: f64 = 0.6745;
     let middle = differences.len() / 2;

@@ -1,4 +1,4 @@
-//! The phase of C2 resampled into the epipolar frame, where every epipolar segment is part of a row.
+//! The wrapped phase of C2, resampled into the epipolar frame. There every epipolar segment is part of a row.
 
 use rayon::prelude::*;
 
@@ -11,13 +11,13 @@ use super::pool::Pool;
 use super::segment_table::SegmentTable;
 use super::source_map::{PLACE_BITS, SourceRow};
 
-/// Largest phase difference between neighbours that are taken for one surface, turns · 65536: three eighths of a turn, the
-/// phase of fringes of little more than two and a half pixels.
+/// Largest phase difference between neighbours on one surface, turns · 65536: three eighths of a turn, the phase of
+/// fringes little wider than two and a half pixels.
 pub(super) const MAX_NEIGHBOUR_STEP: i32 = 24576;
-/// Largest difference of the steps along opposite sides of four pixels that are taken for one surface (33°). Where
-/// surfaces meet, the wrapped phase jumps by anything, and few jumps are alike on both sides.
+/// Largest difference of the steps along opposite sides of four pixels on one surface (33°). Where surfaces meet, the
+/// wrapped phase jumps by any amount, and the jumps on both sides are seldom alike.
 const MAX_TWIST: i32 = 6000;
-/// Parts of a pixel in which places are counted.
+/// Steps per pixel in which places are counted.
 const PARTS: i32 = 1 << PLACE_BITS;
 
 /// Wrapped phase of C2 in the epipolar frame, row by row.
@@ -27,29 +27,29 @@ pub struct EpipolarImage {
     pub width: usize,
     /// Wrapped phase, turns · 65536; [`Self::NO_PHASE`] where there is none.
     pub phase: Vec<u16>,
-    /// The phase of the raw image that was resampled last, marked in the same way; room for the next.
+    /// The last raw image, marked in the same way; scratch for the next one.
     pub(super) marked: Vec<u16>,
-    /// Scratch for coefficients along rows.
+    /// Scratch for the coefficients along rows.
     pub(super) coefficients: Pool<Vec<[[f32; POWERS]; 2]>>,
 }
 
 impl EpipolarImage {
-    /// Stands where there is no phase. A phase that happens to equal it is a step less, 1e-4 rad.
+    /// Stands for no phase. A phase that happens to equal it is lowered by one step, 1e-4 rad.
     pub const NO_PHASE: u16 = u16::MAX;
 
-    /// Resamples a phase map of C2; `None` if it has another size than the table was built for.
+    /// Resamples a phase map of C2. `None` if its size is not the one that the table was built for.
     #[must_use]
     pub fn resample(map: &PhaseMap, table: &SegmentTable) -> Option<Self> {
         let mut image = Self::default();
         image.resample_into(map, table).then_some(image)
     }
 
-    /// Resamples a phase map of C2 into the memory of another image; tells whether it has the size that the table was built
-    /// for, and else leaves the image as it is.
+    /// Resamples a phase map of C2 into the memory of this image. Returns false, and leaves the image as it is, if the
+    /// size of the map is not the one that the table was built for.
     ///
-    /// The four neighbours are mixed bilinearly where all are valid and of one surface, else the nearest one is taken:
-    /// mixing across a jump would invent phases that no surface has. On a steep surface, where opposite sides show the
-    /// same large step, the nearest one alone would err by half of it.
+    /// Four neighbours that are valid and on one surface are interpolated bilinearly; elsewhere the nearest pixel is
+    /// taken. Interpolation across a jump would invent phases that no surface has. On a steep surface, where opposite
+    /// sides show the same large step, the nearest pixel alone would err by half a step.
     #[must_use]
     pub fn resample_into(&mut self, map: &PhaseMap, table: &SegmentTable) -> bool {
         if [map.width, map.height] != table.cam2_size_px {
@@ -73,7 +73,7 @@ impl EpipolarImage {
         true
     }
 
-    /// Takes over the phases of a map.
+    /// Marks the phases of a map.
     fn mark(&mut self, map: &PhaseMap) {
         self.marked.resize(map.phase.len(), Self::NO_PHASE);
         let rows = self.marked.par_chunks_mut(map.width).zip(map.phase.par_chunks(map.width));
@@ -82,15 +82,15 @@ impl EpipolarImage {
         });
     }
 
-    /// Takes a phase off everywhere, turns · 65536.
-    pub(super) fn turn_back(&mut self, by: u16) {
+    /// Subtracts a phase everywhere, turns · 65536.
+    pub(super) fn subtract_phase(&mut self, offset: u16) {
         for phase in self.phase.iter_mut().filter(|phase| **phase != Self::NO_PHASE) {
-            *phase = marked(phase.wrapping_sub(by));
+            *phase = marked(phase.wrapping_sub(offset));
         }
     }
 }
 
-/// A phase that is not taken for none.
+/// A phase that cannot be mistaken for [`EpipolarImage::NO_PHASE`].
 #[inline(always)]
 fn marked(phase: u16) -> u16 {
     phase.min(EpipolarImage::NO_PHASE - 1)
@@ -114,14 +114,14 @@ impl Kernel for MarkKernel<'_> {
     }
 }
 
-/// The raw image of C2 with its phases marked.
+/// The marked raw image of C2.
 #[derive(Clone, Copy)]
 struct Marked<'a> {
     phase: &'a [u16],
     width: usize,
 }
 
-/// Resamples a row.
+/// Resamples a row, a block of patches at a time.
 struct RowKernel<'a> {
     image: Marked<'a>,
     sources: SourceRow<'a>,
@@ -138,13 +138,13 @@ impl Kernel for RowKernel<'_> {
         let Self { image, sources, along_row, out } = self;
         along_row.resize(out.len().div_ceil(PATCH_PX), [[0.0; POWERS]; 2]);
         sources.along_row(along_row);
-        let (mut block, of_patch) = (Block::default(), Columns::new());
+        let (mut block, patch_columns) = (Block::default(), Columns::new());
         for (out, coefficients) in out.chunks_mut(BLOCK_PX).zip(along_row.chunks(BLOCK_PATCHES)) {
             let places = block.columns.as_chunks_mut().0.iter_mut().zip(block.rows.as_chunks_mut().0);
             for (coefficients, (columns, rows)) in coefficients.iter().zip(places) {
                 let [column, row] = coefficients;
-                *columns = sources.places(&of_patch, column);
-                *rows = sources.places(&of_patch, row);
+                *columns = sources.places(&patch_columns, column);
+                *rows = sources.places(&patch_columns, row);
             }
             block.resample(image);
             out.copy_from_slice(&block.phase[..out.len()]);
@@ -152,20 +152,20 @@ impl Kernel for RowKernel<'_> {
     }
 }
 
-/// Patches that are resampled at a time: enough for loops that take many pixels a step, few enough to stay in the cache.
+/// Patches per block: enough for loops over many pixels, few enough to stay in the cache.
 const BLOCK_PATCHES: usize = 8;
 const BLOCK_PX: usize = BLOCK_PATCHES * PATCH_PX;
 
-/// Part of a row on its way through the resampling.
+/// Scratch for a block.
 struct Block {
     /// Places in the raw image, 1/2048 pixel.
     columns: [i32; BLOCK_PX],
     rows: [i32; BLOCK_PX],
-    /// Index of the upper left of the four pixels around each.
+    /// Index of the upper left of the four pixels around each place.
     first: [u32; BLOCK_PX],
-    /// All bits where there are four pixels.
+    /// All bits set where there are four pixels.
     inside: [u16; BLOCK_PX],
-    /// The upper and the lower two, the left one in the lower half of the bits.
+    /// The upper and the lower two pixels, the left one in the lower half of the bits.
     upper: [u32; BLOCK_PX],
     lower: [u32; BLOCK_PX],
     phase: [u16; BLOCK_PX],
@@ -181,7 +181,7 @@ impl Default for Block {
 }
 
 impl Block {
-    /// Phases at the places.
+    /// Computes the phases at the places.
     #[inline(always)]
     fn resample(&mut self, image: Marked<'_>) {
         let width = image.width as i32;
@@ -213,8 +213,8 @@ fn pair(phase: &[u16], first: usize) -> u32 {
     u32::from(pair[0]) | u32::from(pair[1]) << 16
 }
 
-/// Phase between four pixels, of which the shares to the right and below are given in 1/2048; without a branch, so that
-/// many are mixed at a time.
+/// Phase between four pixels, `right` and `below` the upper left one by shares in 1/2048. Free of branches, so that the
+/// compiler vectorizes it.
 #[inline(always)]
 fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> u16 {
     let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
@@ -233,8 +233,8 @@ fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, bel
         & is_small(at_right)
         & is_flat(top - bottom)
         & is_flat(at_left - at_right);
-    // Unwrapped from the upper left corner, the phase of all four runs on. With the limits above 32 bits hold it all, if five
-    // of the 22 bits after the point go first; beyond them it is not used.
+    // The phases of all four are unwrapped from the upper left corner. Within the limits above the sum fits 32 bits if
+    // five of the 22 bits after the point are dropped first; beyond them it is not used.
     let down = at_left * PARTS + (bottom - top) * right;
     let rise = top * right + ((down >> 6).wrapping_mul(below) >> 5);
     let mixed = marked(upper_left.wrapping_add(((rise + PARTS / 2) >> PLACE_BITS) as u16));
@@ -343,7 +343,7 @@ mod tests {
     #[test]
     fn a_phase_is_never_taken_for_none() {
         let mut image = EpipolarImage { width: 3, phase: vec![7, NONE, 10], ..EpipolarImage::default() };
-        image.turn_back(8);
+        image.subtract_phase(8);
         assert_eq!(image.phase, [NONE - 1, NONE, 2]);
     }
 }

@@ -1,4 +1,4 @@
-//! Why pixels have no candidate.
+//! Tells why pixels have no candidate.
 
 use rayon::prelude::*;
 
@@ -6,16 +6,16 @@ use fringeflow_base::outcome::Outcome;
 
 use crate::phase::PhaseMap;
 
-use super::candidates::occurs;
+use super::candidates::phase_occurs;
 use super::epipolar_image::EpipolarImage;
 use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
-/// Tells pixels without candidate apart: no phase, no segment, nothing on it, or nothing that passes. `scratches` is for rows of
-/// segments.
-pub(super) fn explain(
+/// Gives every pixel without a correspondence its reason: no phase, no segment, the phase does not occur on the
+/// segment, or no candidate passes the test. `scratches` holds rows of segments.
+pub(super) fn explain_missing(
     cam1: &PhaseMap,
     cam2: &EpipolarImage,
     table: &SegmentTable,
@@ -42,7 +42,7 @@ pub(super) fn explain(
                         is_here = true;
                     }
                     let segment = segments.segment(u);
-                    if occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel], &mut guess_px) {
+                    if phase_occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel], &mut guess_px) {
                         *outcome = Outcome::RejectedByDelta;
                     }
                 }

@@ -1,4 +1,4 @@
-//! What tells whether a segment table belongs to a rig.
+//! Identifies the rig that a segment table belongs to.
 
 use sha2::{Digest, Sha256};
 

@@ -1,5 +1,5 @@
-//! Planes of an image with a margin all around, in blocks of [`LANES`] pixels: who looks beside a block asks nothing about the
-//! ends of rows.
+//! Planes: images with a margin on all sides, in blocks of [`LANES`] pixels. Code that looks beside a block needs no
+//! test for the ends of rows.
 
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
@@ -10,17 +10,17 @@ use fringeflow_simd::LANES;
 
 /// Rows above and below the image that can be read.
 const MARGIN_ROWS: usize = 3;
-/// Enough for images of 2^16 by 2^16 pixels: blocks of a row times all blocks stay below.
+/// Enough for images of 2^16 × 2^16 pixels: the blocks of a row times all blocks fit.
 const RECIPROCAL_BITS: u32 = 39;
 
-/// Where the pixels of an image have their *place* in such planes.
+/// The layout of such planes: where each pixel has its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Grid {
     width: usize,
     height: usize,
-    /// Blocks of a row, one of margin on either side included.
+    /// Blocks of a row, including one of margin on either side.
     pub(super) blocks: usize,
-    /// 2^[`RECIPROCAL_BITS`] / `blocks`, rounded up: a multiplication is much faster than a division.
+    /// 2^[`RECIPROCAL_BITS`] / `blocks`, rounded up. Multiplying by it is much faster than a division.
     reciprocal: u64,
 }
 
@@ -47,7 +47,7 @@ impl Grid {
         self.blocks * (self.height + 2 * MARGIN_ROWS)
     }
 
-    /// Blocks of the image in a row of it.
+    /// Blocks of the image in row `v`.
     pub(super) fn blocks_of_row(self, v: usize) -> std::ops::Range<usize> {
         let first = (v + MARGIN_ROWS) * self.blocks + 1;
         first..first + self.blocks - 2
@@ -84,26 +84,26 @@ impl Grid {
         place - row * self.stride() - LANES + (row - MARGIN_ROWS) * self.width
     }
 
-    /// Row of a place, those of the margin counted.
+    /// Row of a place, counted from the first row of the margin.
     #[inline]
     fn row_with_margin(self, place: usize) -> usize {
         (((place / LANES) as u64 * self.reciprocal) >> RECIPROCAL_BITS) as usize
     }
 
-    /// The part of a plane that begins with the first row and holds all rows of the image, with the rows' margins.
+    /// The rows of the image without the margin above and below, with the margins left and right.
     pub(super) fn rows<T>(self, plane: &mut [T]) -> &mut [T] {
         let row = plane.len() / (self.height + 2 * MARGIN_ROWS);
         &mut plane[MARGIN_ROWS * row..(MARGIN_ROWS + self.height) * row]
     }
 
-    /// The same, to be read.
+    /// As [`Self::rows`], read only.
     pub(super) fn rows_of<T>(self, plane: &[T]) -> &[T] {
         let row = plane.len() / (self.height + 2 * MARGIN_ROWS);
         &plane[MARGIN_ROWS * row..(MARGIN_ROWS + self.height) * row]
     }
 
-    /// For each row of the image what is said of it and of so many above and below; in: what is said of all rows, those of the
-    /// margin counted.
+    /// For each row of the image the values of it and of `reach` rows above and below. `rows` holds a value per row,
+    /// including the rows of the margin.
     pub(super) fn rows_around<T: Sync>(self, rows: &[T], reach: usize) -> impl IndexedParallelIterator<Item = &[T]> {
         (MARGIN_ROWS..MARGIN_ROWS + self.height)
             .into_par_iter()
@@ -119,7 +119,7 @@ impl Grid {
     }
 }
 
-/// A word a place, each block in one line of the cache.
+/// A plane of 16-bit words, each block in one cache line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plane<T> {
     blocks: Vec<Block>,
@@ -170,7 +170,7 @@ pub(super) fn words<T: bytemuck::Pod>(plane: &[T], place: usize) -> &[u16; LANES
     }
 }
 
-/// Bit `place` and those after it, of a plane with a bit a place.
+/// The 32 bits from `place` on, of a plane with a bit per place.
 #[inline(always)]
 pub(super) fn bits_from(plane: &[u32], place: usize) -> u32 {
     let (block, first) = (place / LANES, place % LANES);
@@ -184,7 +184,7 @@ pub(super) fn bit(plane: &[u32], place: usize) -> bool {
     plane[place / LANES] >> (place % LANES) & 1 == 1
 }
 
-/// The numbers of the bits that are set, the least first.
+/// The numbers of the bits that are set, in ascending order.
 pub(super) fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let first = bits.trailing_zeros() as usize;

@@ -1,4 +1,4 @@
-//! The whole chain of the proposed method (PA), from two phase maps to a decision about every pixel of C1.
+//! The whole chain, from two phase maps to a decision about every pixel of C1.
 
 use rayon::prelude::*;
 
@@ -14,103 +14,51 @@ use super::delta_histogram::{DeltaHistogram, HistogramScratch};
 use super::delta_statistics::{DeltaScratch, DeltaStatistics, DeltaSums, measure_delta};
 use super::drift::{Drift, DriftScratch, KnownDrift};
 use super::epipolar_image::EpipolarImage;
-use super::reference_methods::{ResolutionSettings, paper};
+use super::reference_methods::paper;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
+use super::settings::{MatchSettings, ResolutionMethod};
 use super::slip::correct_slip;
 use super::surfaces;
 
-/// Relative change of sd after the resolution of the paper that calls for another pass with the better threshold.
+/// Relative change of sd after the paper's resolution that triggers a second pass with the new threshold.
 const SD_CHANGE: f64 = 0.5;
-/// How many times as many pixels must fit with the images exchanged before that is believed.
+/// Ratio of the fitting pixels with exchanged images to those without that shows that the images are exchanged.
 const EXCHANGED_FITTING_RATIO: f32 = 1.25;
 
-/// How pixels with several candidates are decided.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ResolutionMethod {
-    /// The orders of the whole image together, δ about the drift of the calibration.
-    #[default]
-    SemiGlobal,
-    /// Pixel by pixel from decided neighbours, δ about its mean (paper, section 2.2).
-    Paper,
-}
-
-impl ResolutionMethod {
-    /// Both, the usual one first.
-    pub const ALL: [Self; 2] = [Self::SemiGlobal, Self::Paper];
-
-    /// Its name on the command line and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::SemiGlobal => "semi-global",
-            Self::Paper => "paper",
-        }
-    }
-}
-
-/// How correspondences are found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MatchSettings {
-    /// Standard deviation of δ, rad, where it is not to be measured.
-    pub delta_sd_rad: Option<f64>,
-    /// Steps N of the cycle of evenly spaced shifts, of which the sequence may have slipped; `None` where slips are not looked
-    /// for.
-    pub cycle_steps: Option<usize>,
-    /// How pixels with several candidates are decided.
-    pub method: ResolutionMethod,
-    /// How the paper's method weighs and when it stops, and the smallest region of either.
-    pub resolution: ResolutionSettings,
-    /// Least probability of a point to be true; the paper's method states none.
-    pub min_confidence: f32,
-}
-
-impl Default for MatchSettings {
-    fn default() -> Self {
-        let resolution = ResolutionSettings::default();
-        Self {
-            delta_sd_rad: None,
-            cycle_steps: None,
-            method: ResolutionMethod::default(),
-            resolution,
-            min_confidence: 0.8,
-        }
-    }
-}
-
-/// Correspondences of all pixels of C1, row by row, and what they rest on.
+/// Correspondences of all pixels of C1, row by row, and the statistics behind them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matches {
-    /// What became of each pixel.
+    /// The decision about each pixel.
     pub outcomes: Vec<Outcome>,
     /// The chosen candidate of each pixel with a found outcome.
     pub chosen: ChosenCandidates,
-    /// Number of candidates of each pixel that passed the back-projection test.
+    /// Candidates of each pixel that pass the back-projection test.
     pub passing: Vec<u8>,
-    /// How likely each point is true; [`Confidence::NONE`] everywhere by the paper's method.
+    /// Probability that each point is true; [`Confidence::NONE`] everywhere with the paper's method.
     pub confidence: Vec<Confidence>,
-    /// Statistics of δ from which the threshold came.
+    /// Statistics of δ that gave the threshold.
     pub delta: DeltaStatistics,
-    /// δ of all candidates of some of the pixels: their numbers in equal parts of −π to π rad.
+    /// Histogram of δ over all candidates of a sample of the pixels, in equal parts of −π to π rad.
     pub delta_counts: Vec<u32>,
     /// Mean and sd of δ over the chosen candidates, rad.
     pub chosen_delta_rad: (f64, f64),
-    /// The drift of the calibration that δ was judged about, where the method knows one.
+    /// The drift of the calibration about which δ was tested, if the method estimates one.
     pub drift: Option<Drift>,
-    /// Steps, 0 to N − 1, by which the patterns of C1 and of C2 were ahead of what was said of them, shifts rising from step to
-    /// step; the phases were corrected first.
+    /// Steps, 0 to N − 1, by which the patterns seen by C1 and C2 were ahead of the declared phase shifts. The phases
+    /// were corrected by these first.
     pub slip_steps: [usize; 2],
 }
 
 impl Matches {
-    /// The candidate that was chosen for a pixel; `None` where it has none.
+    /// The candidate chosen for a pixel, if it has one.
     #[must_use]
     #[inline]
     pub fn candidate(&self, pixel: usize) -> Option<Candidate> {
         self.outcomes[pixel].is_found().then(|| self.chosen.at(pixel))
     }
 
-    /// Adds up over all pixels.
+    /// Counts and sums over all pixels.
     fn sums(&self) -> Sums {
         let delta = self.chosen.delta.par_chunks(Sums::PIXELS);
         let chunks = self.outcomes.par_chunks(Sums::PIXELS).zip(self.passing.par_chunks(Sums::PIXELS)).zip(delta);
@@ -123,7 +71,7 @@ impl Matches {
 /// Finds the correspondence of every pixel of C1.
 ///
 /// # Errors
-/// Maps of another size than the table's, maps that have nothing in common, or a calibration they do not belong to.
+/// The maps have another size than the table, have nothing in common, or do not belong to the calibration.
 pub fn match_phases(
     cam1: &PhaseMap,
     cam2: &PhaseMap,
@@ -135,11 +83,11 @@ pub fn match_phases(
     Ok(matches)
 }
 
-/// As [`match_phases`], with the grounds on which each pixel was decided: what a fit of the confidence learns from. There
-/// are none by the paper's method.
+/// As [`match_phases`], with the grounds of each decision, from which `examples/fit_confidence.rs` fits the confidence.
+/// The paper's method has no grounds.
 ///
 /// # Errors
-/// Those of [`match_phases`].
+/// As [`match_phases`].
 pub fn match_phases_with_grounds(
     cam1: &PhaseMap,
     cam2: &PhaseMap,
@@ -151,7 +99,7 @@ pub fn match_phases_with_grounds(
     Ok((matches, grounds))
 }
 
-/// Matches one pair of phase maps after the other, in the same memory.
+/// Matches pairs of phase maps one after the other, in the same memory.
 #[derive(Clone, Debug, Default)]
 pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
@@ -163,11 +111,12 @@ pub struct Matcher {
 }
 
 impl Matcher {
-    /// As the function [`match_phases`], into the memory of earlier matches. What was found before makes no difference, but for
-    /// the drift that is said to be known: where the images bear it out, it is found sooner. After an error `out` has no meaning.
+    /// As the function [`match_phases`], into the memory of earlier matches. Earlier matches have no influence on the
+    /// result. A known drift does: if the images confirm it, the drift is found sooner. After an error `out` has no
+    /// meaning.
     ///
     /// # Errors
-    /// Those of that function.
+    /// As [`match_phases`].
     pub fn match_phases(
         &mut self,
         cam1: &PhaseMap,
@@ -198,6 +147,7 @@ impl Matcher {
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
+        // A slip is corrected first: it moves every δ.
         let mut histogram = of_histogram.count(cam1, cam2, table, 0);
         let mut slip_steps = [0; 2];
         let mut corrected = None;
@@ -211,7 +161,7 @@ impl Matcher {
         }
         let cam1 = corrected.as_ref().unwrap_or(cam1);
         let raw = [cam1, raw_cam2];
-        let measured = of_delta.measure(cam1, cam2, table, &histogram, &settings.resolution);
+        let measured = of_delta.measure(cam1, cam2, table, &histogram, settings.resolution.min_votes);
         let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
         if let Some(sd_rad) = settings.delta_sd_rad {
             delta.sd_rad = sd_rad;
@@ -230,9 +180,9 @@ impl Matcher {
     }
 }
 
-/// One pair of phase maps, to be matched by either method.
+/// One pair of phase maps and what its matching reads.
 struct Matching<'a> {
-    /// Phase of C1 and of C2 as they were seen.
+    /// The phase maps of C1 and C2.
     raw: [&'a PhaseMap; 2],
     /// Phase of C2 in the epipolar frame.
     cam2: &'a EpipolarImage,
@@ -257,7 +207,7 @@ impl Matching<'_> {
             let ordered = check_order(&delta, || self.exchanged());
             ordered.or_else(|error| if self.fits_exchanged(&scratch.surfaces) { Err(error) } else { Ok(()) })?;
         }
-        let rest = drift.rest(&delta);
+        let rest = drift.residual_statistics(&delta);
         self.check_scatter(&rest)?;
         if self.is_measured() {
             check_rest(&rest)?;
@@ -309,13 +259,13 @@ impl Matching<'_> {
         self.settings.delta_sd_rad.is_none()
     }
 
-    /// Refuses a measured δ that tells nothing.
+    /// Refuses a measured δ that scatters too widely to tell orders apart.
     fn check_scatter(&self, delta: &DeltaStatistics) -> Result<(), MatchError> {
         if self.is_measured() { check_scatter(delta, || self.exchanged()) } else { Ok(()) }
     }
 
-    /// Whether surfaces are explained better with the images exchanged: where most of an image sees what lies outside the
-    /// volume, δ within it may scatter more widely than that of wrong candidates.
+    /// Whether surfaces fit better with the images exchanged. It confirms an exchange found by δ: where most of an
+    /// image sees what lies outside the volume, δ of true candidates may scatter more widely than that of wrong ones.
     fn fits_exchanged(&self, explained: &surfaces::Scratch) -> bool {
         let ([_, cam2], mut scratch) = (self.raw, surfaces::Scratch::default());
         let Some(image) = self.exchanged_image() else { return false };
@@ -324,14 +274,14 @@ impl Matching<'_> {
         scratch.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 
-    /// δ with the images of the cameras exchanged, if they are of one size.
+    /// Statistics of δ with the images exchanged, if both have one size.
     fn exchanged(&self) -> Option<DeltaStatistics> {
         let ([_, cam2], image) = (self.raw, self.exchanged_image()?);
         let histogram = DeltaHistogram::from_all_candidates(cam2, &image, self.table, 0);
-        measure_delta(cam2, &image, self.table, &histogram, &self.settings.resolution)
+        measure_delta(cam2, &image, self.table, &histogram, self.settings.resolution.min_votes)
     }
 
-    /// The phase of C1 in the epipolar frame, as if it were that of C2, if the images are of one size.
+    /// The phase of C1 resampled as if it were that of C2, if the images have one size.
     fn exchanged_image(&self) -> Option<EpipolarImage> {
         let [cam1, cam2] = self.raw;
         let is_of_size = [cam2.width, cam2.height] == self.table.size_px();
@@ -339,7 +289,7 @@ impl Matching<'_> {
     }
 }
 
-/// What pixels came to.
+/// Counts and sums over the decided pixels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     /// Pixels with a correspondence.
@@ -351,7 +301,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Pixels that are added up together: so many that 32 bits hold their sums.
+    /// Pixels summed at a time: few enough for 32-bit sums.
     const PIXELS: usize = 1 << 15;
 
     fn merged(self, other: Self) -> Self {
@@ -363,7 +313,7 @@ impl Sums {
     }
 }
 
-/// Adds up over [`Sums::PIXELS`] pixels or fewer.
+/// Sums over at most [`Sums::PIXELS`] pixels.
 struct SumChunk<'a> {
     outcomes: &'a [Outcome],
     passing: &'a [u8],

@@ -1,13 +1,13 @@
-//! What neighbours of one surface look like: how the phase of C1 runs on from pixel to pixel.
+//! Limits on how the wrapped phase of C1 changes from pixel to pixel on one surface.
 
 /// One turn of phase.
 pub(super) const TURN: i32 = 65536;
-/// Absolute phase of a pixel that has none: no other is near it.
+/// Stands for no absolute phase: no other lies near it.
 pub(super) const ABSENT: i32 = i32::MIN;
-/// Largest phase step between neighbours of one surface; a surface seen at a grazing angle may come close to it.
+/// Largest phase step between neighbours on one surface. A surface seen at a grazing angle comes close to it.
 pub(super) const MAX_STEP: i32 = 24576;
 /// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase
-/// jumps by anything: three quarters of such jumps would pass [`MAX_STEP`] alone, one in eight passes this too.
+/// jumps by any amount: three quarters of such jumps pass [`MAX_STEP`], one in eight passes this too.
 pub(super) const MAX_STEP_CHANGE: i32 = 4000;
 
 /// The four neighbours of a pixel, as far as they lie in the image.

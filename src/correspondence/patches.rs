@@ -1,20 +1,20 @@
-//! Smooth fields over an image: bicubic polynomials of patches of 16 × 16 pixels.
+//! Smooth fields over an image, as bicubic polynomials on patches of 16 × 16 pixels.
 //!
-//! In: exact values at nodes, of which each patch has 4 × 4 and shares those of its border. Out: a quarter of a byte a
-//! pixel and field, evaluated with a handful of multiplications, sixteen columns of a row at a time. Multiplications and
-//! additions stay apart, so that every machine computes the same bits.
+//! In: exact values at nodes. Each patch has 4 × 4 nodes and shares those of its border. Out: a quarter of a byte per
+//! pixel and field. Evaluation takes a handful of multiplications and works on sixteen columns of a row at once.
+//! Multiplications and additions are never fused, so that every machine computes the same bits.
 
 use rayon::prelude::*;
 
 /// Side of a patch, pixels.
 pub(super) const PATCH_PX: usize = 16;
-/// Nodes along a side of a patch, without the last, which is the first of the next patch.
+/// Nodes along a side of a patch, without the last one, which belongs to the next patch.
 const STEPS: usize = 3;
 /// Coefficients of a cubic polynomial.
 pub(super) const POWERS: usize = 4;
-/// Half a side: places in a patch are counted from its centre, which keeps rounding small.
+/// Half a side. Places in a patch are counted from its centre, which keeps rounding small.
 const HALF_PX: f64 = PATCH_PX as f64 / 2.0;
-/// Columns of a patch, from its centre: it reaches half a pixel beyond their centres, like a pixel.
+/// The columns of a patch, counted from its centre. A patch reaches half a pixel beyond the outer pixel centres.
 const COLUMNS: [f32; PATCH_PX] = {
     let mut columns = [0.0; PATCH_PX];
     let mut i = 0;
@@ -25,7 +25,7 @@ const COLUMNS: [f32; PATCH_PX] = {
     columns
 };
 
-/// The nodes of an image, row by row. Those at its border lie somewhat outside of it.
+/// The nodes of an image, row by row. Nodes at the border lie slightly outside.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nodes {
     /// Patches along either axis.
@@ -33,12 +33,12 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    /// Those of an image of a size in pixels.
+    /// The nodes of an image of a size in pixels.
     pub(super) fn from_size_px(size_px: [usize; 2]) -> Self {
         Self { patches: size_px.map(|side| side.div_ceil(PATCH_PX)) }
     }
 
-    /// A value for each node, from its place in pixels; computed in parallel.
+    /// Computes a value for each node from its place in pixels, in parallel.
     pub(super) fn map<T: Send>(&self, value: impl Fn(f64, f64) -> T + Sync) -> Vec<T> {
         let [columns, rows] = self.patches.map(|patches| STEPS * patches + 1);
         let place_px = |node: usize| node as f64 * (PATCH_PX as f64 / STEPS as f64) - 0.5;
@@ -55,13 +55,13 @@ impl Nodes {
 pub(super) struct Patches<const FIELDS: usize> {
     /// Patches along either axis.
     patches: [usize; 2],
-    /// Row of patches by row of patches: for each power of the row, patch by patch and field by field, the coefficients of
-    /// the powers of the column.
+    /// Row of patches by row of patches: for each power of the row, then patch by patch and field by field, the
+    /// coefficients of the powers of the column.
     coefficients: Vec<[f32; POWERS]>,
 }
 
 impl<const FIELDS: usize> Patches<FIELDS> {
-    /// The fields through the values at `nodes`. A patch with a node that has none is `undefined` all over.
+    /// The fields through the values at `nodes`. A patch with a node without a value is `undefined` everywhere.
     pub(super) fn through(nodes: Nodes, values: &[Option<[f64; FIELDS]>], undefined: [f32; FIELDS]) -> Self {
         let patches @ [columns, _] = nodes.patches;
         let mut coefficients = vec![[0.0; POWERS]; Self::groups(patches)];
@@ -78,7 +78,7 @@ impl<const FIELDS: usize> Patches<FIELDS> {
         Self { patches, coefficients }
     }
 
-    /// Fields that are zero all over an image, to be overwritten.
+    /// Fields that are zero everywhere, to be overwritten.
     pub(super) fn zeroed(size_px: [usize; 2]) -> Self {
         let Nodes { patches } = Nodes::from_size_px(size_px);
         Self { patches, coefficients: vec![[0.0; POWERS]; Self::groups(patches)] }
@@ -89,17 +89,17 @@ impl<const FIELDS: usize> Patches<FIELDS> {
         &self.coefficients
     }
 
-    /// The same, to be read from a file.
+    /// The coefficients, to be read from a file.
     pub(super) fn coefficients_mut(&mut self) -> &mut [[f32; POWERS]] {
         &mut self.coefficients
     }
 
-    /// Coefficients of the fields over an image.
+    /// Number of coefficients of the fields over an image.
     pub(super) fn numbers(size_px: [usize; 2]) -> usize {
         POWERS * Self::groups(Nodes::from_size_px(size_px).patches)
     }
 
-    /// Number of groups of coefficients of so many patches.
+    /// Number of groups of coefficients for these patches.
     fn groups([columns, rows]: [usize; 2]) -> usize {
         POWERS * columns * rows * FIELDS
     }
@@ -136,7 +136,7 @@ impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
 
     /// One field at the columns of a patch.
     #[inline(always)]
-    pub(super) fn of_patch(&self, field: usize, patch: usize, columns: &Columns) -> [f32; PATCH_PX] {
+    pub(super) fn patch(&self, field: usize, patch: usize, columns: &Columns) -> [f32; PATCH_PX] {
         let [p0, p1, p2, p3] = self.powers;
         let (p0, p1, p2, p3) = (&p0[patch][field], &p1[patch][field], &p2[patch][field], &p3[patch][field]);
         let mut along_row = [0.0; POWERS];
@@ -146,7 +146,7 @@ impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
         columns.values(&along_row)
     }
 
-    /// The coefficients of the powers of the column, patch by patch and field by field, into `out`.
+    /// Writes the coefficients of the powers of the column to `out`, patch by patch and field by field.
     #[inline(always)]
     pub(super) fn along_row(&self, out: &mut [[[f32; POWERS]; FIELDS]]) {
         let [p0, p1, p2, p3] = self.powers.map(|power| power.as_flattened().as_flattened());
@@ -162,7 +162,7 @@ impl<'a, const FIELDS: usize> FieldRow<'a, FIELDS> {
 pub(super) struct Columns([f32; PATCH_PX]);
 
 impl Columns {
-    /// Numbers that the compiler does not see: those that differ in sign alone it would take apart.
+    /// Hides the numbers from the compiler, which would split them into pairs that differ in sign alone.
     #[inline(always)]
     pub(super) fn new() -> Self {
         Self(std::hint::black_box(COLUMNS))
@@ -171,7 +171,7 @@ impl Columns {
     /// A cubic polynomial at the columns.
     #[inline(always)]
     pub(super) fn values(&self, coefficients: &[f32; POWERS]) -> [f32; PATCH_PX] {
-        // Each patch by itself: of several at a time the numbers would lie apart.
+        // Each patch by itself: with several at once the compiler would spread the numbers over memory.
         let coefficients = *std::hint::black_box(coefficients);
         let mut values = [0.0; PATCH_PX];
         for i in 0..PATCH_PX {
@@ -210,7 +210,7 @@ fn patch<const FIELDS: usize>(
     finite.then_some(coefficients)
 }
 
-/// A patch on which every field has one value.
+/// The coefficients of a patch on which every field is constant.
 fn constant<const FIELDS: usize>(values: [f32; FIELDS]) -> [[[f32; POWERS]; FIELDS]; POWERS] {
     let mut coefficients = [[[0.0; POWERS]; FIELDS]; POWERS];
     coefficients[0] = values.map(|value| [value, 0.0, 0.0, 0.0]);

@@ -1,21 +1,21 @@
-//! Places of C2 that pixels of C1 have their correspondence in, and how near to C2 their points lie.
+//! The places of C2 in which pixels of C1 have their correspondence, and how near to C2 their points lie.
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
-/// For each pixel of C1, row by row.
+/// One entry per pixel of C1, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
-    /// Index of the place in the epipolar frame; without meaning where there is no correspondence.
+    /// Index of the place in the epipolar frame. Undefined for pixels without correspondence.
     pub(super) of_pixels: Vec<u32>,
     /// How near to C2 the point lies, see [`SegmentTable::nearness_to_cam2`].
     pub(super) nearness: Vec<f32>,
 }
 
 impl Places {
-    /// Makes room for the places of so many pixels.
+    /// Resizes to `pixels`.
     pub(super) fn resize(&mut self, pixels: usize) {
         self.of_pixels.resize(pixels, 0);
         self.nearness.resize(pixels, 0.0);
@@ -23,8 +23,7 @@ impl Places {
 }
 
 impl PlaceRow<'_> {
-    /// Finds the places of the pixels of a row of C1, of whose correspondences the columns are told; those of pixels without
-    /// one have no meaning.
+    /// Finds the places of a row of pixels from the columns of their correspondences.
     pub(super) fn find(self, table: &SegmentTable, segments: &SegmentRow, column_px: &[f32]) {
         let [width, height] = table.epipolar_size_px().map(|side| side as u32);
         fringeflow_simd::run(
@@ -34,13 +33,13 @@ impl PlaceRow<'_> {
     }
 }
 
-/// Scratch for the places of a row.
+/// The places of a row, to be written.
 pub(super) struct PlaceRow<'a> {
     pub(super) of_pixels: &'a mut [u32],
     pub(super) nearness: &'a mut [f32],
 }
 
-/// Fills in the places of a row.
+/// Computes the places of a row.
 struct PlaceKernel<'a> {
     table: &'a SegmentTable,
     segments: &'a SegmentRow,

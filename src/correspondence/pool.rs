@@ -1,13 +1,13 @@
-//! Pool of scratch buffers. There are as many as threads work at once, not one for each piece of work.
+//! Pool of scratch buffers: as many as threads work at once, not one per task.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, PoisonError};
 
-/// The free scratch buffers. Their content has no meaning.
+/// The free scratch buffers. Their content is undefined.
 #[derive(Debug, Default)]
 pub(super) struct Pool<T>(Mutex<Vec<T>>);
 
-/// A scratch buffer of the pool, until it is dropped.
+/// A scratch buffer on loan; dropping it gives it back.
 pub(super) struct Taken<'a, T: Default> {
     pool: &'a Pool<T>,
     scratch: T,
@@ -20,7 +20,7 @@ impl<T: Default> Pool<T> {
         Taken { pool: self, scratch }
     }
 
-    /// All scratch buffers that were given back.
+    /// All free scratch buffers.
     pub(super) fn scratches(&mut self) -> &mut [T] {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
     }

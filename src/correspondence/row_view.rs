@@ -1,4 +1,4 @@
-//! An epipolar row of C2 as a pixel of C1 sees it, and where it has a phase.
+//! An epipolar row of C2 as a pixel of C1 sees it, and where the row has the phase of the pixel.
 
 use std::ops::{ControlFlow, RangeInclusive};
 
@@ -6,19 +6,20 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 
-/// Largest phase difference between neighbouring columns at which a crossing is taken, turns · 65536. Fringes of a
-/// grazing surface are short, and at a silhouette two surfaces mix in one pixel; towards half a turn sense is lost.
+/// Largest phase difference between neighbouring columns at which a crossing counts, turns · 65536. Fringes on a
+/// grazing surface are short, and at a silhouette two surfaces mix in one pixel. Near half a turn the sense of the step
+/// is lost.
 pub(super) const MAX_COLUMN_STEP: i32 = 30000;
-/// Slopes with which a surface is continued beyond its rim, turns · 65536 a pixel: flatter ones would lead anywhere.
+/// Slopes at which a surface is continued beyond its rim, turns · 65536 per pixel. Flatter ones could end anywhere.
 pub(super) const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
-/// Change of slope up to which a neighbour continues a surface, so that it has no rim there.
+/// Change of slope up to which a neighbour continues a surface, so that there is no rim.
 pub(super) const MAX_RIM_BEND: i32 = 5000;
-/// How far a surface is continued beyond its rim, pixels: the rim of a surface lies within the next pixel.
+/// How far a surface is continued beyond its rim, pixels: its true rim lies within the next pixel.
 const RIM_REACH_PX: f32 = 1.0;
-/// Blocks of columns that are asked together: more than most segments have.
+/// Blocks of columns searched at once: more than most segments have.
 const BLOCKS_AT_A_TIME: usize = 64;
 
-/// One epipolar row as a pixel of C1 sees it: two rows of the image, mixed by the fractional row.
+/// An epipolar row as a pixel of C1 sees it: two rows of the image, interpolated at the fractional row.
 pub(super) struct RowView<'a> {
     upper: &'a [u16],
     lower: &'a [u16],
@@ -41,7 +42,7 @@ impl<'a> RowView<'a> {
         }
     }
 
-    /// Phase at a column, if there is one; rows of different surfaces are not mixed.
+    /// Phase at a column, if there is one. Rows of different surfaces are not interpolated.
     #[inline]
     fn at(&self, column: usize) -> Option<u16> {
         let (upper, lower) = (self.upper[column], self.lower[column]);
@@ -62,15 +63,15 @@ impl<'a> RowView<'a> {
         self.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16))
     }
 
-    /// Tells of each place between `columns` and within `limits_px` that has the phase: its column and the slope of the
-    /// phase there, turns · 65536 a pixel, until told to break.
+    /// Calls `visit` with each place between `columns` and within `limits_px` that has the phase: its column, and the
+    /// slope of the phase there, turns · 65536 per pixel. Ends when `visit` breaks.
     #[inline]
     pub(super) fn crossings(
         &self,
         limits_px: [f32; 2],
         phase: u16,
         columns: RangeInclusive<usize>,
-        mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
+        mut visit: impl FnMut(f32, i32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let [first_px, last_px] = limits_px;
         let mut previous: Option<i32> = None;
@@ -81,20 +82,20 @@ impl<'a> RowView<'a> {
                 && column_px >= first_px
                 && column_px <= last_px
             {
-                tell(column_px, after - before)?;
+                visit(column_px, after - before)?;
             }
             previous = current;
         }
         ControlFlow::Continue(())
     }
 
-    /// As [`Self::crossings`], of many columns.
+    /// As [`Self::crossings`], fast over many columns.
     pub(super) fn crossings_of_many(
         &self,
         limits_px: [f32; 2],
         phase: u16,
         columns: RangeInclusive<usize>,
-        mut tell: impl FnMut(f32, i32) -> ControlFlow<()>,
+        mut visit: impl FnMut(f32, i32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let (level, last) = (Level::in_use(), (*columns.end()).min(self.upper.len() - 1));
         let mut may_cross = [0; BLOCKS_AT_A_TIME];
@@ -107,7 +108,7 @@ impl<'a> RowView<'a> {
                     let before = first + block * LANES + rest.trailing_zeros() as usize;
                     rest &= rest - 1;
                     if before < last {
-                        self.crossings(limits_px, phase, before..=before + 1, &mut tell)?;
+                        self.crossings(limits_px, phase, before..=before + 1, &mut visit)?;
                     }
                 }
             }
@@ -115,7 +116,7 @@ impl<'a> RowView<'a> {
         ControlFlow::Continue(())
     }
 
-    /// The column before a place, in the first of some ranges of columns that has one and within `limits_px`, that has the phase.
+    /// The column before a crossing within `limits_px`, in the first of the `ranges` that has one.
     pub(super) fn any_crossing(
         &self,
         limits_px: [f32; 2],
@@ -125,26 +126,27 @@ impl<'a> RowView<'a> {
         fringeflow_simd::run(Level::in_use(), AnyCrossing { row: self, limits_px, phase, ranges })
     }
 
-    /// Tells of each place, at most a pixel beyond the rim of a surface, where the surface would have the phase if it went
-    /// on: a pixel of C1 on the rim has its point between two columns of which only one sees the surface.
-    pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut tell: impl FnMut(f32, i32)) {
+    /// Calls `visit` with each place up to a pixel beyond the rim of a surface where the surface would have the phase
+    /// if it continued. A pixel of C1 on the rim has its point between two columns, and only one of these sees the
+    /// surface.
+    pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut visit: impl FnMut(f32, i32)) {
         let last = self.upper.len() - 1;
         for column in *columns.start()..=(*columns.end()).min(last) {
             let Some(here) = self.difference(column, phase) else { continue };
             let left = column.checked_sub(1).and_then(|c| self.difference(c, phase));
             let right = if column < last { self.difference(column + 1, phase) } else { None };
-            let mut tell_beyond = |outer: Option<i32>, inner: Option<i32>, sense: f32| {
+            let mut visit_beyond = |outer: Option<i32>, inner: Option<i32>, sense: f32| {
                 if let Some((offset_px, slope)) = beyond_rim(here, outer, inner, sense) {
-                    tell(column as f32 + offset_px, slope);
+                    visit(column as f32 + offset_px, slope);
                 }
             };
-            tell_beyond(left, right, -1.0);
-            tell_beyond(right, left, 1.0);
+            visit_beyond(left, right, -1.0);
+            visit_beyond(right, left, 1.0);
         }
     }
 }
 
-/// Looks for a column between which and the next the phase of the row crosses another.
+/// Searches ranges of columns for a crossing.
 struct AnyCrossing<'a, 'b> {
     row: &'a RowView<'b>,
     limits_px: [f32; 2],
@@ -181,8 +183,8 @@ impl Kernel for AnyCrossing<'_, '_> {
     }
 }
 
-/// Asks between which of many columns and the next the phase of the row may cross another, a bit each: where it has one on both
-/// sides, before it on one and behind it on the other, and is near it on either.
+/// Marks the columns between which and the next the row may cross the phase, a bit each. Both have a phase, the signs
+/// of their differences differ, and one of them is near.
 struct MayCross<'a, 'b> {
     row: &'a RowView<'b>,
     phase: u16,
@@ -199,7 +201,7 @@ impl Kernel for MayCross<'_, '_> {
         let mut here = self.columns(lanes, self.first);
         for (block, may_cross) in may_cross.iter_mut().enumerate() {
             let next = self.columns(lanes, self.first + (block + 1) * LANES);
-            // The bits of the columns to the right.
+            // Bits of the next columns.
             let right = |bits: fn(&ColumnBits) -> u32| bits(&here) >> 1 | bits(&next) << (LANES - 1);
             *may_cross = here.has_phase
                 & right(|bits| bits.has_phase)
@@ -210,13 +212,13 @@ impl Kernel for MayCross<'_, '_> {
     }
 }
 
-/// What is asked of [`LANES`] columns, a bit each.
+/// Properties of [`LANES`] columns, a bit each.
 #[derive(Clone, Copy)]
 struct ColumnBits {
     has_phase: u32,
-    /// The phase of the row is greater than the other.
+    /// The phase of the row exceeds that of the pixel.
     is_behind: u32,
-    /// By no more than half of what a crossing may step.
+    /// The difference is at most half of what a crossing may step.
     is_near: u32,
 }
 
@@ -230,7 +232,7 @@ impl MayCross<'_, '_> {
         ColumnBits { has_phase, is_behind, is_near }
     }
 
-    /// The phase of the row at some columns less the other, as [`RowView::difference`] has it, and which of them have one.
+    /// The phase of the row less that of the pixel, as by [`RowView::difference`], and the columns that have one.
     #[inline(always)]
     fn differences<L: Lanes>(&self, lanes: L, first: usize) -> (L::Words, u32) {
         let upper = lanes.load(&columns(self.row.upper, first));
@@ -242,7 +244,7 @@ impl MayCross<'_, '_> {
         let small = lanes.bits(lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step)));
         let below = lanes.word(self.row.below as i16);
         let zero = lanes.word(0);
-        // The high word of a signed by an unsigned number, and what rounds it.
+        // The high word of a signed by an unsigned number, and the rounding.
         let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
         let part = lanes.sub(lanes.times_high(step, below), sign);
         let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
@@ -253,13 +255,13 @@ impl MayCross<'_, '_> {
     }
 }
 
-/// Some columns of a row; none has a phase beyond its end.
+/// [`LANES`] columns of a row. Columns beyond its end have no phase.
 #[inline(always)]
 fn columns(row: &[u16], first: usize) -> [u16; LANES] {
     fringeflow_simd::filled(row.get(first..).unwrap_or_default(), EpipolarImage::NO_PHASE)
 }
 
-/// Sub-pixel column at which the phase difference changes sign between two neighbouring columns of one surface.
+/// Sub-pixel column at which the phase difference changes sign between neighbouring columns of one surface.
 #[inline]
 fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
     let changes_sign = (before <= 0 && after > 0) || (before > 0 && after <= 0);
@@ -269,8 +271,9 @@ fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
     Some(column as f32 + before as f32 / (before - after) as f32)
 }
 
-/// Where a surface whose last column lies `here` from the wanted phase would have it beyond: offset in the direction
-/// `sense` (−1 or 1) and slope. `outer` and `inner` are its neighbours; the outer one must not continue it.
+/// Where a surface would have the wanted phase beyond its last column, which is `here` turns · 65536 away from it:
+/// offset in the direction `sense` (−1 or 1), and slope. `outer` and `inner` are its neighbours; if `outer` continues
+/// the surface, there is no rim.
 #[inline]
 fn beyond_rim(here: i32, outer: Option<i32>, inner: Option<i32>, sense: f32) -> Option<(f32, i32)> {
     let wrapped = |step: i32| i32::from(step as i16);

@@ -1,4 +1,4 @@
-//! The candidates of all pixels of an image, by the scan of every segment.
+//! The candidates of all pixels of an image, by scanning every segment.
 
 use rayon::prelude::*;
 
@@ -13,14 +13,14 @@ use super::segment_table::SegmentTable;
 /// Candidates of all pixels of C1, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Candidates {
-    /// Where those of each pixel begin, and where those of the last one end.
+    /// Where the candidates of each pixel begin, and where those of the last one end.
     begins: Vec<usize>,
     all: Vec<Candidate>,
 }
 
-/// Finds the candidates that pass `gate` for every valid pixel of C1 that has a segment (paper, 2.3).
+/// Finds the candidates that pass `gate`, for every valid pixel of C1 that has a segment (paper, 2.3).
 ///
-/// In: phase of C1 (raw pixels), phase of C2 in the epipolar frame, the segment table of the same rig. Cost: every column of
+/// In: phase of C1 (raw pixels), phase of C2 in the epipolar frame, segment table of the rig. Cost: every column of
 /// every segment.
 #[must_use]
 pub fn find_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, gate: &DeltaGate) -> Candidates {
@@ -51,7 +51,7 @@ impl Candidates {
     /// Candidates of a pixel, by ascending column.
     #[must_use]
     #[inline]
-    pub fn of(&self, pixel: usize) -> &[Candidate] {
+    pub fn for_pixel(&self, pixel: usize) -> &[Candidate] {
         &self.all[self.begins[pixel]..self.begins[pixel + 1]]
     }
 
@@ -61,13 +61,13 @@ impl Candidates {
         &self.all
     }
 
-    /// Number of a pixel's first candidate among all.
+    /// Index of the first candidate of a pixel among all.
     #[inline]
-    pub(super) fn first_of(&self, pixel: usize) -> usize {
+    pub(super) fn first_index(&self, pixel: usize) -> usize {
         self.begins[pixel]
     }
 
-    /// Candidates of so many pixels.
+    /// The candidates of these pixels.
     #[cfg(test)]
     pub(super) fn from_pixels(pixels: &[Vec<Candidate>]) -> Self {
         let ends = pixels.iter().scan(0, |end, list| {

@@ -10,12 +10,12 @@ pub struct Segment {
     pub ray: [f32; 2],
     /// Row, pixels.
     pub row_px: f32,
-    /// First column, pixels; beyond `end_px` where there is no segment.
+    /// First column, pixels. It exceeds `end_px` if the pixel has no segment.
     pub begin_px: f32,
     /// Last column, pixels.
     pub end_px: f32,
-    /// Column from which the back-projection phase is counted, pixels: that of the middle of the measurement volume, on the
-    /// segment or near it.
+    /// Column from which the back-projection phase is counted, pixels: where the middle of the measurement volume is
+    /// seen.
     pub reference_px: f32,
     /// Coefficients (a, b, d) of the back-projection phase, see [`Self::phase_turns`].
     pub phase: [f32; 3],
@@ -36,8 +36,8 @@ impl Segment {
         [self.begin_px, self.end_px]
     }
 
-    /// Back-projection phase Φ in turns of the point seen at a column: `(a + b·s) / (1 + d·s)`, s the column from
-    /// `reference_px`. Exact for a projector without distortion, to 0.002 turns with.
+    /// Back-projection phase Φ, turns, of the point seen at a column: `(a + b·s) / (1 + d·s)`, s the column from
+    /// `reference_px`. Exact for a projector without distortion, to 0.002 turns with distortion.
     #[must_use]
     #[inline]
     pub fn phase_turns(&self, column_px: f32) -> f32 {
@@ -46,8 +46,7 @@ impl Segment {
         (a + b * s) / (1.0 + d * s)
     }
 
-    /// Column at which the back-projection phase has a value, turns, and how many columns the phase takes there for a turn;
-    /// infinite or NaN where there is none.
+    /// Column at which Φ has a value in turns, and columns per turn there; infinite or NaN if there is none.
     #[inline]
     pub(super) fn column_and_columns_per_turn(&self, phase_turns: f32) -> (f32, f32) {
         let [a, b, d] = self.phase;
@@ -56,9 +55,8 @@ impl Segment {
     }
 }
 
-/// The segments of one row of C1, one array a quantity: what whole images are computed from. Filled by
-/// [`super::SegmentTable::row`], and reused from row to row. Each array has a multiple of sixteen numbers; pixels beyond
-/// the image have no segment.
+/// The segments of one row of C1, one array per quantity. Filled by [`super::SegmentTable::row`] and reused from row to
+/// row. The length of each array is a multiple of sixteen; pixels beyond the image have no segment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SegmentRow {
     /// First columns, pixels; beyond `end_px` where there is no segment.
@@ -79,7 +77,7 @@ pub struct SegmentRow {
     pub ray_x: Vec<f32>,
     /// y.
     pub ray_y: Vec<f32>,
-    /// Coefficients of the fields of the table along the row.
+    /// Scratch for the coefficients of the table's fields along the row.
     pub(super) along_row: Vec<[[f32; POWERS]; FIELDS]>,
 }
 
@@ -98,7 +96,7 @@ impl SegmentRow {
         }
     }
 
-    /// Makes room for so many patches; what it holds afterwards is to be overwritten.
+    /// Resizes to `patches`; all numbers are to be overwritten.
     pub(super) fn resize(&mut self, patches: usize) {
         for array in self.arrays() {
             array.resize(patches * PATCH_PX, 0.0);

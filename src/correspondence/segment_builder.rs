@@ -1,4 +1,4 @@
-//! What a segment table is computed from: the smooth fields at their nodes, and the ends of every segment.
+//! Computes a segment table: the smooth fields at their nodes, and both ends of every segment.
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -8,22 +8,23 @@ use crate::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Po
 use super::patches::{Nodes, Patches};
 use super::segment_table::{FIELDS, NO_LIMITS, RAY_X, RAY_Y, ROW, SegmentTableError, padded, units_per_px};
 
-/// Share of a segment that is added at either end: the place of the volume is known no better than the calibration.
+/// Share of a segment by which either end is extended: the position of the volume is known no better than the
+/// calibration.
 const VOLUME_MARGIN: f64 = 0.02;
-/// Rise of Φ over the volume, turns, at which half of what distortion bends Φ is left out: where a ray runs along a fringe,
-/// nothing tells what its denominator has to do with that.
+/// Rise of Φ over the volume, turns, at which half of the bend by distortion is neglected. Where a ray runs along a
+/// fringe, Φ hardly rises and says nothing about its denominator.
 const LEAST_RISE_TURNS: f64 = 0.05;
-/// Depths of a volume that reaches the camera begin at this share of their end.
+/// Nearest depth of a volume that reaches the camera, as share of its farthest one.
 const MIN_DEPTH_SHARE: f64 = 0.05;
-/// Greatest half extent of a volume in inverse depth, in that of its middle: the segment ends before infinity.
+/// Greatest half extent of a volume in inverse depth, relative to its middle: the segment ends before infinity.
 const MAX_HALF_EXTENT: f64 = 0.9;
-/// Least inverse depth of the middle surface anywhere in the image, in the mean one: it must not come to infinity.
+/// Least inverse depth of the middle surface, relative to its mean: it must not reach infinity.
 const MIN_INVERSE_DEPTH: f64 = 0.1;
 
-/// Pixels of C1, along either axis, of which one takes part in fitting the columns of what is infinitely far.
+/// Distance of the pixels of C1, along both axes, to which the columns at infinity are fitted.
 const STRIDE: usize = 16;
 
-/// Computes the parts of a table.
+/// Computes the parts of a table for one rig.
 pub(super) struct Builder<'a> {
     pub(super) rig: &'a Rig,
     pub(super) volume: &'a MeasurementVolume,
@@ -47,7 +48,7 @@ impl Builder<'_> {
         [self.rig.cam1.width_px(), self.rig.cam1.height_px()]
     }
 
-    /// The fields of one ray.
+    /// The fields of one ray. `None` if it has no epipolar line, or P does not light the volume along it.
     fn fields_of(&self, ray: &Vector3, middle: &MiddleSurface) -> Option<[f64; FIELDS]> {
         let line = self.frame.line(ray)?;
         let inverse_depth = middle.inverse_depth(ray);
@@ -58,30 +59,32 @@ impl Builder<'_> {
         };
         let [before, at, after] = [phase(-1.0)?, phase(0.0)?, phase(1.0)?];
         let rise = after - before;
-        // Of a projector without distortion d is known: Φ is as far from its pole as the projector's centre is away.
+        // Without distortion d is known from the geometry: Φ is as far from its pole as the centre of the projector is
+        // away.
         let of_pinhole = middle.half_extent * self.share_of_projector_depth(ray, inverse_depth);
         let bend = 2.0 * at - before - after - of_pinhole * rise;
         let d = of_pinhole + bend * rise / (rise * rise + LEAST_RISE_TURNS * LEAST_RISE_TURNS);
+        // The curve goes through all three points.
         let slope = 0.5 * rise + d * (0.5 * (after + before) - at);
         let reference_px = line.column_of_depth(1.0 / inverse_depth);
         Some([ray.x, ray.y, line.row_px, reference_px, at, slope / half_px, d / half_px])
     }
 
-    /// Change of the depth that P sees per relative change of inverse depth, in that depth: Φ of a pinhole is a linear
-    /// function of inverse depth divided by one, and this is the slope of the latter.
+    /// Relative change of the depth seen by P per relative change of inverse depth. Φ of a pinhole projector is a
+    /// quotient of two linear functions of inverse depth, and this is the slope of the denominator.
     fn share_of_projector_depth(&self, ray: &Vector3, inverse_depth: f64) -> f64 {
         let pose = &self.rig.projector_from_cam1;
         let moved = pose.translation.vector.z * inverse_depth;
         moved / ((pose.rotation * ray).z + moved)
     }
 
-    /// Absolute phase at which P would light the point of a ray at a depth, turns.
+    /// Absolute phase at which P lights the point of a ray at a depth, turns.
     fn back_projected_turns(&self, ray: &Vector3, depth_m: f64) -> Option<f64> {
         let column = self.rig.project_projector(&Point3::from(ray * depth_m))?.x;
         Some(self.pattern.phase_turns(column))
     }
 
-    /// Where the segments of all pixels begin and end, row by row, with the ends after the beginnings.
+    /// First and last columns of the segments of all pixels, row by row: first all first columns, then all last ones.
     pub(super) fn limits(&self, fields: &Patches<FIELDS>) -> Vec<u16> {
         let [width, height] = self.size_px();
         let clip = self.volume.ray_clipper();
@@ -115,7 +118,7 @@ impl Builder<'_> {
         limits
     }
 
-    /// The plane through the columns in which C1 sees what is infinitely far.
+    /// Least-squares plane through the columns in which C1 sees infinitely far points.
     pub(super) fn infinity_px(&self) -> [f32; 3] {
         let [width, height] = self.size_px();
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
@@ -131,7 +134,7 @@ impl Builder<'_> {
         normal.cholesky().map_or([0.0; 3], |normal| normal.solve(&right).cast::<f32>().into())
     }
 
-    /// Which of the constraints leaves nothing.
+    /// Tells why no pixel has a segment.
     pub(super) fn why_none(&self) -> SegmentTableError {
         let [width, height] = self.size_px();
         let ray = |i: usize| self.rig.cam1.ray(&Pixel::new((i % width) as f64, (i / width) as f64));
@@ -146,17 +149,18 @@ impl Builder<'_> {
     }
 }
 
-/// A plane through the middle of the measurement volume as C1 sees it: smooth where the volume itself has edges.
+/// The middle of the measurement volume as C1 sees it, as a plane: smooth where the volume itself has edges.
 struct MiddleSurface {
-    /// Inverse depth along a ray with z = 1 is the product of both, 1/m.
+    /// Inverse depth of a ray with z = 1 is the product of both, 1/m.
     plane: Vector3,
     mean_inverse_depth: f64,
-    /// How far the volume reaches before and behind it, in inverse depth, as a share of it.
+    /// How far the volume reaches before and behind the plane, as share of its inverse depth.
     half_extent: f64,
 }
 
 impl MiddleSurface {
-    /// That of the rays that meet the volume, the longer they are in it the more; at the depth of its centre where none does.
+    /// Fits the plane to the rays that meet the volume, weighted by their length in it. If none does, the plane lies at
+    /// the depth of the centre.
     fn new(volume: &MeasurementVolume, rays: &[Option<Vector3>]) -> Self {
         let clip = volume.ray_clipper();
         let inverse_depths = |ray: &Vector3| {
@@ -174,7 +178,7 @@ impl MiddleSurface {
         }
         let centre = volume.cam1_from_volume() * nalgebra::center(volume.min(), volume.max());
         let of_centre = 1.0 / centre.z.max(f64::MIN_POSITIVE);
-        // A volume seen in a line of pixels alone leaves the plane undetermined: it stays level there.
+        // A volume seen in a single line of pixels leaves the plane undetermined; it stays level there.
         let level = Vector3::z() * (right.z / weights);
         let turned = (normal + Matrix3::identity() * (1e-9 * weights)).cholesky();
         let plane = match turned {

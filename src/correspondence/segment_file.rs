@@ -1,8 +1,8 @@
-//! The file of a segment table: computed once a rig, loaded by whoever matches its images (paper, section 2.3).
+//! The file of a segment table: computed once per rig, loaded before matching (paper, section 2.3).
 //!
-//! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, the direction
-//! of the base and the columns of what is infinitely far, then the modes of the drift, the fields of the pixels of C1, the ends of their segments, and the places of
-//! the pixels of the epipolar frame, as they stand in memory.
+//! Layout, little-endian: magic, format version, CRC-32, fingerprint, sizes of C1, C2 and the epipolar frame, direction
+//! of the base, columns at infinity; then, as in memory, the drift modes, the fields of the pixels of C1, the ends of
+//! their segments, and the places of the pixels of the epipolar frame.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -20,38 +20,38 @@ use super::source_map::SourceMap;
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";
 const VERSION: u32 = 6;
-/// Largest side of an image, pixels; larger ones in a header are damage.
+/// Largest side of an image, pixels. A larger one in a header is damage.
 const MAX_SIDE_PX: u32 = 65535;
-/// Bytes that are read, summed and checked at a time: they stay in the cache from one to the next.
+/// Bytes read at a time. They stay in the cache while they are summed and checked.
 const BLOCK_BYTES: usize = 1 << 18;
 
-/// What stands before the payload.
+/// The header of the file.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Header {
     magic: [u8; 8],
     version: u32,
-    /// CRC-32 of the sizes, of the base and of everything that follows the header.
+    /// CRC-32 of sizes, base, columns at infinity, and everything behind the header.
     crc: u32,
     fingerprint: [u8; 32],
     /// Width and height of C1, of C2 and of the epipolar frame, pixels.
     sizes_px: [[u32; 2]; 3],
     /// Direction from C1 to C2 in the frame of C1.
     base: [f32; 3],
-    /// Columns of what is infinitely far.
+    /// Columns of infinitely far points.
     infinity_px: [f32; 3],
 }
 
-/// Why a segment table cannot be had, loaded or saved.
+/// Why a segment table cannot be built, loaded or saved.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentFileError {
-    /// The rig has none.
+    /// The rig has no segment table.
     #[error(transparent)]
     Table(#[from] SegmentTableError),
-    /// It cannot be written.
+    /// The file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// It cannot be used; the file is left as it is.
+    /// The file cannot be used. It is left as it is.
     #[error("{}: {problem}", file.display())]
     Unusable {
         /// The file.
@@ -68,16 +68,16 @@ pub enum SegmentFileProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] io::Error),
-    /// It is something else.
+    /// The file is of another kind.
     #[error("is not a segment table; give another path, or delete it to have it computed")]
     NotASegmentTable,
-    /// It was written by another version.
+    /// The file has another format version.
     #[error("has format version {found}, expected {VERSION}; delete it to have it computed again")]
     Version {
         /// Version in the file.
         found: u32,
     },
-    /// It belongs to another rig.
+    /// The file belongs to another rig.
     #[error(
         "belongs to another calibration, measurement volume, pattern or image size (fingerprint {found}, this rig has \
          {expected}); delete it or give another path"
@@ -88,24 +88,24 @@ pub enum SegmentFileProblem {
         /// First bytes of the fingerprint of the rig.
         expected: String,
     },
-    /// Its length does not fit its header.
+    /// The length does not fit the header.
     #[error("is {found} bytes long, its header tells of {expected}; delete it to have it computed again")]
     Length {
         /// Bytes in the file.
         found: u64,
-        /// Bytes that the header tells of.
+        /// Bytes according to the header.
         expected: u64,
     },
-    /// Its content was changed.
+    /// The content was changed.
     #[error("is damaged (field {field}); delete it to have it computed again")]
     Damaged {
-        /// What shows the damage.
+        /// The field that shows the damage.
         field: &'static str,
     },
 }
 
 impl SegmentTable {
-    /// Writes the table, all or not at all.
+    /// Writes the table atomically.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -133,7 +133,7 @@ impl SegmentTable {
         Ok(())
     }
 
-    /// Reads the table of a rig from its file if there is one; else computes it, and writes the file if one is named.
+    /// Loads the table of a rig if its file exists. Otherwise builds it, and writes the file if `path` is given.
     ///
     /// # Errors
     /// The rig has no table, or the file cannot be used or written.
@@ -168,7 +168,7 @@ fn read(path: &Path, expected: Fingerprint) -> Result<SegmentTable, SegmentFileP
     let header = read_header(&mut file, expected)?;
     let [size_px, cam2_size_px, epipolar_size_px] = header.sizes_px.map(|size| size.map(|s| s as usize));
     let promised = promised_bytes(size_px, epipolar_size_px);
-    // Before any memory is asked for.
+    // Checked before any memory is allocated.
     if length != promised {
         return Err(SegmentFileProblem::Length { found: length, expected: promised });
     }
@@ -217,30 +217,30 @@ fn promised_bytes(size_px: [usize; 2], epipolar_size_px: [usize; 2]) -> u64 {
     bytes as u64
 }
 
-/// First and last columns of the segments of an image.
+/// Number of first and last columns of all segments of an image.
 fn limits_of([width, height]: [usize; 2]) -> usize {
     2 * padded(width) * height
 }
 
-/// A forged file with a fitting checksum must hold numbers. Where they lead matters less: whoever looks into an image by
-/// them stays within it.
+/// Whether all numbers are finite, which a forged file with a valid checksum may violate. Their values need no check:
+/// every place is clamped to its image before it is read.
 fn are_finite(numbers: &[f32]) -> bool {
     const SIGN: u32 = 1 << 31;
-    // What is not finite has the greatest exponent; one more carries into the sign.
+    // Numbers that are not finite have the greatest exponent; adding one to it carries into the sign bit.
     let one_more = |number: &f32| (number.to_bits() & !SIGN) + (SIGN - f32::INFINITY.to_bits());
     numbers.iter().map(one_more).fold(0, |all, bits| all | bits) & SIGN == 0
 }
 
-/// The payload on its way from the file.
+/// The file while its payload is read.
 struct Reading {
     file: File,
     crc: crc32fast::Hasher,
-    /// The first part whose content cannot be.
+    /// The first field with impossible content.
     damaged: Option<&'static str>,
 }
 
 impl Reading {
-    /// Reads a part block by block, each summed and checked while it is in the cache.
+    /// Reads a field block by block; each block is summed and checked while it is in the cache.
     fn fill<T: bytemuck::Pod>(
         &mut self,
         part: &mut [T],
@@ -257,14 +257,14 @@ impl Reading {
         Ok(())
     }
 
-    /// What is wrong with what was read: the checksum, else the content.
+    /// Reports a wrong checksum, else impossible content.
     fn finish(self, crc: u32) -> Result<(), SegmentFileProblem> {
         let checksum = (self.crc.finalize() != crc).then_some("checksum");
         checksum.or(self.damaged).map_or(Ok(()), |field| Err(SegmentFileProblem::Damaged { field }))
     }
 }
 
-/// Modes as they were saved; all zero where there are none.
+/// The saved drift modes; all zero stands for none.
 fn read_modes(numbers: &[f64]) -> Result<Option<DriftModes>, SegmentFileProblem> {
     if numbers.iter().all(|&n| n == 0.0) {
         return Ok(None);
@@ -294,7 +294,7 @@ fn read_header(file: &mut File, expected: Fingerprint) -> Result<Header, Segment
     Ok(header)
 }
 
-/// Enough of a fingerprint to tell two apart.
+/// The first bytes of a fingerprint, enough to tell two apart.
 fn short(fingerprint: &[u8; 32]) -> String {
     fingerprint[..6].iter().map(|byte| format!("{byte:02x}")).collect()
 }

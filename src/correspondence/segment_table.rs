@@ -1,10 +1,10 @@
-//! The segment table: for every pixel of C1 its epipolar segment in C2, as far as the measurement volume leaves it, and
-//! the back-projection phase along it (paper, sections 2.1 and 2.3).
+//! The segment table: for every pixel of C1 the epipolar segment in C2 that the measurement volume leaves, and the
+//! back-projection phase along it (paper, sections 2.1 and 2.3).
 //!
-//! In: rig, measurement volume, fringe pattern. Out: both ends of the segment of each pixel of C1, 4 bytes a pixel; what is
-//! smooth over the image as polynomials of patches, not 2 bytes a pixel; the map that resamples an image of C2 into the
-//! epipolar frame, half a byte; and the fields of δ that calibration errors cause. Everything that depends on the
-//! calibration alone is done here, once, in `f64`. Whatever reads whole images takes [rows](SegmentTable::row).
+//! In: rig, measurement volume, fringe pattern. Out: both ends of the segment of each pixel of C1, 4 bytes per pixel;
+//! smooth quantities as polynomials on patches, less than 2 bytes per pixel; the map that resamples an image of C2 into
+//! the epipolar frame, half a byte; the fields of δ that calibration errors cause. Everything that depends on the
+//! calibration alone is computed here, once, in `f64`. Code that reads whole images takes [rows](SegmentTable::row).
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
@@ -17,7 +17,7 @@ use super::segment::{Segment, SegmentRow};
 use super::segment_builder::Builder;
 use super::source_map::SourceMap;
 
-/// Pixels along either axis of which one is asked how its row changes.
+/// Distance of the sampled pixels, along both axes.
 const AXIS_STRIDE: usize = 16;
 
 /// Fields that are smooth over the image of C1: the ray, x and y at z = 1,
@@ -39,18 +39,18 @@ pub(super) const FIELDS: usize = 7;
 /// First and last column of pixels whose ray misses the volume or whose segment lies outside the image of C2.
 pub(super) const NO_LIMITS: [u16; 2] = [1, 0];
 
-/// Pixels for which there is room in a row.
+/// Pixels of a row in memory.
 pub(super) fn padded(width: usize) -> usize {
     width.next_multiple_of(PATCH_PX)
 }
 
-/// Parts of a pixel in which limits are counted: the finest power of two with which the last column of an epipolar frame
+/// Steps per pixel in which limits are stored: the finest power of two for which the last column of an epipolar frame
 /// fits 16 bits.
 pub(super) fn units_per_px(epipolar_width: usize) -> u32 {
     1 << (u32::from(u16::MAX) / (epipolar_width as u32 - 1).max(1)).max(1).ilog2()
 }
 
-/// Axis of C1's image along which the epipolar lines run.
+/// The axis of C1's image along which the epipolar lines run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EpipolarAxis {
     /// Along the rows of the image: cameras side by side.
@@ -71,12 +71,12 @@ pub struct SegmentTable {
     pub(super) epipolar_size_px: [usize; 2],
     /// Direction from the centre of C1 to the centre of C2 in the frame of C1, of length 1.
     pub(super) base: [f32; 3],
-    /// Column of the epipolar frame in which a pixel of C1 sees what is infinitely far, pixels: that of its first pixel, and the
-    /// change from column to column and from row to row.
+    /// Column of the epipolar frame in which a pixel of C1 sees infinitely far points: that of the first pixel, and the
+    /// change per column and per row of C1; pixels.
     pub(super) infinity_px: [f32; 3],
     pub(super) modes: Option<DriftModes>,
     pub(super) fields: Patches<FIELDS>,
-    /// Row by row the first columns of all pixels, then the last ones, in parts of a pixel; see [`units_per_px`].
+    /// Row by row the first columns of all segments, then the last ones, in steps of [`units_per_px`].
     pub(super) limits: Vec<u16>,
     pub(super) sources: SourceMap,
 }
@@ -104,18 +104,18 @@ pub enum SegmentTableError {
 }
 
 impl SegmentTable {
-    /// Computes the table, in parallel over rows.
+    /// Builds the table, in parallel over rows.
     ///
-    /// A patch of 16 × 16 pixels at whose border the lens of C1 has no ray, or P lights nothing, has no segments.
+    /// A patch of 16 × 16 pixels has no segments if the lens of C1 has no ray at its border, or P lights nothing there.
     ///
     /// # Errors
-    /// A rig without epipolar frame, or a volume that C2 never sees or P never lights.
+    /// The rig has no epipolar frame, C2 never sees the volume, or P never lights it.
     pub fn build(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Result<Self, SegmentTableError> {
         let frame = EpipolarFrame::new(rig)?;
         let builder = Builder { rig, volume, pattern, frame: &frame };
         let fields = builder.fields();
         let limits = builder.limits(&fields);
-        // Any other end is beyond its beginning.
+        // Every segment ends behind its beginning.
         if limits.iter().all(|limit| NO_LIMITS.contains(limit)) {
             return Err(builder.why_none());
         }
@@ -135,7 +135,7 @@ impl SegmentTable {
         Ok(table)
     }
 
-    /// The segment of a pixel of C1. Bits are those of [`Self::row`], which is much faster for all pixels of a row.
+    /// The segment of a pixel of C1, bit for bit as by [`Self::row`], which is much faster for whole rows.
     #[must_use]
     pub fn segment(&self, pixel: usize) -> Segment {
         let (u, v) = self.column_and_row(pixel);
@@ -168,7 +168,7 @@ impl SegmentTable {
         RayRow { fields: self.fields.row(v), columns: Columns::new() }
     }
 
-    /// First and last column of the segment of a pixel; the first is the greater where there is none.
+    /// First and last column of the segment of a pixel. The first exceeds the last if there is no segment.
     #[must_use]
     #[inline]
     pub fn limits_px(&self, pixel: usize) -> [f32; 2] {
@@ -186,7 +186,7 @@ impl SegmentTable {
         begin_px <= end_px
     }
 
-    /// Tells by 1 or 0 which pixels of row `v` of C1 have a segment.
+    /// Marks the pixels of row `v` of C1 that have a segment by 1, others by 0.
     pub(super) fn mark_segments(&self, v: usize, has_segment: &mut [u8]) {
         let (begin, end) = self.limits_of_row(v);
         for ((has_segment, begin), end) in has_segment.iter_mut().zip(begin).zip(end) {
@@ -202,7 +202,7 @@ impl SegmentTable {
         self.fields.row(v).at(ROW, u)
     }
 
-    /// First and last columns of the segments of a row, in parts of a pixel.
+    /// First and last columns of the segments of a row, in steps of [`units_per_px`].
     #[inline]
     fn limits_of_row(&self, v: usize) -> (&[u16], &[u16]) {
         let width = padded(self.size_px[0]);
@@ -226,7 +226,7 @@ impl SegmentTable {
         self.epipolar_size_px
     }
 
-    /// The axis of C1's image that epipolar lines are closest to: the one along which the row changes less.
+    /// The axis of C1's image closest to the epipolar lines: the one along which the epipolar row changes less.
     #[must_use]
     pub fn epipolar_axis(&self) -> EpipolarAxis {
         let (mut along_rows, mut along_columns) = (0.0_f64, 0.0_f64);
@@ -235,7 +235,7 @@ impl SegmentTable {
             if both { f64::from((self.row_px(a) - self.row_px(b)).abs()) } else { 0.0 }
         };
         let [width, height] = self.size_px;
-        // A fraction of the pixels tells.
+        // A sample of the pixels is enough.
         for v in (0..height.saturating_sub(1)).step_by(AXIS_STRIDE) {
             for u in (0..width.saturating_sub(1)).step_by(AXIS_STRIDE) {
                 let i = v * width + u;
@@ -246,9 +246,9 @@ impl SegmentTable {
         if along_rows <= along_columns { EpipolarAxis::Horizontal } else { EpipolarAxis::Vertical }
     }
 
-    /// How near to C2 a pixel of C1 sees its point, among all pixels that see one in the same place of C2: the larger, the
-    /// nearer. It is the cosine of the angle between the ray of the pixel and the base; in the triangle of the two
-    /// centres and a point that comes nearer on its ray of C2, this angle shrinks.
+    /// How near to C2 the point of a pixel of C1 lies, among all pixels whose point C2 sees in the same place: larger
+    /// is nearer. It is the cosine of the angle between the ray of the pixel and the base. In the triangle of both
+    /// camera centres and the point, this angle shrinks as the point moves towards C2 along its ray.
     #[must_use]
     #[inline]
     pub fn nearness_to_cam2(&self, pixel: usize) -> f32 {
@@ -257,27 +257,27 @@ impl SegmentTable {
         self.nearness_of_ray([fields.at(RAY_X, u), fields.at(RAY_Y, u)])
     }
 
-    /// The same of a ray of C1, x and y at z = 1.
+    /// As [`Self::nearness_to_cam2`], for a ray of C1, x and y at z = 1.
     #[inline(always)]
     pub(super) fn nearness_of_ray(&self, [x, y]: [f32; 2]) -> f32 {
         let [bx, by, bz] = self.base;
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
     }
 
-    /// The fields of δ that errors of the calibration can cause; `None` where the volume is too small to tell.
+    /// The fields of δ that calibration errors can cause. `None` if the volume is too small to sample them.
     #[must_use]
     pub fn drift_modes(&self) -> Option<&DriftModes> {
         self.modes.as_ref()
     }
 
-    /// What the table was computed for.
+    /// The rig that the table was built for.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         self.fingerprint
     }
 }
 
-/// Rays of C1 along a row of pixels, and the rows of the epipolar frame that they are seen in.
+/// Rays of C1 along a row of pixels, and the epipolar rows that they are seen in.
 #[derive(Clone, Copy)]
 pub struct RayRow<'a> {
     fields: FieldRow<'a, FIELDS>,
@@ -285,25 +285,25 @@ pub struct RayRow<'a> {
 }
 
 impl RayRow<'_> {
-    /// Pixels that are asked for together.
+    /// Pixels per patch.
     pub const PIXELS: usize = PATCH_PX;
 
-    /// Of the k-th sixteen pixels of the row the rays, x and y at z = 1, and the epipolar rows, pixels; with the bits of
+    /// Rays, x and y at z = 1, and epipolar rows, pixels, of the k-th patch of the row; bit for bit as by
     /// [`SegmentTable::row`].
     #[must_use]
     #[inline(always)]
-    pub fn of_patch(&self, k: usize) -> [[f32; PATCH_PX]; 3] {
+    pub fn patch(&self, k: usize) -> [[f32; PATCH_PX]; 3] {
         let Self { fields, columns } = self;
-        [fields.of_patch(RAY_X, k, columns), fields.of_patch(RAY_Y, k, columns), fields.of_patch(ROW, k, columns)]
+        [fields.patch(RAY_X, k, columns), fields.patch(RAY_Y, k, columns), fields.patch(ROW, k, columns)]
     }
 }
 
-/// Fills in a row.
+/// Computes a row of segments.
 struct RowKernel<'a> {
     fields: FieldRow<'a, FIELDS>,
     begin: &'a [u16],
     end: &'a [u16],
-    /// Pixels of the unit of limits.
+    /// Pixels per step of the limits.
     per_px: f32,
     row: &'a mut SegmentRow,
 }

@@ -1,12 +1,13 @@
-//! Slips of the pattern sequence: images that show another step than they are said to, of one camera or of both.
+//! Slips of the pattern sequence: one camera, or both, saw other steps than declared.
 //!
-//! In: the phase maps and the number N of steps. Out: by how many steps the pattern of each camera is ahead. A slip of both by
-//! the same moves all δ by 2π/N a step and nothing else. A slip of one moves every correspondence by a fraction of a period,
-//! and δ by about 2π/N times the place of the projector along the base: a slip of the camera that the projector stands at
-//! cannot be seen, nor can it be told from a scene elsewhere.
+//! In: the phase maps and the number N of steps. Out: the steps by which the pattern of each camera is ahead. A slip of
+//! both cameras by the same number moves all δ by 2π/N per step and nothing else. A slip of one camera moves every
+//! correspondence by a fraction of a period, and δ by about 2π/N times the place of the projector along the base. A
+//! slip of the camera beside the projector is therefore invisible, and looks like a scene elsewhere.
 //!
-//! Motion is no slip: what it leaves in δ is far below 2π/N. Nor is a surface outside the volume, which may agree with a slip in the
-//! volume: a slip is believed only where surfaces, asked about all of space, are explained better with it than without.
+//! Motion moves δ by far less than 2π/N and is not mistaken for a slip. A surface outside the volume may agree with a
+//! slip inside it. So a slip is accepted only if the surfaces of the whole scene, sought in all of space, fit better
+//! with it than without.
 
 use std::f64::consts::TAU;
 
@@ -17,30 +18,31 @@ use super::drift::DriftScratch;
 use super::epipolar_image::EpipolarImage;
 use super::surfaces::{self, View};
 
-/// Standard deviation of the weight with which a candidate near δ = 0 agrees, rad: twice that of calibrated rigs.
+/// Standard deviation of the weight of a candidate near δ = 0, rad: twice that of calibrated rigs.
 const AGREEMENT_SD_RAD: f64 = 0.08;
-/// Agreement, as candidates a pixel, from which on nobody asks for a slip: the true candidates alone make about 0.9.
+/// Agreement, in candidates per pixel, from which on no slip is sought: true candidates alone give about 0.9.
 const PLENTY: f64 = 0.75;
-/// Least agreement of a slip. A scene that lies beyond the volume agrees with some slip by accident, but at no more than 0.4 of
+/// Least agreement of a slip. A scene beyond the volume agrees with some slip by accident, but at no more than 0.4 of
 /// its pixels (clutter before a board, measured), since its δ changes with depth.
 const LEAST: f64 = 0.6;
-/// How much better a slip must agree than what the images are said to show.
+/// Ratio by which a slip must agree better than the declared steps.
 const BETTER: f64 = 2.0;
-/// How much better than every other slip.
+/// Ratio by which it must agree better than every other slip.
 const BEST: f64 = 1.15;
-/// How much better surfaces must be explained with a slip: 2.5 times and more where there is one (bodies alone and before boards), 0.95
-/// times where a board 5 mm beyond the volume agreed with one.
+/// Ratio by which surfaces must fit better with a slip. With a slip it is 2.5 and more (bodies alone and before
+/// boards); it was 0.95 where a board 5 mm beyond the volume agreed with one.
 const EXPLAINED: f64 = 1.25;
 
-/// Phases from which a slip was taken off.
+/// Phases without the slip.
 pub(super) struct Corrected {
-    /// Steps by which the patterns of C1 and of C2 were ahead of what was said of them, 0 to N − 1.
+    /// Steps by which the patterns of C1 and C2 were ahead of the declared ones, 0 to N − 1.
     pub(super) slip_steps: [usize; 2],
     pub(super) cam1: PhaseMap,
     pub(super) cam2: EpipolarImage,
 }
 
-/// Takes a slip off, of which there are so many steps; `None` where nothing agrees clearly better than what is said.
+/// Finds and removes a slip in a sequence of `steps` steps. `None` if no slip agrees clearly better than the declared
+/// steps.
 pub(super) fn correct_slip(
     view: View<'_>,
     as_said: &DeltaHistogram,
@@ -51,19 +53,20 @@ pub(super) fn correct_slip(
     let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
     let (mut cam1, mut cam2) = (view.cam1.clone(), view.cam2.clone());
     cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
-    cam2.turn_back(of_cam2);
+    cam2.subtract_phase(of_cam2);
     let as_said_nats = surfaces::clear_nats(view, scratch, drift);
     let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, scratch, drift);
     (corrected_nats > EXPLAINED * as_said_nats).then_some(Corrected { slip_steps, cam1, cam2 })
 }
 
-/// The slip that agrees clearly better in the volume than what is said, and than every other.
+/// The slip that agrees clearly better in the volume than the declared steps, and than every other slip.
 fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, steps: usize) -> Option<[usize; 2]> {
     let nominal = as_said.agreement(0.0, AGREEMENT_SD_RAD);
     if nominal >= PLENTY {
         return None;
     }
     let mut agreements: Vec<(f64, [usize; 2])> = Vec::with_capacity(steps * steps);
+    // One histogram serves all slips with the same difference of the cameras: a common slip only shifts δ.
     for apart in 0..steps {
         let histogram = DeltaHistogram::from_all_candidates(cam1, cam2, table, phase_of_steps(apart, steps));
         for of_cam2 in 0..steps {
@@ -77,7 +80,7 @@ fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, ste
     (is_clear && slip != [0; 2]).then_some(slip)
 }
 
-/// Phase that so many steps ahead of N add, turns · 65536.
+/// Phase of `ahead` of N steps, turns · 65536.
 fn phase_of_steps(ahead: usize, steps: usize) -> u16 {
     ((ahead << 16) / steps.max(1)) as u16
 }

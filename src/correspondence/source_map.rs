@@ -1,27 +1,27 @@
-//! Where the pixels of the epipolar frame lie in the raw image of C2.
+//! Maps the pixels of the epipolar frame to places in the raw image of C2.
 
 use crate::geometry::{Camera, EpipolarFrame, Pixel};
 
 use super::patches::{Columns, FieldRow, Nodes, PATCH_PX, POWERS, Patches};
 
-/// Places in the raw image are counted in 1/2048 of a pixel.
+/// Bits after the point of a place: places are counted in 1/2048 of a pixel.
 pub(super) const PLACE_BITS: u32 = 11;
-/// What is added to a place, pixels, so that the bits of the sum are a whole number of parts of a pixel: those below it are
-/// lost. It must exceed every side of an image; from 4096 on a part is as above, for larger images it is coarser.
+/// Least offset added to a place, pixels. It exceeds every side of the image, so that the bits of the sum are a whole
+/// number of steps and smaller bits are lost. With 4096 a step is 1/2048 pixel; larger images have coarser steps.
 const LEAST_BIAS_PX: usize = 4096;
 /// A place outside of every image, pixels.
 const OUTSIDE_PX: f32 = -1.0;
 
-/// The place of each pixel of the epipolar frame in the raw image of C2, from two smooth fields.
+/// The place of each pixel of the epipolar frame in the raw image of C2, as two smooth fields.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SourceMap {
-    /// Column and row, pixels; [`OUTSIDE_PX`] where the distortion cannot follow.
+    /// Column and row, pixels; [`OUTSIDE_PX`] where the distortion model has no answer.
     pub(super) places: Patches<2>,
     bias_px: usize,
 }
 
 impl SourceMap {
-    /// That of a frame.
+    /// The map of an epipolar frame.
     pub(super) fn new(frame: &EpipolarFrame, cam2: &Camera) -> Self {
         let nodes = Nodes::from_size_px([frame.width_px(), frame.height_px()]);
         let values = nodes.map(|column, row| frame.cam2_pixel(&Pixel::new(column, row)).map(|raw| [raw.x, raw.y]));
@@ -29,20 +29,20 @@ impl SourceMap {
         Self::with_places(places, [cam2.width_px(), cam2.height_px()])
     }
 
-    /// One whose places are known.
+    /// A map whose places are known.
     pub(super) fn with_places(places: Patches<2>, cam2_size_px: [usize; 2]) -> Self {
         let side_px = cam2_size_px[0].max(cam2_size_px[1]);
         Self { places, bias_px: side_px.next_power_of_two().max(LEAST_BIAS_PX) }
     }
 
-    /// Along a row of the frame.
+    /// The places along a row of the frame.
     #[inline(always)]
     pub(super) fn row(&self, row: usize) -> SourceRow<'_> {
         SourceRow { places: self.places.row(row), bias_px: self.bias_px as f32 }
     }
 }
 
-/// Where the pixels of a row of the frame lie.
+/// The places along a row of the frame.
 #[derive(Clone, Copy)]
 pub(super) struct SourceRow<'a> {
     places: FieldRow<'a, 2>,
@@ -50,14 +50,14 @@ pub(super) struct SourceRow<'a> {
 }
 
 impl SourceRow<'_> {
-    /// Coefficients of both fields along the row, patch by patch, into `out`.
+    /// Writes the coefficients of both fields along the row to `out`, patch by patch.
     #[inline(always)]
     pub(super) fn along_row(&self, out: &mut [[[f32; POWERS]; 2]]) {
         self.places.along_row(out);
     }
 
-    /// Columns or rows of the places of a patch, from the coefficients of their field, 1/2048 pixel; below zero or beyond the
-    /// image where there is none.
+    /// Columns or rows of the places of a patch, 1/2048 pixel, from the coefficients of their field. They lie below
+    /// zero or beyond the image where the frame shows nothing.
     #[inline(always)]
     pub(super) fn places(&self, columns: &Columns, coefficients: &[f32; POWERS]) -> [i32; PATCH_PX] {
         let bias = self.bias_px.to_bits();
@@ -65,6 +65,7 @@ impl SourceRow<'_> {
         let places_px = columns.values(coefficients);
         let mut parts = [0; PATCH_PX];
         for i in 0..PATCH_PX {
+            // Written as a comparison so that NaN becomes outside too.
             let place_px = if places_px[i] > OUTSIDE_PX { places_px[i] } else { OUTSIDE_PX };
             parts[i] = ((place_px + self.bias_px).to_bits().wrapping_sub(bias) as i32).wrapping_shl(shift);
         }

@@ -1,19 +1,19 @@
-//! Whether the decided pixels beside a pixel support what it was decided for (paper, Eq. 2).
+//! Neighbour votes: whether decided neighbours support the order of a pixel (paper, Eq. 2).
 //!
-//! A decided pixel k that a walk from p meets after a phase rise s says: if p and k lie on one surface, then the absolute
-//! phases are u_p = u_k − s. That is Eq. (2) with both inequalities in one: k comes before p in C1 and c(k) before q in C2,
-//! by the same phase, less than 2π. In whole numbers it holds exactly or not at all.
+//! A walk from pixel p meets a decided pixel k after the phase has risen by s. If both lie on one surface, their
+//! absolute phases satisfy u_p = u_k − s. This is Eq. (2) with both inequalities in one: k comes before p in C1 and
+//! c(k) before q in C2, by the same phase, less than 2π. In whole numbers it holds exactly or not at all.
 //!
-//! In: phase of C1, absolute phase and δ of the decided pixels. Out: which of them are supported. For every pixel p:
+//! In: phase of C1, absolute phase and δ of the decided pixels. Out: the supported pixels. For every pixel p:
 //!
 //! ```text
 //! for each of four sides: walk from p up to three steps, as long as the phase runs on without a jump
 //!     for each decided k that is met: total += 1; if u_k − s = u_p: votes += 1, sum += δ_k
 //! supported(p) = |sum / votes − δ_p| <= tolerance  and  votes >= min_votes  and  votes >= total − votes
 //! ```
-
-//! The low 16 bits of an absolute phase are the wrapped phase, so u_k − s = u_p is a question of orders: by how many whole turns
-//! the wrapped phase was left behind on the way. 32 pixels are asked at once.
+//!
+//! The low 16 bits of an absolute phase are the wrapped phase. So u_k − s = u_p compares orders alone: it counts the
+//! whole turns by which the wrapped phase wrapped on the way. 32 pixels are handled at once.
 
 use std::iter::zip;
 
@@ -27,28 +27,28 @@ use super::neighbourhood::{ABSENT, MAX_STEP, MAX_STEP_CHANGE};
 
 /// Steps of a walk.
 pub(super) const NEAR: usize = 3;
-/// Order of a pixel that is not decided.
+/// Stands for the order of an undecided pixel.
 const UNDECIDED: i16 = i16::MIN;
 
-/// What decided pixels must say.
+/// When a pixel is supported.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SupportRule {
-    /// Decided pixels that must say the same.
+    /// Decided neighbours that must agree.
     pub(super) min_votes: u16,
-    /// Difference of δ that is tolerated between a pixel and those who support it, turns · 65536.
+    /// Tolerated difference between δ of a pixel and the mean δ of its supporters, turns · 65536.
     pub(super) tolerance: i32,
 }
 
-/// Which decided pixels are supported.
+/// The supported pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Support {
-    /// False for all that are not decided.
+    /// False for undecided pixels.
     pub(super) is_supported: Vec<bool>,
     image: Padded,
 }
 
 impl Support {
-    /// Finds them, from the absolute phases of all pixels, [`ABSENT`] where they are not decided, and their δ.
+    /// Finds the supported pixels, from the absolute phases of all pixels, [`ABSENT`] where undecided, and their δ.
     pub(super) fn find(&mut self, cam1: &PhaseMap, absolute: &[i32], delta: &[i16], rule: SupportRule) {
         let (Self { is_supported, image }, width) = (self, cam1.width.max(1));
         image.copy(cam1, absolute, delta);
@@ -60,7 +60,7 @@ impl Support {
     }
 }
 
-/// An image with [`NEAR`] pixels without phase on all sides, in rows of whole blocks.
+/// The image with a margin of [`NEAR`] pixels without phase on all sides, in rows of whole blocks.
 #[derive(Clone, Debug, Default)]
 struct Padded {
     size_px: [usize; 2],
@@ -138,7 +138,8 @@ impl Kernel for SupportOfRow<'_> {
     }
 }
 
-/// What was said about each pixel of a block: by how many, how many of them said what it is decided for, and the sum of their δ.
+/// The votes for each pixel of a block: their number, the number that agree with its order, and the sum of δ over the
+/// latter.
 struct Votes<L: Lanes> {
     total: L::Words,
     same: L::Words,
@@ -151,16 +152,16 @@ impl<L: Lanes> Votes<L> {
     fn new(lanes: L, image: &Padded, here: usize) -> Self {
         let zero = lanes.word(0);
         let mut votes = Self { total: zero, same: zero, delta_sum: lanes.long(0) };
-        votes.hear(lanes, image, here, |step| here - step);
-        votes.hear(lanes, image, here, |step| here + step);
-        votes.hear(lanes, image, here, |step| here - step * image.stride);
-        votes.hear(lanes, image, here, |step| here + step * image.stride);
+        votes.add_walk(lanes, image, here, |step| here - step);
+        votes.add_walk(lanes, image, here, |step| here + step);
+        votes.add_walk(lanes, image, here, |step| here - step * image.stride);
+        votes.add_walk(lanes, image, here, |step| here + step * image.stride);
         votes
     }
 
-    /// Adds what the decided pixels of a walk say; `place` tells where so many steps lead.
+    /// Adds the votes of a walk. `place` gives the place after a number of steps.
     #[inline(always)]
-    fn hear(&mut self, lanes: L, image: &Padded, here: usize, place: impl Fn(usize) -> usize) {
+    fn add_walk(&mut self, lanes: L, image: &Padded, here: usize, place: impl Fn(usize) -> usize) {
         let (zero, one) = (lanes.word(0), lanes.word(1));
         let order = lanes.load(words(&image.order, here));
         let phase = lanes.load(words(&image.phase, here));
@@ -179,17 +180,17 @@ impl<L: Lanes> Votes<L> {
             turns = lanes.add(turns, lanes.select(wraps_up, one, zero));
             turns = lanes.sub(turns, lanes.select(wraps_down, one, zero));
             if step == NEAR {
-                // Three of the largest steps are more than a period.
+                // Three of the largest steps may reach a period. Eq. (2) uses less, so the walk ends.
                 let up = lanes.and(lanes.is_greater(turns, zero), lanes.is_at_least(next, phase));
                 let down = lanes.and(lanes.is_greater(zero, turns), lanes.is_at_least(phase, next));
                 let twice = lanes.is_greater(lanes.abs(turns), one);
                 goes_on = lanes.and_not(goes_on, lanes.or(twice, lanes.or(up, down)));
             }
-            let said = lanes.load(words(&image.order, place(step)));
-            let speaks = lanes.and_not(goes_on, lanes.is_equal(said, lanes.word(UNDECIDED)));
-            let agrees = lanes.and(speaks, lanes.is_equal(lanes.sub(said, turns), order));
+            let neighbour_order = lanes.load(words(&image.order, place(step)));
+            let is_decided = lanes.and_not(goes_on, lanes.is_equal(neighbour_order, lanes.word(UNDECIDED)));
+            let agrees = lanes.and(is_decided, lanes.is_equal(lanes.sub(neighbour_order, turns), order));
             let delta = lanes.load(words(&image.delta, place(step)));
-            self.total = lanes.add(self.total, lanes.select(speaks, one, zero));
+            self.total = lanes.add(self.total, lanes.select(is_decided, one, zero));
             self.same = lanes.add(self.same, lanes.select(agrees, one, zero));
             self.delta_sum = lanes.add_long(self.delta_sum, lanes.widen(lanes.select(agrees, delta, zero)));
             (before, last_step) = (next, rise);
@@ -203,7 +204,7 @@ fn is_valid<L: Lanes>(lanes: L, image: &Padded, place: usize) -> L::Mask {
     lanes.is_greater(lanes.words_of_bytes(valid[place..].first_chunk().unwrap_or(&[0; LANES])), lanes.word(0))
 }
 
-/// The numbers of the block that begins with a place; all that are asked for lie in the planes.
+/// The block that begins with a place. All places used lie in the plane.
 #[inline(always)]
 fn words(plane: &[u16], place: usize) -> &[u16; LANES] {
     plane[place..].first_chunk().unwrap_or(&[0; LANES])

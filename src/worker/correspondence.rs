@@ -59,7 +59,7 @@ impl CorrespondenceWorker {
     pub fn step(&mut self, maps: &PhasePair, out: &mut Correspondences) -> Result<(), MatchError> {
         let settings = (&self.settings, maps.known_drift.as_ref());
         self.matcher.match_phases(&maps.cam1, &maps.cam2, &self.table, settings, &mut out.matches)?;
-        out.drift = out.matches.drift.as_ref().map(Drift::known);
+        out.drift = out.matches.drift.as_ref().map(Drift::to_known);
         if let Some(steps) = self.settings.cycle_steps.filter(|_| self.shift_direction == Some(-1.0)) {
             // With descending shifts a phase that is ahead means steps that are behind.
             out.matches.slip_steps = out.matches.slip_steps.map(|ahead| (steps - ahead) % steps);

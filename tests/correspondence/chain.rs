@@ -198,7 +198,7 @@ fn a_calibration_error_is_taken_off_however_large() {
         let drift = made.matches.drift.as_ref().unwrap();
         assert!(drift.residual_sd_rad < 0.012, "sd {sd_rad}: {drift:?}");
         // The figure that an alarm is raised by is the true one.
-        assert!((drift.rms_rad / sd_rad - 1.0).abs() < 0.1 && drift.is_of_most_pixels(), "sd {sd_rad}: {drift:?}");
+        assert!((drift.rms_rad / sd_rad - 1.0).abs() < 0.1 && drift.explains_most_pixels(), "sd {sd_rad}: {drift:?}");
         let scores = scores(&simulation, &made);
         assert!(scores.com_percent > 97.0 && scores.fpc_percent < 0.1, "sd {sd_rad}: {scores:?}");
     }

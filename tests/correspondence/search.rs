@@ -24,7 +24,7 @@ fn the_pixels_with_one_candidate_alone_are_those_of_the_scan() {
                 let unique = find_unique_candidates(&cam1, &image, &table, &gate);
                 for (pixel, (&absolute, &delta)) in unique.absolute.iter().zip(&unique.delta).enumerate() {
                     let found = (absolute != i32::MIN).then_some((absolute, delta));
-                    let scanned = match all.of(pixel) {
+                    let scanned = match all.for_pixel(pixel) {
                         [c] => Some((i32::from(c.order) * 65536 + i32::from(cam1.phase[pixel]), c.delta)),
                         _ => None,
                     };
@@ -196,7 +196,7 @@ fn candidates_are_what_a_walk_through_the_raw_image_meets() {
             let place = Pixel::new(u as f64, v as f64);
             let Some(met) = crossings(&rig, &volume, &pattern, plane, place, phase_turns) else { continue };
             let found: Vec<(Pixel, f64)> = lists
-                .of(pixel)
+                .for_pixel(pixel)
                 .iter()
                 .map(|c| {
                     let row = f64::from(table.row_px(pixel));

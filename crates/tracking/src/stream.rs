@@ -56,7 +56,7 @@ impl TrackedStream {
     /// Registers the cloud of a window to those before it.
     pub fn track(&mut self, made: &Reconstruction, times: &WindowTimes) -> Tracked {
         let tracked = self.tracker.step(&made.cloud, times.centre_ns());
-        let drift = made.matches.drift.as_ref().map(Drift::known);
+        let drift = made.matches.drift.as_ref().map(Drift::to_known);
         self.prior = self.tracker.prior(drift).map(|prior| (prior, times.centre_ns()));
         tracked
     }

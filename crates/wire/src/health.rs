@@ -16,7 +16,7 @@ const STEADY_RAD: f64 = 0.4;
 pub fn measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
     let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
     // A drift that few pixels agree with tells of the scene.
-    let drift = matches.drift.as_ref().filter(|drift| drift.is_of_most_pixels());
+    let drift = matches.drift.as_ref().filter(|drift| drift.explains_most_pixels());
     // After a slip the images of a pair are of different moments, and what moves fast is off between the cameras: neither is the
     // calibration's fault.
     let motion = cameras.iter().filter_map(|fit| moving(fit)).map(|fit| f64::from(fit.fast_motion_rad));
@@ -46,7 +46,7 @@ pub fn measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) ->
         Quantity::Unexplained => matches.drift.as_ref().filter(|_| is_in_step).map(|drift| 1.0 - drift.share),
         Quantity::FalseCandidates => {
             let drift = matches.drift.as_ref().filter(|_| is_steady);
-            drift.map(|drift| drift.rest(&matches.delta).expected_false_candidates())
+            drift.map(|drift| drift.residual_statistics(&matches.delta).expected_false_candidates())
         }
     })
 }

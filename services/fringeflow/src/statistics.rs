@@ -124,12 +124,12 @@ impl Statistics {
                 residual_sd_rad: drift.residual_sd_rad,
                 share: drift.share,
                 limit_rad: drift_limit_rad,
-                beyond_limit: drift.is_of_most_pixels() && drift.rms_rad > drift_limit_rad,
-                efc: drift.rest(&matches.delta).expected_false_candidates(),
+                beyond_limit: drift.explains_most_pixels() && drift.rms_rad > drift_limit_rad,
+                efc: drift.residual_statistics(&matches.delta).expected_false_candidates(),
                 doubts: [
                     (Quantity::DeltaNoise, drift.residual_sd_rad),
                     (Quantity::Unexplained, 1.0 - drift.share),
-                    (Quantity::FalseCandidates, drift.rest(&matches.delta).expected_false_candidates()),
+                    (Quantity::FalseCandidates, drift.residual_statistics(&matches.delta).expected_false_candidates()),
                 ]
                 .into_iter()
                 .map(|(told, value)| Doubt { quantity: told.name(), value, limit: limits.of(told).warn, told })

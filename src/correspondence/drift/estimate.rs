@@ -15,68 +15,68 @@ use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces::Decided;
 
-/// Pixels that the estimate rests on, those on which starts are followed, and those by which drawn ones are compared.
+/// Pixels of the estimate, pixels on which starts are followed, and pixels by which drawn starts are compared.
 const PIXELS: usize = 3000;
 const PIXELS_OF_STARTS: usize = 500;
 const PIXELS_OF_DRAWS: usize = 250;
-/// Steps of expectation maximization from every start, from the few best of them, and from the best on all pixels.
+/// Steps of expectation maximization: from every start, from the best few, and from the best on all pixels.
 const FIRST_STEPS: usize = 15;
 const STEPS: usize = 60;
 const LAST_STEPS: usize = 60;
-/// Decided pixels that are looked at, about.
+/// Decided pixels used, about.
 const DECIDED_PIXELS: usize = 1000;
-/// Starts that are followed to their end.
+/// Starts followed to their end.
 const BEST_STARTS: usize = 4;
-/// Starts that are drawn when the one without drift leads nowhere, and those that are followed.
+/// Starts drawn if the start without drift fails, and how many of them are followed.
 const DRAWN_STARTS: usize = 1000;
 const FOLLOWED_STARTS: usize = 20;
-/// Modes in which the starts differ: the others follow.
+/// Modes in which the starts differ; the others follow.
 const LEADING_MODES: usize = 6;
-/// efc (paper, Eq. 1) up to which wrong candidates are too few to lead an estimate astray.
+/// efc (paper, Eq. 1) up to which false candidates are too few to mislead the estimate.
 const FEW_FALSE_CANDIDATES: f64 = 0.3;
 /// Share of pixels with a true candidate below which the scene may lie beyond the volume.
 const MOST_PIXELS: f64 = 0.7;
-/// How far beyond it candidates are then sought, shares of a segment: what is nearer has fewer wrong candidates.
+/// How far beyond the volume candidates are then sought, in segments. Nearer ones have fewer wrong candidates.
 const SEGMENTS_BEYOND: [f32; 2] = [0.5, 1.0];
-/// sd of δ on rigs calibrated as is usual, rad.
+/// sd of δ on usually calibrated rigs, rad.
 const USUAL_SD_RAD: f64 = 0.06;
-/// sd of δ that neither the field of the drift nor Φ of the table follows, turns (0.0075 rad): of the true Φ, Φ along a segment
-/// differs by up to 0.002 turns, and lenses have errors of more kinds than there are fields.
+/// sd of δ that neither the drift nor Φ of the table can follow, turns (0.0075 rad): Φ of the table is off by up to
+/// 0.002 turns, and lenses have more kinds of errors than there are modes.
 pub(in crate::correspondence) const MODEL_SD_TURNS: f64 = 0.0012;
-/// Calibration error, pixels, and share of pixels with a true candidate, beyond which an estimate is doubted.
+/// An estimate is doubted beyond this calibration error, pixels, or below this share of pixels with a true candidate.
 const IMPROBABLE_PX: f64 = 4.0;
 const IMPROBABLE_SHARE: f64 = 0.5;
-/// sd about the drift, rad, below which few pixels do: by chance candidates agree with no field so closely, and a small body
-/// before a board that fills the image is a small share.
+/// With an sd about the drift below this, rad, a small share is not doubted: chance never agrees so closely, and a
+/// small body before a board that fills the image is a small share.
 const NARROW_SD_RAD: f64 = 0.05;
-/// sd of a drawn start, in that of all candidates near zero.
+/// sd of a drawn start, relative to that of all candidates near zero.
 const START_SD: f64 = 0.3;
-/// Distance of two followed starts, in that sd.
+/// Distance between followed starts, relative to the same sd.
 const START_DISTANCE: f64 = 0.6;
-/// sd of the best estimate before its last refinement, in its own.
+/// Factor on the sd of the best estimate before its last refinement.
 const LAST_WIDENING: f64 = 1.5;
 
-/// The field of δ that the calibration error of a rig causes, as one pair of images shows it.
+/// The field of δ that the calibration error of a rig causes, estimated from one pair of images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
     pub(super) places: Places,
     pub(super) field: Polynomial,
-    /// The modes that make it up.
+    /// Its coefficients of the modes.
     coefficients: Coefficients,
     /// Mean of the field over the sampled volume, rad.
     pub mean_rad: f64,
-    /// sd of δ of true candidates about the field, rad: what is left for noise.
+    /// sd of δ of true candidates about the field, rad: noise.
     pub residual_sd_rad: f64,
     /// Root mean square of the field about its mean over the sampled volume, rad.
     pub rms_rad: f64,
-    /// Calibration errors that explain it, root of the sum of their squares, pixels.
+    /// Calibration error that explains it: root of the sum of squares over the modes, pixels.
     pub error_px: f64,
     /// Share of pixels with a true candidate among theirs.
     pub share: f64,
 }
 
 impl Default for Drift {
-    /// No drift at all, and every pixel agrees.
+    /// No drift, and every pixel agrees.
     fn default() -> Self {
         let places = Places::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         Self {
@@ -93,12 +93,12 @@ impl Default for Drift {
 }
 
 impl Drift {
-    /// No drift but a constant: δ of true candidates has one mean everywhere.
+    /// A constant: δ of true candidates has one mean everywhere.
     fn constant(delta: &DeltaStatistics) -> Self {
         Self::level(delta.mean_rad, delta.sd_rad)
     }
 
-    /// No drift but a mean, rad, with such an sd about it.
+    /// A constant mean, rad, with an sd about it.
     pub(in crate::correspondence) fn level(mean_rad: f64, sd_rad: f64) -> Self {
         let mut field = [0.0; TERMS];
         field[0] = mean_rad / TAU;
@@ -127,15 +127,15 @@ impl Drift {
         }
     }
 
-    /// What later windows are told of it.
+    /// The part that is handed on to later windows.
     #[must_use]
-    pub fn known(&self) -> KnownDrift {
+    pub fn to_known(&self) -> KnownDrift {
         let mut known = KnownDrift { coefficients: [0.0; _], sd_rad: self.residual_sd_rad as f32 };
         known.coefficients.iter_mut().zip(&*self.coefficients).for_each(|(own, &c)| *own = c as f32);
         known
     }
 
-    /// The drift of a rig that is known beforehand; `None` where the fields of its drift are not.
+    /// A drift that an earlier window found. `None` if the rig has no modes.
     pub(in crate::correspondence) fn from_known(known: &KnownDrift, table: &SegmentTable) -> Option<Self> {
         let modes = table.drift_modes()?;
         let mut coefficients: Coefficients = known.coefficients.into_iter().map(f64::from).collect();
@@ -144,49 +144,50 @@ impl Drift {
         Some(Self::new(modes, &Guess { coefficients, sd_turns, share: 1.0 }))
     }
 
-    /// Root mean square of its difference from another one of the rig, turns.
+    /// Root mean square of its difference from another drift of the rig, turns.
     pub(in crate::correspondence) fn distance_turns(&self, other: &Self, table: &SegmentTable) -> f64 {
         let rms_turns = std::iter::once(&1.0).chain(table.drift_modes().map_or(&[][..], |modes| &modes.rms_turns));
         let pairs = self.coefficients.iter().zip(&*other.coefficients);
         pairs.zip(rms_turns).map(|((a, b), rms)| ((a - b) * rms).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// What is left of δ about the field: no mean, and the sd of noise.
+    /// Statistics of δ less the drift: no mean, and the sd of noise.
     #[must_use]
-    pub fn rest(&self, delta: &DeltaStatistics) -> DeltaStatistics {
+    pub fn residual_statistics(&self, delta: &DeltaStatistics) -> DeltaStatistics {
         DeltaStatistics { mean_rad: 0.0, sd_rad: self.residual_sd_rad, ..*delta }
     }
 
-    /// Whether most pixels have a candidate that agrees with it: else it says more about the scene than about the
-    /// calibration.
+    /// Whether most pixels have a candidate that agrees with the drift. Otherwise it says more about the scene than
+    /// about the calibration.
     #[must_use]
-    pub fn is_of_most_pixels(&self) -> bool {
+    pub fn explains_most_pixels(&self) -> bool {
         self.share >= IMPROBABLE_SHARE
     }
 
-    /// Whether no likely calibration error causes such a field, or few pixels have a candidate that agrees with it closely.
+    /// Whether no likely calibration error causes it, or few pixels agree with it closely.
     pub(in crate::correspondence) fn is_improbable(&self) -> bool {
         let is_narrow = self.residual_sd_rad < NARROW_SD_RAD;
-        self.error_px > IMPROBABLE_PX || !(self.is_of_most_pixels() || is_narrow)
+        self.error_px > IMPROBABLE_PX || !(self.explains_most_pixels() || is_narrow)
     }
 
-    /// δ that true candidates of the pixels of a row of C1 have along their segments, turns.
+    /// Computes δ of true candidates along the segments of a row of C1, turns.
     pub(in crate::correspondence) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
         self.places.along_row(&self.field, v as f64).along_segments(width, out);
     }
 }
 
-/// Estimates the drift from the candidates of one pair of images; `delta` is what is known of δ without it.
+/// Estimates the drift from the candidates of one pair of images. `delta` is the statistics of δ without drift.
 ///
-/// The estimate begins without drift. Where that leads to a field that no likely calibration error causes, or explains
-/// few pixels, it begins anew from fields that likely errors cause: a wrong order may look consistent from one start. And it
-/// asks for what would be true if the scene lay beyond the volume, whose wrong orders within may look consistent too.
+/// The estimate starts without drift. If that leads to a field that no likely calibration error causes, or that
+/// explains few pixels, it starts again from fields that likely errors cause: a wrong order may look consistent from
+/// one start. It also tries candidates beyond the volume: if the scene lies there, wrong orders within may look
+/// consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
     DriftScratch::default().estimates((cam1, cam2), table, delta).0
 }
 
-/// Memory in which the drift is estimated, to be used from window to window.
+/// Scratch memory for the estimate, kept from window to window.
 #[derive(Clone, Debug, Default)]
 pub(in crate::correspondence) struct DriftScratch {
     usable: Usable,
@@ -196,9 +197,10 @@ pub(in crate::correspondence) struct DriftScratch {
 }
 
 impl DriftScratch {
-    /// The drift that decided candidates show, δ of which scatters by about such an sd, rad, about a known one, that of false ones
-    /// over so many turns; they are such a share of the image. `None` where nothing was decided.
-    pub(in crate::correspondence) fn of_decided(
+    /// Estimates the drift from decided candidates. They cover `share` of the image, and δ of false ones spreads over
+    /// `spread_turns`. The estimate starts from `known`, about which δ scatters by about `sd_rad`. `None` if there are
+    /// no decided candidates.
+    pub(in crate::correspondence) fn estimate_from_decided(
         &mut self,
         table: &SegmentTable,
         decided: &[Decided],
@@ -217,7 +219,8 @@ impl DriftScratch {
         Some(Drift::new(modes, &guess))
     }
 
-    /// As [`estimate_drift`], and the other of the best drifts within the volume and beyond it, if candidates were found there.
+    /// As [`estimate_drift`]. If candidates beyond the volume were found, also returns the other one of the best drifts
+    /// within and beyond the volume.
     pub(in crate::correspondence) fn estimates(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
@@ -228,7 +231,7 @@ impl DriftScratch {
         let Some(modes) = table.drift_modes() else { return (Drift::constant(delta), None) };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
-            // Pixels have as many more candidates as their segments are longer: all together stay about as many.
+            // Longer segments have more candidates; fewer pixels keep their total number.
             let pixels = (PIXELS as f32 / beyond.max(1.0)) as usize;
             sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
         };
@@ -259,7 +262,7 @@ impl DriftScratch {
     }
 }
 
-/// No drift but the mean of δ.
+/// The start without drift: the mean of δ alone.
 fn still(modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
     let mut coefficients = Coefficients::default();
     coefficients.resize(1 + modes.fields.len());
@@ -283,8 +286,8 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
     by_score(sample, promising).swap_remove(0)
 }
 
-/// The best guess of those that begin with wider samples, with the widest. What was measured of δ may rest on wrong orders: its mean
-/// is not used.
+/// The best guess from the wider samples, and the widest sample. The measured mean of δ may rest on wrong orders and is
+/// not used.
 fn best_beyond<const N: usize>(
     wider: [Option<Sample>; N],
     modes: &DriftModes,
@@ -293,7 +296,7 @@ fn best_beyond<const N: usize>(
     let delta = DeltaStatistics { mean_rad: 0.0, ..*delta };
     let thinned = wider.each_ref().map(|sample| sample.as_ref().map(|s| s.thinned(PIXELS_OF_STARTS)));
     let mut solver = Solver::default();
-    // δ of wrong orders may be all that was measured: usual rigs err by less.
+    // Even the measured sd may rest on wrong orders; usual rigs scatter less.
     let usual = DeltaStatistics { sd_rad: delta.sd_rad.min(USUAL_SD_RAD), ..delta };
     let starts = |sample: &Sample| {
         let mut from_usual = still(modes, &usual);
@@ -306,7 +309,7 @@ fn best_beyond<const N: usize>(
     wider.into_iter().flatten().last().map(|sample| (best, sample))
 }
 
-/// Guesses, the best first.
+/// Sorts guesses, the best first.
 fn by_score(sample: &Sample, guesses: Vec<Guess>) -> Vec<Guess> {
     let mut scored: Vec<(f64, Guess)> = guesses.into_par_iter().map(|guess| (sample.score(&guess), guess)).collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -318,7 +321,7 @@ fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Gu
     let spread_px = modes.rms_turns.first().map_or(0.0, |rms| still.sd_turns / rms);
     let few = sample.thinned(PIXELS_OF_DRAWS);
     let drawn = draws(modes.fields.len().min(LEADING_MODES)).take(DRAWN_STARTS).map(|normal| {
-        // The other modes are zero, and left out while draws are compared.
+        // The other modes are zero, and left out of the comparison.
         let leading = normal.into_iter().map(|n| n * spread_px);
         let coefficients = still.coefficients[..1].iter().copied().chain(leading).collect();
         Guess { sd_turns: START_SD * still.sd_turns, coefficients, share: 0.0 }
@@ -339,8 +342,8 @@ fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Gu
     followed
 }
 
-/// Points that fill a space evenly (additive recurrence of the generalized golden ratio), each coordinate distributed
-/// logistically, nearly as a normal number: the same at every call.
+/// Points that fill a space evenly (additive recurrence of the generalized golden ratio). Each coordinate has a
+/// logistic distribution, nearly a normal one. Every call gives the same points.
 fn draws(dimensions: usize) -> impl Iterator<Item = Vec<f64>> {
     /// Scale that gives the logistic distribution a standard deviation of 1.
     const UNIT: f64 = 0.551_328_895;

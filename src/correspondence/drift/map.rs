@@ -1,4 +1,4 @@
-//! The drift over the image of C1.
+//! The drift over the image of C1, for display.
 
 use std::f64::consts::TAU;
 
@@ -7,8 +7,7 @@ use super::place::DepthRow;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::segment_table::SegmentTable;
 
-/// Places along a segment, as shares of it, at which the greatest drift is sought: beginning, middle and end of the volume
-/// among them.
+/// Places along a segment, as shares of it, at which the greatest drift is sought.
 const PLACES: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 /// The drift about its mean, for every pixel of C1 with a segment.
@@ -16,7 +15,7 @@ const PLACES: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 pub struct DriftMap {
     /// Width and height of the image of C1, pixels.
     pub size_px: [usize; 2],
-    /// Drift at the middle of the measurement volume, row by row, rad; `None` where the volume is not seen.
+    /// Drift in the middle of the segment, row by row, rad; `None` where there is no segment.
     pub middle_rad: Vec<Option<f32>>,
     /// Greatest magnitude over the whole volume, rad.
     pub greatest_rad: f32,

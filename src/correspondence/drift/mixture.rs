@@ -1,5 +1,5 @@
-//! Candidates of a sample of pixels as a mixture: one of a pixel is true, its δ normally distributed about the field of
-//! the drift; the others are false, their δ anywhere; or all are false.
+//! The candidates of a sample of pixels as a mixture. At most one candidate per pixel is true; its δ is normally
+//! distributed about the drift. δ of the others is uniform.
 
 use std::f64::consts::TAU;
 use std::ops::{ControlFlow, Deref, DerefMut};
@@ -18,39 +18,39 @@ use crate::phase::PhaseMap;
 
 use super::modes::{DriftModes, MAX_MODES};
 
-/// Share of pixels that may have no true candidate.
+/// Assumed share of pixels without a true candidate.
 const NONE_TRUE: f64 = 0.2;
-/// Candidates that are certainly false are left out of the sums.
+/// Least weight of a candidate in the sums; less likely ones are false.
 const MIN_WEIGHT: f64 = 0.01;
-/// How many pixels tell something of their own about the drift where a quarter of the image or more has a phase: neighbours
-/// err alike, and a small object shows a field from one side only.
+/// Number of independent pixels in an image of which a quarter or more has a phase. Neighbours err alike, and a small
+/// object shows the field from one side only.
 const INDEPENDENT_PIXELS: f64 = 20.0;
 const LARGE_SHARE: f64 = 0.25;
-/// Calibration error that is expected of a mode, pixels.
+/// Expected calibration error of a mode, pixels.
 const PRIOR_PX: f64 = 0.5;
-/// How much improbability counts where guesses are compared: over a flat board the field of a wrong order leaves δ as level as the
-/// true one, or more so, by errors of 2.6 px for 1.0.
+/// Weight of the prior where guesses are compared. Over a flat board the field of a wrong order leaves δ as level as
+/// the true one, or more so, by errors of 2.6 px instead of 1.0.
 const IMPROBABILITY_WEIGHT: f64 = 2.0;
-/// Least sd that is believed, turns: rounding alone makes more.
+/// Least accepted sd, turns: rounding alone makes more.
 const MIN_SD_TURNS: f64 = 0.0006;
-/// Improbability, nats, and share of pixels with a true candidate, by which a guess is believed.
+/// Limits of improbability, nats, and of the share of pixels with a true candidate for a plausible guess.
 const PLAUSIBLE_NATS: f64 = 1.0;
 const PLAUSIBLE_SHARE: f64 = 0.6;
-/// Largest step by which sd shrinks; a faster one would settle on whatever is near.
+/// Smallest factor on sd per step. A faster shrink would settle on the nearest candidates.
 const FASTEST_SHRINK: f64 = 0.6;
-/// Relative change of sd at which the steps end.
+/// Ratio of sd to the one before at which the steps end.
 const SETTLED: f64 = 0.995;
 
-/// A field of δ and how far true candidates scatter about it.
+/// A field of δ and the scatter of true candidates about it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guess {
     pub(super) coefficients: Coefficients,
     pub(super) sd_turns: f64,
-    /// Share of pixels whose true candidate is among theirs.
+    /// Share of pixels with a true candidate.
     pub(super) share: f64,
 }
 
-/// The mean of a field in turns, then a coefficient a mode in pixels.
+/// The mean of a field, turns, then one coefficient per mode, pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coefficients {
     values: [f64; 1 + MAX_MODES],
@@ -58,7 +58,7 @@ pub(super) struct Coefficients {
 }
 
 impl Coefficients {
-    /// With so many in all, zero beyond those that there are.
+    /// Sets their number; further ones are zero.
     pub(super) fn resize(&mut self, count: usize) {
         self.count = count.min(self.values.len());
     }
@@ -90,12 +90,12 @@ impl DerefMut for Coefficients {
 }
 
 impl Guess {
-    /// How unlikely such an error of the calibration is, nats.
+    /// Negative logarithm of the prior probability of such a calibration error, nats.
     pub(super) fn improbability(&self) -> f64 {
         self.coefficients[1..].iter().map(|c| c * c).sum::<f64>() / (2.0 * PRIOR_PX * PRIOR_PX)
     }
 
-    /// Whether a likely error of the calibration explains most pixels.
+    /// Whether a likely calibration error explains most pixels.
     pub(super) fn is_plausible(&self) -> bool {
         self.improbability() < PLAUSIBLE_NATS && self.share > PLAUSIBLE_SHARE
     }
@@ -107,18 +107,18 @@ pub(super) struct Sample {
     /// Candidates of pixel i are those from `first[i]` to `first[i + 1]`.
     first: Vec<usize>,
     delta_turns: Vec<f64>,
-    /// 1, then δ of every mode a pixel of error, candidate by candidate.
+    /// Candidate by candidate: 1, then δ of every mode per pixel of calibration error.
     design: Vec<f64>,
     columns: usize,
-    /// How many pixels tell something of their own.
+    /// Number of independent pixels.
     independent: f64,
-    /// Turns over which δ of false candidates is spread.
+    /// Turns over which δ of false candidates spreads.
     spread_turns: f64,
 }
 
 impl Sample {
-    /// Takes pixels of C1, evenly spread, not many more than `pixels`, with the candidates on their segments and up to so many
-    /// columns beyond these; whether there is a candidate.
+    /// Samples about `pixels` pixels of C1, evenly spread, with the candidates on their segments and up to `beyond_px`
+    /// columns beyond. Returns whether there is a candidate.
     pub(super) fn take(
         &mut self,
         (cam1, cam2): (&PhaseMap, &EpipolarImage),
@@ -129,7 +129,7 @@ impl Sample {
     ) -> bool {
         usable.find(cam1, table);
         let all = usable.count();
-        // A stride that shares no factor with the width spreads the pixels over both axes.
+        // An odd stride spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
         let share = all as f64 / cam1.phase.len().max(1) as f64;
         self.clear();
@@ -148,7 +148,7 @@ impl Sample {
                 if delta_turns.is_finite() {
                     self.delta_turns.push(to_half_turn(delta_turns));
                     self.design.push(1.0);
-                    modes.by_term.tell([u, v], column_px, &mut self.design);
+                    modes.by_term.append_deltas([u, v], column_px, &mut self.design);
                 }
                 ControlFlow::Continue(())
             });
@@ -159,8 +159,7 @@ impl Sample {
         self.pixels() > 0
     }
 
-    /// Takes candidates of which each is the only one of its pixel, where such a share of the image has a phase; whether there
-    /// is one.
+    /// Samples decided candidates. `share` is the share of the image that they cover. Returns whether there is one.
     pub(super) fn take_decided(
         &mut self,
         modes: &DriftModes,
@@ -179,7 +178,7 @@ impl Sample {
             }
             self.delta_turns.push(to_half_turn(f64::from(delta_turns)));
             self.design.push(1.0);
-            modes.by_term.tell(pixel, column_px, &mut self.design);
+            modes.by_term.append_deltas(pixel, column_px, &mut self.design);
             self.first.push(self.delta_turns.len());
         }
         self.pixels() > 0
@@ -197,14 +196,14 @@ impl Sample {
         self.first.len() - 1
     }
 
-    /// About so many of its pixels, evenly spread.
+    /// About `pixels` of its pixels, evenly spread.
     pub(super) fn thinned(&self, pixels: usize) -> Self {
         let mut thinned = Self::default();
         self.thin(pixels, &mut thinned);
         thinned
     }
 
-    /// The same, into the memory of another sample.
+    /// As [`Self::thinned`], into the memory of another sample.
     pub(super) fn thin(&self, pixels: usize, thinned: &mut Self) {
         let step = (self.pixels() / pixels.max(1)).max(1);
         thinned.clear();
@@ -227,14 +226,14 @@ impl Sample {
         &self.design[candidate * self.columns..(candidate + 1) * self.columns]
     }
 
-    /// What a field leaves of δ, wrapped to half a turn.
+    /// δ less the field, wrapped to half a turn.
     #[inline(always)]
     fn residual_turns(&self, candidate: usize, coefficients: &[f64]) -> f64 {
         let field: f64 = self.row(candidate).iter().zip(coefficients).map(|(d, c)| d * c).sum();
         to_half_turn(self.delta_turns[candidate] - field)
     }
 
-    /// How well a guess explains the candidates, nats, less how improbable it is by itself.
+    /// Log likelihood of a guess, nats, less its improbability.
     pub(super) fn score(&self, guess: &Guess) -> f64 {
         let peak = 1.0 / (TAU.sqrt() * guess.sd_turns);
         let of_pixel = |ends: &[usize]| {
@@ -249,7 +248,7 @@ impl Sample {
         self.independent * mean - IMPROBABILITY_WEIGHT * guess.improbability()
     }
 
-    /// Improves a guess by expectation maximization until it settles, at most so many steps.
+    /// Improves a guess by expectation maximization until it settles, for at most `max_steps` steps.
     pub(super) fn refine(&self, guess: &mut Guess, max_steps: usize, solver: &mut Solver) {
         for _ in 0..max_steps {
             fringeflow_simd::run(Level::in_use(), SumKernel { sample: self, guess, solver });
@@ -269,7 +268,8 @@ impl Sample {
     }
 }
 
-/// Sums up the least squares of all candidates, each weighted by how probably it is the true one of its pixel.
+/// Sums the normal equations over all candidates, each weighted by the probability that it is the true one of its
+/// pixel.
 struct SumKernel<'a> {
     sample: &'a Sample,
     guess: &'a Guess,
@@ -283,7 +283,7 @@ impl Kernel for SumKernel<'_> {
     fn run<L: Lanes>(self, _: L) {
         let Self { sample, guess, solver: Solver { sums, likely, .. } } = self;
         sums.begin(sample.columns);
-        // Density of false candidates where a true one has density 1.
+        // Density of false candidates, relative to the peak of the true one.
         let false_density = TAU.sqrt() * guess.sd_turns * sample.mean_candidates() / (2.0 * sample.spread_turns);
         for ends in sample.first.windows(2) {
             likely.clear();
@@ -305,12 +305,12 @@ impl Kernel for SumKernel<'_> {
 /// Pixels with a phase and a segment.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Usable {
-    /// 1 or 0 for each pixel.
+    /// 1 or 0 per pixel.
     is_usable: Vec<u8>,
     width: usize,
     /// Number in each row.
     counts: Vec<usize>,
-    /// Those that were asked for last.
+    /// The pixels returned last.
     pixels: Vec<usize>,
 }
 
@@ -333,7 +333,7 @@ impl Usable {
         self.counts.iter().sum()
     }
 
-    /// The first of so many pixels at a time.
+    /// Every `stride`-th usable pixel, from the first on.
     fn every(&mut self, stride: usize) -> &[usize] {
         let Self { is_usable, width, counts, pixels } = self;
         pixels.clear();
@@ -352,14 +352,14 @@ impl Usable {
     }
 }
 
-/// Without its whole turns; as `f64::round` would, which is a call of the C library.
+/// Less the whole turns. `f64::round` would call the C library.
 #[inline(always)]
 fn to_half_turn(turns: f64) -> f64 {
     turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
 }
 
-/// Natural logarithm of a product of positive numbers, 0.06 too small at most: the same on every machine, as that of the C
-/// library is not, and it grows with the product.
+/// Natural logarithm of a product of positive numbers, at most 0.06 too small, and increasing with the product. Unlike
+/// that of the C library it is the same on every machine.
 fn ln_of_product(factors: impl Iterator<Item = f64>) -> f64 {
     const EXPONENT: u64 = 0x7ff << 52;
     const ONE: u64 = 1023 << 52;
@@ -369,30 +369,30 @@ fn ln_of_product(factors: impl Iterator<Item = f64>) -> f64 {
         octaves += (bits >> 52) as i64 - 1023;
         mantissa = f64::from_bits(bits & !EXPONENT | ONE);
     }
-    // Between powers of two the logarithm is straight.
+    // Between powers of two the logarithm is taken as linear.
     (octaves as f64 + mantissa - 1.0) * std::f64::consts::LN_2
 }
 
-/// Density of a normal number of sd 1 at z, in that at 0.
+/// Density of the normal distribution at z, relative to that at 0.
 #[inline(always)]
 fn bell(z: f64) -> f64 {
     decay(0.5 * z * z)
 }
 
-/// Least squares, to be solved again and again in the same memory.
+/// Solver of the normal equations, reusing its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solver {
     sums: Sums,
-    /// What a guess leaves of δ of the candidates of a pixel, and their densities.
+    /// Residuals and densities of the candidates of a pixel.
     likely: Vec<(f64, f64)>,
     normal: DMatrix<f64>,
-    /// The right side, and then the change of the coefficients.
+    /// The right side, then the solution.
     change: DVector<f64>,
 }
 
 impl Solver {
-    /// Finds the change of the coefficients, drawn towards no error at all as strongly as errors are improbable; so many pixels
-    /// say what one says by itself. Whether there is one.
+    /// Solves for the change of the coefficients. The prior draws them towards zero; `dependence` pixels count as one
+    /// independent pixel. Returns whether there is a solution.
     fn solve(&mut self, guess: &Guess, dependence: f64) -> bool {
         let Self { sums, normal, change, .. } = self;
         let prior = dependence * (guess.sd_turns / PRIOR_PX).powi(2);
@@ -401,7 +401,7 @@ impl Solver {
         if matrix.nrows() != columns {
             (matrix, *change) = (DMatrix::zeros(columns, columns), DVector::zeros(columns));
         }
-        // The lower triangle is all that the decomposition reads.
+        // The decomposition reads the lower triangle alone.
         matrix.iter_mut().enumerate().for_each(|(k, entry)| *entry = sums.normal[k % columns * columns + k / columns]);
         change.copy_from_slice(&sums.right);
         matrix[(0, 0)] += f64::EPSILON;
@@ -416,10 +416,10 @@ impl Solver {
     }
 }
 
-/// Sums of a weighted least squares.
+/// Sums of weighted normal equations.
 #[derive(Clone, Debug, Default)]
 struct Sums {
-    /// Lower triangle of the normal matrix, row by row with room for all columns.
+    /// Lower triangle of the normal matrix, in full rows.
     normal: Vec<f64>,
     right: Vec<f64>,
     weight: f64,

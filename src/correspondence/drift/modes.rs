@@ -1,8 +1,9 @@
-//! The fields of δ that errors of a rig's calibration can cause.
+//! Drift modes: the fields of δ that calibration errors of a rig can cause.
 //!
-//! In: rig, measurement volume, pattern. Every parameter of the calibration is moved by what moves the image of its device
-//! by a pixel at its border; how δ changes over the volume is a field. These fields are far from independent: their
-//! principal components, a dozen or two, are the modes. A mode's coefficient is a calibration error in pixels.
+//! In: rig, measurement volume, pattern. Each parameter of the calibration is changed so far that the image of its
+//! device moves by a pixel at its border. The change of δ over the volume is a field. The fields of all parameters are
+//! strongly correlated; their principal components, a dozen or two, are the modes. The coefficient of a mode is a
+//! calibration error in pixels.
 
 use nalgebra::{DMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
@@ -15,38 +16,38 @@ use crate::geometry::{
 
 use super::place::{Places, Polynomial, TERMS, monomials};
 
-/// Most modes that are kept.
+/// Most modes kept.
 pub(super) const MAX_MODES: usize = 20;
-/// Root mean square of a mode, turns a pixel (0.0006 rad), below which no realistic error shows.
+/// Root mean square of a mode, turns per pixel (0.0006 rad), below which it is negligible.
 const MIN_RMS_TURNS: f64 = 1e-4;
-/// Points along x, y and z of the volume in which the fields are sampled.
+/// Sampling points along x, y and z of the volume.
 const SAMPLES: [usize; 3] = [11, 9, 7];
-/// How far the samples reach beyond the volume in depth, shares of it: candidates are sought there too.
+/// How far the samples reach beyond the volume in depth, as share of it: candidates are sought there too.
 const DEPTH_MARGIN: f64 = 0.5;
 /// Pixels beyond an image in which its distortion is still trusted.
 const IMAGE_MARGIN_PX: f64 = 30.0;
-/// By what a parameter is moved, pixels at the border of the image.
+/// Change of a parameter, pixels at the border of the image.
 const STEP_PX: f64 = 0.3;
 /// Parameters of a device: scale of both axes and of one, principal point, distortion k1, k2, p1, p2; then its pose.
 const INTRINSIC: usize = 8;
 const EXTRINSIC: usize = 6;
 
-/// Principal fields of calibration errors of a rig.
+/// The drift modes of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriftModes {
     pub(super) places: Places,
-    /// Mode by mode δ in turns a pixel of calibration error.
+    /// δ of each mode, turns per pixel of calibration error.
     pub(super) fields: Vec<Polynomial>,
-    /// Root mean square of each over the volume, turns a pixel.
+    /// Root mean square of each mode over the volume, turns per pixel.
     pub(super) rms_turns: Vec<f64>,
     pub(super) by_term: ModesByTerm,
 }
 
 impl DriftModes {
-    /// Numbers that hold the modes of any rig.
+    /// Length of the modes of any rig as numbers.
     pub(in crate::correspondence) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
 
-    /// The modes of a rig whose segments are in a table; none where the geometry leaves nothing to sample.
+    /// The modes of a rig. `None` if too few points of the volume are seen by all devices.
     pub(in crate::correspondence) fn new(
         rig: &Rig,
         volume: &MeasurementVolume,
@@ -71,7 +72,7 @@ impl DriftModes {
         numbers
     }
 
-    /// From the numbers of a file; `None` if they are not those of modes.
+    /// From the numbers of a file. `None` if they are invalid.
     pub(in crate::correspondence) fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (places, modes) = numbers.split_first_chunk::<{ Places::NUMBERS }>()?;
         let used = modes.chunks_exact(1 + TERMS).take_while(|mode| mode[0] > 0.0);
@@ -93,14 +94,14 @@ impl DriftModes {
     }
 }
 
-/// Modes that are asked together: so many that sums need not wait for each other.
+/// Modes evaluated at once: enough to keep the pipeline full.
 const GROUP: usize = 32;
 
-/// All modes, term by term, to be asked at many places.
+/// All modes, term by term, for fast evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ModesByTerm {
     places: Places,
-    /// Factors of the terms of so many modes; those that are not there are zero.
+    /// Factors of the terms of [`GROUP`] modes; zero for missing modes.
     groups: Vec<[[f64; GROUP]; TERMS]>,
     modes: usize,
 }
@@ -117,24 +118,25 @@ impl ModesByTerm {
         Self { places, groups: fields.chunks(GROUP).map(group).collect(), modes: fields.len() }
     }
 
-    /// Adds to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns a pixel of calibration error.
-    pub(super) fn tell(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
+    /// Appends to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns per pixel of
+    /// calibration error.
+    pub(super) fn append_deltas(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
         let begin = out.len();
         out.resize(begin + self.groups.len() * GROUP, 0.0);
         let place = self.places.place(u as f64, v as f64, f64::from(column_px));
-        fringeflow_simd::run(Level::in_use(), TellKernel { groups: &self.groups, place, out: &mut out[begin..] });
+        fringeflow_simd::run(Level::in_use(), ModeKernel { groups: &self.groups, place, out: &mut out[begin..] });
         out.truncate(begin + self.modes);
     }
 }
 
-/// Asks all modes at a place.
-struct TellKernel<'a> {
+/// Evaluates all modes at a place.
+struct ModeKernel<'a> {
     groups: &'a [[[f64; GROUP]; TERMS]],
     place: [f64; 3],
     out: &'a mut [f64],
 }
 
-impl Kernel for TellKernel<'_> {
+impl Kernel for ModeKernel<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -152,11 +154,11 @@ impl Kernel for TellKernel<'_> {
     }
 }
 
-/// Points over the volume: where the devices have them, and where the fields are smooth.
+/// Sampling points in the volume: where the devices see them, and the monomials there.
 struct Samples<'a> {
     rig: &'a Rig,
     pattern: &'a FringePattern,
-    /// Pixel of C1, of C2, and absolute phase in turns.
+    /// Pixel of C1, pixel of C2, and absolute phase in turns.
     seen: Vec<(Pixel, Pixel, f64)>,
     monomials: DMatrix<f64>,
     /// Distance of the volume from C1, metres.
@@ -184,7 +186,7 @@ impl<'a> Samples<'a> {
         Self { rig, pattern, seen, monomials, distance_m }
     }
 
-    /// The field of a rig that differs from the calibrated one, turns; `None` where a point is lost.
+    /// The field of δ if the true rig is the `changed` one, turns; `None` if a point is lost.
     fn field(&self, changed: &Rig) -> Option<Vec<f64>> {
         let delta = |(p, q, phase_turns): &(Pixel, Pixel, f64)| {
             let point = triangulate(changed, p, q)?.point_cam1;
@@ -201,7 +203,7 @@ impl<'a> Samples<'a> {
         }
         let centred = |mut field: Vec<f64>| {
             let mean = field.iter().sum::<f64>() / count as f64;
-            // The mean of δ is known by itself; what moves it alone is no drift.
+            // The mean of δ is estimated by itself.
             field.iter_mut().for_each(|d| *d = (*d - mean) / STEP_PX);
             field
         };
@@ -225,7 +227,7 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Points all over a volume and somewhat before and behind it, frame of C1, metres.
+/// Points all over the volume and some way before and behind it, frame of C1, metres.
 fn points(volume: &MeasurementVolume) -> impl Iterator<Item = Point3> + '_ {
     let extent = volume.max() - volume.min();
     let [nx, ny, nz] = SAMPLES;
@@ -237,7 +239,7 @@ fn points(volume: &MeasurementVolume) -> impl Iterator<Item = Point3> + '_ {
     })
 }
 
-/// Where C1, C2 and P have a point, if all do.
+/// Where C1, C2 and P see a point, if all do.
 fn seen_by_all(rig: &Rig, point: &Point3) -> Option<(Pixel, Pixel, Pixel)> {
     let near = |camera: &Camera, pixel: &Pixel| {
         let (right, bottom) = (camera.width_px() as f64, camera.height_px() as f64);
@@ -249,7 +251,7 @@ fn seen_by_all(rig: &Rig, point: &Point3) -> Option<(Pixel, Pixel, Pixel)> {
     all.then_some((p, q, lit))
 }
 
-/// The rig with one parameter of one device moved, for all of them. The pose of C1 is that of the frame.
+/// Copies of the rig, each with one parameter of one device changed. The pose of C1 defines the frame and stays.
 fn changed_rigs(rig: &Rig, distance_m: f64) -> Vec<Rig> {
     let mut rigs = Vec::new();
     for parameter in 0..INTRINSIC {

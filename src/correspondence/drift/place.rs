@@ -1,7 +1,7 @@
-//! Where a candidate lies, in coordinates in which fields of calibration errors are smooth, and polynomials in them.
+//! The coordinates x, y, d of a candidate, in which drifts are smooth, and polynomials in them.
 //!
-//! x and y are the pixel of C1, d is how far the column in C2 lies from where the middle of the measurement volume would
-//! be seen: inverse depth, linearly. Within image and volume each runs over about −1 to 1.
+//! x and y are the pixel of C1. d is the column in C2, counted from where the middle of the measurement volume is seen:
+//! it is linear in inverse depth. Within image and volume each runs over about −1 to 1.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,12 +11,12 @@ use crate::correspondence::kernels::load;
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
-/// Their terms: all monomials in x, y and d up to the degree.
+/// Number of terms: all monomials in x, y and d up to the degree.
 pub(super) const TERMS: usize = 56;
-/// |d| beyond which a polynomial goes on straight: it was fitted to |d| of 2 at most, and its powers explode far beyond. Up to
-/// here they are more exact than a straight line, which matters where errors of the calibration are large.
+/// |d| beyond which a polynomial continues linearly. It was fitted to |d| up to 2, and its powers explode far beyond.
+/// Up to here they are more exact than a straight line, which matters for large calibration errors.
 const EDGE: f32 = 3.0;
-/// Pixels of C1, along either axis, of which one takes part in fitting the middle of the volume.
+/// Distance of the pixels of C1, along both axes, to which the middle of the volume is fitted.
 const STRIDE: usize = 8;
 
 /// A polynomial in x, y and d.
@@ -29,18 +29,18 @@ pub(super) struct Places {
     half_px: f64,
     /// Half its height, pixels.
     half_height_px: f64,
-    /// Column of the middle of the volume: constant, change with x, change with y; pixels.
+    /// Column of the middle of the volume, pixels: constant, change with x, change with y.
     middle_px: [f64; 3],
     /// Mean half length of a segment, pixels.
     scale_px: f64,
 }
 
 impl Places {
-    /// Numbers that make up the coordinates.
+    /// Number of numbers of the coordinates.
     pub(super) const NUMBERS: usize = 6;
 
-    /// The coordinates that fit the segments of the pixels of C1, each from its first to its last column; `None` if there
-    /// are too few.
+    /// Fits the coordinates to the segments of the pixels of C1, given by their first and last columns. `None` if there
+    /// are no segments.
     pub(super) fn fit([width, height]: [usize; 2], limits_px: impl Fn(usize) -> [f32; 2]) -> Option<Self> {
         let (half_px, half_height_px) = (width as f64 / 2.0, height as f64 / 2.0);
         let mut places = Self { half_px, half_height_px, middle_px: [0.0; 3], scale_px: 1.0 };
@@ -57,7 +57,7 @@ impl Places {
             halves += 0.5 * f64::from(end_px - begin_px);
             count += 1.0;
         }
-        // A volume seen in a line of pixels alone leaves the plane undetermined: it stays level there.
+        // A volume seen in a single line of pixels leaves the plane undetermined; it stays level there.
         normal += Matrix3::identity() * (1e-9 * (count + 1.0));
         let middle = normal.cholesky()?.solve(&right);
         (count > 0.0).then_some(())?;
@@ -97,7 +97,7 @@ impl Places {
         a + b * x + c * y
     }
 
-    /// A polynomial over the pixels of one row of C1.
+    /// A polynomial restricted to one row of C1.
     pub(super) fn along_row(&self, polynomial: &Polynomial, v_px: f64) -> RowPolynomial {
         let [_, y] = self.image(0.0, v_px);
         let py = powers(y);
@@ -109,7 +109,7 @@ impl Places {
     }
 }
 
-/// A field over the pixels of one row of C1 and their segments.
+/// A polynomial in x and d: a field over one row of C1.
 #[derive(Clone, Debug)]
 pub(super) struct RowPolynomial {
     places: Places,
@@ -119,7 +119,7 @@ pub(super) struct RowPolynomial {
 }
 
 impl RowPolynomial {
-    /// The field along the segments of all pixels of the row.
+    /// Evaluates the field along the segments of all pixels of the row.
     pub(super) fn along_segments(&self, width: usize, out: &mut DepthRow) {
         out.per_px = (1.0 / self.places.scale_px) as f32;
         if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.places.half_px {
@@ -134,19 +134,20 @@ impl RowPolynomial {
     }
 }
 
-/// Pixels that are handled together.
+/// Pixels handled at once.
 const BLOCK: usize = 16;
 
-/// A field along the segments of a row of pixels, one array a number. Each has a multiple of sixteen numbers.
+/// A field along the segments of a row of pixels: for each pixel a polynomial in d, one array per number. The length of
+/// each array is a multiple of sixteen.
 #[derive(Clone, Debug, Default)]
 pub(in crate::correspondence) struct DepthRow {
     /// Factor of dᵏ of each pixel at `[k]`.
     coefficients: [Vec<f32>; DEGREE + 1],
-    /// Where d is 0, pixels.
+    /// Column at which d is 0, pixels.
     middle_px: Vec<f32>,
-    /// d a pixel.
+    /// Change of d per pixel.
     per_px: f32,
-    /// x of each pixel, and what it was found with.
+    /// x of each pixel, and the half width that it was computed with.
     x: Vec<f64>,
     half_px: f64,
 }
@@ -161,7 +162,7 @@ impl DepthRow {
     }
 }
 
-/// A field along the segments of some pixels.
+/// A field along the segments of a block of pixels.
 pub(in crate::correspondence) struct DepthBlock<L: Lanes> {
     pub(in crate::correspondence) coefficients: [L::Floats; DEGREE + 1],
     pub(in crate::correspondence) middle_px: L::Floats,
@@ -169,10 +170,10 @@ pub(in crate::correspondence) struct DepthBlock<L: Lanes> {
 }
 
 impl DepthRow {
-    /// Those of a block of pixels from one on.
+    /// The block that begins with pixel `first`.
     #[inline(always)]
     pub(in crate::correspondence) fn block<L: Lanes>(&self, lanes: L, first: usize) -> DepthBlock<L> {
-        // Written out: no closure may stand between the kernel and its instructions.
+        // Written out: a closure would not be compiled for the SIMD level of the kernel.
         let c = &self.coefficients;
         let coefficients = [
             load(lanes, &c[0], first),
@@ -187,10 +188,10 @@ impl DepthRow {
 }
 
 impl<L: Lanes> DepthBlock<L> {
-    /// The same polynomial at all places.
+    /// The same polynomial for all pixels.
     #[inline(always)]
     pub(in crate::correspondence) fn splat(lanes: L, of_pixel: &DepthPolynomial) -> Self {
-        // A closure is no part of what is compiled for a level unless it is inlined: a loop always is.
+        // A loop, since a closure that is not inlined is not compiled for the SIMD level.
         let mut coefficients = [lanes.float(0.0); DEGREE + 1];
         for (all, &one) in coefficients.iter_mut().zip(&of_pixel.coefficients) {
             *all = lanes.float(one);
@@ -198,7 +199,7 @@ impl<L: Lanes> DepthBlock<L> {
         Self { coefficients, middle_px: lanes.float(of_pixel.middle_px), per_px: of_pixel.per_px }
     }
 
-    /// Its values at columns, as [`DepthPolynomial::at`] has them.
+    /// Values at columns, computed as by [`DepthPolynomial::at`].
     #[inline(always)]
     pub(in crate::correspondence) fn at(&self, lanes: L, column_px: L::Floats) -> L::Floats {
         let place = lanes.times_float(lanes.sub_float(column_px, self.middle_px), lanes.float(self.per_px));
@@ -214,7 +215,7 @@ impl<L: Lanes> DepthBlock<L> {
     }
 }
 
-/// Fills in a row of fields.
+/// Computes the polynomials of a row.
 struct DepthKernel<'a> {
     row: &'a RowPolynomial,
     out: &'a mut DepthRow,
@@ -235,7 +236,7 @@ impl Kernel for DepthKernel<'_> {
             }
             for k in 0..=DEGREE {
                 let mut sums = [0.0; BLOCK];
-                // Terms of a higher degree there are not.
+                // Horner's rule; terms of a higher total degree do not exist.
                 for power in (0..=DEGREE - k).rev() {
                     for i in 0..BLOCK {
                         sums[i] = sums[i] * x[i] + row.coefficients[power][k];
@@ -250,7 +251,7 @@ impl Kernel for DepthKernel<'_> {
     }
 }
 
-/// A field along one segment.
+/// A field along one segment: a polynomial in d.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::correspondence) struct DepthPolynomial {
     pub(in crate::correspondence) coefficients: [f32; DEGREE + 1],
@@ -259,7 +260,7 @@ pub(in crate::correspondence) struct DepthPolynomial {
 }
 
 impl DepthPolynomial {
-    /// Its value at a column of the epipolar frame.
+    /// Value at a column of the epipolar frame.
     #[inline]
     pub(in crate::correspondence) fn at(&self, column_px: f32) -> f32 {
         let place = (column_px - self.middle_px) * self.per_px;
@@ -273,7 +274,7 @@ impl DepthPolynomial {
     }
 }
 
-/// The monomials at a place; beyond the volume they go on straight.
+/// The monomials at a place; linear in d far beyond the volume.
 #[inline(always)]
 pub(super) fn monomials([x, y, place]: [f64; 3]) -> Polynomial {
     let d = place.clamp(-f64::from(EDGE), f64::from(EDGE));

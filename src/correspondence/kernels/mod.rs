@@ -1,8 +1,8 @@
-//! What 32 pixels of a row at once look into and find, at every level: their *segments*, and the *rows* of C2 with the places
-//! where the phases of the pixels are crossed.
+//! Building blocks of the kernels that search 32 pixels of a row at once: their *segments*, and the *rows* of C2 with
+//! the places where they cross the phases of the pixels.
 //!
-//! Neighbouring pixels look for one fringe order in neighbouring columns of the same rows of C2, so that tables of 64 columns
-//! hold what 32 pixels need.
+//! Neighbouring pixels look for one fringe order in neighbouring columns of the same rows of C2. A table of 64 columns
+//! therefore serves 32 pixels.
 
 mod rows;
 mod segments;
@@ -15,13 +15,13 @@ pub(super) use segments::{Segments, load};
 /// Pixels of a block.
 pub(super) const BLOCK: usize = LANES;
 
-/// The numbers of the block that begins with the first pixel.
+/// The block that begins with pixel `first`.
 #[inline(always)]
 pub(super) fn block_of<T>(row: &[T], first: usize) -> &[T; BLOCK] {
     &row.as_chunks().0[first / BLOCK]
 }
 
-/// The same, to be changed.
+/// As [`block_of`], mutable.
 #[inline(always)]
 pub(super) fn block_of_mut<T>(row: &mut [T], first: usize) -> &mut [T; BLOCK] {
     &mut row.as_chunks_mut().0[first / BLOCK]

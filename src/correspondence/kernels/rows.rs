@@ -1,14 +1,14 @@
-//! Rows of C2 that 32 pixels look into, and where their phases are crossed in them.
+//! The rows of C2 that 32 pixels look into, and where they cross the phases of the pixels.
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 use crate::correspondence::row_view::MAX_COLUMN_STEP;
 
-/// Pairs of rows that a block may look into.
+/// Most pairs of rows that a block may look into.
 const MAX_PAIRS: usize = 4;
 
-/// The rows of C2 that the pixels of a block look into, two pairs at a time.
+/// The rows of C2 that the pixels of a block look into, as pairs of neighbouring rows.
 pub(in crate::correspondence) struct Rows<L: Lanes> {
     pairs: [RowPair<L>; MAX_PAIRS],
     count: usize,
@@ -16,21 +16,22 @@ pub(in crate::correspondence) struct Rows<L: Lanes> {
     below: L::Words,
 }
 
-/// Two pairs of neighbouring rows: the first and the second row, and the second and the third.
+/// Two overlapping pairs of neighbouring rows: the first and the second row, and the second and the third.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct RowPair<L: Lanes> {
-    /// Pixels that look into either.
+    /// Pixels that look into either pair.
     pub(in crate::correspondence) pixels: L::Mask,
     /// Where the rows begin.
     begins: [usize; 3],
-    /// Pixels of the second pair.
+    /// Pixels that look into the second pair.
     second: L::Mask,
-    /// Whether there are any.
+    /// Whether any pixel does.
     straddles: bool,
 }
 
 impl<L: Lanes> Rows<L> {
-    /// Those of pixels with segments in such rows; and which of them the rows are found of.
+    /// Finds the rows of `pixels` whose segments lie in rows `row`. Also returns the pixels whose rows were found: at
+    /// most [`MAX_PAIRS`] are kept.
     #[inline(always)]
     pub(in crate::correspondence) fn new(
         lanes: L,
@@ -47,7 +48,7 @@ impl<L: Lanes> Rows<L> {
         let upper = lanes.narrow(upper);
         let pair = RowPair { pixels: none, begins: [0; 3], second: none, straddles: false };
         let mut rows = Self { pairs: [pair; MAX_PAIRS], count: 0, below };
-        // Rows are counted, and columns, by signed words.
+        // Rows and columns are counted in signed 16-bit words.
         let is_small = last < i16::MAX as usize && width <= i16::MAX as usize;
         let mut todo = if is_small { pixels } else { none };
         let mut found = none;
@@ -66,14 +67,14 @@ impl<L: Lanes> Rows<L> {
         (rows, found)
     }
 
-    /// The pairs, one after the other.
+    /// The pairs that were found.
     #[inline(always)]
     pub(in crate::correspondence) fn pairs(&self) -> &[RowPair<L>] {
         &self.pairs[..self.count]
     }
 }
 
-/// 64 columns of three rows.
+/// Lookup tables of 64 columns of three rows.
 pub(in crate::correspondence) struct Tables<'a, L: Lanes> {
     lanes: L,
     rows: [L::Table<'a>; 3],
@@ -86,7 +87,7 @@ pub(in crate::correspondence) struct Tables<'a, L: Lanes> {
 pub(in crate::correspondence) type Ends = [[u16; COLUMNS]; 3];
 
 impl<'a, L: Lanes> Tables<'a, L> {
-    /// The columns from `base` on, for pixels with such phases.
+    /// The columns from `base` on, for pixels with these phases.
     #[inline(always)]
     pub(in crate::correspondence) fn new(
         lanes: L,
@@ -107,7 +108,8 @@ impl<'a, L: Lanes> Tables<'a, L> {
         Self { lanes, rows: rows_of, pair, below: rows.below, phases }
     }
 
-    /// The phase at places of the tables less that of the pixels, as [`crate::correspondence::row_view::RowView`] has it.
+    /// The phase at places of the tables less that of the pixels; computed as by
+    /// [`crate::correspondence::row_view::RowView`].
     #[inline(always)]
     pub(in crate::correspondence) fn difference(&self, place: L::Words) -> Differences<L> {
         let lanes = self.lanes;
@@ -122,8 +124,8 @@ impl<'a, L: Lanes> Tables<'a, L> {
     }
 }
 
-/// The phases between two rows, the lower of which has a share, 1/65536, as [`crate::correspondence::row_view::RowView`] has them, and where
-/// there are any.
+/// Interpolates the phase between two rows, `below` being the share of the lower row in 1/65536, as
+/// [`crate::correspondence::row_view::RowView`] does. Also returns where there is a phase.
 #[inline(always)]
 pub(in crate::correspondence) fn mix_rows<L: Lanes>(
     lanes: L,
@@ -134,9 +136,10 @@ pub(in crate::correspondence) fn mix_rows<L: Lanes>(
     let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
     let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
     let step = lanes.sub(lower, upper);
+    // Rows of different surfaces are not mixed: the nearer row counts.
     let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
     let mixes = lanes.and_not(small, lanes.or(no_upper, no_lower));
-    // The high word of a signed by an unsigned number, and what rounds it.
+    // The high word of a signed by an unsigned number, and the rounding.
     let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
     let part = lanes.sub(lanes.times_high(step, below), sign);
     let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
@@ -146,7 +149,7 @@ pub(in crate::correspondence) fn mix_rows<L: Lanes>(
     (phase, lanes.or(mixes, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
 }
 
-/// 64 columns from a place of the image on; none beyond its end has a phase.
+/// 64 columns of the image from a place on. Columns beyond the end of the image have no phase.
 #[inline(always)]
 fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMNS]) -> &'a [u16; COLUMNS] {
     let rest = image.phase.get(begin..).unwrap_or_default();
@@ -174,7 +177,7 @@ impl<L: Lanes> Differences<L> {
     }
 }
 
-/// Between which neighbours the phase of the pixel lies.
+/// The pixels whose phase lies between two neighbouring columns.
 #[inline(always)]
 pub(in crate::correspondence) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);
@@ -186,13 +189,13 @@ pub(in crate::correspondence) fn crosses<L: Lanes>(lanes: L, before: Differences
     lanes.and(lanes.and(before.known, after.known), lanes.and(changes_sign, moderate))
 }
 
-/// One crossing a pixel.
+/// One crossing per pixel.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct Crossing<L: Lanes> {
     pub(in crate::correspondence) hit: L::Mask,
     pub(in crate::correspondence) before: L::Words,
     pub(in crate::correspondence) after: L::Words,
-    /// The column after it.
+    /// The column after the crossing.
     pub(in crate::correspondence) after_at: L::Words,
 }
 
@@ -219,7 +222,7 @@ impl<L: Lanes> Crossing<L> {
     }
 }
 
-/// Column and slope of crossings.
+/// Sub-pixel column of each crossing and the slope of the phase there.
 #[inline(always)]
 pub(in crate::correspondence) fn column_and_slope<L: Lanes>(lanes: L, crossing: &Crossing<L>) -> (L::Floats, L::Longs) {
     let (before, after) = (lanes.widen(crossing.before), lanes.widen(crossing.after));

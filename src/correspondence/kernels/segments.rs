@@ -4,7 +4,7 @@ use fringeflow_simd::{Lanes, filled};
 
 use crate::correspondence::segment::SegmentRow;
 
-/// The segments of 32 pixels: see [`crate::correspondence::segment::Segment`].
+/// The segments of 32 pixels; the fields of [`crate::correspondence::segment::Segment`].
 pub(in crate::correspondence) struct Segments<L: Lanes> {
     lanes: L,
     /// First and last column, pixels.
@@ -19,7 +19,7 @@ pub(in crate::correspondence) struct Segments<L: Lanes> {
 }
 
 impl<L: Lanes> Segments<L> {
-    /// Those of a row from a pixel on.
+    /// The segments of a row from pixel `first` on.
     #[inline(always)]
     pub(in crate::correspondence) fn new(lanes: L, row: &SegmentRow, first: usize) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl<L: Lanes> Segments<L> {
         lanes.over(above, below)
     }
 
-    /// Columns at which Φ is so many turns, and how many columns a turn takes there; where there are such.
+    /// Columns at which Φ has a value in turns, columns per turn there, and the pixels that have such a column.
     #[inline(always)]
     pub(in crate::correspondence) fn columns_of(&self, turns: L::Floats) -> ([L::Floats; 2], L::Truths) {
         let lanes = self.lanes;
@@ -57,15 +57,15 @@ impl<L: Lanes> Segments<L> {
         ([lanes.add_float(self.reference, along), per_turn], is_sound)
     }
 
-    /// Which columns lie on the segments.
+    /// The pixels whose column lies on their segment.
     #[inline(always)]
     pub(in crate::correspondence) fn have(&self, column_px: L::Floats) -> L::Truths {
         self.lanes.both(self.lanes.reaches(column_px, self.begin), self.lanes.reaches(self.end, column_px))
     }
 }
 
-/// The floats of a block, zeros beyond the end of the row. No closure: what is not inlined at once would be calls of single
-/// instructions.
+/// The floats of a block, zeros beyond the end of the row. Not a closure: a closure that is not inlined at once turns
+/// every instruction into a call.
 #[inline(always)]
 pub(in crate::correspondence) fn load<L: Lanes>(lanes: L, row: &[f32], first: usize) -> L::Floats {
     lanes.load_floats(&filled(&row[first..], 0.0))

@@ -15,7 +15,6 @@ use crate::phase::AbsolutePhase;
 
 pub use cgc::match_both_directions;
 pub use egc::match_along_epipolar_lines;
-pub use paper::ResolutionSettings;
 
 /// The correspondence of a pixel of C1.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
-//! How likely a candidate is to be true.
+//! The probability that a candidate is true.
 //!
-//! Every ground speaks for a candidate or against it by a curve, straight between its knots and constant beyond them; the
-//! curves add up to the logarithm of the odds (an additive logistic model: Hastie and Tibshirani 1990, "Generalized Additive
-//! Models"). Their values were fitted by `examples/fit_confidence.rs` to scenes of the virtual scanner.
+//! An additive logistic model (Hastie and Tibshirani 1990, "Generalized Additive Models"): each ground adds a curve to
+//! the logarithm of the odds. Curves are linear between their knots and constant beyond them. Their values were fitted
+//! by `examples/fit_confidence.rs` to scenes of the virtual scanner.
 
 use std::sync::LazyLock;
 
@@ -17,13 +17,13 @@ use super::paths::PATHS;
 /// Number of curves.
 const CURVES: usize = 8;
 
-/// How one ground speaks for a candidate.
+/// The contribution of one ground to the logarithm of the odds.
 struct Curve {
-    /// What is asked.
+    /// The quantity on the horizontal axis.
     of: fn(&Grounds) -> f32,
-    /// Answers at which the curve bends.
+    /// Values of the quantity at which the curve bends.
     knots: &'static [f32],
-    /// What they add to the logarithm of the odds, nats.
+    /// Logarithm of the odds there, nats.
     log_odds: &'static [f32],
 }
 
@@ -49,12 +49,12 @@ const MODEL: [Curve; CURVES] = [
         log_odds: &[0.59, 0.49, 1.50, -0.48, -0.23, -0.21, -1.37],
     },
     Curve {
-        of: |g| f32::from(g.beside),
+        of: |g| f32::from(g.near_support),
         knots: &[0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0],
         log_odds: &[-1.46, -0.17, -0.09, 0.09, 0.40, 0.67, 0.86],
     },
     Curve {
-        of: |g| f32::from(g.around),
+        of: |g| f32::from(g.wide_support),
         knots: &[0.0, 4.0, 8.0, 16.0, 24.0, 36.0, 48.0],
         log_odds: &[-3.70, -1.89, -1.99, 0.56, 2.15, 1.39, 3.77],
     },
@@ -65,18 +65,18 @@ const MODEL: [Curve; CURVES] = [
 /// Stands for a point that C2 sees.
 const SEEN: f32 = 49.0;
 
-/// What surrounds a hidden point.
+/// Support of a hidden point, else [`SEEN`].
 fn hidden_support(grounds: &Grounds) -> f32 {
-    if grounds.is_hidden { f32::from(grounds.around) } else { SEEN }
+    if grounds.is_hidden { f32::from(grounds.wide_support) } else { SEEN }
 }
 
-/// The logarithm to base 2, straight between its whole values: the same on every machine.
+/// Logarithm to base 2, linear between powers of two: the same on every machine.
 fn octaves(count: u32) -> f32 {
     let whole = count.max(1).ilog2();
     whole as f32 + (count.max(1) as f32 / (1_u32 << whole) as f32 - 1.0)
 }
 
-/// Number of values of the model: those of all curves.
+/// Number of values of the model, over all curves.
 pub const CONFIDENCE_TERMS: usize = {
     let (mut sum, mut i) = (0, 0);
     while i < CURVES {
@@ -88,15 +88,15 @@ pub const CONFIDENCE_TERMS: usize = {
 };
 
 impl Curve {
-    /// What it adds to the logarithm of the odds, nats.
+    /// Contribution to the logarithm of the odds, nats.
     fn log_odds(&self, grounds: &Grounds) -> f32 {
-        let (place, share) = self.between(grounds);
+        let (place, share) = self.knot_before(grounds);
         let at = self.log_odds[place];
         if share > 0.0 { at + share * (self.log_odds[place + 1] - at) } else { at }
     }
 
-    /// The knots that an answer lies between, as place of the first and share of the second.
-    fn between(&self, grounds: &Grounds) -> (usize, f32) {
+    /// Index of the knot before the quantity, and how far it lies towards the next one.
+    fn knot_before(&self, grounds: &Grounds) -> (usize, f32) {
         let answer = (self.of)(grounds);
         let last = self.knots.len() - 1;
         let next = self.knots.iter().position(|&knot| knot > answer).unwrap_or(last + 1);
@@ -109,14 +109,14 @@ impl Curve {
 }
 
 impl Grounds {
-    /// How far each value of the model counts for these grounds: what a fit of the model weighs.
+    /// Weight of each value of the model for these grounds, for fitting the model.
     #[must_use]
     pub fn terms(&self) -> [f32; CONFIDENCE_TERMS] {
         let mut terms = [0.0; CONFIDENCE_TERMS];
         let mut rest = &mut terms[..];
         for curve in &MODEL {
             let (own, others) = std::mem::take(&mut rest).split_at_mut(curve.knots.len());
-            let (place, share) = curve.between(self);
+            let (place, share) = curve.knot_before(self);
             own[place] = 1.0 - share;
             if share > 0.0 {
                 own[place + 1] = share;
@@ -127,13 +127,13 @@ impl Grounds {
     }
 }
 
-/// Probability that a point is where it is said to be, in steps of 1/65535.
+/// Probability that a point is true, in steps of 1/65535.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Confidence(u16);
 
 impl Confidence {
-    /// No point, or one of a method that states no confidence.
+    /// No point, or no confidence stated.
     pub const NONE: Self = Self(0);
 
     /// The least confidence that is not below a probability.
@@ -148,16 +148,16 @@ impl Confidence {
     }
 }
 
-/// Probability that odds of this logarithm say, in steps of 1/65535; never that of [`Confidence::NONE`].
+/// Probability of these odds, in steps of 1/65535; never that of [`Confidence::NONE`].
 #[inline(always)]
-fn stated(nats: f32) -> u16 {
+fn from_log_odds(nats: f32) -> u16 {
     let odds_against = decay(f64::from(nats.abs()));
     let unlikely = odds_against / (1.0 + odds_against);
     let probability = if nats < 0.0 { unlikely } else { 1.0 - unlikely };
     (probability * f64::from(u16::MAX)).round().max(1.0) as u16
 }
 
-/// The curves of [`MODEL`] by what they ask.
+/// Indices of the curves of [`MODEL`].
 const MARGIN: usize = 0;
 const ABS_Z: usize = 1;
 const REGION_PX: usize = 2;
@@ -166,29 +166,29 @@ const BESIDE: usize = 4;
 const AROUND: usize = 5;
 const HIDDEN: usize = 6;
 const HIDDEN_SHARE: usize = 7;
-/// Most margin that makes a difference: the last knot lies below.
+/// Margins beyond this make no difference: it lies behind the last knot.
 const MAX_MARGIN: usize = (16 * PATHS) * UNITS_PER_NAT as usize;
-/// Pixels around a pixel.
+/// Pixels in the wide neighbourhood of a pixel.
 const MOST_AROUND: usize = 48;
 
-/// What the regions of pixels say.
+/// The grounds shared by all pixels of a region.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct OfRegion {
+pub(super) struct RegionGrounds {
     pub(super) region_px: u32,
     pub(super) lead_nats: f32,
     pub(super) hidden_share: f32,
 }
 
-/// The model, made ready once.
+/// The model, tabulated once.
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
 
-/// The model as tables of whatever answers are whole numbers.
+/// The curves whose quantities are whole numbers, as tables.
 pub(super) struct Tables {
-    /// By how much the next best order has more, summed over all paths.
+    /// By the margin: the excess of the next best order, summed over all paths.
     margin: Vec<f32>,
-    beside: [f32; MOST_AROUND + 1],
-    around: [f32; MOST_AROUND + 1],
-    /// Of points that C2 does not see, by the pixels around; the last is that of points that it sees.
+    near_support: [f32; MOST_AROUND + 1],
+    wide_support: [f32; MOST_AROUND + 1],
+    /// For points that C2 does not see, by their support; the last entry is for points that it sees.
     hidden: [f32; MOST_AROUND + 2],
 }
 
@@ -196,41 +196,44 @@ impl Tables {
     fn new() -> Self {
         let none = Grounds::default;
         let margin = |units: usize| Grounds { margin_nats: margin_nats(units as u16), ..none() };
-        let hidden = |around: usize| Grounds { is_hidden: around <= MOST_AROUND, around: around as u8, ..none() };
+        let hidden = |wide_support: usize| Grounds {
+            is_hidden: wide_support <= MOST_AROUND,
+            wide_support: wide_support as u8,
+            ..none()
+        };
         Self {
             margin: (0..=MAX_MARGIN).map(|units| MODEL[MARGIN].log_odds(&margin(units))).collect(),
-            beside: std::array::from_fn(|n| MODEL[BESIDE].log_odds(&Grounds { beside: n as u8, ..none() })),
-            around: std::array::from_fn(|n| MODEL[AROUND].log_odds(&Grounds { around: n as u8, ..none() })),
+            near_support: std::array::from_fn(|n| MODEL[BESIDE].log_odds(&Grounds { near_support: n as u8, ..none() })),
+            wide_support: std::array::from_fn(|n| MODEL[AROUND].log_odds(&Grounds { wide_support: n as u8, ..none() })),
             hidden: std::array::from_fn(|n| MODEL[HIDDEN].log_odds(&hidden(n))),
         }
     }
 
-    /// What a region adds to the logarithm of the odds of its pixels.
-    pub(super) fn of_region(&self, of_region: OfRegion) -> f32 {
-        let OfRegion { region_px, lead_nats, hidden_share } = of_region;
+    /// Contribution of a region to the logarithm of the odds of its pixels.
+    pub(super) fn region_log_odds(&self, of_region: RegionGrounds) -> f32 {
+        let RegionGrounds { region_px, lead_nats, hidden_share } = of_region;
         let grounds = Grounds { region_px, region_lead_nats: lead_nats, hidden_share, ..Grounds::default() };
         [REGION_PX, REGION_LEAD, HIDDEN_SHARE].iter().map(|&curve| MODEL[curve].log_odds(&grounds)).sum()
     }
 }
 
-/// Lead of an order over the next best, nats a path, of what that has more, summed over all paths.
+/// Converts a margin, summed over all paths, to nats per path.
 pub(super) fn margin_nats(units: u16) -> f32 {
     f32::from(units) / (PATHS as f32 * UNITS_PER_NAT)
 }
 
-/// What speaks for the selected candidates of a row; numbers of pixels without candidate say nothing.
+/// The grounds of the selected candidates of a row. Those of pixels without candidate are undefined.
 pub(super) struct GroundsRow<'a> {
     pub(super) margin: &'a [u16],
     pub(super) z: &'a [f32],
-    pub(super) beside: &'a [u8],
-    pub(super) around: &'a [u8],
+    pub(super) near_support: &'a [u8],
+    pub(super) wide_support: &'a [u8],
     pub(super) is_hidden: &'a [bool],
-    /// What their regions add.
-    pub(super) of_regions: &'a [f32],
+    /// Contribution of the region of each pixel.
+    pub(super) region_log_odds: &'a [f32],
 }
 
-/// The confidence of the selected candidates of a row, to be told apart from pixels without by whoever asks; `log_odds` is
-/// room.
+/// Computes the confidence of the selected candidates of a row; undefined for other pixels. `log_odds` is scratch.
 pub(super) fn confidences(tables: &Tables, grounds: &GroundsRow<'_>, log_odds: &mut Vec<f32>, out: &mut [Confidence]) {
     log_odds.resize(out.len(), 0.0);
     fringeflow_simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
@@ -246,36 +249,36 @@ struct ConfidenceRow<'a> {
 impl Kernel for ConfidenceRow<'_> {
     type Output = ();
 
-    /// Curve by curve, each over the whole row.
+    /// Curve by curve over the whole row, so that each loop vectorizes.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { tables, grounds: g, log_odds, out } = self;
         let width = log_odds.len();
         let (margin, z, is_hidden) = (&g.margin[..width], &g.z[..width], &g.is_hidden[..width]);
-        let (beside, around) = (&g.beside[..width], &g.around[..width]);
-        let of_regions = &g.of_regions[..width];
+        let (near_support, wide_support) = (&g.near_support[..width], &g.wide_support[..width]);
+        let region_log_odds = &g.region_log_odds[..width];
         for u in 0..width {
             log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
         }
         for u in 0..width {
-            log_odds[u] = log_odds[u] + of_z(z[u].abs()) + of_regions[u];
+            log_odds[u] = log_odds[u] + log_odds_of_z(z[u].abs()) + region_log_odds[u];
         }
         for u in 0..width {
-            let around = usize::from(around[u]).min(MOST_AROUND);
-            let hidden = if is_hidden[u] { around } else { MOST_AROUND + 1 };
-            let by_support = tables.beside[usize::from(beside[u]).min(MOST_AROUND)];
-            log_odds[u] = log_odds[u] + by_support + tables.around[around] + tables.hidden[hidden];
+            let wide_support = usize::from(wide_support[u]).min(MOST_AROUND);
+            let hidden = if is_hidden[u] { wide_support } else { MOST_AROUND + 1 };
+            let by_support = tables.near_support[usize::from(near_support[u]).min(MOST_AROUND)];
+            log_odds[u] = log_odds[u] + by_support + tables.wide_support[wide_support] + tables.hidden[hidden];
         }
         let out = &mut out[..width];
         for u in 0..width {
-            out[u] = Confidence(stated(log_odds[u]));
+            out[u] = Confidence(from_log_odds(log_odds[u]));
         }
     }
 }
 
-/// What |z| adds to the logarithm of the odds; without a branch, so that many are asked at a time.
+/// Contribution of |z|; free of branches so that it vectorizes.
 #[inline(always)]
-fn of_z(abs_z: f32) -> f32 {
+fn log_odds_of_z(abs_z: f32) -> f32 {
     const KNOTS: usize = MODEL[ABS_Z].knots.len();
     let Curve { knots, log_odds, .. } = &MODEL[ABS_Z];
     let (mut knot, mut width, mut at, mut rise) = (0.0, 1.0, log_odds[0], 0.0);
@@ -301,8 +304,8 @@ mod tests {
             abs_z: 0.5,
             region_px: 20_000,
             region_lead_nats: 7.0,
-            beside: 8,
-            around: 48,
+            near_support: 8,
+            wide_support: 48,
             is_hidden: false,
             hidden_share: 0.0,
         }
@@ -327,25 +330,25 @@ mod tests {
         for count in [1, 16, 75] {
             let margin: Vec<u16> = (0..count).map(|_| random(3000) as u16).collect();
             let z: Vec<f32> = (0..count).map(|_| random(4000) as f32 / 250.0 - 8.0).collect();
-            let beside: Vec<u8> = (0..count).map(|_| random(9) as u8).collect();
-            let around: Vec<u8> = (0..count).map(|_| random(49) as u8).collect();
+            let near_support: Vec<u8> = (0..count).map(|_| random(9) as u8).collect();
+            let wide_support: Vec<u8> = (0..count).map(|_| random(49) as u8).collect();
             let is_hidden: Vec<bool> = (0..count).map(|_| random(2) == 0).collect();
-            let regions: Vec<OfRegion> = (0..count)
-                .map(|_| OfRegion {
+            let regions: Vec<RegionGrounds> = (0..count)
+                .map(|_| RegionGrounds {
                     region_px: 1 + random(20_000),
                     lead_nats: random(1000) as f32 / 100.0,
                     hidden_share: random(100) as f32 / 99.0,
                 })
                 .collect();
-            let of_regions: Vec<f32> = regions.iter().map(|&region| tables.of_region(region)).collect();
+            let region_log_odds: Vec<f32> = regions.iter().map(|&region| tables.region_log_odds(region)).collect();
             let mut found = vec![Confidence::NONE; count];
             let row = GroundsRow {
                 margin: &margin,
                 z: &z,
-                beside: &beside,
-                around: &around,
+                near_support: &near_support,
+                wide_support: &wide_support,
                 is_hidden: &is_hidden,
-                of_regions: &of_regions,
+                region_log_odds: &region_log_odds,
             };
             confidences(&tables, &row, &mut Vec::new(), &mut found);
             for i in 0..count {
@@ -354,19 +357,21 @@ mod tests {
                     abs_z: z[i].abs(),
                     region_px: regions[i].region_px,
                     region_lead_nats: regions[i].lead_nats,
-                    beside: beside[i],
-                    around: around[i],
+                    near_support: near_support[i],
+                    wide_support: wide_support[i],
                     is_hidden: is_hidden[i],
                     hidden_share: regions[i].hidden_share,
                 };
-                assert_eq!(found[i], Confidence(stated(log_odds(&grounds))), "{grounds:?}");
+                assert_eq!(found[i], Confidence(from_log_odds(log_odds(&grounds))), "{grounds:?}");
             }
         }
     }
 
     #[test]
     fn the_terms_of_a_curve_share_one_whole_and_give_the_same_odds() {
-        for grounds in [sound(), Grounds { abs_z: 2.25, around: 13, is_hidden: true, ..sound() }, Grounds::default()] {
+        for grounds in
+            [sound(), Grounds { abs_z: 2.25, wide_support: 13, is_hidden: true, ..sound() }, Grounds::default()]
+        {
             let terms = grounds.terms();
             assert!((terms.iter().sum::<f32>() - CURVES as f32).abs() < 1e-5);
             let values = MODEL.iter().flat_map(|curve| curve.log_odds);
@@ -377,14 +382,21 @@ mod tests {
 
     #[test]
     fn what_speaks_against_a_point_lowers_its_confidence() {
-        let confidence = |grounds: Grounds| Confidence(stated(log_odds(&grounds)));
+        let confidence = |grounds: Grounds| Confidence(from_log_odds(log_odds(&grounds)));
         assert!(confidence(sound()).probability() > 0.999);
         for worse in [
             Grounds { abs_z: 7.0, ..sound() },
-            Grounds { beside: 0, around: 3, ..sound() },
+            Grounds { near_support: 0, wide_support: 3, ..sound() },
             Grounds { is_hidden: true, hidden_share: 0.8, ..sound() },
             // So few pixels have no more around them.
-            Grounds { region_px: 5, region_lead_nats: 1.0, margin_nats: 1.0, beside: 2, around: 4, ..sound() },
+            Grounds {
+                region_px: 5,
+                region_lead_nats: 1.0,
+                margin_nats: 1.0,
+                near_support: 2,
+                wide_support: 4,
+                ..sound()
+            },
         ] {
             assert!(confidence(worse) < confidence(sound()), "{worse:?}");
         }
@@ -394,10 +406,10 @@ mod tests {
     fn probabilities_are_those_of_their_odds() {
         for nats in [-20.0, -3.0, 0.0, 1.0, 4.6] {
             let exact = 1.0 / (1.0 + (-f64::from(nats)).exp());
-            let stated = f64::from(Confidence(stated(nats)).probability());
-            assert!((stated - exact).abs() < 2e-5, "{nats}: {stated} {exact}");
+            let from_log_odds = f64::from(Confidence(from_log_odds(nats)).probability());
+            assert!((from_log_odds - exact).abs() < 2e-5, "{nats}: {from_log_odds} {exact}");
         }
-        assert!(Confidence(stated(-100.0)) > Confidence::NONE);
+        assert!(Confidence(from_log_odds(-100.0)) > Confidence::NONE);
         assert!(Confidence::at_least(0.9).probability() >= 0.9 && Confidence::at_least(0.0) == Confidence::NONE);
     }
 }

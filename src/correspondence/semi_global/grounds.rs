@@ -1,4 +1,4 @@
-//! The grounds on which a candidate is held to be true.
+//! The grounds: what speaks for the selected candidate of a pixel.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use super::selection::ABSENT;
 
 /// Pixels on either side within which support counts.
 const REACH_PX: usize = 3;
-/// Pixels along a side of that surrounding.
+/// Side of that neighbourhood, pixels.
 const SIDE: usize = 2 * REACH_PX + 1;
 
 /// What speaks for the selected candidate of one pixel.
@@ -24,34 +24,34 @@ pub struct Grounds {
     pub region_px: u32,
     /// Mean lead of its region, nats a path.
     pub region_lead_nats: f32,
-    /// Of the 8 pixels beside it those that stand and whose absolute phases run on to its own.
-    pub beside: u8,
-    /// Of the 48 pixels around it those.
-    pub around: u8,
-    /// Whether its place in C2 serves a point that is nearer to C2.
+    /// How many of the 8 adjacent pixels are accepted and have an absolute phase that continues that of the pixel.
+    pub near_support: u8,
+    /// The same among the 48 pixels around it.
+    pub wide_support: u8,
+    /// Whether its place in C2 serves a point nearer to C2.
     pub is_hidden: bool,
-    /// Share of its region for which that is so.
+    /// Share of its region for which this holds.
     pub hidden_share: f32,
 }
 
-/// Columns that are told apart together.
+/// Columns handled at once.
 const BLOCK: usize = 32;
-/// Support of a pixel that all others around it run on to.
+/// Support of a pixel whose neighbours all continue its phase.
 const ALL_BESIDE: u8 = 8;
 const ALL_AROUND: u8 = (SIDE * SIDE - 1) as u8;
 
-/// Absolute phases of the pixels that stand, in a frame of absent ones as wide as support reaches.
+/// Absolute phases of the accepted pixels, with a margin of absent ones as wide as support reaches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surroundings {
     absolute: Vec<i32>,
-    /// Width of the image and of the frame on both sides.
+    /// Width of the image with its margins.
     stride: usize,
-    /// Of each block of each row whether each of its pixels stands and runs on to those to the right, below, and beside that: 1 or 0.
-    /// Where all around a pixel do, all support it.
+    /// For each block of each row 1 if every pixel is accepted and its phase continues to the right, below and to the
+    /// lower right, else 0. A pixel surrounded by such blocks has full support.
     runs_on: Vec<u8>,
 }
 
-/// How far the absolute phase of a pixel may differ that is so many rows and columns away.
+/// Most difference of the absolute phases of two pixels, by their distance in rows and columns.
 const MAX_DIFFERENCE: [[u32; SIDE]; SIDE] = {
     let mut limits = [[0; SIDE]; SIDE];
     let mut i = 0;
@@ -65,7 +65,8 @@ const MAX_DIFFERENCE: [[u32; SIDE]; SIDE] = {
 };
 
 impl Surroundings {
-    /// Pixels of an image of so many columns and rows; `fill` tells those of a row that stand, all others are absent.
+    /// Loads an image of `width` columns and `height` rows. `fill` writes the accepted pixels of a row; all others are
+    /// absent.
     pub(super) fn fill(&mut self, [width, height]: [usize; 2], fill: impl Fn(usize, &mut [i32]) + Sync) {
         self.stride = width + 2 * REACH_PX;
         self.absolute.clear();
@@ -83,21 +84,27 @@ impl Surroundings {
         });
     }
 
-    /// How many pixels beside and around those of row `v` from a column on stand with an absolute phase that runs on to their
-    /// `own`.
-    pub(super) fn support(&self, v: usize, column: usize, own: &[i32], beside: &mut [u8], around: &mut [u8]) {
+    /// Counts the near and wide support of the pixels of row `v` from a column on, whose absolute phases are `own`.
+    pub(super) fn support(
+        &self,
+        v: usize,
+        column: usize,
+        own: &[i32],
+        near_support: &mut [u8],
+        wide_support: &mut [u8],
+    ) {
         let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][column..self.stride]);
         let blocks = self.stride.div_ceil(BLOCK);
         let runs_on = std::array::from_fn(|row| &self.runs_on[(v + row) * blocks..][..blocks]);
-        fringeflow_simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, beside, around });
+        fringeflow_simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, near_support, wide_support });
     }
 }
 
-/// Finds where a row runs on.
+/// Finds the blocks of a row whose phase continues everywhere.
 struct RunsOnRow<'a> {
     row: &'a [i32],
     below: &'a [i32],
-    /// Of each block.
+    /// One entry per block.
     runs_on: &'a mut [u8],
 }
 
@@ -112,11 +119,11 @@ impl Kernel for RunsOnRow<'_> {
             let begin = block * BLOCK;
             let count = BLOCK.min(row.len() - 1 - begin);
             let (here, right) = (&row[begin..][..count], &row[begin + 1..][..count]);
-            let (under, beside) = (&below[begin..][..count], &below[begin + 1..][..count]);
+            let (under, near_support) = (&below[begin..][..count], &below[begin + 1..][..count]);
             let mut ends = 0;
             for i in 0..count {
                 ends |= i32::from(here[i] == ABSENT) | differs(here[i], right[i]) | differs(here[i], under[i]);
-                ends |= differs(here[i], beside[i]) | differs(right[i], under[i]);
+                ends |= differs(here[i], near_support[i]) | differs(right[i], under[i]);
             }
             *runs_on = u8::from(ends == 0);
         }
@@ -126,12 +133,12 @@ impl Kernel for RunsOnRow<'_> {
 /// Counts the support of a row from a column on.
 struct SupportRow<'a> {
     column: usize,
-    /// The rows around it, with their frames, and where they run on.
+    /// The rows around it, with their margins, and their blocks.
     rows: [&'a [i32]; SIDE],
     runs_on: [&'a [u8]; SIDE],
     own: &'a [i32],
-    beside: &'a mut [u8],
-    around: &'a mut [u8],
+    near_support: &'a mut [u8],
+    wide_support: &'a mut [u8],
 }
 
 impl Kernel for SupportRow<'_> {
@@ -139,14 +146,15 @@ impl Kernel for SupportRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { column, rows, runs_on, own, beside, around } = self;
+        let Self { column, rows, runs_on, own, near_support, wide_support } = self;
         for begin in (0..own.len()).step_by(BLOCK) {
             let count = BLOCK.min(own.len() - begin);
             let (first, last) = ((column + begin) / BLOCK, (column + begin + count + 2 * REACH_PX - 1) / BLOCK);
-            let (beside, around) = (&mut beside[begin..][..count], &mut around[begin..][..count]);
+            let (near_support, wide_support) =
+                (&mut near_support[begin..][..count], &mut wide_support[begin..][..count]);
             if runs_on.iter().all(|row| row[first..=last].iter().all(|&runs_on| runs_on == 1)) {
-                beside.fill(ALL_BESIDE);
-                around.fill(ALL_AROUND);
+                near_support.fill(ALL_BESIDE);
+                wide_support.fill(ALL_AROUND);
                 continue;
             }
             let mut phases = [ABSENT; BLOCK];
@@ -157,7 +165,7 @@ impl Kernel for SupportRow<'_> {
                     support(&phases, [a, b, c, d, e, f, g])
                 }
                 _ => {
-                    // At the end of a row nothing stands.
+                    // Beyond the end of the row no pixel is accepted.
                     let mut padded = [[ABSENT; BLOCK + 2 * REACH_PX]; SIDE];
                     for (padded, row) in padded.iter_mut().zip(&rows) {
                         padded[..count + 2 * REACH_PX].copy_from_slice(&row[begin..][..count + 2 * REACH_PX]);
@@ -165,16 +173,16 @@ impl Kernel for SupportRow<'_> {
                     support(&phases, padded.each_ref())
                 }
             };
-            beside.copy_from_slice(&near[..count]);
-            around.copy_from_slice(&all[..count]);
+            near_support.copy_from_slice(&near[..count]);
+            wide_support.copy_from_slice(&all[..count]);
         }
     }
 }
 
-/// The support of a block of pixels with such absolute phases among the rows around them: of those beside them, and of all.
+/// Near and wide support of a block of pixels with absolute phases `own`, among the rows around them.
 #[inline(always)]
 fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[u8; BLOCK]; 2] {
-    let (mut beside, mut around) = ([0_u8; BLOCK], [0_u8; BLOCK]);
+    let (mut near_support, mut wide_support) = ([0_u8; BLOCK], [0_u8; BLOCK]);
     for row in 0..SIDE {
         for column in 0..SIDE {
             // The pixel itself is no support.
@@ -183,7 +191,7 @@ fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[
             }
             let (limit, others) = (MAX_DIFFERENCE[row][column], &rows[row][column..][..BLOCK]);
             let is_beside = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
-            let counts = if is_beside { &mut beside } else { &mut around };
+            let counts = if is_beside { &mut near_support } else { &mut wide_support };
             for i in 0..BLOCK {
                 let runs_on = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
                 counts[i] = counts[i].wrapping_add(u8::from(runs_on));
@@ -191,9 +199,9 @@ fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[
         }
     }
     for i in 0..BLOCK {
-        around[i] = around[i].wrapping_add(beside[i]);
+        wide_support[i] = wide_support[i].wrapping_add(near_support[i]);
     }
-    [beside, around]
+    [near_support, wide_support]
 }
 
 #[cfg(test)]
@@ -209,9 +217,9 @@ mod tests {
         let mut surroundings = Surroundings::default();
         surroundings.fill([5, 5], |v, row| row.copy_from_slice(&absolute[5 * v..5 * v + 5]));
         let support = |[u, v]: [usize; 2], own: i32| {
-            let (mut beside, mut around) = ([0; 5], [0; 5]);
-            surroundings.support(v, 0, &[own; 5], &mut beside, &mut around);
-            (beside[u], around[u])
+            let (mut near_support, mut wide_support) = ([0; 5], [0; 5]);
+            surroundings.support(v, 0, &[own; 5], &mut near_support, &mut wide_support);
+            (near_support[u], wide_support[u])
         };
         // A phase that is not the pixel's own finds the pixel no more than its own does.
         assert_eq!(support([2, 2], turn / 4), (7, 18));
@@ -237,10 +245,10 @@ mod tests {
         let absolute: Vec<i32> = (0..width * height).map(|i| of(i, [random(), random()])).collect();
         let mut surroundings = Surroundings::default();
         surroundings.fill([width, height], |v, row| row.copy_from_slice(&absolute[width * v..][..width]));
-        let (mut beside, mut around) = (vec![0; width], vec![0; width]);
+        let (mut near_support, mut wide_support) = (vec![0; width], vec![0; width]);
         for v in 0..height {
             let own = &absolute[width * v..][..width];
-            let (near, all) = (&mut beside[v..], &mut around[v..]);
+            let (near, all) = (&mut near_support[v..], &mut wide_support[v..]);
             surroundings.support(v, v, &own[v..], near, all);
             for u in (v..width).filter(|&u| own[u] != ABSENT) {
                 let (mut near, mut all) = (0, 0);
@@ -250,7 +258,7 @@ mod tests {
                     all += u8::from(runs_on && (1..=REACH_PX).contains(&away));
                     near += u8::from(runs_on && away == 1);
                 }
-                assert_eq!((beside[u], around[u]), (near, all), "{u} {v}");
+                assert_eq!((near_support[u], wide_support[u]), (near, all), "{u} {v}");
             }
         }
     }

@@ -1,8 +1,8 @@
-//! Which neighbours lie on one surface, as far as the wrapped phase of C1 tells, and how their orders continue.
+//! Links: which neighbours lie on one surface by the wrapped phase of C1, and how their orders continue.
 //!
-//! In: phases of C1 and the orders of each pixel. Out: for each pixel and each of four axes whether the phase runs on from the
-//! pixel before it, and which of its orders continues the first one of that. A jump, or a bend before or behind, parts them;
-//! so a link is the same whichever way it is gone.
+//! In: phases of C1 and the order range of each pixel. Out: for each pixel and each of four axes whether the phase
+//! continues from the pixel before, and which of its orders continues the first order of that pixel. A jump, or a bend
+//! before or behind, cuts the link, so a link is the same in both directions.
 
 use rayon::prelude::*;
 
@@ -14,9 +14,9 @@ use crate::phase::PhaseMap;
 use super::bands::{self, BAND_ROWS};
 use super::order_ranges::OrderRanges;
 
-/// Steps of the axes, columns and rows, from a pixel to the next.
+/// Steps of the axes, columns and rows, from a pixel to the next one.
 pub(super) const AXES: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
-/// Orders by which the ranges of neighbours may be shifted against each other.
+/// Most orders by which the ranges of linked pixels may be shifted against each other.
 pub(super) const MAX_SHIFT: usize = 8;
 /// No link.
 const NONE: u8 = u8::MAX;
@@ -24,8 +24,8 @@ const NONE: u8 = u8::MAX;
 /// The links of all pixels to those before them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Links {
-    /// Axis by axis, for each pixel by how many orders its range is shifted against that of the pixel before, [`MAX_SHIFT`]
-    /// added; [`NONE`] where there is no link.
+    /// Axis by axis, for each pixel the shift of its range against that of the pixel before, orders, plus
+    /// [`MAX_SHIFT`]; [`NONE`] without link.
     shifts: [Vec<u8>; AXES.len()],
     /// Width of the image, pixels.
     width: usize,
@@ -47,18 +47,18 @@ impl Links {
         }
     }
 
-    /// Where paths along an axis come from at the pixels of a row, going with the axis or against it.
+    /// The links along an axis at the pixels of a row, in the direction of the axis or against it.
     #[inline(always)]
-    pub(super) fn of_row(&self, axis: usize, v: usize, forward: bool) -> RowLinks<'_> {
+    pub(super) fn row(&self, axis: usize, v: usize, forward: bool) -> RowLinks<'_> {
         let ([du, dv], shifts) = (AXES[axis], &self.shifts[axis]);
         let row = if forward { v } else { v.wrapping_add_signed(dv) };
-        // What lies beyond the end of the image has no link.
+        // Pixels beyond the end of the image have no link.
         let shifts = row.checked_mul(self.width).and_then(|begin| shifts.get(begin..begin + self.width));
         RowLinks { shifts: shifts.unwrap_or(&[]), du, forward }
     }
 }
 
-/// Where paths along an axis come from at the pixels of a row.
+/// The links along an axis at the pixels of a row.
 #[derive(Clone, Copy)]
 pub(super) struct RowLinks<'a> {
     shifts: &'a [u8],
@@ -67,19 +67,19 @@ pub(super) struct RowLinks<'a> {
 }
 
 impl RowLinks<'_> {
-    /// That of a pixel. Without branches as far as may be: links begin and end where nobody can foresee it.
+    /// The link of a pixel. Free of branches as far as possible: where links begin and end is unpredictable.
     #[inline(always)]
-    pub(super) fn towards(&self, u: usize) -> Link {
+    pub(super) fn link(&self, u: usize) -> Link {
         let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
         let shift = *self.shifts.get(if self.forward { u } else { column }).unwrap_or(&NONE);
-        // Left of the image there is no link, so the column of one is always in the image.
+        // Left of the image there is no link, so the column of a link always lies in the image.
         let is_link = shift != NONE;
         let shift = if self.forward { shift } else { (2 * MAX_SHIFT as u8).wrapping_sub(shift) };
         Link { is_link, column: if is_link { column } else { 0 }, shift: usize::from(shift) }
     }
 
-    /// For each pixel the place that an order of the pixel before has in its range, `places` being those orders' places in
-    /// theirs; [`NO_PLACE`] where there is none, or no link. A place beyond the range is beyond all places of ranges.
+    /// Carries `places`, which are places of orders in their ranges, from each pixel before to the pixel; [`NO_PLACE`]
+    /// if there is none, or no link. An order beyond the range gets a place beyond every range.
     #[inline(always)]
     pub(super) fn carry(&self, places: &[u8], out: &mut [u8]) {
         let width = out.len();
@@ -107,25 +107,25 @@ impl RowLinks<'_> {
     }
 }
 
-/// Stands for no order of a range: ranges have fewer than half of its places.
+/// Stands for no order of a range. Ranges have fewer than half as many places.
 pub(super) const NO_PLACE: u8 = u8::MAX;
 
 /// Where a path comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Link {
-    /// Whether it comes from anywhere; else the rest has no meaning.
+    /// Whether there is a link; otherwise the rest is undefined.
     pub(super) is_link: bool,
-    /// Column of the pixel before, always one of the image.
+    /// Column of the pixel before; always in the image.
     pub(super) column: usize,
-    /// Where its costs begin, for the first order of the pixel.
+    /// Offset of its costs, for the first order of the pixel.
     pub(super) shift: usize,
 }
 
-/// How the phase rises to the pixels of a row from those before them, with a column of none on either side.
+/// Rise of the phase to the pixels of a row from those before them, with an empty column on either side.
 #[derive(Clone, Debug, Default)]
 struct Rises {
     rise: Vec<i16>,
-    /// Whether both have a phase, as all bits or none.
+    /// All bits set where both have a phase, else 0.
     known: Vec<i16>,
 }
 
@@ -141,12 +141,12 @@ struct LinkBand<'a> {
     cam1: &'a PhaseMap,
     ranges: &'a OrderRanges,
     axis: [isize; 2],
-    /// Scratch for the rises to the pixels before those of a row, to these, and to those behind.
+    /// The rises to the pixels before those of a row, to these, and to those behind them.
     rises: &'a mut [Rises; 3],
 }
 
 impl LinkBand<'_> {
-    /// Those of the rows from the first one on.
+    /// The links of the rows from `first` on.
     fn find(&mut self, first: usize, shifts: &mut [u8]) {
         let [_, dv] = self.axis;
         if dv != 0 {
@@ -167,7 +167,7 @@ impl LinkBand<'_> {
         }
     }
 
-    /// Fills in the rises to the pixels of a row.
+    /// Computes the rises to the pixels of a row.
     fn rise(&mut self, row: usize, place: usize) {
         let begins = self.begin(row).zip(self.begin(row.wrapping_add_signed(-self.axis[1])));
         let rises = &mut self.rises[place];
@@ -177,13 +177,13 @@ impl LinkBand<'_> {
         }
     }
 
-    /// Where a row begins, if the image has it.
+    /// Where a row begins, if it lies in the image.
     fn begin(&self, row: usize) -> Option<usize> {
         (row < self.cam1.height).then(|| row * self.cam1.width)
     }
 }
 
-/// Fills in the rises of a row.
+/// Computes the rises of a row.
 struct RiseRow<'a> {
     cam1: &'a PhaseMap,
     du: isize,
@@ -193,7 +193,7 @@ struct RiseRow<'a> {
     rises: &'a mut Rises,
 }
 
-/// Columns of a row of so many whose pixel so many columns before is in the row.
+/// The columns of a row of `width` whose pixel `du` columns before lies in the row.
 #[inline(always)]
 fn columns(width: usize, du: isize) -> std::ops::Range<usize> {
     du.max(0) as usize..width - (-du).max(0) as usize
@@ -207,8 +207,8 @@ impl Kernel for RiseRow<'_> {
         let width = self.cam1.width;
         let range = columns(width, self.du);
         let before = range.start.wrapping_add_signed(-self.du)..range.end.wrapping_add_signed(-self.du);
-        let of = |begin: usize, range: &std::ops::Range<usize>| begin + range.start..begin + range.end;
-        let (to, from) = (of(self.to, &range), of(self.from, &before));
+        let offset_range = |begin: usize, range: &std::ops::Range<usize>| begin + range.start..begin + range.end;
+        let (to, from) = (offset_range(self.to, &range), offset_range(self.from, &before));
         let (phase_to, phase_from) = (&self.cam1.phase[to.clone()], &self.cam1.phase[from.clone()]);
         let (valid_to, valid_from) = (&self.cam1.valid[to], &self.cam1.valid[from]);
         let (rise, known) = (
@@ -230,7 +230,7 @@ struct Linking<'a> {
     /// Where the rows of the pixels before and of the pixels begin.
     from: usize,
     to: usize,
-    /// Those to the pixels before, to these, and to those behind.
+    /// The rises to the pixels before, to these, and to those behind.
     rises: [&'a Rises; 3],
     shifts: &'a mut [u8],
 }
@@ -238,7 +238,7 @@ struct Linking<'a> {
 impl Kernel for Linking<'_> {
     type Output = ();
 
-    /// In 16 bits throughout: differences that leave them are no links either way.
+    /// In 16 bits throughout: a difference that overflows is no link either way.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { cam1, ranges, du, from, to, rises: [before, here, behind], shifts } = self;
@@ -264,6 +264,7 @@ impl Kernel for Linking<'_> {
             let bends = |other: i16, known: i16| {
                 (known != 0) & (other.saturating_sub(here).unsigned_abs() > MAX_STEP_CHANGE as u16)
             };
+            // The whole turn that the wrapped phase skips changes the order.
             let up = i16::from((here > 0) & (phase[i] < phase_before[i]));
             let down = i16::from((here < 0) & (phase[i] > phase_before[i]));
             let shift = first[i].saturating_sub(first_before[i]).saturating_add(MAX_SHIFT as i16 + down - up);

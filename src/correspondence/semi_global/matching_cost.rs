@@ -1,8 +1,8 @@
-//! Evidence: how badly the best candidate of each order fits, in whole numbers.
+//! Matching costs: how badly the best candidate of each order fits, in whole numbers.
 //!
-//! The cost of a candidate with z = (δ − drift)/sd is −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, and no more than five
-//! nats however large the error, since a candidate may be missing or spoilt. Orders without candidate have that cost. What
-//! lies outside the volume was seldom meant: its candidates must fit somewhat better.
+//! A candidate with z = (δ − drift)/sd costs −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, but at most five nats, since
+//! the true candidate may be missing or spoilt. An order without candidate costs five nats. A candidate outside the
+//! volume is less likely and costs slightly more.
 
 use rayon::prelude::*;
 
@@ -10,13 +10,13 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::drift::DepthRow;
 use crate::correspondence::kernels::{BLOCK, Ends, block_of_mut};
-use crate::correspondence::outlook::Outlook;
+use crate::correspondence::pixel_search::PixelSearch;
 use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::surfaces::{self, NO_ORDER as NO_LOOK};
+use crate::correspondence::surfaces::{self, NO_ORDER as NO_SURFACE_ORDER};
 use crate::phase::Modulation;
 
 use super::bands::{self, BAND_ROWS};
-use super::kernels::{self, BestOfBlock, EvidenceScratch, OrdersOfBlock};
+use super::kernels::{self, BestBlock, CostScratch, OrderBlock};
 use super::order_ranges::{OrderRangeRow, OrderRanges, Reach};
 use super::selection::{SelectedRow, Selection};
 use super::{Scene, UNITS_PER_NAT};
@@ -27,21 +27,21 @@ const MISSING_NATS: f32 = 5.0;
 pub(super) const MISSING: u8 = (MISSING_NATS * UNITS_PER_NAT) as u8;
 /// Stands for an order that a pixel does not have.
 pub(super) const NO_ORDER: u8 = u8::MAX;
-/// Matching cost that a candidate outside the measurement volume has on top, nats.
+/// Additional cost of a candidate outside the measurement volume, nats.
 const OUTSIDE_NATS: f32 = 0.2;
 pub(super) const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
-/// Stands for the least cost of a pixel that is decided, and by how much all other orders have more.
+/// Stands for the least cost of a decided pixel, and the excess of all its other orders.
 pub(super) const DECIDED: u8 = NO_ORDER - DECIDED_LEAD;
 pub(super) const DECIDED_LEAD: u8 = MISSING;
 /// Largest z with a cost of its own; beyond it the candidate counts as missing.
 pub(super) const MAX_Z: f32 = 5.0;
-/// Steps of the table of costs, in z.
+/// Steps of the cost table per unit of z.
 pub(super) const STEPS_PER_Z: f32 = 64.0;
 /// z of the back-projection test (paper, section 2.1).
 pub(super) const PASSING_Z: f32 = 3.0;
-/// Share of the variance of δ that grows with noise over modulation; the rest is the same for all pixels.
+/// Share of the variance of δ that grows with (noise / modulation)²; the rest is equal for all pixels.
 const NOISE_SHARE: f32 = 0.5;
-/// Largest sd of a pixel, in that of a pixel of median modulation.
+/// Largest sd of a pixel, relative to one of median modulation.
 const MAX_SD_RATIO: f32 = 4.0;
 
 /// Predicted sd of δ of a true candidate about the drift.
@@ -69,12 +69,12 @@ impl DeltaScale {
     }
 }
 
-/// Median modulation of the valid pixels of some rows.
+/// Median modulation of the valid pixels, from a sample of the rows.
 fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) -> Option<Modulation> {
-    /// Rows of which one is asked.
+    /// Distance of the sampled rows.
     const PITCH: usize = 16;
-    // The upper byte of the median first, then the lower one. Neighbours are alike, so that each counts in a row of its own:
-    // none waits for the one before.
+    // First the upper byte of the median, then the lower one. Neighbouring pixels are alike, so each adds to a
+    // histogram of its own: no addition waits for the one before.
     const WAYS: usize = 4;
     let rows = || modulation.chunks(width).zip(valid.chunks(width)).step_by(PITCH);
     let mut upper = [[0_u32; 256]; WAYS];
@@ -93,7 +93,7 @@ fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) ->
     ranked(&lower, rank).map(|(lower, _)| Modulation::from_steps((byte << 8 | lower) as u16))
 }
 
-/// In which place the number of a rank is counted, and its rank there.
+/// The bin that holds the number of a rank, and its rank in the bin.
 fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
     let mut below = 0;
     let place = counts.iter().position(|count| {
@@ -103,7 +103,7 @@ fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
     Some((place, rank + counts[place] - below))
 }
 
-/// The sd of the pixels of a row.
+/// Computes the sd of the pixels of a row.
 struct ScaleRow<'a> {
     scale: &'a DeltaScale,
     modulation: &'a [Modulation],
@@ -121,9 +121,9 @@ impl Kernel for ScaleRow<'_> {
     }
 }
 
-/// What the pixels of a row of C1 look for their candidates with.
+/// What the pixels of a row of C1 are searched with.
 #[derive(Clone, Debug, Default)]
-pub(super) struct OutlookRow {
+pub(super) struct SearchRow {
     pub(super) segments: SegmentRow,
     drift: DepthRow,
     /// sd of δ of each pixel, turns.
@@ -131,9 +131,9 @@ pub(super) struct OutlookRow {
     v: usize,
 }
 
-impl OutlookRow {
-    /// Turns to row `v`.
-    pub(super) fn turn_to(&mut self, scene: &Scene<'_>, scale: &DeltaScale, v: usize) {
+impl SearchRow {
+    /// Loads row `v`.
+    pub(super) fn load_row(&mut self, scene: &Scene<'_>, scale: &DeltaScale, v: usize) {
         let width = scene.cam1.width;
         self.v = v;
         scene.table.row(v, &mut self.segments);
@@ -143,13 +143,13 @@ impl OutlookRow {
         fringeflow_simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
     }
 
-    /// That of a pixel of the row.
-    pub(super) fn outlook<'a>(&self, scene: &Scene<'a>, reach: Reach, u: usize) -> Outlook<'a> {
-        Outlook::new(scene, reach, &self.segments, &self.drift, [u, self.v])
+    /// The search of a pixel of the row.
+    pub(super) fn search<'a>(&self, scene: &Scene<'a>, reach: Reach, u: usize) -> PixelSearch<'a> {
+        PixelSearch::new(scene, reach, &self.segments, &self.drift, [u, self.v])
     }
 
-    /// The same of many pixels.
-    pub(super) fn wide<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> kernels::Row<'a> {
+    /// The row for the kernels over 32 pixels.
+    pub(super) fn block_row<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> kernels::Row<'a> {
         let width = scene.cam1.width;
         kernels::Row {
             image: scene.cam2,
@@ -162,86 +162,82 @@ impl OutlookRow {
     }
 }
 
-/// What is asked, and what is known of it.
-pub(super) struct Asked<'a> {
+/// What the matching costs are computed from.
+pub(super) struct EvidenceInput<'a> {
     pub(super) scene: &'a Scene<'a>,
-    /// The same without what C2 is known to see outside the volume.
+    /// The scene without the places of C2 known to show something outside the volume.
     pub(super) open: &'a Scene<'a>,
     pub(super) scale: &'a DeltaScale,
     pub(super) surfaces: &'a surfaces::Scratch,
-    /// Pixels that are known to see something outside the volume.
+    /// Pixels known to see something outside the volume.
     pub(super) outside: &'a [bool],
 }
 
-/// How well the orders of all pixels fit.
+/// The matching costs of all pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Evidence {
-    /// Costs of all orders, those of pixel `i` from `i · lanes` on. Those of a pixel without range have no meaning.
+    /// Costs of all orders; those of pixel `i` start at `i · lanes`. Undefined for pixels without orders.
     pub(super) costs: Vec<u8>,
     pub(super) best: Best,
-    /// Whether some order fits a pixel, or surfaces tell one: 1 or 0.
+    /// 1 if some order fits the pixel, or a surface gives one; else 0.
     pub(super) is_explained: Vec<u8>,
     scratches: Vec<BandScratch>,
 }
 
-/// What the costs of each pixel come to; without meaning where there is no range.
+/// Summary of the costs of each pixel; undefined without orders.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Best {
     /// Place of the first order with the least cost.
     place: Vec<u8>,
     least: Vec<u8>,
-    /// The least cost of the other orders, or of this one where there is no other.
+    /// The least cost of the other orders; with a single order, its own.
     second: Vec<u8>,
 }
 
-/// The same of a row.
+/// The summary of a row.
 #[derive(Clone, Copy)]
-pub(super) struct BestOfRow<'a> {
+pub(super) struct BestRow<'a> {
     pub(super) place: &'a [u8],
     pub(super) least: &'a [u8],
     pub(super) second: &'a [u8],
 }
 
 impl Best {
-    /// Whether a pixel was decided before.
+    /// Whether a pixel was decided by its surface.
     #[inline(always)]
     pub(super) fn is_decided(&self, pixel: usize) -> bool {
         self.least[pixel] == DECIDED
     }
 
-    /// That of the pixels of a row.
-    pub(super) fn of(&self, pixels: std::ops::Range<usize>) -> BestOfRow<'_> {
-        BestOfRow {
-            place: &self.place[pixels.clone()],
-            least: &self.least[pixels.clone()],
-            second: &self.second[pixels],
-        }
+    /// The summary of the pixels of a row.
+    pub(super) fn row(&self, pixels: std::ops::Range<usize>) -> BestRow<'_> {
+        BestRow { place: &self.place[pixels.clone()], least: &self.least[pixels.clone()], second: &self.second[pixels] }
     }
 }
 
-/// What a band of rows is worked on with.
+/// Scratch for a band of rows.
 #[derive(Clone, Debug, Default)]
 struct BandScratch {
-    row: OutlookRow,
-    /// Orders that surfaces tell.
+    row: SearchRow,
+    /// Orders given by surfaces.
     orders: Vec<i16>,
-    /// Numbers of orders of the pixels of a row that are not decided.
-    asked: Vec<u8>,
+    /// Number of orders of each pixel; 0 for decided ones.
+    open_count: Vec<u8>,
     /// Most orders of a pixel.
     most: usize,
 }
 
 impl Evidence {
-    /// Looks at each pixel of which surfaces tell the order, which decides most. Asks for the orders of each other pixel and for
-    /// their costs; and how many orders of each pass the back-projection test |δ − drift| < 3·sd.
+    /// Confirms the orders given by surfaces, which decides most pixels. Computes the costs of all orders of the
+    /// others. Counts the orders of each pixel that pass the back-projection test |δ − drift| < 3·sd.
     pub(super) fn gather(
         &mut self,
-        asked: &Asked<'_>,
+        input: &EvidenceInput<'_>,
         ranges: &mut OrderRanges,
         selection: &mut Selection,
         passing: &mut Vec<u8>,
     ) {
-        let (pixels, costs) = (asked.scene.cam1.phase.len(), Costs::new());
+        let (pixels, costs) = (input.scene.cam1.phase.len(), Costs::new());
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
@@ -249,7 +245,7 @@ impl Evidence {
         self.is_explained.resize(pixels, 0);
         selection.resize(pixels);
         loop {
-            let most = self.gather_into(asked, ranges, selection, &costs, passing);
+            let most = self.gather_into(input, ranges, selection, &costs, passing);
             if most <= ranges.lanes {
                 return;
             }
@@ -257,10 +253,11 @@ impl Evidence {
         }
     }
 
-    /// The same with such room for the orders of a pixel, where that is enough; yields how many orders there are at most.
+    /// As [`Self::gather`], with room for `lanes` orders per pixel. Returns the most orders of a pixel; if that exceeds
+    /// the room, the costs are incomplete.
     fn gather_into(
         &mut self,
-        &Asked { scene, open, scale, surfaces, outside }: &Asked<'_>,
+        &EvidenceInput { scene, open, scale, surfaces, outside }: &EvidenceInput<'_>,
         ranges: &mut OrderRanges,
         selection: &mut Selection,
         costs: &Costs,
@@ -281,30 +278,33 @@ impl Evidence {
             scratch.most = 0;
             for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
                 let v = band * BAND_ROWS + i;
-                let BandScratch { row, orders, asked, most } = &mut *scratch;
-                row.turn_to(scene, scale, v);
+                let BandScratch { row, orders, open_count, most } = &mut *scratch;
+                row.load_row(scene, scale, v);
                 let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
                 let own = v * width..(v + 1) * width;
                 let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()]);
                 let outside = &outside[own];
-                OrderRangeRow { reach, segments: &row.segments, phase, valid, outside, first, count }.ask();
+                OrderRangeRow { reach, segments: &row.segments, phase, valid, outside, first, count }.fill();
                 *most = count.iter().fold(*most, |most, &count| most.max(usize::from(count)));
                 if *most > lanes {
                     continue;
                 }
                 surfaces.fill_orders((v, width), orders);
-                orders.iter_mut().zip(&*count).for_each(|(k, &count)| *k = if count == 0 { NO_LOOK } else { *k });
+                orders
+                    .iter_mut()
+                    .zip(&*count)
+                    .for_each(|(k, &count)| *k = if count == 0 { NO_SURFACE_ORDER } else { *k });
                 let (mut selected, _) = selected.row(i, width);
-                selected.look(row.wide(scene, reach), orders);
-                surfaces.doubt_few((v, width), selected.is_decided);
-                keep_to_windows(first, count, &mut selected);
-                selected.fill_open(count, asked);
+                selected.confirm(row.block_row(scene, reach), orders);
+                surfaces.clear_minorities((v, width), selected.is_decided);
+                keep_within_ranges(first, count, &mut selected);
+                selected.fill_open(count, open_count);
                 let evidence = EvidenceRow {
                     scene: open,
                     reach,
                     row,
                     first,
-                    count: asked,
+                    count: open_count,
                     costs,
                     lanes,
                     tile: &mut tile[pixels.start * lanes..pixels.end * lanes],
@@ -314,17 +314,17 @@ impl Evidence {
                     second: &mut second[pixels.clone()],
                 };
                 fringeflow_simd::run(Level::in_use(), evidence);
-                tell_explained(asked, orders, &least[pixels.clone()], &mut is_explained[pixels.clone()]);
+                mark_explained(open_count, orders, &least[pixels.clone()], &mut is_explained[pixels.clone()]);
                 let best = [&mut passing[pixels.clone()], &mut place[pixels.clone()], &mut least[pixels.clone()]];
-                tell_decided(first, &selected, best, &mut second[pixels]);
+                enter_decided(first, &selected, best, &mut second[pixels]);
             }
         });
         self.scratches.iter().map(|scratch| scratch.most).max().unwrap_or(0)
     }
 }
 
-/// Leaves only those pixels of a row decided of which the order is among those of their ranges.
-fn keep_to_windows(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) {
+/// Keeps only those pixels decided whose order is in their range.
+fn keep_within_ranges(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) {
     let width = count.len();
     let (absolute, first) = (&selected.absolute[..width], &first[..width]);
     let is_decided = &mut selected.is_decided[..width];
@@ -334,18 +334,23 @@ fn keep_to_windows(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) 
     }
 }
 
-/// Tells which pixels of a row are explained: surfaces tell their orders, or some order fits.
-fn tell_explained(asked: &[u8], orders: &[i16], least: &[u8], is_explained: &mut [u8]) {
-    let width = asked.len();
+/// Marks the pixels of a row that are explained: a surface gives their order, or some order fits.
+fn mark_explained(open_count: &[u8], orders: &[i16], least: &[u8], is_explained: &mut [u8]) {
+    let width = open_count.len();
     let (orders, least, is_explained) = (&orders[..width], &least[..width], &mut is_explained[..width]);
     for u in 0..width {
-        let fits = (asked[u] > 0) & (least[u] != MISSING);
-        is_explained[u] = u8::from((orders[u] != NO_LOOK) | fits);
+        let fits = (open_count[u] > 0) & (least[u] != MISSING);
+        is_explained[u] = u8::from((orders[u] != NO_SURFACE_ORDER) | fits);
     }
 }
 
-/// Tells of the decided pixels of a row what evidence tells of the others.
-fn tell_decided(first: &[i16], selected: &SelectedRow<'_>, [passing, place, least]: [&mut [u8]; 3], second: &mut [u8]) {
+/// Enters the decided pixels of a row in the summary of costs.
+fn enter_decided(
+    first: &[i16],
+    selected: &SelectedRow<'_>,
+    [passing, place, least]: [&mut [u8]; 3],
+    second: &mut [u8],
+) {
     let width = first.len();
     let (is_decided, absolute) = (&selected.is_decided[..width], &selected.absolute[..width]);
     let (first, z) = (&first[..width], &selected.z[..width]);
@@ -361,15 +366,15 @@ fn tell_decided(first: &[i16], selected: &SelectedRow<'_>, [passing, place, leas
     }
 }
 
-/// The evidence of a row.
+/// Computes the costs of a row.
 struct EvidenceRow<'a> {
     scene: &'a Scene<'a>,
     reach: Reach,
-    row: &'a OutlookRow,
+    row: &'a SearchRow,
     first: &'a [i16],
     count: &'a [u8],
     costs: &'a Costs,
-    /// Scratch for the orders of a pixel.
+    /// Orders per pixel in memory.
     lanes: usize,
     tile: &'a mut [u8],
     passing: &'a mut [u8],
@@ -383,9 +388,9 @@ impl Kernel for EvidenceRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, level: L) {
-        let row = self.row.wide(self.scene, self.reach);
+        let row = self.row.block_row(self.scene, self.reach);
         let (firsts, counts) = (self.first.as_chunks().0, self.count.as_chunks().0);
-        let (mut scratch, mut ends): (_, Ends) = (EvidenceScratch::new(level), [[0; _]; 3]);
+        let (mut scratch, mut ends): (_, Ends) = (CostScratch::new(level), [[0; _]; 3]);
         for (block, (first, count)) in firsts.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
             let Some(mut of_block) = row.block(level, begin, count) else {
@@ -394,9 +399,9 @@ impl Kernel for EvidenceRow<'_> {
             };
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
             let tile = &mut self.tile[begin * self.lanes..][..BLOCK * self.lanes];
-            let orders = OrdersOfBlock { first, count, most };
+            let orders = OrderBlock { first, count, most };
             let best = of_block.evidence(&orders, self.costs, &mut scratch, &mut ends, tile, self.lanes);
-            let BestOfBlock { passing, place, least, second } = best;
+            let BestBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
                 level.store_bytes(words, block_of_mut(out, begin));
@@ -408,7 +413,7 @@ impl Kernel for EvidenceRow<'_> {
 }
 
 impl EvidenceRow<'_> {
-    /// Some of the pixels from one on, a bit each, one by one.
+    /// Some of the 32 pixels from `begin` on, a bit each, one by one.
     fn gather_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
             self.gather_pixel(begin + pixels.trailing_zeros() as usize);
@@ -422,13 +427,13 @@ impl EvidenceRow<'_> {
         if count == 0 {
             return;
         }
-        let outlook = self.row.outlook(self.scene, self.reach, u);
+        let search = self.row.search(self.scene, self.reach, u);
         let orders = &mut self.tile[u * self.lanes..][..self.lanes];
         orders.fill(NO_ORDER);
         let (mut place, mut least, mut second) = (0, NO_ORDER, NO_ORDER);
         for (lane, cost) in orders[..count].iter_mut().enumerate() {
             let order = i32::from(self.first[u]) + lane as i32;
-            *cost = best_cost(&outlook, order, self.row.sd_turns[u], self.costs);
+            *cost = best_cost(&search, order, self.row.sd_turns[u], self.costs);
             self.passing[u] += u8::from(*cost < self.costs.limit);
             second = second.min(least.max(*cost));
             if *cost < least {
@@ -441,30 +446,30 @@ impl EvidenceRow<'_> {
 }
 
 /// Matching cost of the best candidate of an order.
-fn best_cost(outlook: &Outlook<'_>, order: i32, sd_turns: f32, costs: &Costs) -> u8 {
+fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &Costs) -> u8 {
     let mut best = MISSING;
-    let Some(interval_px) = outlook.columns_of(order, MAX_Z * sd_turns) else { return best };
-    outlook.crossings(interval_px, |column_px, _| {
-        let (found, rest) = outlook.order_and_rest(column_px);
+    let Some(interval_px) = search.columns_of(order, MAX_Z * sd_turns) else { return best };
+    search.crossings(interval_px, |column_px, _| {
+        let (found, rest) = search.order_and_residual(column_px);
         if found == order {
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
-            let outside = if outlook.is_in_volume(column_px) { 0 } else { OUTSIDE };
+            let outside = if search.is_in_volume(column_px) { 0 } else { OUTSIDE };
             best = best.min(costs.of_step[step.min(Costs::STEPS)] as u8 + outside);
         }
     });
     best
 }
 
-/// Matching cost of every step of z.
+/// Table of the matching cost by z.
 pub(super) struct Costs {
     /// The last is that of a missing candidate.
     pub(super) of_step: [i32; Self::STEPS + 1],
-    /// What an order that passes the back-projection test is below.
+    /// An order whose cost is below this passes the back-projection test.
     pub(super) limit: u8,
 }
 
 impl Costs {
-    /// Steps of z that have a cost of their own.
+    /// Number of steps with a cost of their own.
     pub(super) const STEPS: usize = (MAX_Z * STEPS_PER_Z) as usize;
 
     fn new() -> Self {
@@ -480,7 +485,7 @@ impl Costs {
 
 #[cfg(test)]
 impl Best {
-    /// Decides a pixel on the order in a place.
+    /// Decides a pixel for the order in a place.
     pub(super) fn decide(&mut self, pixel: usize, place: u8) {
         (self.place[pixel], self.least[pixel], self.second[pixel]) = (place, DECIDED, NO_ORDER);
     }
@@ -488,7 +493,7 @@ impl Best {
 
 #[cfg(test)]
 impl Evidence {
-    /// Costs that were found elsewhere.
+    /// From given costs.
     pub(super) fn new(costs: Vec<u8>, ranges: &OrderRanges) -> Self {
         let mut best = Best::default();
         for (costs, &count) in costs.chunks(ranges.lanes).zip(&ranges.count) {
@@ -513,12 +518,12 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, costs, width) = (DeltaScale::from_scene(&scene), Costs::new(), scene.cam1.width);
-        let (mut ranges, mut row, mut known) = (OrderRanges::default(), OutlookRow::default(), 0);
-        ranges.ready(&scene, false);
+        let (mut ranges, mut row, mut known) = (OrderRanges::default(), SearchRow::default(), 0);
+        ranges.prepare(&scene, false);
         let reach = ranges.reach;
         for lanes in [ranges.lanes + 8, ranges.lanes + 16] {
             for v in 0..scene.cam1.height {
-                row.turn_to(&scene, &scale, v);
+                row.load_row(&scene, &scale, v);
                 let (mut first, mut count) = (vec![0; width], vec![0; width]);
                 let own = v * width..(v + 1) * width;
                 let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
@@ -526,7 +531,7 @@ mod tests {
                 let (own_first, own_count) = (&mut first, &mut count);
                 let range =
                     OrderRangeRow { reach, segments, phase, valid, outside, first: own_first, count: own_count };
-                range.ask();
+                range.fill();
                 let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
                     let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);
                     out.iter_mut().for_each(|out| out.resize(width, 0));
@@ -545,7 +550,7 @@ mod tests {
                         least,
                         second,
                     });
-                    // What pixels without a range have means nothing.
+                    // Pixels without orders are undefined.
                     for u in (0..width).filter(|&u| count[u] == 0) {
                         tile[u * lanes..(u + 1) * lanes].fill(0);
                         out.iter_mut().for_each(|out| out[u] = 0);

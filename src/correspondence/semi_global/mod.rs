@@ -1,29 +1,29 @@
 //! Semi-global resolution: all fringe orders of the image decided together.
 //!
-//! The paper decides pixel by pixel from neighbours that are decided already, which fails where too few are. Here whole surfaces
-//! tell most orders (see [`super::surfaces`]), and one look at each pixel confirms them. Every other pixel
-//! holds evidence for every order that its segment allows, and orders are chosen so that the evidence and Eq. (2),
-//! by which neighbours of one surface share the absolute phase, agree best over the whole image: the cost of stereo
-//! matching, minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
-//! Information"). An order is free to continue wherever the wrapped phase runs on, at a price to change there, and where
-//! the wrapped phase jumps neighbours say nothing to each other.
+//! The paper decides pixel by pixel from decided neighbours, which fails where these are too few. Here whole surfaces
+//! give most orders (see [`super::surfaces`]), and one check per pixel confirms them. For every other pixel each
+//! possible order gets a matching cost. The orders of the whole image are chosen so that costs and Eq. (2) agree best,
+//! Eq. (2) saying that neighbours on one surface share the absolute phase. This is the cost of stereo matching,
+//! minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
+//! Information"). An order continues freely wherever the wrapped phase does, and changes there at a price. Where the
+//! wrapped phase jumps, neighbours are independent.
 //!
-//! 1. *ranges*: the orders of each pixel, of a segment that reaches beyond the volume: what lies behind it would else be
-//!    explained by a wrong order within;
-//! 2. *look*: whether the pixel has a candidate at the order of its surface: then it is decided;
-//!    *evidence* of the others: how well the best candidate of each order passes the back-projection test, about the drift, in
-//!    places of C2 that are not known to show what lies outside the volume;
-//!    where none of a whole neighbourhood does, nothing more is asked (*unexplained*);
+//! 1. *order ranges*: the possible orders of each pixel, on a segment that reaches beyond the volume: otherwise a wrong
+//!    order within would explain what lies behind it;
+//! 2. *confirm*: a pixel with a candidate at the order of its surface is decided; *matching cost* of the others: how
+//!    well the best candidate of each order passes the back-projection test about the drift, in places of C2 that are
+//!    not known to show something outside the volume; *unexplained*: where no order fits in a whole neighbourhood, the
+//!    search ends;
 //! 3. *paths*: sums of the least costs along eight directions;
-//! 4. *selection*: the candidate of the order with the least sum, rims of surfaces included;
-//! 5. *verification*: whole regions must have the δ of true candidates, and stand against other orders; δ that runs through
-//!    a region tells a wrong order (*strips*); one place of C2 serves one order (*claims*). On the *grounds* of what stands
-//!    around it every pixel gets a *confidence*; those below a limit are left out;
-//! 6. *explanation*: why the pixels without candidate have none.
+//! 4. *selection*: the candidate of the order with the least sum, including rims of surfaces;
+//! 5. *verification*: whole regions must have the δ of true candidates and stand out against other orders; δ that runs
+//!    through a region shows a wrong order (*strips*); one place of C2 serves one order (*claims*). The *grounds*
+//!    around each pixel give its *confidence*; pixels below a limit are rejected;
+//! 6. *explanation*: why the other pixels have no candidate.
 //!
 //! Shared with the paper's method: *regions*, *places*, *claims*, *explanation*, *bands*.
 //!
-//! In time and memory each step is the same for every image of a rig: nothing is repeated until it settles.
+//! Time and memory are the same for every image of a rig: no step is iterated until it converges.
 
 mod confidence;
 mod grounds;
@@ -62,7 +62,7 @@ use paths::{PathScratch, Verdicts};
 use selection::Selection;
 use verification::VerificationScratch;
 
-/// Evidence and costs are whole numbers: so many a nat.
+/// Costs are whole numbers in steps of 1/20 nat.
 const UNITS_PER_NAT: f32 = 20.0;
 
 /// What the resolution reads.
@@ -74,17 +74,17 @@ pub(super) struct Scene<'a> {
     pub(super) drift: &'a Drift,
 }
 
-/// Decisions about all pixels of C1, row by row; vectors are filled anew.
+/// Decisions about all pixels of C1, row by row. The vectors are filled anew.
 pub(super) struct Decisions<'a> {
     pub(super) outcomes: &'a mut Vec<Outcome>,
     pub(super) chosen: &'a mut ChosenCandidates,
     /// Orders of each pixel that pass the back-projection test about the drift.
     pub(super) passing: &'a mut Vec<u8>,
-    /// How likely each point is true.
+    /// Probability that each point is true.
     pub(super) confidence: &'a mut Vec<Confidence>,
 }
 
-/// What a point must have.
+/// Limits that a point must reach.
 pub(super) struct Limits {
     /// Pixels of a region of continuous absolute phase.
     pub(super) min_region_px: u32,
@@ -92,13 +92,13 @@ pub(super) struct Limits {
     pub(super) min_confidence: f32,
 }
 
-/// Scratch for what is known of each pixel, to be used from image to image: a hundred megabytes for a megapixel.
+/// Scratch memory, kept from image to image: a hundred megabytes for a megapixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     pub(super) surfaces: surfaces::Scratch,
-    /// Whether a pixel is known to see something outside the volume.
+    /// Pixels known to see something outside the volume.
     outside: Vec<bool>,
-    /// C2 without what it is known to see there.
+    /// C2 without the places known to show something outside the volume.
     open: EpipolarImage,
     ranges: OrderRanges,
     evidence: Evidence,
@@ -110,7 +110,7 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Decides every pixel. The grounds of the decisions go where they are asked for.
+    /// Decides every pixel. Writes the grounds of the decisions if asked for.
     pub(super) fn resolve(
         &mut self,
         scene: &Scene<'_>,
@@ -124,19 +124,19 @@ impl Scratch {
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
         let near_px = ranges.near_px(scene.table);
         let far = surfaces.mark_outside(view, scene.drift, near_px, outside);
-        let is_taken = far.is_far && surfaces.leave_open(view, scene.drift, outside, open);
+        let is_taken = far.is_far && surfaces.mask_taken(view, scene.drift, outside, open);
         let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
-        ranges.ready(scene, far.is_very_far);
-        let asked = matching_cost::Asked { scene, open: &open, scale: &scale, surfaces, outside };
-        evidence.gather(&asked, ranges, selection, decisions.passing);
+        ranges.prepare(scene, far.is_very_far);
+        let input = matching_cost::EvidenceInput { scene, open: &open, scale: &scale, surfaces, outside };
+        evidence.gather(&input, ranges, selection, decisions.passing);
         unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut ranges.count);
         paths::least_costs(scene.cam1, ranges, evidence, paths, verdicts);
         selection.select(&open, ranges, &scale, &verdicts.order);
-        let decided = verification::Decided { verdicts, surfaces };
+        let decided = verification::PathDecisions { verdicts, surfaces };
         verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {
             *outcome = Outcome::OutsideVolume;
         }
-        explanation::explain(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
+        explanation::explain_missing(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
     }
 }

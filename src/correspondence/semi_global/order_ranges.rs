@@ -1,4 +1,4 @@
-//! The orders that are asked about, pixel by pixel.
+//! Order ranges: the fringe orders that each pixel can have.
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
@@ -8,52 +8,52 @@ use crate::correspondence::segment_table::SegmentTable;
 
 use super::Scene;
 
-/// How far segments reach beyond the volume on either side: half their mean length, further where that is fewer orders than
-/// these, but no more than their length. What stands behind a shallow volume is few orders away. Where a segment has hardly
-/// more than one order, none is to be told from it.
+/// How far the search reaches beyond the volume on either side: half the mean length of a segment; more if that holds
+/// fewer orders than [`ORDERS_BEYOND`], but at most its length. What stands behind a shallow volume is few orders away.
+/// On segments with hardly more than one order, orders need not be told apart.
 const BEYOND_VOLUME: f32 = 0.5;
 const ORDERS_BEYOND: f32 = 9.0;
 const FEW_ORDERS: f32 = 2.0;
-/// How far segments reach, in their length, where part of the scene lies far beyond the volume.
+/// The same, in lengths of a segment, if part of the scene lies far beyond the volume.
 const FAR_BEYOND_VOLUME: f32 = 6.0;
-/// Pixels of C1 of which one is asked for the mean number of orders on a segment.
+/// Distance of the pixels of C1 from which the mean number of orders is taken.
 const STRIDE: usize = 97;
-/// Turns of δ by which a range is wider than its segment, so that a candidate at its end has its order.
+/// Turns by which a range is wider than its segment, so that it holds the order of a candidate at the end.
 const DELTA_MARGIN_TURNS: f32 = 0.25;
-/// Orders are handled so many at a time.
+/// Orders handled at a time.
 pub(super) const LANE_STEP: usize = 8;
-/// Most orders of a pixel; further ones beyond the volume are left out.
+/// Most orders of a pixel; further ones beyond the volume are dropped.
 pub(super) const MAX_LANES: usize = 128;
 
 /// For each pixel of C1 the orders that a candidate can have.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OrderRanges {
-    /// Least order of each pixel.
+    /// First order of each pixel.
     pub(super) first: Vec<i16>,
-    /// Number of orders of each pixel; 0 where there is no phase or no segment.
+    /// Number of orders of each pixel; 0 without phase or segment.
     pub(super) count: Vec<u8>,
-    /// Places for the orders of a pixel, a multiple of [`LANE_STEP`].
+    /// Orders per pixel in memory, a multiple of [`LANE_STEP`].
     pub(super) lanes: usize,
     pub(super) reach: Reach,
-    /// The table that room and reach were found for, and whether part of the scene lies far beyond the volume.
+    /// The table for which `lanes` and `reach` were computed, and whether part of the scene lies far beyond the volume.
     found_for: Option<(Fingerprint, bool)>,
-    /// The table for which it was found how far segments reach usually, and how far, pixels.
+    /// The table for which the usual reach was computed, and that reach, pixels.
     near: Option<(Fingerprint, f32)>,
 }
 
-/// The columns in which candidates are sought.
+/// How far candidates are sought.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::correspondence) struct Reach {
-    /// How far segments reach beyond the volume, pixels of the epipolar frame.
+    /// Reach beyond the volume, pixels of the epipolar frame.
     pub(super) beyond_px: f32,
     /// Last column of the epipolar frame, pixels.
     pub(super) last_column_px: f32,
 }
 
 impl OrderRanges {
-    /// Makes ready for a scene: what depends on the table and the reach alone is found once. There may be pixels with more
-    /// orders than there is room for; see [`Self::grow`].
-    pub(super) fn ready(&mut self, scene: &Scene<'_>, looks_far: bool) {
+    /// Prepares for a scene. What depends on table and reach alone is computed once. Some pixel may have more orders
+    /// than `lanes`; see [`Self::grow`].
+    pub(super) fn prepare(&mut self, scene: &Scene<'_>, looks_far: bool) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);
         let found_for = Some((scene.table.fingerprint, looks_far));
@@ -70,7 +70,7 @@ impl OrderRanges {
         self.grow(usual_orders(scene.table, self.reach));
     }
 
-    /// How far segments reach beyond the volume where nothing is known to lie farther, pixels.
+    /// The reach beyond the volume if nothing is known to lie farther, pixels.
     pub(super) fn near_px(&mut self, table: &SegmentTable) -> f32 {
         match self.near {
             Some((found_for, near_px)) if found_for == table.fingerprint => near_px,
@@ -84,7 +84,7 @@ impl OrderRanges {
         }
     }
 
-    /// Makes room for so many orders of a pixel.
+    /// Grows `lanes` to this number of orders.
     pub(super) fn grow(&mut self, orders: usize) {
         self.lanes = self.lanes.max(orders.div_ceil(LANE_STEP).max(1) * LANE_STEP);
     }
@@ -98,20 +98,20 @@ impl Reach {
     }
 }
 
-/// Asks for the orders of a row of pixels.
+/// Computes the order ranges of a row of pixels.
 pub(super) struct OrderRangeRow<'a> {
     pub(super) reach: Reach,
     pub(super) segments: &'a SegmentRow,
     pub(super) phase: &'a [u16],
     pub(super) valid: &'a [bool],
-    /// Pixels that are known to see something outside the volume: they are not asked.
+    /// Pixels known to see something outside the volume: they are skipped.
     pub(super) outside: &'a [bool],
     pub(super) first: &'a mut [i16],
     pub(super) count: &'a mut [u8],
 }
 
 impl OrderRangeRow<'_> {
-    pub(super) fn ask(self) {
+    pub(super) fn fill(self) {
         fringeflow_simd::run(Level::in_use(), self);
     }
 }
@@ -132,15 +132,15 @@ impl Kernel for OrderRangeRow<'_> {
             let limits_px = reach.limits_px([begin[u], end[u]]);
             let phase_turns = f32::from(phase[u]) / 65536.0;
             let (least, orders) = orders(limits_px, reference[u], [a[u], b[u], d[u]], phase_turns);
-            let is_asked = valid[u] & !outside[u] & (begin[u] <= end[u]);
-            all_fit &= !is_asked | fits(least, orders);
-            first[u] = if is_asked { least as i16 } else { 0 };
-            count[u] = if is_asked { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
+            let is_searched = valid[u] & !outside[u] & (begin[u] <= end[u]);
+            all_fit &= !is_searched | fits(least, orders);
+            first[u] = if is_searched { least as i16 } else { 0 };
+            count[u] = if is_searched { orders.clamp(1.0, MAX_LANES as f32) as u8 } else { 0 };
         }
         if all_fit {
             return;
         }
-        // Beyond the volume Φ may run into its pole: then the orders around the segment proper are asked about.
+        // Beyond the volume Φ may reach its pole. Such pixels get the orders around their segment proper.
         for u in 0..width {
             let (coefficients, phase_turns) = ([a[u], b[u], d[u]], f32::from(phase[u]) / 65536.0);
             let (least, most) = orders(reach.limits_px([begin[u], end[u]]), reference[u], coefficients, phase_turns);
@@ -152,13 +152,13 @@ impl Kernel for OrderRangeRow<'_> {
     }
 }
 
-/// Whether so many orders from the least one on are fit to be asked about.
+/// Whether a range can be stored.
 #[inline(always)]
 fn fits(least: f32, orders: f32) -> bool {
     (orders <= MAX_LANES as f32) & (least.abs() < f32::from(i16::MAX / 2))
 }
 
-/// The least order within limits, and the number of orders.
+/// The first order within limits, and the number of orders.
 #[inline(always)]
 fn orders([first_px, last_px]: [f32; 2], reference_px: f32, [a, b, d]: [f32; 3], phase_turns: f32) -> (f32, f32) {
     let (s, t) = (first_px - reference_px, last_px - reference_px);
@@ -183,7 +183,7 @@ fn mean_orders(table: &SegmentTable) -> f32 {
     (sum / count.max(1.0)).max(1.0)
 }
 
-/// The greatest number of orders that some pixel of some has whatever its phase; others may have one more.
+/// The most orders of the sampled pixels, whatever their phase; a pixel may have one more.
 fn usual_orders(table: &SegmentTable, reach: Reach) -> usize {
     let of_pixel = |pixel: usize| {
         let segment = table.segment(pixel);
@@ -194,7 +194,7 @@ fn usual_orders(table: &SegmentTable, reach: Reach) -> usize {
     some_pixels(table).map(of_pixel).max().unwrap_or(0)
 }
 
-/// Some of the pixels with a segment.
+/// A sample of the pixels with a segment.
 fn some_pixels(table: &SegmentTable) -> impl Iterator<Item = usize> {
     let [width, height] = table.size_px();
     (0..width * height).step_by(STRIDE).filter(|&pixel| table.has_segment(pixel))

@@ -1,45 +1,45 @@
-//! The candidate of the order that was decided on.
+//! Selects the candidate of the decided order.
 //!
-//! The order is known by the agreement of many pixels, so its candidate may err by more than the threshold: noise beyond
-//! 3·sd, a pixel that mixes two surfaces, a rim between two columns. Verification judges whether it may stay.
+//! The order is decided by many pixels together, so its candidate may err by more than the threshold: by noise beyond
+//! 3·sd, in a pixel that mixes two surfaces, or at a rim between two columns. Verification decides whether it stays.
 
 use rayon::prelude::*;
 
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::kernels::{self, SelectionScratch};
-use super::matching_cost::{DeltaScale, OutlookRow};
+use super::matching_cost::{DeltaScale, SearchRow};
 use super::order_ranges::{OrderRanges, Reach};
 use super::places::{PlaceRow, Places};
 use crate::correspondence::candidates::Candidate;
 use crate::correspondence::kernels::{BLOCK, block_of_mut};
 pub(super) use crate::correspondence::neighbourhood::ABSENT;
 use crate::correspondence::neighbourhood::TURN;
-use crate::correspondence::outlook::Outlook;
+use crate::correspondence::pixel_search::PixelSearch;
 use crate::correspondence::surfaces::NO_ORDER;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-/// How far δ of a selected candidate may lie from the drift: turns (18°), or so many sd where that is more.
+/// Largest |δ − drift| of a selected candidate: turns (18°), or this many sd if that is more.
 pub(super) const REACH_TURNS: f32 = 0.05;
 pub(super) const REACH_SD: f32 = 6.0;
 /// Columns beside an interval in which a surface may have its rim.
 pub(super) const RIM_COLUMNS: usize = 1;
 
-/// The selected candidates of all pixels, and how they fit.
+/// The selected candidates of all pixels, and how well they fit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Selection {
     /// Absolute phase of each pixel, turns · 65536; [`ABSENT`] where no candidate is selected.
     pub(super) absolute: Vec<i32>,
     pub(super) column_px: Vec<f32>,
-    /// (δ − drift)/sd with the sd that true candidates of these images have.
+    /// (δ − drift)/sd, scaled to the sd of the true candidates of these images.
     pub(super) z: Vec<f32>,
     pub(super) delta: Vec<i16>,
     pub(super) slope: Vec<i16>,
-    /// Whether it lies in the measurement volume, as far as its place is known.
+    /// Whether it lies in the measurement volume.
     pub(super) in_volume: Vec<bool>,
-    /// Whether it was decided by one look at the order of its surface.
+    /// Whether the order of its surface was confirmed.
     pub(super) is_decided: Vec<bool>,
-    /// Where it lies in C2.
+    /// Its place in C2.
     pub(super) places: Places,
     scratches: Vec<RowScratch>,
     /// Scratch for the median of z.
@@ -47,16 +47,16 @@ pub(super) struct Selection {
     near: Vec<f32>,
 }
 
-/// What the rows of a band are worked on with.
+/// Scratch for a band of rows.
 #[derive(Clone, Debug, Default)]
 struct RowScratch {
-    row: OutlookRow,
-    /// Numbers of orders of the pixels that are not decided.
-    asked: Vec<u8>,
+    row: SearchRow,
+    /// Number of orders of each pixel; 0 for decided ones.
+    open_count: Vec<u8>,
 }
 
 impl Selection {
-    /// Makes room for the pixels of an image.
+    /// Resizes to `pixels`.
     pub(super) fn resize(&mut self, pixels: usize) {
         self.absolute.resize(pixels, ABSENT);
         self.column_px.resize(pixels, 0.0);
@@ -68,22 +68,22 @@ impl Selection {
         self.places.resize(pixels);
     }
 
-    /// Selects the candidate of each pixel that is not decided yet and has one of the decided order.
+    /// Selects the candidate of each undecided pixel that has one of the order given by the paths.
     pub(super) fn select(&mut self, scene: &Scene<'_>, ranges: &OrderRanges, scale: &DeltaScale, order: &[i16]) {
         let width = scene.cam1.width.max(1);
         let mut scratches = std::mem::take(&mut self.scratches);
         bands::resize(&mut scratches, scene.cam1.height);
         let bands = self.bands(BAND_ROWS * width).zip(&mut scratches).enumerate();
-        bands.for_each(|(band, (mut selected, RowScratch { row, asked }))| {
+        bands.for_each(|(band, (mut selected, RowScratch { row, open_count }))| {
             for i in 0..selected.absolute.len() / width {
                 let v = band * BAND_ROWS + i;
-                row.turn_to(scene, scale, v);
+                row.load_row(scene, scale, v);
                 let pixels = v * width..(v + 1) * width;
                 let (order, count) = (&order[pixels.clone()], &ranges.count[pixels.clone()]);
                 let (mut out, places) = selected.row(i, width);
-                out.fill_open(count, asked);
+                out.fill_open(count, open_count);
                 let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
-                let selection = SelectionRow { scene, reach: ranges.reach, row, phase, count: asked, order, out };
+                let selection = SelectionRow { scene, reach: ranges.reach, row, phase, count: open_count, order, out };
                 fringeflow_simd::run(Level::in_use(), selection);
                 places.find(scene.table, &row.segments, out.column_px);
             }
@@ -92,7 +92,7 @@ impl Selection {
         self.normalize(width);
     }
 
-    /// Bands of so many pixels.
+    /// Splits into bands of this many pixels.
     pub(super) fn bands(&mut self, pixels: usize) -> impl IndexedParallelIterator<Item = SelectedBand<'_>> {
         let Self { absolute, column_px, z, delta, slope, in_volume, is_decided, places, .. } = self;
         let Places { of_pixels, nearness } = places;
@@ -108,7 +108,7 @@ impl Selection {
         })
     }
 
-    /// Those of a row of pixels.
+    /// The candidates of a row of pixels.
     pub(super) fn row(&self, pixels: std::ops::Range<usize>) -> CandidateRow<'_> {
         CandidateRow {
             absolute: &self.absolute[pixels.clone()],
@@ -120,13 +120,13 @@ impl Selection {
         }
     }
 
-    /// Scales z so that it is that of a normal error: the sd of the estimate also covers what no true candidate has. What lies
-    /// outside the volume says nothing of that: there the drift is not known.
+    /// Scales z to that of a normal error: the estimated sd also covers errors that no true candidate has. Candidates
+    /// outside the volume are left out, since the drift is not known there.
     fn normalize(&mut self, width: usize) {
         const MEDIAN_OF_UNIT_NORMAL: f32 = 0.6745;
-        /// Least scale that is believed.
+        /// Least accepted scale.
         const MIN_SCALE: f32 = 0.2;
-        /// Largest scale that is believed: beyond it most of what is selected is wrong.
+        /// Largest accepted scale: beyond it most of the selected candidates are wrong.
         const MAX_SCALE: f32 = 1.5;
         let Some(median) = self.median_magnitude_of_z(width) else { return };
         let scale = (median / MEDIAN_OF_UNIT_NORMAL).clamp(MIN_SCALE, MAX_SCALE);
@@ -135,9 +135,10 @@ impl Selection {
 
     /// Median of |z| of selected candidates in the volume.
     fn median_magnitude_of_z(&mut self, width: usize) -> Option<f32> {
-        // Magnitudes rise with their bits: first the upper half of the bits of the median is found, then the rest.
+        // The bits of positive floats ascend with their values: first the upper half of the bits of the median is
+        // found, then the rest.
         let upper = |z: f32| usize::from((z.abs().to_bits() >> 16) as u16);
-        /// Rows of which one is asked.
+        /// Distance of the sampled rows.
         const PITCH: usize = 4;
         let Self { z, absolute, in_volume, counts, near, .. } = self;
         let rows = || z.chunks(width).zip(absolute.chunks(width)).zip(in_volume.chunks(width)).step_by(PITCH);
@@ -161,7 +162,7 @@ impl Selection {
     }
 }
 
-/// The selected candidates of a row.
+/// The selected candidates of a row, read only.
 pub(super) struct CandidateRow<'a> {
     pub(super) absolute: &'a [i32],
     column_px: &'a [f32],
@@ -172,7 +173,7 @@ pub(super) struct CandidateRow<'a> {
 }
 
 impl CandidateRow<'_> {
-    /// That of a pixel, of its decided order.
+    /// The candidate of a pixel, of its decided order.
     #[inline(always)]
     pub(super) fn candidate(&self, u: usize, order: i16) -> Option<Candidate> {
         let candidate = Candidate { column_px: self.column_px[u], order, delta: self.delta[u], slope: self.slope[u] };
@@ -180,7 +181,7 @@ impl CandidateRow<'_> {
     }
 }
 
-/// Scratch for the selected candidates of some rows.
+/// The selected candidates of some rows, to be written.
 pub(super) struct SelectedBand<'a> {
     pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
@@ -193,7 +194,7 @@ pub(super) struct SelectedBand<'a> {
 }
 
 impl SelectedBand<'_> {
-    /// One of its rows.
+    /// A row of the band.
     pub(super) fn row(&mut self, row: usize, width: usize) -> (SelectedRow<'_>, PlaceRow<'_>) {
         let here = row * width..(row + 1) * width;
         let selected = SelectedRow {
@@ -210,7 +211,7 @@ impl SelectedBand<'_> {
     }
 }
 
-/// Scratch for the selected candidates of a row.
+/// The selected candidates of a row, to be written.
 pub(super) struct SelectedRow<'a> {
     pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
@@ -221,7 +222,7 @@ pub(super) struct SelectedRow<'a> {
     pub(super) is_decided: &'a mut [bool],
 }
 
-/// The same of a block.
+/// The selected candidates of a block, to be written.
 pub(super) struct SelectedBlock<'a> {
     pub(super) absolute: &'a mut [i32; BLOCK],
     pub(super) column_px: &'a mut [f32; BLOCK],
@@ -231,7 +232,7 @@ pub(super) struct SelectedBlock<'a> {
     pub(super) in_volume: &'a mut [bool; BLOCK],
 }
 
-/// Scratch for the same of a block, of which not all is taken.
+/// Scratch for a block from which only some pixels are taken.
 #[derive(Default)]
 struct FoundBlock {
     absolute: [i32; BLOCK],
@@ -251,14 +252,14 @@ impl FoundBlock {
 }
 
 impl SelectedRow<'_> {
-    /// Looks at each pixel of the row at its order, [`NO_ORDER`] where none is known: where its candidate fits, it is decided.
-    pub(super) fn look(&mut self, row: kernels::Row<'_>, orders: &[i16]) {
+    /// Confirms the order of each pixel, [`NO_ORDER`] standing for none. A pixel is decided if its candidate fits.
+    pub(super) fn confirm(&mut self, row: kernels::Row<'_>, orders: &[i16]) {
         self.absolute.fill(ABSENT);
         self.is_decided.fill(false);
-        fringeflow_simd::run(Level::in_use(), LookRow { row, orders, out: self });
+        fringeflow_simd::run(Level::in_use(), ConfirmRow { row, orders, out: self });
     }
 
-    /// Finds the numbers of orders of the pixels that are not decided, where all have so many.
+    /// Copies the number of orders of each pixel, with 0 for decided pixels.
     pub(super) fn fill_open(&self, count: &[u8], open: &mut Vec<u8>) {
         open.clear();
         open.extend(count.iter().zip(&*self.is_decided).map(|(&count, &decided)| if decided { 0 } else { count }));
@@ -277,28 +278,28 @@ impl SelectedRow<'_> {
     }
 }
 
-/// Looks at the pixels of a row.
-struct LookRow<'a, 'b, 'c> {
+/// Confirms the orders of a row.
+struct ConfirmRow<'a, 'b, 'c> {
     row: kernels::Row<'a>,
-    /// Orders of the pixels, and of none up to a whole block.
+    /// Orders of the pixels, padded to whole blocks.
     orders: &'a [i16],
     out: &'b mut SelectedRow<'c>,
 }
 
-impl Kernel for LookRow<'_, '_, '_> {
+impl Kernel for ConfirmRow<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, level: L) {
         let Self { row, orders, out } = self;
-        // What is left at the end of a row stays open.
+        // The rest of the row, less than a block, stays open.
         let blocks = out.absolute.len() / BLOCK;
         for (block, orders) in orders.as_chunks().0.iter().take(blocks).enumerate() {
             if *orders == [NO_ORDER; BLOCK] {
                 continue;
             }
             let begin = block * BLOCK;
-            let decided = row.look(level, begin, orders, &mut out.block(begin));
+            let decided = row.confirm(level, begin, orders, &mut out.block(begin));
             level.store_mask(level.mask(decided), block_of_mut(out.is_decided, begin));
         }
     }
@@ -308,7 +309,7 @@ impl Kernel for LookRow<'_, '_, '_> {
 struct SelectionRow<'a, 'b> {
     scene: &'a Scene<'a>,
     reach: Reach,
-    row: &'a OutlookRow,
+    row: &'a SearchRow,
     phase: &'a [u16],
     count: &'a [u8],
     order: &'a [i16],
@@ -320,7 +321,7 @@ impl Kernel for SelectionRow<'_, '_> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, level: L) {
-        let row = self.row.wide(self.scene, self.reach);
+        let row = self.row.block_row(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
         let (mut scratch, mut found) = (SelectionScratch::new(level), FoundBlock::default());
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
@@ -335,7 +336,7 @@ impl Kernel for SelectionRow<'_, '_> {
 }
 
 impl SelectionRow<'_, '_> {
-    /// Takes what was found of some of the pixels from one on, a bit each.
+    /// Copies some of the 32 pixels from `begin` on, a bit each.
     fn take(&mut self, begin: usize, mut pixels: u32, found: &FoundBlock) {
         let out = &mut *self.out;
         while pixels != 0 {
@@ -350,7 +351,7 @@ impl SelectionRow<'_, '_> {
         }
     }
 
-    /// Some of the pixels from one on, a bit each, one by one.
+    /// Some of the 32 pixels from `begin` on, a bit each, one by one.
     fn select_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
             self.select_pixel(begin + pixels.trailing_zeros() as usize);
@@ -363,17 +364,17 @@ impl SelectionRow<'_, '_> {
             return;
         }
         self.out.absolute[u] = ABSENT;
-        let outlook = self.row.outlook(self.scene, self.reach, u);
+        let search = self.row.search(self.scene, self.reach, u);
         let sd_turns = self.row.sd_turns[u];
-        let Some((rest, column_px, slope)) = best_of_order(&outlook, self.order[u], sd_turns) else { return };
-        let delta_turns = rest + outlook.drift.at(column_px);
+        let Some((rest, column_px, slope)) = best_of_order(&search, self.order[u], sd_turns) else { return };
+        let delta_turns = rest + search.drift.at(column_px);
         let out = &mut self.out;
         out.absolute[u] = absolute(self.order[u], self.phase[u]);
         out.column_px[u] = column_px;
         out.z[u] = rest / sd_turns;
         out.delta[u] = (delta_turns * 65536.0).round().clamp(-32768.0, 32767.0) as i16;
         out.slope[u] = slope.clamp(-32768, 32767) as i16;
-        out.in_volume[u] = outlook.is_in_volume(column_px);
+        out.in_volume[u] = search.is_in_volume(column_px);
     }
 }
 
@@ -383,22 +384,22 @@ fn absolute(order: i16, phase: u16) -> i32 {
     i32::from(order) * TURN + i32::from(phase)
 }
 
-/// The candidate of an order with the least |δ − drift|, of those within reach: δ − drift, column and slope.
-fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f32, f32, i32)> {
+/// The candidate of an order with the least |δ − drift| within reach: δ − drift, column and slope.
+fn best_of_order(search: &PixelSearch<'_>, order: i16, sd_turns: f32) -> Option<(f32, f32, i32)> {
     let reach_turns = REACH_TURNS.max(REACH_SD * sd_turns);
-    let interval_px = outlook.columns_of(i32::from(order), reach_turns)?;
+    let interval_px = search.columns_of(i32::from(order), reach_turns)?;
     let mut best: Option<(f32, f32, i32)> = None;
     let mut consider = |column_px: f32, slope: i32| {
-        let (found, rest) = outlook.order_and_rest(column_px);
+        let (found, rest) = search.order_and_residual(column_px);
         let fits = found == i32::from(order) && rest.abs() <= reach_turns;
         if fits && best.is_none_or(|(least, ..)| rest.abs() < f32::abs(least)) {
             best = Some((rest, column_px, slope));
         }
     };
-    outlook.crossings(interval_px, &mut consider);
+    search.crossings(interval_px, &mut consider);
     let [begin, end] = interval_px.map(|px| px.max(0.0) as usize);
-    let [first_px, last_px] = outlook.limits_px;
-    outlook.row.rims(outlook.phase, begin.saturating_sub(RIM_COLUMNS)..=end + 1 + RIM_COLUMNS, |column_px, slope| {
+    let [first_px, last_px] = search.limits_px;
+    search.row.rims(search.phase, begin.saturating_sub(RIM_COLUMNS)..=end + 1 + RIM_COLUMNS, |column_px, slope| {
         if column_px >= first_px && column_px <= last_px {
             consider(column_px, slope);
         }
@@ -409,7 +410,7 @@ fn best_of_order(outlook: &Outlook<'_>, order: i16, sd_turns: f32) -> Option<(f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::semi_global::matching_cost::{Asked, Evidence};
+    use crate::correspondence::semi_global::matching_cost::{Evidence, EvidenceInput};
     use crate::correspondence::semi_global::test_scene::TestScene;
 
     /// What a pixel has selected, as bits.
@@ -441,18 +442,18 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut ranges, mut evidence, mut row) = (OrderRanges::default(), Evidence::default(), OutlookRow::default());
+        let (mut ranges, mut evidence, mut row) = (OrderRanges::default(), Evidence::default(), SearchRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
-        ranges.ready(&scene, false);
+        ranges.prepare(&scene, false);
         let surfaces = &test_scene.surfaces();
-        let asked = Asked { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
-        evidence.gather(&asked, &mut ranges, &mut Selection::default(), &mut Vec::new());
+        let input = EvidenceInput { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
+        evidence.gather(&input, &mut ranges, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (ranges.reach, 0);
         for v in 0..scene.cam1.height {
-            row.turn_to(&scene, &scale, v);
+            row.load_row(&scene, &scale, v);
             let pixels = v * width..(v + 1) * width;
             let (count, phase) = (&ranges.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
-            let best = evidence.best.of(pixels.clone()).place;
+            let best = evidence.best.row(pixels.clone()).place;
             // The best order of most pixels, that beside it of some.
             let order: Vec<i16> = (0..width)
                 .map(|u| ranges.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
@@ -477,17 +478,17 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut ranges, mut row, mut orders) = (OrderRanges::default(), OutlookRow::default(), Vec::new());
-        ranges.ready(&scene, false);
+        let (mut ranges, mut row, mut orders) = (OrderRanges::default(), SearchRow::default(), Vec::new());
+        ranges.prepare(&scene, false);
         let (surfaces, reach) = (test_scene.surfaces(), ranges.reach);
         let (mut decided, mut other) = (0, 0);
         for v in 0..scene.cam1.height {
-            row.turn_to(&scene, &scale, v);
+            row.load_row(&scene, &scale, v);
             surfaces.fill_orders((v, width), &mut orders);
             let of = |level: Level| {
                 selected(width, |out| {
                     out.absolute.fill(ABSENT);
-                    fringeflow_simd::run(level, LookRow { row: row.wide(&scene, reach), orders: &orders, out });
+                    fringeflow_simd::run(level, ConfirmRow { row: row.block_row(&scene, reach), orders: &orders, out });
                 })
             };
             let found = of(Level::ALL[0]);
@@ -497,7 +498,7 @@ mod tests {
             for (u, found) in found.iter().enumerate() {
                 let Some((_, [column_px, z], ..)) = *found else { continue };
                 let sd_turns = row.sd_turns[u];
-                let best = best_of_order(&row.outlook(&scene, reach, u), orders[u], sd_turns);
+                let best = best_of_order(&row.search(&scene, reach, u), orders[u], sd_turns);
                 let is_same = best.is_some_and(|(rest, best_px, _)| {
                     let off = (rest / sd_turns - f32::from_bits(z)).abs();
                     (best_px - f32::from_bits(column_px)).abs() < 0.01 && off < 0.05

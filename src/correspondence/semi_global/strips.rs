@@ -1,34 +1,35 @@
-//! Strips: regions of wrong orders, told by the shape of δ over them.
+//! Strips: regions of wrong orders, recognized by the shape of δ over them.
 //!
 //! ```text
 //! for each region of selected candidates, z = (δ − drift)/sd:
-//!     fit a plane to z over its pixels: R², the share of the variance of z that it explains
-//!     of its left and right ends count those behind which the wrapped phase of C1 runs on
-//!     it is a strip where R² is large, z scatters more widely than noise does, and it ends where the phase does not
+//!     fit a plane to z over its pixels: R² is the share of the variance of z that it explains
+//!     count its left and right ends, and those beyond which the wrapped phase of C1 continues
+//!     it is a strip if R² is large, z scatters more than noise does, and it ends where the phase continues
 //! ```
 //!
-//! Over a true surface δ scatters about the drift. Over a surface whose true order was not asked, or is hidden from C2, δ of
-//! a wrong one runs through zero: candidates are selected where it passes by, and end on either side though the surface does
-//! not.
+//! Over a true surface δ scatters about the drift. Over a surface whose true order was not searched, or is hidden from
+//! C2, δ of a wrong order runs through zero. Candidates are selected where it passes by, and end on either side
+//! although the surface continues.
 
-use crate::correspondence::regions::{Regions, Run};
+use crate::correspondence::regions::Regions;
+use crate::correspondence::runs::Run;
 use crate::correspondence::surfaces;
 
-/// Fewest pixels of a region whose shape tells anything.
+/// Fewest pixels of a region with a meaningful shape.
 const MIN_PIXELS: f64 = 10.0;
-/// R² and sd of z beyond which δ runs through a region rather than scatters: true regions have R² up to 0.3, and sd of one
-/// unless the drift follows them badly.
+/// R² and sd of z beyond which δ runs through a region. True regions have R² up to 0.3, and an sd of one unless the
+/// drift follows them badly.
 const MIN_R2: f64 = 0.45;
 const MIN_SD: f64 = 1.33;
-/// The same where the phase runs on beyond both sides.
+/// The same if the phase continues beyond both sides.
 const MIN_R2_OF_OPEN: f64 = 0.3;
 const MIN_SD_OF_OPEN: f64 = 1.05;
-/// Share of the ends of a side behind which the phase runs on.
+/// Share of the ends on a side beyond which the phase continues.
 const OPEN_SHARE: f64 = 0.5;
 const WIDE_OPEN_SHARE: f64 = 0.6;
 /// Share of the image from which a region is large: then both sides must be open.
 const LARGE_SHARE: f64 = 1.0 / 160.0;
-/// Pixels that places in the image are counted in: sums of squares stay small.
+/// Unit of places in the image, pixels: it keeps the sums of squares small.
 const PLACE_PX: f64 = 64.0;
 
 /// Sums over the pixels of a region.
@@ -44,12 +45,12 @@ struct Moments {
     uz: f64,
     vz: f64,
     zz: f64,
-    /// Ends on the left and on the right, and those of them behind which the phase runs on.
+    /// Ends on the left and on the right, and those beyond which the phase continues.
     ends: [f64; 2],
     open: [f64; 2],
 }
 
-/// What is known of the shape of each region.
+/// The shape of each region.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Strips {
     moments: Vec<Moments>,
@@ -58,13 +59,13 @@ pub(super) struct Strips {
 }
 
 impl Strips {
-    /// Tells which regions are strips, from z of all pixels of an image that is so wide.
+    /// Finds the strips among the regions, from z of all pixels of an image of `width` columns.
     pub(super) fn find(&mut self, width: usize, regions: &Regions, z: &[f32], surfaces: &surfaces::Scratch) {
         let Self { moments, is_strip } = self;
         moments.clear();
         moments.resize(regions.count(), Moments::default());
-        for run in &regions.runs {
-            moments[run.region as usize].add(width, run, z, surfaces);
+        for run in &regions.runs.all {
+            moments[run.set as usize].add(width, run, z, surfaces);
         }
         let large = LARGE_SHARE * z.len() as f64;
         is_strip.clear();
@@ -78,7 +79,7 @@ impl Moments {
         let (row, begin) = (pixels.start / width, pixels.start % width);
         let count = pixels.len() as f64;
         let (v, first) = (row as f64 / PLACE_PX, begin as f64 / PLACE_PX);
-        // Of the places within the run the sums are known; those of z are counted from its first pixel.
+        // The sums over places have a closed form; z is summed with places counted from the first pixel.
         let (last, per_px) = (count - 1.0, 1.0 / PLACE_PX);
         let (places, squares) =
             (0.5 * last * count * per_px, last * count * (2.0 * last + 1.0) / 6.0 * per_px * per_px);
@@ -116,7 +117,7 @@ impl Moments {
         let (uz, vz, zz) =
             (about(self.uz, self.u, self.z), about(self.vz, self.v, self.z), about(self.zz, self.z, self.z));
         let determinant = uu * vv - uv * uv;
-        // A region along a line has no plane, but a slope.
+        // A region along a line has a slope instead of a plane.
         let explained = if determinant > 1e-6 * uu * vv && determinant > 0.0 {
             ((uz * vv - vz * uv) * uz + (vz * uu - uz * uv) * vz) / determinant
         } else {

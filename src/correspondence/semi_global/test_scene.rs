@@ -41,7 +41,7 @@ impl TestScene {
         let (cam1, cam2) = (seen(&plane.cam1_columns(), 3), seen(&plane.cam2_columns(), 5));
         let cam2 = EpipolarImage::resample(&cam2, &table).unwrap();
         let histogram = DeltaHistogram::from_all_candidates(&cam1, &cam2, &table, 0);
-        let delta = measure_delta(&cam1, &cam2, &table, &histogram, &ResolutionSettings::default()).unwrap();
+        let delta = measure_delta(&cam1, &cam2, &table, &histogram, ResolutionSettings::default().min_votes).unwrap();
         let drift = estimate_drift(&cam1, &cam2, &table, &delta);
         Self { cam1, cam2, table, delta, turns: plane.cam1_columns().turns, drift }
     }

@@ -1,25 +1,25 @@
-//! Pixels around which nothing is explained: they see what C2 does not, or noise, and no path can tell them an order.
+//! Unexplained neighbourhoods: their pixels see something that C2 does not, or noise, and no path can find their order.
 //!
 //! ```text
-//! for each pixel p: its range is closed where, for all q with |q − p| ≤ 2 along both axes,
-//!     no surface tells the order of q, and none of its orders fits
+//! for each pixel p: remove all orders of p if, for every q with |q − p| ≤ 2 along both axes,
+//!     no surface gives the order of q, and none of its orders fits
 //! ```
 //!
-//! A pixel beside one that is explained may still be a rim, or a dark speck that paths bridge; and the candidates of a surface may
-//! all lie farther off the drift than evidence reaches.
+//! A pixel beside an explained one may still be a rim, or a dark speck that paths bridge. The candidates of a surface
+//! may also all lie farther off the drift than matching costs reach.
 
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-/// How far around a pixel something must be explained, pixels.
+/// Distance within which something must be explained, pixels.
 const REACH_PX: usize = 2;
-/// Rows in reach of a pixel.
+/// Rows within that distance.
 const ROWS: usize = 2 * REACH_PX + 1;
-/// Pixels that are handled together.
+/// Pixels handled at once.
 const BLOCK: usize = 32;
 
-/// Closes the ranges of those pixels, in an image so many pixels wide: no order of theirs counts.
+/// Removes the orders of these pixels, in an image of `width` columns.
 pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
     let height = is_explained.len() / width;
     count.par_chunks_mut(width).enumerate().for_each(|(v, count)| {
@@ -31,9 +31,9 @@ pub(super) fn close(width: usize, is_explained: &[u8], count: &mut [u8]) {
     });
 }
 
-/// Closes the ranges of a row.
+/// Removes the orders of a row.
 struct Closing<'a> {
-    /// What is explained in the rows in reach; beyond the image those of its border again.
+    /// The explained pixels of the rows around it; beyond the image its border repeats.
     rows: [&'a [u8]; ROWS],
     count: &'a mut [u8],
 }
@@ -46,7 +46,7 @@ impl Kernel for Closing<'_> {
         let Self { rows, count } = self;
         let width = count.len();
         for begin in (0..width).step_by(BLOCK) {
-            // Whether anything is explained in the columns in reach of the block.
+            // Whether anything is explained in the columns around the block.
             let mut columns = [0; BLOCK + 2 * REACH_PX];
             let (from, to) = (begin.saturating_sub(REACH_PX), (begin + BLOCK + REACH_PX).min(width));
             let within = &mut columns[from + REACH_PX - begin..][..to - from];

@@ -20,14 +20,15 @@ use crate::correspondence::surfaces;
 
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
-use super::confidence::{Confidence, GroundsRow, OfRegion, TABLES, confidences, margin_nats};
+use super::confidence::{Confidence, GroundsRow, RegionGrounds, TABLES, confidences, margin_nats};
 use super::grounds::{Grounds, Surroundings};
 use super::matching_cost::PASSING_Z;
 use super::paths::{PATHS, Verdicts};
-use super::regions::{Regions, Run};
+use super::regions::Regions;
 use super::selection::{ABSENT, Selection};
 use super::strips::Strips;
 use super::{Decisions, Limits, Scene, UNITS_PER_NAT};
+use crate::correspondence::runs::Run;
 
 /// Difference of z between neighbours of one region.
 const MAX_Z_STEP: f32 = 5.0;
@@ -59,13 +60,13 @@ const MAX_LOST_SHARE: f64 = 0.3;
 #[derive(Clone, Debug, Default)]
 pub(super) struct VerificationScratch {
     regions: Regions,
-    of_regions: RegionScratch,
+    per_region: RegionScratch,
     strips: Strips,
     claims: Claims,
     surroundings: Surroundings,
     /// Pixels beside and around each pixel that support it.
-    beside: Vec<u8>,
-    around: Vec<u8>,
+    near_support: Vec<u8>,
+    wide_support: Vec<u8>,
     is_hidden: Vec<bool>,
     scratches: Vec<ConfidenceScratch>,
     /// Regions of what is left.
@@ -81,21 +82,21 @@ struct RegionScratch {
     foundations_nats: Vec<f32>,
     /// Why it does not stand; `None` if it does.
     verdicts: Vec<Option<Outcome>>,
-    says: Vec<OfRegion>,
+    grounds: Vec<RegionGrounds>,
     /// What it adds to the logarithm of the odds of its pixels.
-    odds: Vec<f32>,
+    log_odds: Vec<f32>,
     sums: Vec<u64>,
 }
 
 /// Scratch for the confidences of a row.
 #[derive(Clone, Debug, Default)]
 struct ConfidenceScratch {
-    of_regions: Vec<f32>,
+    region_log_odds: Vec<f32>,
     log_odds: Vec<f32>,
 }
 
 /// What the paths decided.
-pub(super) struct Decided<'a> {
+pub(super) struct PathDecisions<'a> {
     pub(super) verdicts: &'a Verdicts,
     /// Where the wrapped phase runs on.
     pub(super) surfaces: &'a surfaces::Scratch,
@@ -106,7 +107,7 @@ pub(super) struct Decided<'a> {
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
-    &Decided { verdicts, surfaces }: &Decided<'_>,
+    &PathDecisions { verdicts, surfaces }: &PathDecisions<'_>,
     limits: &Limits,
     scratch: &mut VerificationScratch,
     decisions: &mut Decisions<'_>,
@@ -115,16 +116,16 @@ pub(super) fn verify(
     let width = scene.cam1.width.max(1);
     scratch.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
-    verification.look_at_regions(scratch, surfaces);
+    verification.measure_regions(scratch, surfaces);
     verification.judge_regions(scratch);
     verification.contradict_by_foundation(scratch);
-    verification.look_around(scratch);
-    verification.ask_regions(scratch);
-    verification.state_confidence(scratch, decisions.confidence);
+    verification.find_support(scratch);
+    verification.gather_region_grounds(scratch);
+    verification.compute_confidence(scratch, decisions.confidence);
     if let Some(grounds) = grounds {
         *grounds = verification.grounds(scratch);
     }
-    verification.stand_by_confidence(scratch, decisions);
+    verification.keep_confident(scratch, decisions);
     verification.drop_small_regions(&mut scratch.left, decisions.outcomes);
     verification.finish(decisions);
 }
@@ -139,14 +140,14 @@ struct Verification<'a> {
 
 impl Verification<'_> {
     /// Finds by how much each region leads, and which are strips.
-    fn look_at_regions(&self, scratch: &mut VerificationScratch, surfaces: &surfaces::Scratch) {
-        let VerificationScratch { regions, of_regions, strips, .. } = scratch;
+    fn measure_regions(&self, scratch: &mut VerificationScratch, surfaces: &surfaces::Scratch) {
+        let VerificationScratch { regions, per_region, strips, .. } = scratch;
         let (regions, z) = (&*regions, &self.selection.z);
-        rayon::join(|| self.find_leads(regions, of_regions), || strips.find(self.width, regions, z, surfaces));
+        rayon::join(|| self.find_leads(regions, per_region), || strips.find(self.width, regions, z, surfaces));
     }
 
-    fn find_leads(&self, regions: &Regions, of_regions: &mut RegionScratch) {
-        let RegionScratch { leads_nats, sums, .. } = of_regions;
+    fn find_leads(&self, regions: &Regions, per_region: &mut RegionScratch) {
+        let RegionScratch { leads_nats, sums, .. } = per_region;
         regions.sum(sums, |run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
         let of_region = |(&margins, &size_px): (&u64, &u32)| {
             (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
@@ -155,12 +156,12 @@ impl Verification<'_> {
         leads_nats.extend(sums.iter().zip(&regions.size_px).map(of_region));
     }
 
-    fn judge_regions(&self, VerificationScratch { regions, of_regions, strips, .. }: &mut VerificationScratch) {
-        let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = of_regions;
+    fn judge_regions(&self, VerificationScratch { regions, per_region, strips, .. }: &mut VerificationScratch) {
+        let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = per_region;
         // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half. The
         // sums count the pixels beyond the variance that the lead allows, and 2^32 times those beyond that of a sure region.
         let allowed = |run: &Run| {
-            let lead_nats = leads_nats[run.region as usize];
+            let lead_nats = leads_nats[run.set as usize];
             (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
         };
         regions.sum(sums, |run| {
@@ -197,9 +198,9 @@ impl Verification<'_> {
     /// Drops regions of which a good part claims places of C2 that better founded regions claim for other orders.
     fn contradict_by_foundation(
         &self,
-        VerificationScratch { regions, of_regions, claims, .. }: &mut VerificationScratch,
+        VerificationScratch { regions, per_region, claims, .. }: &mut VerificationScratch,
     ) {
-        let RegionScratch { foundations_nats, verdicts, sums, .. } = of_regions;
+        let RegionScratch { foundations_nats, verdicts, sums, .. } = per_region;
         let standing = || foundations_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(nats, _)| *nats);
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
@@ -210,15 +211,15 @@ impl Verification<'_> {
             return;
         }
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
-        for run in &regions.runs {
-            let nats = foundations_nats[run.region as usize];
-            if verdicts[run.region as usize].is_none() && takes(nats) {
+        for run in &regions.runs.all {
+            let nats = foundations_nats[run.set as usize];
+            if verdicts[run.set as usize].is_none() && takes(nats) {
                 run.pixels().for_each(|pixel| claims.make(self.claim(pixel, nats)));
             }
         }
         regions.sum(sums, |run| {
-            let nats = foundations_nats[run.region as usize];
-            if verdicts[run.region as usize].is_some() || !loses(nats) {
+            let nats = foundations_nats[run.set as usize];
+            if verdicts[run.set as usize].is_some() || !loses(nats) {
                 return 0;
             }
             let is_lost = |&pixel: &usize| claims.is_lost(self.claim(pixel, nats), BETTER_FOUNDED_NATS);
@@ -232,13 +233,22 @@ impl Verification<'_> {
     }
 
     /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
-    fn look_around(&self, scratch: &mut VerificationScratch) {
-        let VerificationScratch { regions, of_regions, claims, surroundings, beside, around, is_hidden, .. } = scratch;
+    fn find_support(&self, scratch: &mut VerificationScratch) {
+        let VerificationScratch {
+            regions,
+            per_region,
+            claims,
+            surroundings,
+            near_support,
+            wide_support,
+            is_hidden,
+            ..
+        } = scratch;
         let (regions, width, absolute) = (&*regions, self.width, &self.selection.absolute);
-        let stands = |run: &&Run| of_regions.verdicts[run.region as usize].is_none();
+        let stands = |run: &&Run| per_region.verdicts[run.set as usize].is_none();
         let fill = || {
             surroundings.fill([width, absolute.len() / width], |v, row| {
-                for run in regions.of_row(v).iter().filter(stands) {
+                for run in regions.runs.row(v).iter().filter(stands) {
                     let pixels = run.pixels();
                     row[pixels.start - v * width..pixels.end - v * width].copy_from_slice(&absolute[pixels]);
                 }
@@ -246,20 +256,23 @@ impl Verification<'_> {
         };
         let claim = || {
             claims.clear(self.scene.table.epipolar_size_px().iter().product());
-            for run in regions.runs.iter().filter(stands) {
+            for run in regions.runs.all.iter().filter(stands) {
                 run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
             }
         };
         rayon::join(claim, fill);
-        beside.resize(absolute.len(), 0);
-        around.resize(absolute.len(), 0);
+        near_support.resize(absolute.len(), 0);
+        wide_support.resize(absolute.len(), 0);
         is_hidden.resize(absolute.len(), false);
-        let rows = beside.par_chunks_mut(width).zip(around.par_chunks_mut(width)).zip(is_hidden.par_chunks_mut(width));
-        rows.enumerate().for_each(|(v, ((beside, around), is_hidden))| {
+        let rows = near_support
+            .par_chunks_mut(width)
+            .zip(wide_support.par_chunks_mut(width))
+            .zip(is_hidden.par_chunks_mut(width));
+        rows.enumerate().for_each(|(v, ((near_support, wide_support), is_hidden))| {
             let columns = regions.columns_of_row(v, width);
             let own = &absolute[v * width..][columns.clone()];
-            surroundings.support(v, columns.start, own, &mut beside[columns.clone()], &mut around[columns]);
-            for pixel in regions.of_row(v).iter().flat_map(Run::pixels) {
+            surroundings.support(v, columns.start, own, &mut near_support[columns.clone()], &mut wide_support[columns]);
+            for pixel in regions.runs.row(v).iter().flat_map(Run::pixels) {
                 let claim = self.claim(pixel, self.selection.places.nearness[pixel]);
                 is_hidden[pixel - v * width] = claims.is_lost(claim, 0.0);
             }
@@ -267,47 +280,50 @@ impl Verification<'_> {
     }
 
     /// Asks what each region says of its pixels.
-    fn ask_regions(&self, VerificationScratch { regions, of_regions, is_hidden, .. }: &mut VerificationScratch) {
-        let RegionScratch { leads_nats, says, odds, sums, .. } = of_regions;
+    fn gather_region_grounds(
+        &self,
+        VerificationScratch { regions, per_region, is_hidden, .. }: &mut VerificationScratch,
+    ) {
+        let RegionScratch { leads_nats, grounds, log_odds, sums, .. } = per_region;
         regions.sum(sums, |run| is_hidden[run.pixels()].iter().map(|&is_hidden| u64::from(is_hidden)).sum());
-        let of_region = |((&region_px, &lead_nats), &hidden): ((&u32, &f32), &u64)| OfRegion {
+        let of_region = |((&region_px, &lead_nats), &hidden): ((&u32, &f32), &u64)| RegionGrounds {
             region_px,
             lead_nats,
             hidden_share: hidden as f32 / region_px as f32,
         };
-        says.clear();
-        says.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(of_region));
-        odds.clear();
-        let doubt_nats = if self.scene.drift.is_of_most_pixels() { 0.0 } else { DOUBT_NATS };
-        odds.extend(says.iter().map(|&of_region| TABLES.of_region(of_region) - doubt_nats));
+        grounds.clear();
+        grounds.extend(regions.size_px.iter().zip(&*leads_nats).zip(&*sums).map(of_region));
+        log_odds.clear();
+        let doubt_nats = if self.scene.drift.explains_most_pixels() { 0.0 } else { DOUBT_NATS };
+        log_odds.extend(grounds.iter().map(|&of_region| TABLES.region_log_odds(of_region) - doubt_nats));
     }
 
     /// How likely each selected candidate is true; without meaning elsewhere.
-    fn state_confidence(&self, scratch: &mut VerificationScratch, confidence: &mut Vec<Confidence>) {
-        let VerificationScratch { regions, of_regions, beside, around, is_hidden, scratches, .. } = scratch;
-        let (regions, odds, width) = (&*regions, &of_regions.odds, self.width);
+    fn compute_confidence(&self, scratch: &mut VerificationScratch, confidence: &mut Vec<Confidence>) {
+        let VerificationScratch { regions, per_region, near_support, wide_support, is_hidden, scratches, .. } = scratch;
+        let (regions, per_region, width) = (&*regions, &*per_region, self.width);
         let pixels = self.selection.absolute.len();
         confidence.resize(pixels, Confidence::NONE);
         bands::resize(scratches, pixels / width);
         let bands = confidence.par_chunks_mut(BAND_ROWS * width).zip(scratches).enumerate();
-        bands.for_each(|(band, (confidence, ConfidenceScratch { of_regions, log_odds }))| {
+        bands.for_each(|(band, (confidence, ConfidenceScratch { region_log_odds, log_odds }))| {
             for (i, confidence) in confidence.chunks_mut(width).enumerate() {
                 let v = band * BAND_ROWS + i;
                 let columns = regions.columns_of_row(v, width);
                 let first = v * width + columns.start;
-                of_regions.resize(width, 0.0);
-                for run in regions.of_row(v) {
+                region_log_odds.resize(width, 0.0);
+                for run in regions.runs.row(v) {
                     let of_run = run.pixels().start - first..run.pixels().end - first;
-                    of_regions[of_run].fill(odds[run.region as usize]);
+                    region_log_odds[of_run].fill(per_region.log_odds[run.set as usize]);
                 }
                 let pixels = first..first + columns.len();
                 let row = GroundsRow {
                     margin: &self.verdicts.margin[pixels.clone()],
                     z: &self.selection.z[pixels.clone()],
-                    beside: &beside[pixels.clone()],
-                    around: &around[pixels.clone()],
+                    near_support: &near_support[pixels.clone()],
+                    wide_support: &wide_support[pixels.clone()],
                     is_hidden: &is_hidden[pixels],
-                    of_regions,
+                    region_log_odds,
                 };
                 confidences(&TABLES, &row, log_odds, &mut confidence[columns]);
             }
@@ -317,16 +333,16 @@ impl Verification<'_> {
     /// The grounds of every pixel with a selected candidate.
     fn grounds(&self, scratch: &VerificationScratch) -> Vec<Grounds> {
         let mut grounds = vec![Grounds::default(); self.selection.absolute.len()];
-        for run in &scratch.regions.runs {
-            let OfRegion { region_px, lead_nats, hidden_share } = scratch.of_regions.says[run.region as usize];
+        for run in &scratch.regions.runs.all {
+            let RegionGrounds { region_px, lead_nats, hidden_share } = scratch.per_region.grounds[run.set as usize];
             for pixel in run.pixels() {
                 grounds[pixel] = Grounds {
                     margin_nats: margin_nats(self.verdicts.margin[pixel]),
                     abs_z: self.selection.z[pixel].abs(),
                     region_px,
                     region_lead_nats: lead_nats,
-                    beside: scratch.beside[pixel],
-                    around: scratch.around[pixel],
+                    near_support: scratch.near_support[pixel],
+                    wide_support: scratch.wide_support[pixel],
                     is_hidden: scratch.is_hidden[pixel],
                     hidden_share,
                 };
@@ -336,9 +352,9 @@ impl Verification<'_> {
     }
 
     /// Lets every selected candidate stand that is confident enough, and no other.
-    fn stand_by_confidence(&mut self, scratch: &VerificationScratch, decisions: &mut Decisions<'_>) {
+    fn keep_confident(&mut self, scratch: &VerificationScratch, decisions: &mut Decisions<'_>) {
         let least = Confidence::at_least(self.limits.min_confidence);
-        let (width, regions, verdicts) = (self.width, &scratch.regions, &scratch.of_regions.verdicts);
+        let (width, regions, verdicts) = (self.width, &scratch.regions, &scratch.per_region.verdicts);
         let Selection { absolute, z, in_volume, .. } = &mut *self.selection;
         decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
         let selected = z.par_chunks(width).zip(in_volume.par_chunks(width));
@@ -347,13 +363,12 @@ impl Verification<'_> {
         rows.zip(decided).enumerate().for_each(
             |(v, (((absolute, (z, in_volume)), is_hidden), (outcomes, confidence)))| {
                 outcomes.fill(Outcome::NoCandidate);
-                for run in regions.of_row(v) {
-                    let (verdict, is_strip) =
-                        (verdicts[run.region as usize], scratch.strips.is_strip[run.region as usize]);
+                for run in regions.runs.row(v) {
+                    let (verdict, is_strip) = (verdicts[run.set as usize], scratch.strips.is_strip[run.set as usize]);
                     for u in run.pixels().start - v * width..run.pixels().end - v * width {
                         // Beyond the volume the drift is not known, and may well run.
                         if confidence[u] < least || (is_strip && in_volume[u]) {
-                            outcomes[u] = verdict.unwrap_or_else(|| reason(is_hidden[u], z[u]));
+                            outcomes[u] = verdict.unwrap_or_else(|| rejection(is_hidden[u], z[u]));
                             absolute[u] = ABSENT;
                         }
                     }
@@ -365,8 +380,8 @@ impl Verification<'_> {
     fn drop_small_regions(&mut self, regions: &mut Regions, outcomes: &mut [Outcome]) {
         let Selection { absolute, z, .. } = &mut *self.selection;
         regions.find(self.width, absolute, z, f32::INFINITY);
-        for run in &regions.runs {
-            if regions.size_px[run.region as usize] < self.limits.min_region_px {
+        for run in &regions.runs.all {
+            if regions.size_px[run.set as usize] < self.limits.min_region_px {
                 outcomes[run.pixels()].fill(Outcome::Ambiguous);
                 absolute[run.pixels()].fill(ABSENT);
             }
@@ -401,7 +416,7 @@ impl Verification<'_> {
 }
 
 /// Why a candidate of a region that stands does not.
-fn reason(is_hidden: bool, z: f32) -> Outcome {
+fn rejection(is_hidden: bool, z: f32) -> Outcome {
     if is_hidden {
         Outcome::Contradicted
     } else if z.abs() >= PASSING_Z {

@@ -11,7 +11,7 @@
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::nodes::{NONE, Nodes};
+use super::nodes::{NO_NODE, Nodes};
 use super::{FULL_SCORE, LABELS};
 
 /// Price of a change of order along a surface, pixels that fit.
@@ -52,18 +52,18 @@ impl Kernel for Propagation<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { nodes: Nodes { nodes, heard, .. }, evidence, messages, has_news } = self;
+        let Self { nodes: Nodes { nodes, with_evidence, .. }, evidence, messages, has_news } = self;
         for round in 0..ROUNDS {
-            for i in 0..heard.len() {
-                let own = if round % 2 == 0 { i } else { heard.len() - 1 - i };
+            for i in 0..with_evidence.len() {
+                let own = if round % 2 == 0 { i } else { with_evidence.len() - 1 - i };
                 if !std::mem::take(&mut has_news[own]) {
                     continue;
                 }
                 let belief = belief(&evidence[own], &messages[own]);
-                let beside = nodes[heard[own] as usize].beside;
+                let neighbours = nodes[with_evidence[own] as usize].neighbours;
                 for side in 0..4 {
-                    if beside[side] != NONE {
-                        let other = nodes[beside[side] as usize].evidence as usize;
+                    if neighbours[side] != NO_NODE {
+                        let other = nodes[neighbours[side] as usize].evidence as usize;
                         let sent = message(&belief, &messages[own][side]);
                         let received = &mut messages[other][side ^ 1];
                         has_news[other] |= differ(received, &sent);
@@ -72,7 +72,7 @@ impl Kernel for Propagation<'_> {
                 }
             }
         }
-        for ((&node, evidence), messages) in heard.iter().zip(evidence).zip(&*messages) {
+        for ((&node, evidence), messages) in with_evidence.iter().zip(evidence).zip(&*messages) {
             let node = &mut nodes[node as usize];
             let belief = belief(evidence, messages);
             let (mut label, mut best, mut second) = (0, i16::MIN, i16::MIN);

@@ -8,7 +8,7 @@ use crate::correspondence::kernels::Segments;
 use crate::correspondence::segment::SegmentRow;
 
 use super::NO_ORDER;
-use super::sight::{columns_around_each, rest_turns};
+use super::order_scores::{columns_around_each, residual_turns};
 
 /// Pixels of a block, and what they look into.
 pub(super) struct Block<L: Lanes> {
@@ -21,15 +21,15 @@ pub(super) struct Block<L: Lanes> {
 }
 
 /// The columns at which Φ is the order and the phase of the pixels, and how many columns a turn takes there.
-pub(super) struct Place<L: Lanes> {
+pub(super) struct OrderColumns<L: Lanes> {
     /// Pixels that have an order, and such a column.
-    pub(super) asked: L::Mask,
+    pub(super) has_order: L::Mask,
     pub(super) column: L::Floats,
-    per_turn: L::Floats,
+    columns_per_turn: L::Floats,
 }
 
 /// By how much δ is off the drift, turns, and of which pixels C2 tells it.
-pub(super) struct Off<L: Lanes> {
+pub(super) struct DriftOffset<L: Lanes> {
     known: L::Mask,
     turns: L::Floats,
 }
@@ -46,42 +46,45 @@ impl<L: Lanes> Block<L> {
 
     /// Where the pixels have their orders without the drift.
     #[inline(always)]
-    pub(super) fn place(&self, orders: &[i16; LANES]) -> Place<L> {
+    pub(super) fn order_columns(&self, orders: &[i16; LANES]) -> OrderColumns<L> {
         let (lanes, order) = (self.lanes, self.lanes.load_signed(orders));
         let turns = lanes.add_float(lanes.floats(lanes.widen(order)), self.phase_turns);
-        let ([column, per_turn], is_sound) = self.segments.columns_of(turns);
-        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
-        Place { asked, column, per_turn }
+        let ([column, columns_per_turn], is_sound) = self.segments.columns_of(turns);
+        let has_order = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        OrderColumns { has_order, column, columns_per_turn }
     }
 
     /// Where C2 sees them: the columns at which δ is that of the drift.
     #[inline(always)]
-    pub(super) fn seen_at(&self, place: &Place<L>) -> L::Floats {
+    pub(super) fn columns_with_drift(&self, columns: &OrderColumns<L>) -> L::Floats {
         let lanes = self.lanes;
-        lanes.add_float(place.column, lanes.times_float(self.drift.at(lanes, place.column), place.per_turn))
+        lanes.add_float(
+            columns.column,
+            lanes.times_float(self.drift.at(lanes, columns.column), columns.columns_per_turn),
+        )
     }
 
     /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
     #[inline(always)]
-    pub(super) fn fits(&self, cam2: &EpipolarImage, place: &Place<L>, reach_turns: f32) -> L::Mask {
-        self.is_nearer(&self.off_turns(cam2, place), reach_turns)
+    pub(super) fn fits(&self, cam2: &EpipolarImage, columns: &OrderColumns<L>, reach_turns: f32) -> L::Mask {
+        self.is_within_reach(&self.drift_offset(cam2, columns), reach_turns)
     }
 
     /// By how much δ is off the drift there.
     #[inline(always)]
-    pub(super) fn off_turns(&self, cam2: &EpipolarImage, place: &Place<L>) -> Off<L> {
+    pub(super) fn drift_offset(&self, cam2: &EpipolarImage, columns: &OrderColumns<L>) -> DriftOffset<L> {
         let lanes = self.lanes;
         let last_px = lanes.float((cam2.width - 2) as f32);
-        let column = lanes.min_float(lanes.max_float(self.seen_at(place), lanes.float(0.0)), last_px);
+        let column = lanes.min_float(lanes.max_float(self.columns_with_drift(columns), lanes.float(0.0)), last_px);
         let around = columns_around_each(lanes, cam2, self.segments.row, self.phases, column);
-        let off = lanes.abs_float(rest_turns(lanes, &around, place.per_turn));
-        Off { known: lanes.and(around.known, place.asked), turns: off }
+        let off = lanes.abs_float(residual_turns(lanes, &around, columns.columns_per_turn));
+        DriftOffset { known: lanes.and(around.known, columns.has_order), turns: off }
     }
 
     /// Where that is known, and less than so many turns.
     #[inline(always)]
-    pub(super) fn is_nearer(&self, off: &Off<L>, reach_turns: f32) -> L::Mask {
+    pub(super) fn is_within_reach(&self, offset: &DriftOffset<L>, reach_turns: f32) -> L::Mask {
         let lanes = self.lanes;
-        lanes.and(off.known, lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), off.turns)))
+        lanes.and(offset.known, lanes.mask_of(lanes.exceeds(lanes.float(reach_turns), offset.turns)))
     }
 }

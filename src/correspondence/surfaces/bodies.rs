@@ -23,9 +23,9 @@ use crate::correspondence::segment::SegmentRow;
 use super::NO_ORDER;
 use super::block::Block;
 use super::evidence::{RowScratch, View};
-use super::nodes::{NONE, Node, Nodes};
+use super::nodes::{NO_NODE, Node, Nodes};
 use super::outside::WITHIN_SD;
-use super::runs::Runs;
+use super::runs::PhaseRuns;
 
 /// δ about the drift by which most pixels of a surface within fit, sd.
 const CLOSE_SD: f64 = 1.5;
@@ -46,12 +46,12 @@ pub(super) struct BodyRow {
 }
 
 /// Tells which nodes hold a part of a body, where those beside it that see into the volume are known.
-pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes, rows: &mut [RowScratch]) {
+pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut Nodes, rows: &mut [RowScratch]) {
     let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
     for node in &mut nodes.nodes {
-        node.asks_for_body = !node.is_within && node.within_beside.is_some();
+        node.is_body_candidate = !node.is_within && node.label_within_beside.is_some();
     }
-    let mut goes_on = nodes.nodes.iter().any(|node| node.asks_for_body);
+    let mut goes_on = nodes.nodes.iter().any(|node| node.is_body_candidate);
     while goes_on {
         let all = &*nodes;
         rows.par_iter_mut().enumerate().for_each(|(tile_row, scratch)| {
@@ -60,7 +60,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes
                 scratch.count_fitting(view, drift, reach_turns, (runs, all), v);
             }
         });
-        nodes.nodes.iter_mut().for_each(|node| node.asks_for_body = false);
+        nodes.nodes.iter_mut().for_each(|node| node.is_body_candidate = false);
         goes_on = false;
         for scratch in &mut *rows {
             // All pieces of a node lie in one row of tiles.
@@ -69,7 +69,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes
                 let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
                 if fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32 {
                     nodes.nodes[counts[0].0 as usize].holds_body = true;
-                    goes_on |= nodes.ask_beside(counts[0].0);
+                    goes_on |= nodes.extend_to_neighbours(counts[0].0);
                 }
             }
         }
@@ -78,13 +78,13 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &Runs, nodes: &mut Nodes
 
 impl Nodes {
     /// Has the nodes beside one that holds a part of a body asked for it too, those that were not yet; whether there are any.
-    fn ask_beside(&mut self, node: u32) -> bool {
-        let Node { beside, within_beside, .. } = self.nodes[node as usize];
+    fn extend_to_neighbours(&mut self, node: u32) -> bool {
+        let Node { neighbours, label_within_beside, .. } = self.nodes[node as usize];
         let mut any = false;
-        for other in beside.into_iter().filter(|&other| other != NONE) {
+        for other in neighbours.into_iter().filter(|&other| other != NO_NODE) {
             let other = &mut self.nodes[other as usize];
-            if !other.is_within && other.within_beside.is_none() {
-                (other.within_beside, other.asks_for_body, any) = (within_beside, true, true);
+            if !other.is_within && other.label_within_beside.is_none() {
+                (other.label_within_beside, other.is_body_candidate, any) = (label_within_beside, true, true);
             }
         }
         any
@@ -98,15 +98,15 @@ impl RowScratch {
         view: View<'_>,
         of_image: &Drift,
         reach_turns: [f32; 2],
-        (runs, nodes): (&Runs, &Nodes),
+        (runs, nodes): (&PhaseRuns, &Nodes),
         v: usize,
     ) {
         let (width, first) = (view.cam1.width, v * view.cam1.width);
-        let label = |node: &Node| node.within_beside.filter(|_| node.asks_for_body);
+        let label = |node: &Node| node.label_within_beside.filter(|_| node.is_body_candidate);
         if !nodes.fill_orders(runs, (v, width), label, &mut self.bodies.orders) {
             return;
         }
-        self.turn_to(view, of_image, v);
+        self.load_row(view, of_image, v);
         let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
         let phase = &view.cam1.phase[first..first + width];
         let cam2 = view.cam2;
@@ -114,8 +114,8 @@ impl RowScratch {
             Level::in_use(),
             FittingRow { cam2, segments, drift, phase, orders, reach_turns, fitting },
         );
-        for piece in nodes.of_row(v) {
-            if !nodes.nodes[piece.node as usize].asks_for_body {
+        for piece in nodes.row(v) {
+            if !nodes.nodes[piece.node as usize].is_body_candidate {
                 continue;
             }
             let mut sum = [0; 2];
@@ -152,9 +152,12 @@ impl Kernel for FittingRow<'_> {
                 continue;
             }
             let block = Block::new(lanes, segments, drift, phase, i * LANES);
-            let off = block.off_turns(cam2, &block.place(orders));
+            let offset = block.drift_offset(cam2, &block.order_columns(orders));
             let [wide, close] = reach_turns;
-            fitting.push([lanes.bits(block.is_nearer(&off, wide)), lanes.bits(block.is_nearer(&off, close))]);
+            fitting.push([
+                lanes.bits(block.is_within_reach(&offset, wide)),
+                lanes.bits(block.is_within_reach(&offset, close)),
+            ]);
         }
     }
 }

@@ -8,11 +8,11 @@
 //! ```
 
 use super::evidence::{RowScratch, Scratch, View};
-use super::nodes::{NONE, Node, Piece};
-use super::sight::Space;
+use super::nodes::{NO_NODE, Node, Piece};
+use super::order_scores::SearchSpace;
 use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::drift::Drift;
-use crate::correspondence::outlook::Outlook;
+use crate::correspondence::pixel_search::PixelSearch;
 
 /// Pixels that are asked, about.
 const PIXELS: usize = 6000;
@@ -25,13 +25,13 @@ const LARGE_SHARE: f32 = 0.4;
 
 /// Which candidates are wanted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct DecidedFilter {
     /// How far δ may be off the drift, turns.
     pub(super) cap_turns: f32,
     /// sd of δ over a part, turns: true surfaces change little with the drift.
     pub(super) max_sd_turns: f32,
     /// Whether all candidates of pixels are wanted whose nodes are not clear.
-    pub(super) with_open: bool,
+    pub(super) with_unclear: bool,
 }
 
 /// A candidate of the order that was decided for its pixel.
@@ -44,8 +44,8 @@ pub(in crate::correspondence) struct Decided {
     /// δ, turns.
     pub(in crate::correspondence) delta_turns: f32,
     /// δ less the drift that was known, turns.
-    rest_turns: f32,
-    /// Node that decided; [`NONE`] of an open pixel.
+    residual_turns: f32,
+    /// Node that decided; [`NO_NODE`] of an open pixel.
     node: u32,
 }
 
@@ -70,30 +70,30 @@ struct Part {
 
 impl Scratch {
     /// Finds the decided candidates that are wanted; yields their share of the pixels that were asked.
-    pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted) -> f64 {
+    pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, wanted: DecidedFilter) -> f64 {
         let pixels = view.cam1.phase.len();
         let stride = ((pixels as f32 / PIXELS as f32).sqrt() as usize).max(1);
         self.decided.candidates.clear();
         for v in (stride / 2..view.cam1.height).step_by(stride) {
-            self.ask_row(view, drift, wanted, stride, v);
+            self.sample_row(view, drift, wanted, stride, v);
         }
         self.decided.keep_smooth_parts(&self.nodes.nodes, wanted.max_sd_turns);
         self.decided.candidates.len() as f64 / (pixels as f64 / (stride * stride) as f64).max(1.0)
     }
 
-    fn ask_row(&mut self, view: View<'_>, drift: &Drift, wanted: Wanted, stride: usize, v: usize) {
-        let Wanted { cap_turns, with_open, .. } = wanted;
+    fn sample_row(&mut self, view: View<'_>, drift: &Drift, wanted: DecidedFilter, stride: usize, v: usize) {
+        let DecidedFilter { cap_turns, with_unclear, .. } = wanted;
         let Self { runs, nodes, decided: DecidedScratch { candidates, row, .. }, .. } = self;
-        let (width, space) = (view.cam1.width, Space::from_table(view.table));
-        row.turn_to(view, drift, v);
-        for piece in nodes.of_row(v) {
+        let (width, space) = (view.cam1.width, SearchSpace::from_table(view.table));
+        row.load_row(view, drift, v);
+        for piece in nodes.row(v) {
             let &Piece { node, offset, .. } = piece;
             let of_node = &nodes.nodes[node as usize];
             let is_clear = of_node.is_clear();
-            if !is_clear && !with_open {
+            if !is_clear && !with_unclear {
                 continue;
             }
-            for u in piece.asked(v * width, stride) {
+            for u in piece.sampled_columns(v * width, stride) {
                 let pixel = v * width + u;
                 let order = of_node.order(offset + i32::from(runs.relative[pixel]));
                 let segment = row.segments.segment(u);
@@ -104,21 +104,21 @@ impl Scratch {
                     continue;
                 }
                 let (drift, limits_px) = (row.drift.segment(u), [first_px, last_px]);
-                let outlook = Outlook::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
-                let mut take = |rest_turns: f32, column_px: f32| {
-                    let delta_turns = rest_turns + outlook.drift.at(column_px);
-                    let node = if is_clear { node } else { NONE };
-                    candidates.push(Decided { pixel: [u, v], column_px, delta_turns, rest_turns, node });
+                let search = PixelSearch::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
+                let mut take = |residual_turns: f32, column_px: f32| {
+                    let delta_turns = residual_turns + search.drift.at(column_px);
+                    let node = if is_clear { node } else { NO_NODE };
+                    candidates.push(Decided { pixel: [u, v], column_px, delta_turns, residual_turns, node });
                 };
                 if is_clear {
-                    if let Some((rest_turns, column_px)) = outlook.nearest(order, cap_turns) {
-                        take(rest_turns, column_px);
+                    if let Some((residual_turns, column_px)) = search.nearest(order, cap_turns) {
+                        take(residual_turns, column_px);
                     }
                 } else {
-                    outlook.crossings(limits_px, |column_px, _| {
-                        let (_, rest_turns) = outlook.order_and_rest(column_px);
-                        if rest_turns.abs() < cap_turns {
-                            take(rest_turns, column_px);
+                    search.crossings(limits_px, |column_px, _| {
+                        let (_, residual_turns) = search.order_and_residual(column_px);
+                        if residual_turns.abs() < cap_turns {
+                            take(residual_turns, column_px);
                         }
                     });
                 }
@@ -131,9 +131,9 @@ impl DecidedScratch {
     /// Leaves out candidates of parts that do not tell of the drift.
     fn keep_smooth_parts(&mut self, nodes: &[Node], max_sd_turns: f32) {
         let Self { candidates, sets, part_of, parts, .. } = self;
-        sets.begin(nodes.iter().map(|node| node.size_px));
+        sets.reset(nodes.iter().map(|node| node.size_px));
         for (i, node) in nodes.iter().enumerate() {
-            for other in node.beside.into_iter().filter(|&other| other != NONE && other > i as u32) {
+            for other in node.neighbours.into_iter().filter(|&other| other != NO_NODE && other > i as u32) {
                 if nodes[other as usize].label == node.label {
                     sets.unite(i as u32, other, 0);
                 }
@@ -143,15 +143,15 @@ impl DecidedScratch {
         let count = sets.number(|_, offset| part_of.push(offset.set));
         parts.clear();
         parts.resize(count, Part::default());
-        for decided in candidates.iter().filter(|decided| decided.node != NONE) {
+        for decided in candidates.iter().filter(|decided| decided.node != NO_NODE) {
             let part = &mut parts[part_of[decided.node as usize] as usize];
             part.count += 1.0;
-            part.sum += decided.rest_turns;
-            part.squares += decided.rest_turns * decided.rest_turns;
+            part.sum += decided.residual_turns;
+            part.squares += decided.residual_turns * decided.residual_turns;
         }
         let all = candidates.len() as f32;
         candidates.retain(|decided| {
-            if decided.node == NONE {
+            if decided.node == NO_NODE {
                 return true;
             }
             let part = &parts[part_of[decided.node as usize] as usize];

@@ -10,10 +10,10 @@ use crate::phase::PhaseMap;
 
 use super::bodies::BodyRow;
 use super::decided::DecidedScratch;
-use super::nodes::{NONE, Node, Nodes, Piece};
+use super::nodes::{NO_NODE, Node, Nodes, Piece};
+use super::order_scores::{OrderScorer, SearchSpace, UNSEEN_SCORE, order_scores};
 use super::outside::OutsideRow;
-use super::runs::Runs;
-use super::sight::{Sight, Space, UNSEEN_SCORE, scores_of};
+use super::runs::PhaseRuns;
 use super::taken::TakenRow;
 use super::{FULL_SCORE, LABELS, belief};
 
@@ -34,7 +34,7 @@ const DOUBTLESS: f32 = 0.95;
 
 /// Who is asked about orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Asked {
+pub(super) enum Sampling {
     /// Few pixels of all nodes: what the drift is to be told from.
     Few,
     /// More pixels of all nodes.
@@ -57,7 +57,7 @@ pub(super) struct Gate {
 /// Scratch in which an image is explained, to be used from window to window.
 #[derive(Clone, Debug, Default)]
 pub(in crate::correspondence) struct Scratch {
-    pub(super) runs: Runs,
+    pub(super) runs: PhaseRuns,
     pub(super) nodes: Nodes,
     pub(super) evidence: Vec<[i16; LABELS]>,
     messages: belief::Messages,
@@ -80,7 +80,7 @@ pub(super) struct RowScratch {
 
 impl RowScratch {
     /// Turns to the segments and the drift of a row.
-    pub(super) fn turn_to(&mut self, view: View<'_>, drift: &Drift, v: usize) {
+    pub(super) fn load_row(&mut self, view: View<'_>, drift: &Drift, v: usize) {
         view.table.row(v, &mut self.segments);
         drift.along_row(v, view.cam1.width, &mut self.drift);
     }
@@ -98,36 +98,36 @@ impl Scratch {
     /// Divides the image into nodes.
     pub(super) fn divide(&mut self, view: View<'_>) {
         self.runs.find(view.cam1, view.table);
-        self.nodes.find(view, &Space::from_table(view.table), &self.runs);
+        self.nodes.find(view, &SearchSpace::from_table(view.table), &self.runs);
         let strides = [FEW_OF_TILE, MANY_OF_TILE].map(|of_tile| self.nodes.tile_px / of_tile);
-        self.nodes.find_heard(view.cam1.width, strides);
+        self.nodes.find_evidence_nodes(view.cam1.width, strides);
     }
 
     /// Decides the order of every node by δ about a drift. Nodes that are not asked keep the evidence that they have.
-    pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate, asked: Asked) {
+    pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate, sampling: Sampling) {
         let Self { runs, nodes, evidence, messages, rows, .. } = self;
-        let (tile_px, of_all) = (nodes.tile_px, asked != Asked::ManyOfDoubtful);
-        let stride = tile_px / if asked == Asked::Few { FEW_OF_TILE } else { MANY_OF_TILE };
-        evidence.resize(nodes.heard.len(), [0; LABELS]);
-        for (&node, evidence) in nodes.heard.iter().zip(&mut *evidence) {
+        let (tile_px, of_all) = (nodes.tile_px, sampling != Sampling::ManyOfDoubtful);
+        let stride = tile_px / if sampling == Sampling::Few { FEW_OF_TILE } else { MANY_OF_TILE };
+        evidence.resize(nodes.with_evidence.len(), [0; LABELS]);
+        for (&node, evidence) in nodes.with_evidence.iter().zip(&mut *evidence) {
             let node = &mut nodes.nodes[node as usize];
-            node.is_doubtful = of_all || !(node.is_clear() && node.fitting > DOUBTLESS * node.asked as f32);
+            node.is_doubtful = of_all || !(node.is_clear() && node.fitting > DOUBTLESS * node.sampled as f32);
             if node.is_doubtful {
                 *evidence = [0; LABELS];
             } else {
                 // As if as many pixels had been asked as of the others.
                 evidence.iter_mut().for_each(|sum| *sum *= FEW_FOR_MANY);
-                node.asked *= FEW_FOR_MANY as u32;
+                node.sampled *= FEW_FOR_MANY as u32;
             }
         }
         rows.resize(view.cam1.height.div_ceil(tile_px), RowScratch::default());
-        let asking = Asking { view, space: Space::from_table(view.table), drift, gate, stride, runs, nodes };
-        asking.ask(0, rows, evidence);
+        let pass = EvidencePass { view, space: SearchSpace::from_table(view.table), drift, gate, stride, runs, nodes };
+        pass.gather(0, rows, evidence);
         belief::decide(nodes, evidence, messages);
-        nodes.count_asked(view.cam1.width, stride);
-        for (&node, evidence) in nodes.heard.iter().zip(&*evidence) {
+        nodes.count_sampled(view.cam1.width, stride);
+        for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
-            let unseen = node.asked as i16 * UNSEEN_SCORE;
+            let unseen = node.sampled as i16 * UNSEEN_SCORE;
             let most =
                 |labels: &[i16]| labels.iter().fold(0, |most: i16, &sum| most.max(if sum == unseen { 0 } else { sum }));
             let (before, behind) = evidence.split_at(usize::from(node.label));
@@ -138,11 +138,11 @@ impl Scratch {
     /// Finds the orders of the pixels of a row whose nodes tell them, [`super::NO_ORDER`] elsewhere; whether there are any.
     pub(in crate::correspondence) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
-            let asked = node.asked as f32;
+            let sampled = node.sampled as f32;
             let tells = node.is_clear()
                 && !node.holds_body
-                && (node.fitting >= MIN_FITTING * asked || node.rival <= MAX_RIVAL * node.fitting)
-                && node.lead >= MIN_LEAD * asked;
+                && (node.fitting >= MIN_FITTING * sampled || node.rival <= MAX_RIVAL * node.fitting)
+                && node.lead >= MIN_LEAD * sampled;
             tells.then_some(node.label)
         };
         self.nodes.fill_orders(&self.runs, row, label, orders)
@@ -150,8 +150,8 @@ impl Scratch {
 
     /// Leaves no pixel of a row decided where surfaces told the orders of more pixels beside it wrongly: a wrong order fits where its
     /// δ runs through zero.
-    pub(in crate::correspondence) fn doubt_few(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
-        for piece in self.nodes.of_row(v) {
+    pub(in crate::correspondence) fn clear_minorities(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
+        for piece in self.nodes.row(v) {
             let of_piece = &mut is_decided[piece.begin as usize - v * width..piece.end as usize - v * width];
             let decided = of_piece.iter().map(|&decided| usize::from(decided)).sum::<usize>();
             if decided > 0 && 2 * decided < of_piece.len() {
@@ -162,14 +162,14 @@ impl Scratch {
 
     /// Whether the phase of C1 runs on to a pixel of a row from the pixel to the left.
     pub(in crate::correspondence) fn runs_on(&self, v: usize, pixel: usize) -> bool {
-        self.runs.run_on(v, pixel)
+        self.runs.runs_on(v, pixel)
     }
 
     /// Share of the pixels that were asked that fit the orders of their nodes, where C2 can see these.
     pub(in crate::correspondence) fn fitting_share(&self) -> f32 {
         let seen = self.nodes.nodes.iter().filter(|node| !node.is_unseen());
-        let (fitting, asked) = seen.fold((0.0, 0), |(f, a), node| (f + node.fitting, a + u64::from(node.asked)));
-        fitting / asked.max(1) as f32
+        let (fitting, sampled) = seen.fold((0.0, 0), |(f, a), node| (f + node.fitting, a + u64::from(node.sampled)));
+        fitting / sampled.max(1) as f32
     }
 
     /// Share of the pixels whose nodes lead clearly.
@@ -183,48 +183,48 @@ impl Scratch {
 
 /// What all rows of tiles are asked with.
 #[derive(Clone, Copy)]
-struct Asking<'a> {
+struct EvidencePass<'a> {
     view: View<'a>,
-    space: Space,
+    space: SearchSpace,
     drift: &'a Drift,
     gate: Gate,
     stride: usize,
-    runs: &'a Runs,
+    runs: &'a PhaseRuns,
     nodes: &'a Nodes,
 }
 
-impl Asking<'_> {
+impl EvidencePass<'_> {
     /// Asks rows of tiles from one on: the evidence is that of their nodes.
-    fn ask(self, first: usize, rows: &mut [RowScratch], evidence: &mut [[i16; LABELS]]) {
+    fn gather(self, first: usize, rows: &mut [RowScratch], evidence: &mut [[i16; LABELS]]) {
         match rows {
             [] => {}
-            [row] => self.ask_tiles(first, row, evidence),
+            [row] => self.gather_tiles(first, row, evidence),
             rows => {
                 let half = rows.len() / 2;
                 let (upper, lower) = rows.split_at_mut(half);
-                let ends = &self.nodes.heard_rows;
+                let ends = &self.nodes.evidence_rows;
                 let (above, below) = evidence.split_at_mut(ends[first + half] - ends[first]);
-                rayon::join(|| self.ask(first, upper, above), || self.ask(first + half, lower, below));
+                rayon::join(|| self.gather(first, upper, above), || self.gather(first + half, lower, below));
             }
         }
     }
 
-    fn ask_tiles(self, tile_row: usize, scratch: &mut RowScratch, evidence: &mut [[i16; LABELS]]) {
+    fn gather_tiles(self, tile_row: usize, scratch: &mut RowScratch, evidence: &mut [[i16; LABELS]]) {
         let Self { view, drift, stride, .. } = self;
         for v in self.nodes.rows_of_tiles(tile_row).filter(|v| v % stride == stride / 2) {
-            scratch.turn_to(view, drift, v);
-            let first = self.nodes.heard_rows[tile_row];
+            scratch.load_row(view, drift, v);
+            let first = self.nodes.evidence_rows[tile_row];
             fringeflow_simd::run(
                 Level::in_use(),
-                AskedRow { asking: self, scratch, v, first, evidence: &mut *evidence },
+                EvidenceRow { pass: self, scratch, v, first, evidence: &mut *evidence },
             );
         }
     }
 }
 
 /// Asks some pixels of a row.
-struct AskedRow<'a> {
-    asking: Asking<'a>,
+struct EvidenceRow<'a> {
+    pass: EvidencePass<'a>,
     scratch: &'a RowScratch,
     v: usize,
     /// Where the evidence of the row of tiles begins.
@@ -232,26 +232,26 @@ struct AskedRow<'a> {
     evidence: &'a mut [[i16; LABELS]],
 }
 
-impl Kernel for AskedRow<'_> {
+impl Kernel for EvidenceRow<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { asking, scratch, v, first, evidence } = self;
-        let Asking { view, space, gate, stride, runs, nodes, .. } = asking;
+        let Self { pass, scratch, v, first, evidence } = self;
+        let EvidencePass { view, space, gate, stride, runs, nodes, .. } = pass;
         let row = v * view.cam1.width;
-        for piece in nodes.of_row(v) {
+        for piece in nodes.row(v) {
             let &Piece { node, offset, .. } = piece;
             let of_node = &nodes.nodes[node as usize];
-            if !of_node.is_doubtful || of_node.evidence == NONE {
+            if !of_node.is_doubtful || of_node.evidence == NO_NODE {
                 continue;
             }
             let base = of_node.base;
             let scores = &mut evidence[of_node.evidence as usize - first];
-            for u in piece.asked(row, stride) {
+            for u in piece.sampled_columns(row, stride) {
                 let pixel = row + u;
                 let segment = scratch.segments.segment(u);
-                let sight = Sight {
+                let scorer = OrderScorer {
                     limits_px: space.limits_px(&segment, [u, v]),
                     segment,
                     drift: scratch.drift.segment(u),
@@ -259,13 +259,13 @@ impl Kernel for AskedRow<'_> {
                     gate,
                     half_px: space.half_px,
                 };
-                let Some(orders) = sight.orders() else { continue };
+                let Some(orders) = scorer.orders() else { continue };
                 // The label of order 0.
                 let zero = -(base + offset + i32::from(runs.relative[pixel]));
                 let from = orders.first.max(-zero);
                 let to = orders.last.min(LABELS as i32 - 1 - zero);
                 for order in (from..=to).step_by(LANES) {
-                    let found = scores_of(lanes, view.cam2, &sight, &orders, order);
+                    let found = order_scores(lanes, view.cam2, &scorer, &orders, order);
                     let label = (order + zero) as usize;
                     match scores[label..].first_chunk_mut::<LANES>() {
                         Some(scores) => {
@@ -285,11 +285,11 @@ impl Kernel for AskedRow<'_> {
 }
 
 /// The order from which labels are counted where a pixel has no order relative to its surface: its own ones lie in the middle.
-pub(super) fn base_of(View { cam1, table, .. }: View<'_>, space: &Space, pixel: usize) -> i32 {
+pub(super) fn base_of(View { cam1, table, .. }: View<'_>, space: &SearchSpace, pixel: usize) -> i32 {
     let segment = table.segment(pixel);
     let limits_px = space.limits_px(&segment, [pixel % cam1.width, pixel / cam1.width]);
     let (drift, gate) = (DepthPolynomial::default(), Gate::default());
-    let sight = Sight { limits_px, segment, drift, phase: cam1.phase[pixel], gate, half_px: space.half_px };
-    let middle = sight.orders().map_or(0, |orders| (orders.first + orders.last) / 2);
+    let scorer = OrderScorer { limits_px, segment, drift, phase: cam1.phase[pixel], gate, half_px: space.half_px };
+    let middle = scorer.orders().map_or(0, |orders| (orders.first + orders.last) / 2);
     middle - LABELS as i32 / 2
 }

@@ -12,8 +12,8 @@
 
 use std::f64::consts::TAU;
 
-use super::decided::Wanted;
-use super::evidence::{Asked, Gate, Scratch, View};
+use super::decided::DecidedFilter;
+use super::evidence::{Gate, Sampling, Scratch, View};
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::drift::{Drift, DriftScratch, MODEL_SD_TURNS};
 
@@ -88,17 +88,17 @@ pub(in crate::correspondence) fn explain(
         return found;
     }
     match scratch.explain_from_none(view, drift_scratch) {
-        Some(found) if scratch.bears_out(&found, delta) => found,
+        Some(found) if scratch.is_confirmed(&found, delta) => found,
         found => {
             let (mut drift, other) = drift_scratch.estimates((view.cam1, view.cam2), view.table, delta);
-            let mut most = scratch.told_nats(view, &drift);
+            let mut most = scratch.drift_nats(view, &drift);
             for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
-                let told = scratch.told_nats(view, &other);
-                if told > most && scratch.fitting_share() > MIN_FITTING_SHARE {
-                    (most, drift) = (told, other);
+                let nats = scratch.drift_nats(view, &other);
+                if nats > most && scratch.fitting_share() > MIN_FITTING_SHARE {
+                    (most, drift) = (nats, other);
                 }
             }
-            scratch.decide(view, &drift, narrow(&drift), Asked::Many);
+            scratch.decide(view, &drift, narrow(&drift), Sampling::Many);
             drift
         }
     }
@@ -108,7 +108,7 @@ impl Scratch {
     /// Decides the nodes about the drift that they show.
     fn explain_from_none(&mut self, view: View<'_>, drift_scratch: &mut DriftScratch) -> Option<Drift> {
         let level = Drift::level(0.0, WIDE_SD_RAD);
-        self.decide(view, &level, WIDE, Asked::Few);
+        self.decide(view, &level, WIDE, Sampling::Few);
         let wide = [WIDE.cap_turns, WIDE_PART_TURNS, 2.0 * WIDE.cap_turns];
         let first = self.refined(view, &level, wide, WIDE_SD_RAD, drift_scratch)?;
         Some(self.explain_about(view, first, drift_scratch))
@@ -128,23 +128,23 @@ impl Scratch {
         }
         let found = self.explain_about(view, known.clone(), drift_scratch);
         let is_near = found.distance_turns(known, view.table) < NEAR_KNOWN_TURNS;
-        (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.bears_out(&found, delta)).then_some(found)
+        (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.is_confirmed(&found, delta)).then_some(found)
     }
 
     /// The same about a first estimate.
     fn explain_about(&mut self, view: View<'_>, first: Drift, drift_scratch: &mut DriftScratch) -> Drift {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
-        self.decide(view, &first, gate, Asked::Few);
+        self.decide(view, &first, gate, Sampling::Few);
         let Gate { cap_turns, .. } = gate;
         let limits = [cap_turns, REFINED_PART_SHARE * cap_turns, REFINED_SPREAD * cap_turns];
         let sd_rad = first.residual_sd_rad;
         let found = self.refined(view, &first, limits, REFINED_START_SD * sd_rad, drift_scratch).unwrap_or(first);
-        self.decide(view, &found, narrow(&found), Asked::ManyOfDoubtful);
+        self.decide(view, &found, narrow(&found), Sampling::ManyOfDoubtful);
         found
     }
 
     /// Whether most surfaces lead clearly about a drift that they showed, and δ scatters about it as noise does.
-    fn bears_out(&self, found: &Drift, delta: &DeltaStatistics) -> bool {
+    fn is_confirmed(&self, found: &Drift, delta: &DeltaStatistics) -> bool {
         let fits = !delta.is_suspicious() || self.fitting_share() > MIN_FITTING_SHARE;
         let is_clear = fits && self.clear_share() >= MIN_CLEAR_SHARE;
         // What scattered lies outside the volume.
@@ -153,9 +153,9 @@ impl Scratch {
 
     /// How much more likely a drift makes δ of a pixel than chance, by the orders that are decided about it: the logarithm, nats. What
     /// lies beyond the volume must fit as closely as what lies within: where more is allowed there, wrong orders within are ahead.
-    fn told_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
+    fn drift_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
         let Gate { cap_turns, .. } = narrow(drift);
-        self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Asked::Few);
+        self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Sampling::Few);
         f64::from(self.fitting_share()) * fit_nats(drift)
     }
 
@@ -168,9 +168,9 @@ impl Scratch {
         sd_rad: f64,
         drift_scratch: &mut DriftScratch,
     ) -> Option<Drift> {
-        let wanted = Wanted { cap_turns, max_sd_turns: part_turns, with_open: known.error_px > 0.0 };
+        let wanted = DecidedFilter { cap_turns, max_sd_turns: part_turns, with_unclear: known.error_px > 0.0 };
         let share = self.find_decided(view, known, wanted);
-        drift_scratch.of_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
+        drift_scratch.estimate_from_decided(view.table, &self.decided.candidates, share, spread_turns, (known, sd_rad))
     }
 }
 

@@ -26,9 +26,9 @@ mod decided;
 mod evidence;
 mod explain;
 mod nodes;
+mod order_scores;
 mod outside;
 mod runs;
-mod sight;
 mod taken;
 #[cfg(test)]
 mod tests;
@@ -36,7 +36,7 @@ mod tests;
 pub(super) use decided::Decided;
 pub(super) use evidence::{Scratch, View};
 pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
-pub(super) use sight::columns_around_each;
+pub(super) use order_scores::columns_around_each;
 
 /// Orders of a node, counted from the base of its surface.
 const LABELS: usize = 128;

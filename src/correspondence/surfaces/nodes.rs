@@ -7,8 +7,8 @@ use std::ops::Range;
 use fringeflow_simd::LANES;
 
 use super::evidence::{View, base_of};
-use super::runs::Runs;
-use super::sight::{MAX_ORDER, Space, UNSEEN_SCORE};
+use super::order_scores::{MAX_ORDER, SearchSpace, UNSEEN_SCORE};
+use super::runs::PhaseRuns;
 use super::{FULL_SCORE, LABELS, NO_ORDER};
 
 /// Pixels along the side of a tile, and of one of a large image: what images show grows with them.
@@ -19,14 +19,14 @@ const LARGE_PX: usize = 800_000;
 /// Lead from which an order is believed, pixels that fit.
 const CLEAR_LEAD: f32 = 6.0;
 /// Fewest pixels of a node that must have been asked.
-const MIN_ASKED: u32 = 4;
+const MIN_SAMPLED: u32 = 4;
 /// Share of a node's own pixels that must fit: neighbours alone say nothing.
 const MIN_FITTING: f32 = 0.3;
 /// Share of them by which neighbours may outvote them, where not most fit anyway: a wrong order may fit a narrow strip better.
 const MAX_OUTVOTED: f32 = 0.1;
 const MOST_FITTING: f32 = 0.75;
 /// Stands for no node.
-pub(super) const NONE: u32 = u32::MAX;
+pub(super) const NO_NODE: u32 = u32::MAX;
 /// Sides of a node; the one after each lies opposite.
 const LEFT: usize = 0;
 const ABOVE: usize = 2;
@@ -39,10 +39,10 @@ pub(super) struct Node {
     pixel: u32,
     relative: i32,
     /// Nodes in the tiles to the left, to the right, above and below into which its phase runs on.
-    pub(super) beside: [u32; 4],
+    pub(super) neighbours: [u32; 4],
     /// Whether a pixel of it is ever asked.
-    is_asked: bool,
-    /// Where its evidence stands; [`NONE`] of one that nothing can be known of.
+    is_sampled: bool,
+    /// Where its evidence stands; [`NO_NODE`] of one that nothing can be known of.
     pub(super) evidence: u32,
     /// Pixels.
     pub(super) size_px: u32,
@@ -52,7 +52,7 @@ pub(super) struct Node {
     pub(super) label: u8,
     pub(super) lead: f32,
     /// Pixels that were asked, and how many of them fit the label as one that fits fully.
-    pub(super) asked: u32,
+    pub(super) sampled: u32,
     pub(super) fitting: f32,
     /// The same of the label that fits best without regard to neighbours.
     pub(super) best_fitting: f32,
@@ -68,8 +68,8 @@ pub(super) struct Node {
     pub(super) sees_beyond: bool,
     /// The label of a node beside it that sees into the volume, if there is one; whether its pixels are to be asked if they see a part
     /// of the same body; and whether some do.
-    pub(super) within_beside: Option<u8>,
-    pub(super) asks_for_body: bool,
+    pub(super) label_within_beside: Option<u8>,
+    pub(super) is_body_candidate: bool,
     pub(super) holds_body: bool,
 }
 
@@ -90,14 +90,14 @@ impl Node {
             surface,
             pixel,
             relative,
-            beside: [NONE; 4],
-            is_asked: false,
-            evidence: NONE,
+            neighbours: [NO_NODE; 4],
+            is_sampled: false,
+            evidence: NO_NODE,
             size_px: 0,
             base,
             label: 0,
             lead: 0.0,
-            asked: 0,
+            sampled: 0,
             fitting: 0.0,
             best_fitting: 0.0,
             rival: 0.0,
@@ -105,8 +105,8 @@ impl Node {
             is_beyond: false,
             is_within: false,
             sees_beyond: false,
-            within_beside: None,
-            asks_for_body: false,
+            label_within_beside: None,
+            is_body_candidate: false,
             holds_body: false,
         }
     }
@@ -148,20 +148,20 @@ impl Node {
 
     /// Whether its order leads to what C2 cannot see.
     pub(super) fn is_unseen(&self) -> bool {
-        self.fitting == self.asked as f32 * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE)
+        self.fitting == self.sampled as f32 * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE)
     }
 
     /// Whether its order leads clearly, and its own pixels say nothing else.
     pub(super) fn is_clear(&self) -> bool {
-        let asked = self.asked as f32;
-        let own = (self.best_fitting - MAX_OUTVOTED * asked).min(MOST_FITTING * asked);
-        let is_own = self.fitting >= own.max(MIN_FITTING * asked);
+        let sampled = self.sampled as f32;
+        let own = (self.best_fitting - MAX_OUTVOTED * sampled).min(MOST_FITTING * sampled);
+        let is_own = self.fitting >= own.max(MIN_FITTING * sampled);
         self.leads() && is_own
     }
 
     /// Whether its order leads clearly, on its own pixels and on those beside them.
     pub(super) fn leads(&self) -> bool {
-        self.asked >= MIN_ASKED && self.lead >= CLEAR_LEAD
+        self.sampled >= MIN_SAMPLED && self.lead >= CLEAR_LEAD
     }
 }
 
@@ -177,7 +177,7 @@ impl Piece {
     }
 
     /// Columns of the pixels that are asked where one of so many is; the row begins with such a pixel.
-    pub(super) fn asked(&self, row: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
+    pub(super) fn sampled_columns(&self, row: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
         let (begin, end) = (self.begin as usize - row, self.end as usize - row);
         let first = begin + (stride / 2 + stride - begin % stride) % stride;
         (first..end).step_by(stride)
@@ -199,8 +199,8 @@ pub(super) struct Nodes {
     bases: Vec<i32>,
     /// Nodes with evidence, and where those of each tile row begin, and those of the last one end. Noise makes twenty times as many that
     /// have none.
-    pub(super) heard: Vec<u32>,
-    pub(super) heard_rows: Vec<usize>,
+    pub(super) with_evidence: Vec<u32>,
+    pub(super) evidence_rows: Vec<usize>,
 }
 
 /// No order yet.
@@ -210,7 +210,7 @@ const HALF_TURN: u32 = 1 << 15;
 
 impl Nodes {
     /// Divides surfaces into nodes.
-    pub(super) fn find(&mut self, view: View<'_>, space: &Space, runs: &Runs) {
+    pub(super) fn find(&mut self, view: View<'_>, space: &SearchSpace, runs: &PhaseRuns) {
         self.tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
         let tile_px = self.tile_px;
         let Self { nodes, pieces, begins, tile_rows, bases, .. } = self;
@@ -234,35 +234,35 @@ impl Nodes {
                 tile_rows.push(nodes.len());
             }
             let mut first_met = above.start;
-            for run in runs.of_row(v) {
+            for run in runs.runs.row(v) {
                 let pixels = run.pixels();
-                let base = &mut bases[run.surface as usize];
+                let base = &mut bases[run.set as usize];
                 if *base == NO_BASE {
                     let pixel = pixels.start + pixels.len() / 2;
-                    let own = run.offset + i32::from(runs.relative[pixel]);
+                    let own = run.order_offset + i32::from(runs.relative[pixel]);
                     *base = base_of(view, space, pixel) - own;
                 }
                 let (mut begin, mut left) = (pixels.start, None);
                 while begin < pixels.end {
                     let tile = (begin - v * width) / tile_px;
                     let end = pixels.end.min(v * width + (tile + 1) * tile_px);
-                    let piece = Piece { begin: begin as u32, end: end as u32, node: NONE, offset: run.offset };
+                    let piece = Piece { begin: begin as u32, end: end as u32, node: NO_NODE, offset: run.order_offset };
                     while first_met < above.end && pieces[first_met].end as usize + width <= begin {
                         first_met += 1;
                     }
                     let met = pieces[first_met..above.end].iter();
                     let met = met.take_while(|other| (other.begin as usize + width) < end);
-                    let of_surface = met.filter(|other| nodes[other.node as usize].surface == run.surface);
+                    let of_surface = met.filter(|other| nodes[other.node as usize].surface == run.set);
                     let continued = of_surface.clone().find(|other| piece.continues(other, width, absolute));
                     let continued = continued.map(|other| other.node);
                     let node = continued.filter(|_| !is_first_row).unwrap_or_else(|| {
-                        let relative = run.offset + i32::from(runs.relative[begin]);
-                        nodes.push(Node::new((run.surface, *base), (begin as u32, relative)));
+                        let relative = run.order_offset + i32::from(runs.relative[begin]);
+                        nodes.push(Node::new((run.set, *base), (begin as u32, relative)));
                         nodes.len() as u32 - 1
                     });
-                    bind(nodes, left, node, LEFT);
+                    link_neighbours(nodes, left, node, LEFT);
                     if is_first_row {
-                        bind(nodes, continued, node, ABOVE);
+                        link_neighbours(nodes, continued, node, ABOVE);
                     }
                     nodes[node as usize].size_px += (end - begin) as u32;
                     pieces.push(Piece { node, ..piece });
@@ -276,35 +276,35 @@ impl Nodes {
 
     /// Finds the nodes that something can be known of, where one of so many pixels along either axis is asked: those with such a
     /// pixel, with others beside them, or of half a tile.
-    pub(super) fn find_heard(&mut self, width: usize, strides: [usize; 2]) {
-        let Self { nodes, pieces, begins, tile_rows, heard, heard_rows, tile_px, .. } = self;
+    pub(super) fn find_evidence_nodes(&mut self, width: usize, strides: [usize; 2]) {
+        let Self { nodes, pieces, begins, tile_rows, with_evidence, evidence_rows, tile_px, .. } = self;
         for stride in strides {
-            for (row, piece) in of_asked_rows(pieces, begins, width, stride) {
-                nodes[piece.node as usize].is_asked |= piece.asked(row, stride).next().is_some();
+            for (row, piece) in pieces_of_sampled_rows(pieces, begins, width, stride) {
+                nodes[piece.node as usize].is_sampled |= piece.sampled_columns(row, stride).next().is_some();
             }
         }
-        heard.clear();
-        heard_rows.clear();
+        with_evidence.clear();
+        evidence_rows.clear();
         for ends in tile_rows.windows(2) {
-            heard_rows.push(heard.len());
+            evidence_rows.push(with_evidence.len());
             for (node, id) in nodes[ends[0]..ends[1]].iter_mut().zip(ends[0] as u32..) {
-                let has_beside = node.beside.iter().any(|&other| other != NONE);
-                if node.is_asked || has_beside || node.is_large(*tile_px) {
-                    node.evidence = heard.len() as u32;
-                    heard.push(id);
+                let has_neighbour = node.neighbours.iter().any(|&other| other != NO_NODE);
+                if node.is_sampled || has_neighbour || node.is_large(*tile_px) {
+                    node.evidence = with_evidence.len() as u32;
+                    with_evidence.push(id);
                 }
             }
         }
-        heard_rows.push(heard.len());
+        evidence_rows.push(with_evidence.len());
     }
 
     /// Counts the pixels of each doubtful node that are asked where one of so many along either axis is.
-    pub(super) fn count_asked(&mut self, width: usize, stride: usize) {
-        self.nodes.iter_mut().filter(|node| node.is_doubtful).for_each(|node| node.asked = 0);
-        for (row, piece) in of_asked_rows(&self.pieces, &self.begins, width, stride) {
+    pub(super) fn count_sampled(&mut self, width: usize, stride: usize) {
+        self.nodes.iter_mut().filter(|node| node.is_doubtful).for_each(|node| node.sampled = 0);
+        for (row, piece) in pieces_of_sampled_rows(&self.pieces, &self.begins, width, stride) {
             let node = &mut self.nodes[piece.node as usize];
             if node.is_doubtful {
-                node.asked += piece.asked(row, stride).count() as u32;
+                node.sampled += piece.sampled_columns(row, stride).count() as u32;
             }
         }
     }
@@ -313,7 +313,7 @@ impl Nodes {
     /// are any.
     pub(super) fn fill_orders(
         &self,
-        runs: &Runs,
+        runs: &PhaseRuns,
         (v, width): (usize, usize),
         label: impl Fn(&Node) -> Option<u8>,
         orders: &mut Vec<i16>,
@@ -321,7 +321,7 @@ impl Nodes {
         orders.clear();
         orders.resize(width.next_multiple_of(LANES), NO_ORDER);
         let mut any = false;
-        for piece in self.of_row(v) {
+        for piece in self.row(v) {
             let node = &self.nodes[piece.node as usize];
             let Some(label) = label(node) else { continue };
             any = true;
@@ -341,18 +341,18 @@ impl Nodes {
     }
 
     /// The nodes beside one.
-    pub(super) fn beside(&self, node: &Node) -> impl Iterator<Item = &Node> + use<'_> {
-        node.beside.into_iter().filter(|&other| other != NONE).map(|other| &self.nodes[other as usize])
+    pub(super) fn neighbours_of(&self, node: &Node) -> impl Iterator<Item = &Node> + use<'_> {
+        node.neighbours.into_iter().filter(|&other| other != NO_NODE).map(|other| &self.nodes[other as usize])
     }
 
     /// The pieces of a row.
-    pub(super) fn of_row(&self, v: usize) -> &[Piece] {
+    pub(super) fn row(&self, v: usize) -> &[Piece] {
         &self.pieces[self.begins[v]..self.begins[v + 1]]
     }
 }
 
 /// The pieces of the rows in which pixels are asked, of which one of so many along either axis is; each with the first pixel of its row.
-fn of_asked_rows<'a>(
+fn pieces_of_sampled_rows<'a>(
     pieces: &'a [Piece],
     begins: &'a [usize],
     width: usize,
@@ -363,10 +363,10 @@ fn of_asked_rows<'a>(
 }
 
 /// Binds a node to the one on a side, if there is one, where neither is bound yet.
-fn bind(nodes: &mut [Node], other: Option<u32>, node: u32, side: usize) {
+fn link_neighbours(nodes: &mut [Node], other: Option<u32>, node: u32, side: usize) {
     let Some(other) = other else { return };
-    if nodes[node as usize].beside[side] == NONE && nodes[other as usize].beside[side ^ 1] == NONE {
-        nodes[node as usize].beside[side] = other;
-        nodes[other as usize].beside[side ^ 1] = node;
+    if nodes[node as usize].neighbours[side] == NO_NODE && nodes[other as usize].neighbours[side ^ 1] == NO_NODE {
+        nodes[node as usize].neighbours[side] = other;
+        nodes[other as usize].neighbours[side ^ 1] = node;
     }
 }

@@ -19,11 +19,11 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 use crate::correspondence::drift::Drift;
 
 use super::NO_ORDER;
-use super::block::{Block, Place};
+use super::block::{Block, OrderColumns};
 use super::bodies;
 use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{Node, Nodes};
-use super::sight::Space;
+use super::order_scores::SearchSpace;
 
 /// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;
@@ -80,21 +80,22 @@ impl Scratch {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
         let Self { runs, nodes, rows, evidence, .. } = self;
-        let half_px = Space::from_table(view.table).half_px;
-        for (&node, evidence) in nodes.heard.iter().zip(&*evidence) {
+        let half_px = SearchSpace::from_table(view.table).half_px;
+        for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
             // Pole and infinity are beyond too.
             node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
             let fitting = || node.fitting_within(view, half_px, evidence);
             node.is_beyond =
-                node.is_large(nodes.tile_px) && !node.is_within && fitting() <= MAX_WITHIN * node.asked as f32;
+                node.is_large(nodes.tile_px) && !node.is_within && fitting() <= MAX_WITHIN * node.sampled as f32;
         }
-        for i in 0..nodes.heard.len() {
-            let i = nodes.heard[i] as usize;
+        for i in 0..nodes.with_evidence.len() {
+            let i = nodes.with_evidence[i] as usize;
             let node = &nodes.nodes[i];
-            let within_beside = nodes.beside(node).find(|other| other.is_within && other.is_clear());
-            let (within_beside, sees_beyond) = (within_beside.map(|other| other.label), is_asked(nodes, node));
-            (nodes.nodes[i].sees_beyond, nodes.nodes[i].within_beside) = (sees_beyond, within_beside);
+            let label_within_beside = nodes.neighbours_of(node).find(|other| other.is_within && other.is_clear());
+            let (label_within_beside, sees_beyond) =
+                (label_within_beside.map(|other| other.label), may_see_beyond(nodes, node));
+            (nodes.nodes[i].sees_beyond, nodes.nodes[i].label_within_beside) = (sees_beyond, label_within_beside);
         }
         bodies::find(view, drift, runs, nodes, rows);
         let (runs, nodes) = (&*runs, &*nodes);
@@ -111,12 +112,14 @@ impl Scratch {
                 if !nodes.fill_orders(runs, (v, width), |node| node.sees_beyond.then_some(node.label), orders) {
                     continue;
                 }
-                let beside = |holds_body: bool| {
-                    move |node: &Node| node.within_beside.filter(|_| node.sees_beyond && node.holds_body == holds_body)
+                let label_within = |holds_body: bool| {
+                    move |node: &Node| {
+                        node.label_within_beside.filter(|_| node.sees_beyond && node.holds_body == holds_body)
+                    }
                 };
-                nodes.fill_orders(runs, (v, width), beside(false), within);
-                nodes.fill_orders(runs, (v, width), beside(true), of_bodies);
-                scratch.turn_to(view, drift, v);
+                nodes.fill_orders(runs, (v, width), label_within(false), within);
+                nodes.fill_orders(runs, (v, width), label_within(true), of_bodies);
+                scratch.load_row(view, drift, v);
                 let far = fringeflow_simd::run(Level::in_use(), MarkRow { view, limits, scratch, v, outside });
                 scratch.outside.far.iter_mut().zip(far).for_each(|(sum, count)| *sum += count);
             }
@@ -153,24 +156,24 @@ struct Limits {
 }
 
 /// Whether the pixels of a node may see something outside by its order.
-fn is_asked(nodes: &Nodes, node: &Node) -> bool {
-    let asked = node.asked as f32;
+fn may_see_beyond(nodes: &Nodes, node: &Node) -> bool {
+    let sampled = node.sampled as f32;
     let goes_on = |node: &Node| {
-        let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_BEST * node.asked as f32;
+        let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_BEST * node.sampled as f32;
         is_led || node.is_clear()
     };
-    let agreeing = nodes.beside(node).filter(|other| other.label == node.label && goes_on(other)).count();
+    let agreeing = nodes.neighbours_of(node).filter(|other| other.label == node.label && goes_on(other)).count();
     if node.is_within || !goes_on(node) || agreeing < MIN_AGREEING {
         return false;
     }
     if node.is_unseen() {
-        let is_among = agreeing == nodes.beside(node).count();
-        return is_among || node.rival <= MAX_RIVAL * asked;
+        let is_among = agreeing == nodes.neighbours_of(node).count();
+        return is_among || node.rival <= MAX_RIVAL * sampled;
     }
-    let fits = node.fitting >= MIN_FITTING * asked;
+    let fits = node.fitting >= MIN_FITTING * sampled;
     let is_best = node.fitting >= node.rival;
-    let is_among = agreeing == node.beside.len();
-    if is_among { fits || (node.fitting >= MIN_FITTING_AMONG * asked && is_best) } else { fits && is_best }
+    let is_among = agreeing == node.neighbours.len();
+    if is_among { fits || (node.fitting >= MIN_FITTING_AMONG * sampled && is_best) } else { fits && is_best }
 }
 
 /// Marks the pixels of a row.
@@ -199,7 +202,7 @@ impl Kernel for MarkRow<'_> {
                 continue;
             }
             let block = Block::new(lanes, &scratch.segments, &scratch.drift, phase, block * LANES);
-            let [found, far @ ..] = Sight { lanes, view, block }.marks(limits, orders, [within, of_bodies]);
+            let [found, far @ ..] = BlockMarker { lanes, view, block }.marks(limits, orders, [within, of_bodies]);
             outside.iter_mut().enumerate().for_each(|(k, outside)| *outside = found >> k & 1 == 1);
             all_far.iter_mut().zip(far).for_each(|(sum, bits)| *sum += bits.count_ones());
         }
@@ -208,50 +211,51 @@ impl Kernel for MarkRow<'_> {
 }
 
 /// Pixels of a block, and what they look into.
-struct Sight<'a, L: Lanes> {
+struct BlockMarker<'a, L: Lanes> {
     lanes: L,
     view: View<'a>,
     block: Block<L>,
 }
 
-impl<L: Lanes> Sight<'_, L> {
+impl<L: Lanes> BlockMarker<'_, L> {
     #[inline(always)]
-    fn fits(&self, place: &Place<L>, reach_turns: f32) -> L::Mask {
-        self.block.fits(self.view.cam2, place, reach_turns)
+    fn fits(&self, columns: &OrderColumns<L>, reach_turns: f32) -> L::Mask {
+        self.block.fits(self.view.cam2, columns, reach_turns)
     }
 
     /// Pixels whose places are farther beyond the volume than so many pixels.
     #[inline(always)]
-    fn beyond(&self, place: &Place<L>, px: f32) -> L::Mask {
+    fn beyond(&self, columns: &OrderColumns<L>, px: f32) -> L::Mask {
         let (lanes, px, segments) = (self.lanes, self.lanes.float(px), &self.block.segments);
-        let before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, px), place.column));
-        let behind = lanes.mask_of(lanes.exceeds(place.column, lanes.add_float(segments.end, px)));
-        lanes.and(place.asked, lanes.or(before, behind))
+        let before = lanes.mask_of(lanes.exceeds(lanes.sub_float(segments.begin, px), columns.column));
+        let behind = lanes.mask_of(lanes.exceeds(columns.column, lanes.add_float(segments.end, px)));
+        lanes.and(columns.has_order, lanes.or(before, behind))
     }
 
     /// Which pixels see something outside, and which of them far beyond the volume and very far, a bit each.
     #[inline(always)]
     fn marks(&self, limits: Limits, orders: &[i16; LANES], [within, of_bodies]: [&[i16; LANES]; 2]) -> [u32; 3] {
-        let (lanes, place) = (self.lanes, self.block.place(orders));
+        let (lanes, columns) = (self.lanes, self.block.order_columns(orders));
         let [beyond_px, far_px, very_far_px] = limits.beyond_px;
-        let beyond = self.beyond(&place, beyond_px);
+        let beyond = self.beyond(&columns, beyond_px);
         if !lanes.any(beyond) {
             return [0; 3];
         }
         let last_px = lanes.float((self.view.cam2.width - 2) as f32);
-        let is_seen = lanes.both(lanes.reaches(place.column, lanes.float(0.0)), lanes.reaches(last_px, place.column));
+        let is_seen =
+            lanes.both(lanes.reaches(columns.column, lanes.float(0.0)), lanes.reaches(last_px, columns.column));
         let unseen = lanes.and_not(beyond, lanes.mask_of(is_seen));
-        let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&place, REACH_TURNS)));
+        let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&columns, REACH_TURNS)));
         if *within != [NO_ORDER; LANES] {
-            let closely = lanes.and_not(self.fits(&place, CLOSE_TURNS), unseen);
-            let seen_within = lanes.and_not(self.fits(&self.block.place(within), limits.within_turns), closely);
+            let closely = lanes.and_not(self.fits(&columns, CLOSE_TURNS), unseen);
+            let seen_within = lanes.and_not(self.fits(&self.block.order_columns(within), limits.within_turns), closely);
             marked = lanes.and_not(marked, seen_within);
         }
         if *of_bodies != [NO_ORDER; LANES] {
-            marked = lanes.and_not(marked, self.fits(&self.block.place(of_bodies), limits.within_turns));
+            marked = lanes.and_not(marked, self.fits(&self.block.order_columns(of_bodies), limits.within_turns));
         }
-        let far = lanes.and(marked, self.beyond(&place, far_px));
-        let very_far = lanes.and(marked, self.beyond(&place, very_far_px));
+        let far = lanes.and(marked, self.beyond(&columns, far_px));
+        let very_far = lanes.and(marked, self.beyond(&columns, very_far_px));
         [lanes.bits(marked), lanes.bits(far), lanes.bits(very_far)]
     }
 }

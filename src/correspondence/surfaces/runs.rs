@@ -1,4 +1,12 @@
-//! Runs: pixels of a row of C1 over which the wrapped phase runs on, and their orders relative to each other.
+//! Runs of continuous wrapped phase, and their fringe orders relative to each other.
+//!
+//! ```text
+//! rise(u) = phase(u) − phase(u − 1), wrapped
+//! the phase runs on to u if rise(u) is small, and no bend on both sides of the step is large:
+//!     |rise(u) − rise(u − 1)| or |rise(u + 1) − rise(u)|
+//! relative order(u) = relative order(u − 1) + the whole turn that the wrapped phase skips at the step; 0 where a run begins
+//! two runs of neighbouring rows are united if one whole number makes nine in ten of their common pixels run on
+//! ```
 
 use std::ops::Range;
 
@@ -6,9 +14,9 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::bands::{self, BAND_ROWS};
-use crate::correspondence::disjoint_sets::{DisjointSets, Offset};
+use crate::correspondence::bands::BAND_ROWS;
 use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::runs::{Runs, Union, divide_at_marks};
 use crate::correspondence::segment_table::SegmentTable;
 use crate::phase::PhaseMap;
 
@@ -20,232 +28,125 @@ const MAX_ROW_STEP: u16 = 9000;
 /// Fewest pixels that unite two runs.
 const MIN_SHARED_PX: u32 = 3;
 
-/// Pixels of a row over which the phase runs on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Run {
-    begin: u32,
-    end: u32,
-    /// Number of its surface.
-    pub(super) surface: u32,
-    /// Order of its first pixel relative to that of its surface.
-    pub(super) offset: i32,
-}
-
-impl Run {
-    /// Its pixels.
-    pub(super) fn pixels(&self) -> Range<usize> {
-        self.begin as usize..self.end as usize
-    }
-}
-
-/// The runs of an image.
+/// The runs of an image; the set of each is its surface.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Runs {
-    /// Row by row, from left to right.
-    pub(super) runs: Vec<Run>,
-    /// Where the runs of each row begin, and where those of the last one end.
-    begins: Vec<usize>,
-    /// Order of each pixel relative to that of the first pixel of its run.
+pub(super) struct PhaseRuns {
+    pub(super) runs: Runs<RowScratch>,
+    /// Fringe order of each pixel relative to that of the first pixel of its run.
     pub(super) relative: Vec<i16>,
     /// Number of surfaces.
     pub(super) surfaces: usize,
-    scratches: Vec<BandScratch>,
-    sets: DisjointSets,
 }
 
-/// What is found in a band of rows.
+/// Scratch for a row of pixels.
 #[derive(Clone, Debug, Default)]
-struct BandScratch {
-    runs: Vec<Run>,
-    /// Number of runs of each row.
-    counts: Vec<usize>,
-    /// Runs of neighbouring rows and by how much the order of the lower one is greater.
-    united: Vec<(u32, u32, i32)>,
-    row: RowScratch,
-}
-
-/// What is known of the pixels of a row.
-#[derive(Clone, Debug, Default)]
-struct RowScratch {
+pub(super) struct RowScratch {
     /// Whether a pixel has a phase and a segment: 1 or 0.
     usable: Vec<u8>,
-    /// Step of the phase to each pixel from the one before.
-    step: Vec<i16>,
-    /// Whether it runs on from the pixel before: 1 or 0.
-    runs_on: Vec<u8>,
-    /// By how many orders it changes with that step.
+    /// Rise of the phase to each pixel from the one before.
+    rise: Vec<i16>,
+    /// Whether a run ends before the pixel: 1 or 0.
+    breaks: Vec<u8>,
+    /// By how many orders the pixel differs from the one before.
     carry: Vec<i8>,
 }
 
-impl Runs {
-    /// Finds the runs of pixels with a segment, and unites them.
+impl PhaseRuns {
+    /// Finds the runs of the pixels with a segment, and unites them.
     pub(super) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable) {
         let (width, height) = (cam1.width.max(1), cam1.height);
-        let Self { runs, begins, relative, surfaces, scratches, sets } = self;
+        let Self { runs, relative, surfaces } = self;
         relative.resize(cam1.phase.len(), 0);
-        bands::resize(scratches, height);
-        let bands = scratches.par_iter_mut().zip(relative.par_chunks_mut(BAND_ROWS * width)).enumerate();
-        bands.for_each(|(band, (scratch, relative))| {
-            scratch.runs.clear();
-            scratch.counts.clear();
-            for (i, relative) in relative.chunks_mut(width).enumerate() {
-                let (v, before) = (band * BAND_ROWS + i, scratch.runs.len());
-                scratch.row.find(cam1, table, v);
-                scratch.row.divide(v * width, relative, &mut scratch.runs);
-                scratch.counts.push(scratch.runs.len() - before);
+        runs.divide(height, relative.par_chunks_mut(BAND_ROWS * width), |v, row, relative, runs| {
+            row.find_breaks(cam1, table, v);
+            row.count_orders(&mut relative[v % BAND_ROWS * width..][..width]);
+            divide_at_marks(v * width, &row.breaks, |u| row.usable[u] == 1, runs);
+        });
+        let relative = &*relative;
+        *surfaces = runs.unite(width, |_, _, overlaps, unions| {
+            for (runs, shared) in overlaps.filter(|(_, shared)| shared.len() >= MIN_SHARED_PX as usize) {
+                let rows = [shared.start - width..shared.end - width, shared];
+                let order_step = fringeflow_simd::run(Level::in_use(), UniteKernel { cam1, relative, rows });
+                unions.extend(order_step.map(|order_step| Union { runs, order_step }));
             }
         });
-        runs.clear();
-        begins.clear();
-        begins.push(0);
-        for scratch in &*scratches {
-            runs.extend_from_slice(&scratch.runs);
-            scratch.counts.iter().for_each(|count| begins.push(begins[begins.len() - 1] + count));
-        }
-        let (all, starts, relative) = (&*runs, &*begins, &*relative);
-        scratches.par_iter_mut().enumerate().for_each(|(band, scratch)| {
-            scratch.united.clear();
-            for v in (band * BAND_ROWS..((band + 1) * BAND_ROWS).min(height)).filter(|&v| v > 0) {
-                let rows = [&all[starts[v - 1]..starts[v]], &all[starts[v]..starts[v + 1]]];
-                unite_rows(cam1, relative, rows, [starts[v - 1], starts[v]], &mut scratch.united);
-            }
-        });
-        sets.begin(runs.iter().map(|run| run.end - run.begin));
-        for &(above, below, by) in scratches.iter().flat_map(|scratch| &scratch.united) {
-            sets.unite(above, below, by);
-        }
-        *surfaces = sets.number(|run, Offset { set, by }| (runs[run].surface, runs[run].offset) = (set, by));
     }
 
     /// Whether the phase runs on to a pixel of a row from the pixel to the left.
-    pub(super) fn run_on(&self, v: usize, pixel: usize) -> bool {
-        let runs = self.of_row(v);
-        let behind = runs.partition_point(|run| (run.begin as usize) < pixel);
-        behind.checked_sub(1).is_some_and(|place| pixel < runs[place].end as usize)
-    }
-
-    /// The runs of a row.
-    pub(super) fn of_row(&self, v: usize) -> &[Run] {
-        &self.runs[self.begins[v]..self.begins[v + 1]]
+    pub(super) fn runs_on(&self, v: usize, pixel: usize) -> bool {
+        let runs = self.runs.row(v);
+        let behind = runs.partition_point(|run| run.pixels().start < pixel);
+        behind.checked_sub(1).is_some_and(|place| pixel < runs[place].pixels().end)
     }
 }
 
 impl RowScratch {
-    fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize) {
+    /// Finds where runs of row `v` end.
+    fn find_breaks(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize) {
         let width = cam1.width;
-        let Self { usable, step, runs_on, carry } = self;
+        let Self { usable, rise, breaks, carry } = self;
         usable.resize(width, 0);
-        step.resize(width + 1, 0);
-        runs_on.resize(width, 0);
+        rise.resize(width + 1, 0);
+        breaks.resize(width, 0);
         carry.resize(width, 0);
         table.mark_segments(v, usable);
         let pixels = v * width..(v + 1) * width;
         let (phase, valid) = (&cam1.phase[pixels.clone()], &cam1.valid[pixels]);
-        fringeflow_simd::run(Level::in_use(), StepKernel { phase, valid, row: self });
+        fringeflow_simd::run(Level::in_use(), BreakKernel { phase, valid, row: self });
     }
 
-    /// Adds the runs of a row that begins with such a pixel.
-    fn divide(&self, first: usize, relative: &mut [i16], runs: &mut Vec<Run>) {
+    /// Counts the orders of the pixels from the first one of their run.
+    fn count_orders(&self, relative: &mut [i16]) {
         let mut order = 0_i16;
-        for (u, relative) in relative.iter_mut().enumerate() {
-            order = if self.runs_on[u] == 1 { order.wrapping_add(i16::from(self.carry[u])) } else { 0 };
+        for (relative, (&is_break, &carry)) in relative.iter_mut().zip(self.breaks.iter().zip(&self.carry)) {
+            order = if is_break == 1 { 0 } else { order.wrapping_add(i16::from(carry)) };
             *relative = order;
         }
-        let mut begin = 0;
-        let mut end_at = |begin: usize, end: usize| {
-            if begin < end && self.usable[begin] == 1 {
-                let (begin, end) = ((first + begin) as u32, (first + end) as u32);
-                runs.push(Run { begin, end, ..Run::default() });
-            }
-        };
-        let (words, rest) = self.runs_on.as_chunks::<8>();
-        const ALL: u64 = u64::from_le_bytes([1; 8]);
-        for (i, word) in words.iter().enumerate() {
-            let mut ends = u64::from_le_bytes(*word) ^ ALL;
-            while ends != 0 {
-                let u = 8 * i + ends.trailing_zeros() as usize / 8;
-                end_at(std::mem::replace(&mut begin, u), u);
-                ends &= ends - 1;
-            }
-        }
-        for (i, _) in rest.iter().enumerate().filter(|(_, runs_on)| **runs_on == 0) {
-            let u = 8 * words.len() + i;
-            end_at(std::mem::replace(&mut begin, u), u);
-        }
-        end_at(begin, self.runs_on.len());
     }
 }
 
-/// Finds where the phase of a row runs on.
-struct StepKernel<'a> {
+/// Finds where the phase of a row does not run on.
+struct BreakKernel<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
     row: &'a mut RowScratch,
 }
 
-impl Kernel for StepKernel<'_> {
+impl Kernel for BreakKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { phase, valid, row: RowScratch { usable, step, runs_on, carry } } = self;
+        let Self { phase, valid, row: RowScratch { usable, rise, breaks, carry } } = self;
         let width = phase.len();
         let (usable, valid) = (&mut usable[..width], &valid[..width]);
         for u in 0..width {
             usable[u] &= u8::from(valid[u]);
         }
-        let step = &mut step[..width + 1];
-        step[0] = i16::MIN;
-        step[width] = i16::MIN;
+        let rises = &mut rise[..width + 1];
+        rises[0] = i16::MIN;
+        rises[width] = i16::MIN;
         let (before, here) = (&phase[..width - 1], &phase[1..][..width - 1]);
         let (known_before, known) = (&usable[..width - 1], &usable[1..][..width - 1]);
         {
-            let step = &mut step[1..][..width - 1];
+            let rises = &mut rises[1..][..width - 1];
             for i in 0..width - 1 {
-                // No step has the least number, which bends from everything.
+                // The least number stands for no rise. It is too large for any run, and bends from every other.
                 let rise = (here[i].wrapping_sub(before[i]) as i16).max(-i16::MAX);
-                step[i] = if known_before[i] & known[i] == 1 { rise } else { i16::MIN };
+                rises[i] = if known_before[i] & known[i] == 1 { rise } else { i16::MIN };
             }
         }
-        runs_on[0] = 0;
+        breaks[0] = 1;
         carry[0] = 0;
-        let (of, to, next) = (&step[..width - 1], &step[1..][..width - 1], &step[2..][..width - 1]);
-        let (runs_on, carry) = (&mut runs_on[1..][..width - 1], &mut carry[1..][..width - 1]);
+        let (last, rise, next) = (&rises[..width - 1], &rises[1..][..width - 1], &rises[2..][..width - 1]);
+        let (breaks, carry) = (&mut breaks[1..][..width - 1], &mut carry[1..][..width - 1]);
         for i in 0..width - 1 {
-            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(to[i]).unsigned_abs() > MAX_BEND);
-            let small = to[i].unsigned_abs() <= MAX_STEP as u16;
-            runs_on[i] = u8::from(small & !(bends(of[i]) & bends(next[i])));
-            let up = i8::from((to[i] > 0) & (here[i] < before[i]));
-            let down = i8::from((to[i] < 0) & (here[i] > before[i]));
+            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(rise[i]).unsigned_abs() > MAX_BEND);
+            let is_large = rise[i].unsigned_abs() > MAX_STEP as u16;
+            breaks[i] = u8::from(is_large | (bends(last[i]) & bends(next[i])));
+            let up = i8::from((rise[i] > 0) & (here[i] < before[i]));
+            let down = i8::from((rise[i] < 0) & (here[i] > before[i]));
             carry[i] = up - down;
-        }
-    }
-}
-
-/// Adds the runs of a row and of the one below over which one whole number makes the phases run on.
-fn unite_rows(
-    cam1: &PhaseMap,
-    relative: &[i16],
-    [above, below]: [&[Run]; 2],
-    first: [usize; 2],
-    united: &mut Vec<(u32, u32, i32)>,
-) {
-    let width = cam1.width;
-    let (mut i, mut j) = (0, 0);
-    while let (Some(a), Some(b)) = (above.get(i), below.get(j)) {
-        // In pixels of the row below.
-        let (a, b) = (a.begin as usize + width..a.end as usize + width, b.pixels());
-        let shared = a.start.max(b.start)..a.end.min(b.end);
-        if shared.len() >= MIN_SHARED_PX as usize {
-            let rows = [shared.start - width..shared.end - width, shared];
-            if let Some(by) = fringeflow_simd::run(Level::in_use(), UniteKernel { cam1, relative, rows }) {
-                united.push(((first[0] + i) as u32, (first[1] + j) as u32, by));
-            }
-        }
-        if a.end <= b.end {
-            i += 1;
-        } else {
-            j += 1;
         }
     }
 }

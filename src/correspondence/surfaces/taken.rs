@@ -71,7 +71,7 @@ impl Span {
 
 impl Scratch {
     /// Leaves of C2 what is not known to lie outside, where pixels of C1 are known to see something there; whether there are such.
-    pub(in crate::correspondence) fn leave_open(
+    pub(in crate::correspondence) fn mask_taken(
         &mut self,
         view: View<'_>,
         drift: &Drift,
@@ -79,7 +79,7 @@ impl Scratch {
         open: &mut EpipolarImage,
     ) -> bool {
         let takes =
-            |node: &Node| node.sees_beyond && !node.is_unseen() && node.fitting >= MIN_FITTING * node.asked as f32;
+            |node: &Node| node.sees_beyond && !node.is_unseen() && node.fitting >= MIN_FITTING * node.sampled as f32;
         if !self.nodes.nodes.iter().any(takes) {
             return false;
         }
@@ -118,7 +118,7 @@ impl Scratch {
             for v in nodes.rows_of_tiles(tile_row) {
                 let label = |node: &Node| of_node(node).then_some(node.label);
                 if nodes.fill_orders(runs, (v, width), label, &mut scratch.taken.orders) {
-                    scratch.turn_to(view, drift, v);
+                    scratch.load_row(view, drift, v);
                     scratch.find_spans(view, nodes, v, &of_pixel);
                 }
             }
@@ -142,7 +142,7 @@ impl RowScratch {
         let phase = &view.cam1.phase[first..first + view.cam1.width];
         fringeflow_simd::run(Level::in_use(), ColumnRow { segments, drift, phase, orders, columns_px });
         let last_px = (view.cam2.width - 1) as f32;
-        for piece in nodes.of_row(v) {
+        for piece in nodes.row(v) {
             for pixel in (piece.begin as usize..piece.end as usize).filter(|&pixel| of_pixel(pixel)) {
                 let (column_px, row_px) = (columns_px[pixel - first], segments.row_px[pixel - first]);
                 if !(0.0..=last_px).contains(&column_px) {
@@ -179,11 +179,11 @@ impl Kernel for ColumnRow<'_> {
                 continue;
             }
             let block = Block::new(lanes, segments, drift, phase, i * LANES);
-            let place = block.place(orders);
-            lanes.store_floats(block.seen_at(&place), columns_px);
-            let asked = lanes.bits(place.asked);
+            let order_columns = block.order_columns(orders);
+            lanes.store_floats(block.columns_with_drift(&order_columns), columns_px);
+            let has_order = lanes.bits(order_columns.has_order);
             for (k, column_px) in columns_px.iter_mut().enumerate() {
-                *column_px = if asked >> k & 1 == 1 { *column_px } else { NO_COLUMN_PX };
+                *column_px = if has_order >> k & 1 == 1 { *column_px } else { NO_COLUMN_PX };
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::correspondence::drift::{Drift, DriftScratch, KnownDrift};
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::semi_global::test_scene::TestScene;
 
-use super::evidence::{Asked, Gate};
+use super::evidence::{Gate, Sampling};
 use super::*;
 
 fn view(scene: &TestScene) -> View<'_> {
@@ -26,7 +26,7 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
     }
     assert!(scratch.clear_share() > 0.7, "{}", scratch.clear_share());
     let (mut right, mut wrong) = (0, 0);
-    for piece in (0..scene.cam1.height).flat_map(|v| scratch.nodes.of_row(v)) {
+    for piece in (0..scene.cam1.height).flat_map(|v| scratch.nodes.row(v)) {
         let node = &scratch.nodes.nodes[piece.node as usize];
         for pixel in (piece.begin as usize..piece.end as usize).filter(|_| node.is_clear()) {
             let order = node.order(piece.offset + i32::from(scratch.runs.relative[pixel]));
@@ -50,9 +50,9 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
         (drift, scratch.nodes.nodes)
     };
     let (alone, nodes) = explained(None);
-    let told = alone.known();
-    assert_eq!(KnownDrift::from_numbers(told.to_numbers()), Some(told));
-    let (again, of_again) = explained(Some(told));
+    let known = alone.to_known();
+    assert_eq!(KnownDrift::from_numbers(known.to_numbers()), Some(known));
+    let (again, of_again) = explained(Some(known));
     // A quarter of the sd of δ: the sample is another one.
     let off_turns = again.distance_turns(&alone, &scene.table);
     assert!(off_turns < 0.004, "{off_turns}");
@@ -62,7 +62,7 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
     }
     assert!(same * 100 >= clear * 99 && clear > 100, "{same} of {clear}");
     let off = |place: usize, by: f32| {
-        let mut numbers = told.to_numbers();
+        let mut numbers = known.to_numbers();
         numbers[place] += by;
         KnownDrift::from_numbers(numbers)
     };
@@ -80,7 +80,7 @@ fn nothing_of_a_plane_in_the_volume_sees_outside() {
     let drift = explain(view(&scene), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
     assert!(!scratch.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
     assert!(outside.iter().all(|outside| !outside));
-    assert!(!scratch.leave_open(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
+    assert!(!scratch.mask_taken(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
 }
 
 #[test]
@@ -92,9 +92,9 @@ fn a_plane_behind_the_volume_takes_the_places_that_it_is_seen_in() {
         let drift = Drift::level(0.0, 0.05);
         scratch.divide(view(&scene));
         let gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
-        scratch.decide(view(&scene), &drift, gate, Asked::Many);
+        scratch.decide(view(&scene), &drift, gate, Sampling::Many);
         assert!(scratch.mark_outside(view(&scene), &drift, 1.0, &mut outside).is_far);
-        assert!(scratch.leave_open(view(&scene), &drift, &outside, &mut open));
+        assert!(scratch.mask_taken(view(&scene), &drift, &outside, &mut open));
         open.phase
     });
     let with_phase = |phase: &[u16]| phase.iter().filter(|&&phase| phase != EpipolarImage::NO_PHASE).count();
@@ -124,7 +124,7 @@ fn no_node_lies_across_a_seam() {
     };
     let (mut met, mut seams) = (0, 0);
     for v in 1..height {
-        for (above, below) in nodes.of_row(v - 1).iter().flat_map(|a| nodes.of_row(v).iter().map(move |b| (a, b))) {
+        for (above, below) in nodes.row(v - 1).iter().flat_map(|a| nodes.row(v).iter().map(move |b| (a, b))) {
             let begin = (above.begin as usize + width).max(below.begin as usize);
             let end = (above.end as usize + width).min(below.end as usize);
             for pixel in begin..end.max(begin) {

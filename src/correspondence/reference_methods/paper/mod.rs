@@ -35,11 +35,12 @@ use crate::correspondence::candidates::{Candidate, DeltaGate};
 use crate::correspondence::chosen::ChosenCandidates;
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::epipolar_image::EpipolarImage;
-use crate::correspondence::explanation::explain;
+use crate::correspondence::explanation::explain_missing;
 use crate::correspondence::neighbourhood::{ABSENT, TURN};
 use crate::correspondence::pool::Pool;
 use crate::correspondence::search::{Candidates, find_candidates};
 use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::settings::ResolutionSettings;
 use crate::correspondence::support::{Support, SupportRule};
 use crate::phase::PhaseMap;
 
@@ -58,25 +59,6 @@ const SETTLED_SHARE: usize = 500;
 const ANY_DELTA: i32 = TURN;
 /// Share of the widest δ at which a candidate may be readmitted beyond which one side is too little to do so.
 const RIM_SHARE: f32 = 0.8;
-
-/// How the paper's method weighs and when it stops.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ResolutionSettings {
-    /// Rounds of decisions and contradictions.
-    pub max_rounds: usize,
-    /// Sweeps of one kind in a round.
-    pub max_sweeps: usize,
-    /// Decided pixels that must support a decision.
-    pub min_votes: u16,
-    /// Smallest region of agreeing pixels that is kept, pixels.
-    pub min_region_px: u32,
-}
-
-impl Default for ResolutionSettings {
-    fn default() -> Self {
-        Self { max_rounds: 3, max_sweeps: 8, min_votes: 3, min_region_px: 30 }
-    }
-}
 
 /// What the method reads.
 #[derive(Clone, Copy)]
@@ -108,7 +90,7 @@ pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     let mut image = Image::new(scene, [gate, readmission], &candidates);
     image.resolve();
     let mut outcomes = image.outcomes.clone();
-    explain(scene.cam1, scene.cam2, scene.table, &mut outcomes, &Pool::default());
+    explain_missing(scene.cam1, scene.cam2, scene.table, &mut outcomes, &Pool::default());
     Decisions { outcomes, chosen: image.chosen(), passing: image.passing }
 }
 
@@ -136,9 +118,9 @@ impl<'a> Image<'a> {
     /// An image of which nothing is decided yet.
     fn new(scene: Scene<'a>, [gate, readmission]: [DeltaGate; 2], candidates: &'a Candidates) -> Self {
         let pixels = scene.cam1.phase.len();
-        let passing = |pixel: usize| candidates.of(pixel).iter().filter(|c| gate.passes(c.delta)).count() as u8;
+        let passing = |pixel: usize| candidates.for_pixel(pixel).iter().filter(|c| gate.passes(c.delta)).count() as u8;
         let passing: Vec<u8> = (0..pixels).into_par_iter().map(passing).collect();
-        let outcome = |(pixel, &passing): (usize, &u8)| match (candidates.of(pixel), passing) {
+        let outcome = |(pixel, &passing): (usize, &u8)| match (candidates.for_pixel(pixel), passing) {
             ([], _) => Outcome::NoCandidate,
             (_, 0) => Outcome::RejectedByDelta,
             _ => Outcome::Ambiguous,
@@ -186,7 +168,7 @@ impl<'a> Image<'a> {
     /// have just one too (2.2.1).
     fn select_references(&mut self) {
         for pixel in 0..self.absolute.len() {
-            let mut passing = (0..).zip(self.candidates.of(pixel)).filter(|(_, c)| self.gate.passes(c.delta));
+            let mut passing = (0..).zip(self.candidates.for_pixel(pixel)).filter(|(_, c)| self.gate.passes(c.delta));
             if let (Some((number, _)), None) = (passing.next(), passing.next()) {
                 self.decide(pixel, number, Outcome::Reference);
             }
@@ -222,7 +204,7 @@ impl<'a> Image<'a> {
             choices.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_asked));
             decided += choices.len();
             for (pixel, number) in choices {
-                let has_several = self.candidates.of(pixel).len() > 1;
+                let has_several = self.candidates.for_pixel(pixel).len() > 1;
                 self.decide(pixel, number, if has_several { outcome_of_several } else { Outcome::Unique });
             }
         }
@@ -252,11 +234,11 @@ impl<'a> Image<'a> {
 
     /// The candidate that a pixel is decided for.
     fn candidate(&self, pixel: usize) -> Option<&Candidate> {
-        self.is_decided(pixel).then(|| &self.candidates.of(pixel)[usize::from(self.number[pixel])])
+        self.is_decided(pixel).then(|| &self.candidates.for_pixel(pixel)[usize::from(self.number[pixel])])
     }
 
     fn decide(&mut self, pixel: usize, number: u8, outcome: Outcome) {
-        let candidate = &self.candidates.of(pixel)[usize::from(number)];
+        let candidate = &self.candidates.for_pixel(pixel)[usize::from(number)];
         self.absolute[pixel] = self.absolute_of(pixel, candidate);
         (self.delta[pixel], self.number[pixel], self.outcomes[pixel]) = (candidate.delta, number, outcome);
     }
@@ -271,7 +253,7 @@ impl<'a> Image<'a> {
     /// Takes decisions back, and the candidates out.
     fn exclude(&mut self, pixels: &[usize]) {
         for &pixel in pixels {
-            self.is_excluded[self.candidates.first_of(pixel) + usize::from(self.number[pixel])] = true;
+            self.is_excluded[self.candidates.first_index(pixel) + usize::from(self.number[pixel])] = true;
             self.undecide(pixel, Outcome::Contradicted);
         }
     }

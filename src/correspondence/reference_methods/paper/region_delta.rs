@@ -46,7 +46,7 @@ impl Image<'_> {
         let delta: Vec<f32> = self.delta.iter().map(|&delta| f32::from(delta)).collect();
         regions.find(self.scene.cam1.width.max(1), &self.absolute, &delta, tolerance as f32);
         let mut of_pixels = vec![u32::MAX; self.absolute.len()];
-        regions.runs.iter().for_each(|run| of_pixels[run.pixels()].fill(run.region));
+        regions.runs.all.iter().for_each(|run| of_pixels[run.pixels()].fill(run.set));
         Division { regions, of_pixels }
     }
 
@@ -54,9 +54,9 @@ impl Image<'_> {
     pub(super) fn level(&self, division: &Division) -> Vec<bool> {
         let (width, sizes) = (self.scene.cam1.width, &division.regions.size_px);
         let mut sums = vec![RegionDelta::default(); sizes.len()];
-        for run in &division.regions.runs {
-            let sums = &mut sums[run.region as usize];
-            let stride = STEEP_STRIDES[usize::from(sizes[run.region as usize] > MANY_PX)];
+        for run in &division.regions.runs.all {
+            let sums = &mut sums[run.set as usize];
+            let stride = STEEP_STRIDES[usize::from(sizes[run.set as usize] > MANY_PX)];
             for pixel in run.pixels().filter(|&pixel| self.gate.passes(self.delta[pixel])) {
                 let (u, v) = (pixel % width, pixel / width);
                 sums.add([u as f64, v as f64], f64::from(self.delta[pixel]));

@@ -48,7 +48,7 @@ impl Seen {
         let all = find_candidates(&self.cam1, &self.cam2, &self.table, &self.gates()[1]);
         let is_true = |c: &&Candidate, pixel: usize| self.truth[pixel].is_some_and(|truth| truth.order == c.order);
         (0..self.truth.len())
-            .map(|pixel| all.of(pixel).iter().filter(|c| is_true(c, pixel)).copied().take(1).collect())
+            .map(|pixel| all.for_pixel(pixel).iter().filter(|c| is_true(c, pixel)).copied().take(1).collect())
             .collect()
     }
 }

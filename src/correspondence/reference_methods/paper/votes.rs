@@ -101,7 +101,7 @@ impl Image<'_> {
     pub(super) fn choices(&self, directions: Directions, rule: VoteRule, is_asked: &[bool]) -> Vec<(usize, u8)> {
         let sides = self.sides(directions);
         let is_open =
-            |&pixel: &usize| is_asked[pixel] && !self.is_decided(pixel) && !self.candidates.of(pixel).is_empty();
+            |&pixel: &usize| is_asked[pixel] && !self.is_decided(pixel) && !self.candidates.for_pixel(pixel).is_empty();
         let choose = |opinions: &mut Vec<Opinion>, pixel: usize| {
             self.hear(pixel, sides, opinions);
             if opinions.len() < usize::from(rule.min_votes) {
@@ -127,8 +127,8 @@ impl Image<'_> {
 
     /// Candidates of a pixel that were not contradicted, with their numbers.
     fn eligible(&self, pixel: usize) -> impl Iterator<Item = (u8, &Candidate)> {
-        let first = self.candidates.first_of(pixel);
-        let all = (0..=u8::MAX).zip(self.candidates.of(pixel));
+        let first = self.candidates.first_index(pixel);
+        let all = (0..=u8::MAX).zip(self.candidates.for_pixel(pixel));
         all.filter(move |(number, _)| !self.is_excluded[first + usize::from(*number)])
     }
 
@@ -174,7 +174,7 @@ pub(in crate::correspondence) fn walk(
     from: usize,
     side: Side,
     reach: usize,
-    mut tell: impl FnMut(usize, i32),
+    mut visit: impl FnMut(usize, i32),
 ) {
     let (u, v) = (from % cam1.width, from / cam1.width);
     let (stride, scratch) = match side {
@@ -192,7 +192,7 @@ pub(in crate::correspondence) fn walk(
         if !cam1.valid[next] || step.abs() > MAX_STEP || bends || rise.abs() >= TURN {
             return;
         }
-        tell(next, rise);
+        visit(next, rise);
         (here, last_step) = (next, Some(step));
     }
 }

@@ -1,4 +1,15 @@
-//! Costs of all orders of 32 pixels.
+//! Matching costs of all orders of 32 pixels.
+//!
+//! ```text
+//! for each eight orders k of the pixels:
+//!     for each k: columns(k) = where candidates with |δ − drift| <= MAX_Z·sd can lie
+//!     for each k: walk along columns(k) in the two rows of C2, and keep where the phase of the pixel is crossed
+//!     for each kept crossing: z = (δ − drift)/sd, cost = table(z), more outside the volume; best(k) = min( best(k), cost )
+//!     for each k: cost(k) = best(k), or MISSING; update the least and the second least cost of the pixel
+//! transpose the costs from order by order to pixel by pixel
+//! ```
+//!
+//! The walks of pixels in neighbouring columns share a table of 64 columns; the others take a walk of their own.
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
@@ -8,30 +19,30 @@ use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::Block;
 
-/// Crossings that are kept until they are weighed.
+/// Crossings kept before they are weighed.
 const MAX_CROSSINGS: usize = 2 * LANE_STEP;
 
-/// The orders of 32 pixels.
-pub(in crate::correspondence::semi_global) struct OrdersOfBlock<'a> {
-    /// Least order of each, and their number.
+/// The order ranges of 32 pixels.
+pub(in crate::correspondence::semi_global) struct OrderBlock<'a> {
+    /// First order of each pixel, and number of orders.
     pub(in crate::correspondence::semi_global) first: &'a [i16; BLOCK],
     pub(in crate::correspondence::semi_global) count: &'a [u8; BLOCK],
-    /// Greatest of these numbers.
+    /// The largest of these numbers.
     pub(in crate::correspondence::semi_global) most: usize,
 }
 
-/// What the costs of 32 pixels come to, each as words.
-pub(in crate::correspondence::semi_global) struct BestOfBlock<L: Lanes> {
+/// Summary of the costs of 32 pixels, as words.
+pub(in crate::correspondence::semi_global) struct BestBlock<L: Lanes> {
     /// Orders that pass the back-projection test.
     pub(in crate::correspondence::semi_global) passing: L::Words,
-    /// The first order with the least cost, that cost, and the least of the others.
+    /// Place of the first order with the least cost, that cost, and the least cost of the others.
     pub(in crate::correspondence::semi_global) place: L::Words,
     pub(in crate::correspondence::semi_global) least: L::Words,
     pub(in crate::correspondence::semi_global) second: L::Words,
 }
 
-/// Scratch for what is found on the way, to be used from block to block.
-pub(in crate::correspondence::semi_global) struct EvidenceScratch<L: Lanes> {
+/// Scratch memory, kept from block to block.
+pub(in crate::correspondence::semi_global) struct CostScratch<L: Lanes> {
     columns: [Columns<L>; LANE_STEP],
     crossings: [(Crossing<L>, usize); MAX_CROSSINGS],
     count: usize,
@@ -39,10 +50,10 @@ pub(in crate::correspondence::semi_global) struct EvidenceScratch<L: Lanes> {
     by_order: [[u8; BLOCK]; LANE_STEP],
 }
 
-/// Where the candidates of an order can lie.
+/// Columns in which candidates of an order can lie.
 #[derive(Clone, Copy)]
 struct Columns<L: Lanes> {
-    /// Pixels that have the order, and those of them that have such columns.
+    /// Pixels that have the order, and those of them with such columns.
     own: L::Mask,
     some: L::Mask,
     /// The first column and the last.
@@ -50,7 +61,7 @@ struct Columns<L: Lanes> {
     end: L::Words,
 }
 
-impl<L: Lanes> EvidenceScratch<L> {
+impl<L: Lanes> CostScratch<L> {
     #[inline(always)]
     pub(in crate::correspondence::semi_global) fn new(lanes: L) -> Self {
         let (none, zero) = (lanes.mask(0), lanes.word(0));
@@ -65,49 +76,48 @@ impl<L: Lanes> EvidenceScratch<L> {
 }
 
 impl<L: Lanes> Block<'_, L> {
-    /// Costs of all orders of each pixel into `tile`, where those of each pixel begin `lanes_of_pixel` after those of the
-    /// one before; and what they come to.
+    /// Writes the costs of all orders to `tile`, `lanes_of_pixel` per pixel, and returns their summary.
     #[inline(always)]
     pub(in crate::correspondence::semi_global) fn evidence(
         &mut self,
-        orders: &OrdersOfBlock<'_>,
+        orders: &OrderBlock<'_>,
         costs: &Costs,
-        scratch: &mut EvidenceScratch<L>,
+        scratch: &mut CostScratch<L>,
         ends: &mut Ends,
         tile: &mut [u8],
         lanes_of_pixel: usize,
-    ) -> BestOfBlock<L> {
+    ) -> BestBlock<L> {
         let lanes = self.lanes;
         let none = lanes.word(i16::from(NO_ORDER));
-        let mut best = BestOfBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
+        let mut best = BestBlock { passing: lanes.word(0), place: lanes.word(0), least: none, second: none };
         for skipped in (0..lanes_of_pixel).step_by(LANE_STEP) {
             let count = orders.most.saturating_sub(skipped).min(LANE_STEP);
             self.step(orders, [skipped, count], costs, scratch, ends, &mut best);
             scratch.by_order[count..].fill([NO_ORDER; BLOCK]);
             transpose(&scratch.by_order, &mut tile[skipped..], lanes_of_pixel);
         }
-        // A single order has no other.
+        // With a single order, the second least cost is its own.
         best.second = lanes.select(lanes.is_equal(best.second, none), best.least, best.second);
         best
     }
 
-    /// A step of orders: so many, from so many after the first ones on.
+    /// Handles `count` orders, from the first order plus `skipped` on.
     #[inline(always)]
     fn step(
         &mut self,
-        orders: &OrdersOfBlock<'_>,
+        orders: &OrderBlock<'_>,
         [skipped, count]: [usize; 2],
         costs: &Costs,
-        scratch: &mut EvidenceScratch<L>,
+        scratch: &mut CostScratch<L>,
         ends: &mut Ends,
-        all: &mut BestOfBlock<L>,
+        all: &mut BestBlock<L>,
     ) {
         let lanes = self.lanes;
         let first = lanes.widen(lanes.load_signed(orders.first));
         let first = lanes.add_long(first, lanes.long(skipped as i32));
         let counts = lanes.words_of_bytes(orders.count);
         let reach = lanes.times_float(lanes.float(MAX_Z), self.pixels.sd_turns);
-        // Each part for all orders: what one waits for, the others compute.
+        // Each stage runs over all orders: their instructions are independent and fill the pipeline.
         let mut wide = lanes.mask(0);
         for lane in 0..count {
             let own = lanes.is_greater(counts, lanes.word((skipped + lane) as i16));
@@ -118,7 +128,7 @@ impl<L: Lanes> Block<'_, L> {
             scratch.columns[lane] = Columns { own, some, begin: interval.begin, end: interval.end_ceil };
         }
         if lanes.any(wide) {
-            self.give_up(wide);
+            self.leave_to_scalar(wide);
         }
         scratch.best = [lanes.word(i16::from(MISSING)); LANE_STEP];
         for lane in 0..count {
@@ -139,9 +149,9 @@ impl<L: Lanes> Block<'_, L> {
         }
     }
 
-    /// Finds where the phases of the pixels are crossed in the columns of an order.
+    /// Finds the crossings in the columns of an order.
     #[inline(always)]
-    fn cross(&self, lane: usize, first: L::Longs, costs: &Costs, scratch: &mut EvidenceScratch<L>, ends: &mut Ends) {
+    fn cross(&self, lane: usize, first: L::Longs, costs: &Costs, scratch: &mut CostScratch<L>, ends: &mut Ends) {
         let lanes = self.lanes;
         let columns = scratch.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);
@@ -153,6 +163,7 @@ impl<L: Lanes> Block<'_, L> {
                 let base = lanes.least_of(todo, begin);
                 let bases = lanes.word(base);
                 let (place, last) = (lanes.sub(begin, bases), lanes.sub(end, bases));
+                // Pixels whose columns lie within 64 of the first share one table.
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16), last));
                 todo = lanes.and_not(todo, here);
                 let tables = Tables::new(lanes, self.image, &self.rows, *pair, base, self.phases, ends);
@@ -163,6 +174,7 @@ impl<L: Lanes> Block<'_, L> {
                 while lanes.any(within) {
                     let after = tables.difference(at);
                     let hit = lanes.and(crosses(lanes, before, after), within);
+                    // A second crossing of a pixel would overwrite the first.
                     if lanes.any(lanes.and(hit, crossing.hit)) {
                         self.keep(lane, crossing, bases, first, costs, scratch);
                         crossing = Crossing::none(lanes);
@@ -177,7 +189,7 @@ impl<L: Lanes> Block<'_, L> {
         }
     }
 
-    /// Keeps crossings of places from columns on, if there are any, to be weighed.
+    /// Keeps crossings, whose columns count from `bases`, to be weighed later.
     #[inline(always)]
     fn keep(
         &self,
@@ -186,7 +198,7 @@ impl<L: Lanes> Block<'_, L> {
         bases: L::Words,
         first: L::Longs,
         costs: &Costs,
-        scratch: &mut EvidenceScratch<L>,
+        scratch: &mut CostScratch<L>,
     ) {
         if !self.lanes.any(crossing.hit) {
             return;
@@ -199,14 +211,14 @@ impl<L: Lanes> Block<'_, L> {
         scratch.count += 1;
     }
 
-    /// Takes the costs of crossings into account, and forgets these.
+    /// Adds the costs of the kept crossings to the best costs, and clears them.
     #[inline(always)]
-    fn weigh(&self, first: L::Longs, costs: &Costs, scratch: &mut EvidenceScratch<L>) {
+    fn weigh(&self, first: L::Longs, costs: &Costs, scratch: &mut CostScratch<L>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
         for &(crossing, lane) in &scratch.crossings[..scratch.count] {
             let order = lanes.add_long(first, lanes.long(lane as i32));
             let (column_px, _) = column_and_slope(lanes, &crossing);
-            let (found, rest) = pixels.order_and_rest(column_px);
+            let (found, rest) = pixels.order_and_residual(column_px);
             let fits = lanes.both(pixels.is_within_limits(column_px), lanes.is_same(found, order));
             let fits = lanes.and(crossing.hit, lanes.mask_of(fits));
             let z = lanes.over(lanes.abs_float(rest), pixels.sd_turns);
@@ -223,10 +235,10 @@ impl<L: Lanes> Block<'_, L> {
     }
 }
 
-/// Groups of pixels that are transposed side by side.
+/// Groups of pixels transposed side by side.
 const GROUPS: usize = BLOCK / LANE_STEP;
 
-/// Eight rows of 32 bytes as 32 rows of eight, of which each begins `stride` after the one before.
+/// Transposes eight rows of 32 bytes into 32 rows of eight, `stride` apart.
 #[inline(always)]
 fn transpose(rows: &[[u8; BLOCK]; LANE_STEP], tile: &mut [u8], stride: usize) {
     let mut words = [[0_u64; GROUPS]; LANE_STEP];
@@ -235,7 +247,7 @@ fn transpose(rows: &[[u8; BLOCK]; LANE_STEP], tile: &mut [u8], stride: usize) {
             *word = u64::from_le_bytes(*bytes);
         }
     }
-    // Squares of one byte, then of two and of four, change places across the diagonal.
+    // Squares of one byte, then of two and of four, are swapped across the diagonal.
     exchange::<1>(&mut words, 0x00ff_00ff_00ff_00ff);
     exchange::<2>(&mut words, 0x0000_ffff_0000_ffff);
     exchange::<4>(&mut words, 0x0000_0000_ffff_ffff);
@@ -246,7 +258,7 @@ fn transpose(rows: &[[u8; BLOCK]; LANE_STEP], tile: &mut [u8], stride: usize) {
     }
 }
 
-/// Exchanges the upper parts of rows with the lower parts of those so many further.
+/// Swaps the upper parts of rows with the lower parts of those `BY` rows further.
 #[inline(always)]
 fn exchange<const BY: usize>(words: &mut [[u64; GROUPS]; LANE_STEP], lower: u64) {
     for i in (0..LANE_STEP).filter(|i| i & BY == 0) {

@@ -1,9 +1,11 @@
-//! Evidence and selection of 32 pixels of a row at once: what [`super::outlook`] says of each, bit for bit, at every level.
+//! Kernels over 32 pixels of a row at once: *confirm*, *matching cost* and *selection*. They give the results of
+//! [`crate::correspondence::pixel_search`] bit for bit, at every SIMD level.
 //!
-//! Every operation is that of the scalar form, single and in its order. Pixels of which more cannot be said are *irregular*, and
-//! left to it: Φ that hardly changes or runs into its pole, intervals of many columns or at the border of the image.
+//! Every operation is that of the scalar form, in its order. Pixels that a kernel cannot handle are *irregular* and
+//! left to the scalar form: Φ that hardly changes or reaches its pole, wide intervals, intervals at the border of the
+//! image.
 
-mod look;
+mod confirm;
 mod matching_cost;
 mod pixels;
 mod selection;
@@ -17,11 +19,11 @@ use crate::correspondence::segment::SegmentRow;
 
 use super::order_ranges::Reach;
 
-pub(super) use matching_cost::{BestOfBlock, EvidenceScratch, OrdersOfBlock};
+pub(super) use matching_cost::{BestBlock, CostScratch, OrderBlock};
 use pixels::Pixels;
 pub(super) use selection::SelectionScratch;
 
-/// A row of pixels and what it is searched in.
+/// A row of pixels and what its search reads.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) image: &'a EpipolarImage,
@@ -33,28 +35,29 @@ pub(super) struct Row<'a> {
     pub(super) sd_turns: &'a [f32],
 }
 
-/// Pixels of a row from a column on, made ready to be asked about their orders.
+/// A block of pixels, prepared for searches of their orders.
 pub(super) struct Block<'a, L: Lanes> {
     lanes: L,
     image: &'a EpipolarImage,
     pixels: Pixels<L>,
     rows: Rows<L>,
     phases: L::Words,
-    /// Pixels that are asked about.
+    /// Pixels that the kernels handle.
     regular: L::Mask,
     /// Pixels left to the scalar form.
     irregular: L::Mask,
 }
 
 impl<'a> Row<'a> {
-    /// The pixels from `first` on, which have so many orders each; `None` if none has any.
+    /// The block that begins with pixel `first`; `count` is the number of orders of each pixel. `None` if no pixel has
+    /// any.
     #[inline(always)]
     pub(super) fn block<L: Lanes>(&self, lanes: L, first: usize, count: &[u8; BLOCK]) -> Option<Block<'a, L>> {
         if *count == [0; BLOCK] {
             return None;
         }
         let wanted = lanes.is_greater(lanes.words_of_bytes(count), lanes.word(0));
-        let (pixels, regular) = Pixels::of(lanes, self, first);
+        let (pixels, regular) = Pixels::new(lanes, self, first);
         let (rows, in_rows) = Rows::new(lanes, self.image, pixels.segments.row, lanes.and(wanted, regular));
         let regular = lanes.and(lanes.and(wanted, regular), in_rows);
         let phases = lanes.load(block_of(self.phase, first));
@@ -66,12 +69,12 @@ impl<'a> Row<'a> {
 impl<L: Lanes> Block<'_, L> {
     /// Leaves pixels to the scalar form.
     #[inline(always)]
-    fn give_up(&mut self, pixels: L::Mask) {
+    fn leave_to_scalar(&mut self, pixels: L::Mask) {
         self.irregular = self.lanes.or(self.irregular, pixels);
         self.regular = self.lanes.and_not(self.regular, pixels);
     }
 
-    /// Pixels that are asked about here, a bit each.
+    /// Pixels that the kernels handle, a bit each.
     #[inline(always)]
     pub(super) fn regular(&self) -> u32 {
         self.lanes.bits(self.regular)

@@ -1,20 +1,20 @@
-//! 32 pixels: their segments, the drift along them, and what follows at a column.
+//! 32 pixels: their segments, the drift along them, and the searches at their columns.
 
 use fringeflow_simd::Lanes;
 
 use crate::correspondence::drift::DepthBlock;
 use crate::correspondence::kernels::{Segments, block_of, load};
-use crate::correspondence::outlook::{COLUMN_MARGIN_PX, FLAT_TURNS};
+use crate::correspondence::pixel_search::{COLUMN_MARGIN_PX, FLAT_TURNS};
 
 use super::Row;
 
 /// Most columns of an interval.
 pub(super) const MAX_WIDTH: i32 = 24;
-/// Greatest Φ that is believed, turns: what lies beyond has met its pole.
+/// Greatest accepted Φ, turns: beyond it Φ is near its pole.
 const MAX_TURNS: f32 = 1e4;
 /// Beyond all orders of ranges.
 const NO_ORDER: f32 = 32_000.0;
-/// Columns lie below this.
+/// Upper bound of columns.
 const MAX_COLUMN: f32 = i16::MAX as f32;
 
 /// 32 pixels.
@@ -39,15 +39,15 @@ pub(super) struct Interval<L: Lanes> {
     /// The last column, rounded down and up.
     pub(super) end_floor: L::Words,
     pub(super) end_ceil: L::Words,
-    /// Pixels that have such columns, and those for which they are few.
+    /// Pixels with such columns, and pixels for which there are few enough.
     pub(super) some: L::Mask,
     pub(super) narrow: L::Mask,
 }
 
 impl<L: Lanes> Pixels<L> {
-    /// Those of a row from `first` on; and which of them are regular.
+    /// The pixels of a row from `first` on. Also returns the regular ones.
     #[inline(always)]
-    pub(super) fn of(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
+    pub(super) fn new(lanes: L, row: &Row<'_>, first: usize) -> (Self, L::Mask) {
         let segments = Segments::new(lanes, row.segments, first);
         let beyond = lanes.float(row.reach.beyond_px);
         let zero = lanes.float(0.0);
@@ -81,7 +81,7 @@ impl<L: Lanes> Pixels<L> {
     }
 
     #[inline(always)]
-    pub(super) fn order_and_rest(&self, column_px: L::Floats) -> (L::Longs, L::Floats) {
+    pub(super) fn order_and_residual(&self, column_px: L::Floats) -> (L::Longs, L::Floats) {
         let lanes = self.lanes;
         let turns = lanes.sub_float(self.segments.phase_turns(column_px), self.drift_at(column_px));
         let turns = lanes.sub_float(turns, self.phase_turns);
@@ -96,7 +96,7 @@ impl<L: Lanes> Pixels<L> {
         self.lanes.both(self.lanes.reaches(column_px, self.first_px), self.lanes.reaches(self.last_px, column_px))
     }
 
-    /// Column at which Φ has a value, clamped to the limits, and the inverse of how it changes there.
+    /// Column at which Φ has a value, clamped to the limits, and the inverse of b − d·Φ.
     #[inline(always)]
     fn column_at(&self, turns: L::Floats) -> (L::Floats, L::Floats) {
         let lanes = self.lanes;
@@ -107,7 +107,8 @@ impl<L: Lanes> Pixels<L> {
         (lanes.min_float(lanes.max_float(column_px, self.first_px), self.last_px), inverse)
     }
 
-    /// The columns in which a candidate of an order can lie, as [`crate::correspondence::semi_global::outlook::Outlook`] has them.
+    /// The columns in which candidates of an order can lie, as
+    /// [`crate::correspondence::pixel_search::PixelSearch::columns_of`] gives them.
     #[inline(always)]
     pub(super) fn columns_of(&self, order: L::Longs, reach: L::Floats) -> Interval<L> {
         let lanes = self.lanes;

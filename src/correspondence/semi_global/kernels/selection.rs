@@ -1,4 +1,13 @@
-//! The best candidates of one order of each of 32 pixels.
+//! The best candidate of one order of each of 32 pixels.
+//!
+//! ```text
+//! columns = where candidates of the order within reach of the drift can lie, and one more on either side for rims
+//! walk along the columns in the two rows of C2:
+//!     where the phase of the pixel is crossed:                          consider the crossing
+//!     where a surface ends and would have the phase within a pixel:     remember that there are rims
+//! if there are rims: go through the same columns again and consider each
+//! consider(x): take x if its order is right and |δ − drift| is less than that of the best so far
+//! ```
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
@@ -9,12 +18,12 @@ use crate::correspondence::semi_global::selection::{ABSENT, REACH_SD, REACH_TURN
 use super::Block;
 use super::pixels::{MAX_WIDTH, Pixels};
 
-/// Columns beside an interval that are looked at for rims: those of the rims, and their neighbours.
+/// Columns beside an interval that are searched for rims: those of the rims and their neighbours.
 const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
-/// Differences that are kept of an interval.
+/// Most columns kept of an interval.
 const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
 
-/// Scratch for the differences of an interval, and for columns.
+/// Scratch for the differences of an interval, and for columns at the end of the image.
 pub(in crate::correspondence::semi_global) struct SelectionScratch<L: Lanes> {
     differences: [Differences<L>; MAX_DIFFERENCES],
     ends: Ends,
@@ -27,18 +36,18 @@ impl<L: Lanes> SelectionScratch<L> {
     }
 }
 
-/// Where candidates of 32 pixels are sought.
+/// The columns searched for 32 pixels.
 struct Search<L: Lanes> {
     begin: L::Words,
-    /// Last column of crossings.
+    /// Last column of a crossing.
     ceil: L::Words,
-    /// First column that is looked at, and one more than the last column of a rim.
+    /// First column searched, and the column behind the last rim.
     start: L::Words,
     stop: L::Words,
 }
 
 impl<L: Lanes> Block<'_, L> {
-    /// The candidate of an order of each pixel with the least |δ − drift|.
+    /// Selects the candidate of an order with the least |δ − drift|.
     #[inline(always)]
     pub(in crate::correspondence::semi_global) fn select(
         &mut self,
@@ -52,14 +61,14 @@ impl<L: Lanes> Block<'_, L> {
         let reach = lanes.max_float(lanes.float(REACH_TURNS), of_sd);
         let interval = self.pixels.columns_of(lanes.widen(order), reach);
         let has = lanes.and(self.regular, interval.some);
-        // So that no column of these is beyond the image.
+        // Keeps every column searched inside the image.
         let last_floor = (self.image.width as i32 - 2 - BESIDE).max(0) as i16;
         let outer = lanes.or(
             lanes.is_greater(lanes.word(BESIDE as i16), interval.begin),
             lanes.is_greater(interval.end_floor, lanes.word(last_floor)),
         );
         let odd = lanes.and_not(has, lanes.and_not(interval.narrow, outer));
-        self.give_up(odd);
+        self.leave_to_scalar(odd);
         let beside = lanes.word(BESIDE as i16);
         let search = Search {
             begin: interval.begin,
@@ -84,10 +93,10 @@ impl<L: Lanes> Block<'_, L> {
         let in_volume = lanes.and(present, lanes.mask_of(pixels.segments.have(column_px)));
         let drift = pixels.drift_at(column_px);
         let found = Found { order, phases: self.phases, present, in_volume, rest, drift, column_px, slope };
-        found.tell(lanes, pixels.sd_turns, out);
+        found.store(lanes, pixels.sd_turns, out);
     }
 
-    /// Considers the crossings and the rims of intervals that lie within 64 columns from `base` on.
+    /// Considers the crossings and rims of pixels `here`, whose columns lie within 64 from `base` on.
     #[inline(always)]
     fn consider_all(
         &self,
@@ -151,7 +160,7 @@ impl<L: Lanes> Block<'_, L> {
         }
     }
 
-    /// Considers crossings whose columns are told.
+    /// Considers crossings.
     #[inline(always)]
     fn consider_crossing(&self, crossing: &Crossing<L>, best: &mut Best<L>) {
         let (column_px, slope) = column_and_slope(self.lanes, crossing);
@@ -180,11 +189,11 @@ impl<L: Lanes> Block<'_, L> {
     }
 }
 
-/// What was found of 32 pixels.
+/// The candidates of 32 pixels.
 pub(super) struct Found<L: Lanes> {
     pub(super) order: L::Words,
     pub(super) phases: L::Words,
-    /// Pixels that have a candidate.
+    /// Pixels with a candidate.
     pub(super) present: L::Mask,
     pub(super) in_volume: L::Mask,
     /// δ − drift, and the drift, turns.
@@ -195,9 +204,9 @@ pub(super) struct Found<L: Lanes> {
 }
 
 impl<L: Lanes> Found<L> {
-    /// Tells of it; pixels without candidate are absent, the rest of what is told of them has no meaning.
+    /// Stores the candidates. Pixels without one become absent; their other numbers are undefined.
     #[inline(always)]
-    pub(super) fn tell(self, lanes: L, sd_turns: L::Floats, out: &mut SelectedBlock<'_>) {
+    pub(super) fn store(self, lanes: L, sd_turns: L::Floats, out: &mut SelectedBlock<'_>) {
         let Self { order, phases, present, in_volume, rest, drift, column_px, slope } = self;
         let present = lanes.truths(present);
         let absolute = lanes.join(order, phases);
@@ -231,11 +240,11 @@ impl<L: Lanes> Best<L> {
 
     #[inline(always)]
     fn consider(&mut self, lanes: L, pixels: &Pixels<L>, column_px: L::Floats, slope: L::Longs, candidates: L::Mask) {
-        let (found, rest) = pixels.order_and_rest(column_px);
+        let (found, rest) = pixels.order_and_residual(column_px);
         let off = lanes.abs_float(rest);
         let fits = lanes.both(pixels.is_within_limits(column_px), lanes.is_same(found, lanes.widen(self.order)));
         let fits = lanes.both(lanes.both(fits, lanes.truths(candidates)), lanes.reaches(self.reach, off));
-        // Those that have none yet are farther off than any.
+        // Without a candidate so far, any is better.
         let own = lanes.select_float(lanes.truths(self.present), lanes.abs_float(self.rest), lanes.float(f32::MAX));
         let better = lanes.both(fits, lanes.exceeds(own, off));
         self.present = lanes.or(self.present, lanes.mask_of(better));
@@ -245,14 +254,14 @@ impl<L: Lanes> Best<L> {
     }
 }
 
-/// Where a surface ends at a column and would have the phase within a pixel beyond it, see
-/// [`crate::correspondence::row_view`]: `outer` does not continue what `inner` and the column show.
+/// Pixels for which a surface ends at a column and would have the phase within a pixel beyond it, see
+/// [`crate::correspondence::row_view`]. `outer` does not continue what `inner` and the column show.
 #[inline(always)]
 fn beyond_rim<L: Lanes>(lanes: L, outer: Differences<L>, here: Differences<L>, inner: Differences<L>) -> L::Mask {
     let zero = lanes.word(0);
     let outwards = lanes.sub(here.value, inner.value);
     let bend = lanes.abs(lanes.sub_saturating(lanes.sub(outer.value, here.value), outwards));
-    // |−32768| is 32768 of unsigned words.
+    // As unsigned words, |−32768| is 32768.
     let continued = lanes.and(outer.known, lanes.is_at_least(lanes.word(MAX_RIM_BEND as i16), bend));
     let steepness = lanes.abs(outwards);
     let steep = lanes.and(
@@ -267,7 +276,8 @@ fn beyond_rim<L: Lanes>(lanes: L, outer: Differences<L>, here: Differences<L>, i
     lanes.and(lanes.and(surface, steep), lanes.and(opposite, near))
 }
 
-/// Rounded to the nearest whole number, halves away from zero, as `f32::round` does; far ones as some number beyond all words.
+/// Rounds to the nearest whole number, halves away from zero, as `f32::round` does. Far values become some number
+/// beyond all words.
 #[inline(always)]
 fn nearest_whole<L: Lanes>(lanes: L, value: L::Floats) -> L::Longs {
     const BEYOND: f32 = 100_000.0;

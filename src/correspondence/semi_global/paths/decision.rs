@@ -1,17 +1,17 @@
-//! What becomes of the sums of paths: one pass leaves its own, the other decides by both.
+//! The two halves of a pass: store the sums, then decide by the sums of both passes.
 
 use fringeflow_simd::{Kernel, Lanes};
 
 use crate::correspondence::semi_global::links::{AXES, NO_PLACE};
-use crate::correspondence::semi_global::matching_cost::{BestOfRow, NO_ORDER};
+use crate::correspondence::semi_global::matching_cost::{BestRow, NO_ORDER};
 use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::{CHANGE, PATHS, Sweep, Visit};
 
-/// What all paths of a pass that are settled bring to orders that they are not settled on.
+/// Sum that the settled paths of a pass bring to all other orders.
 const SETTLED_SUM: u16 = AXES.len() as u16 * CHANGE;
 
-/// Sums of a pass that is settled on a place.
+/// Sums of a pass whose paths are settled on a place.
 #[inline(always)]
 fn settled_sum<const ROOM: usize>(place: u8) -> [u16; ROOM] {
     let mut sum = [SETTLED_SUM; ROOM];
@@ -19,7 +19,7 @@ fn settled_sum<const ROOM: usize>(place: u8) -> [u16; ROOM] {
     sum
 }
 
-/// Leaves the sums of rows of which the other pass knows nothing yet.
+/// Stores the sums of rows that the other pass has not reached.
 pub(super) struct Leave<'a> {
     pub(super) places: &'a mut [u8],
     pub(super) sums: &'a mut [u16],
@@ -32,7 +32,7 @@ impl Visit for Leave<'_> {
     }
 
     #[inline(always)]
-    fn expect<L: Lanes>(&self, _: L, _: usize) {}
+    fn prefetch<L: Lanes>(&self, _: L, _: usize) {}
 
     #[inline(always)]
     fn take_settled<L: Lanes, const ROOM: usize>(&mut self, _: L, _: &Sweep<'_, '_>, _: usize, _: usize, _: u8) {}
@@ -52,7 +52,7 @@ impl Visit for Leave<'_> {
     }
 }
 
-/// Decides in rows of which the other pass left its sums.
+/// Decides in rows where the other pass has stored its sums.
 pub(super) struct Decide<'a> {
     pub(super) places: &'a [u8],
     pub(super) sums: &'a [u16],
@@ -71,7 +71,7 @@ impl Visit for Decide<'_> {
             agreed: &agreed.places,
             other: &self.places[places.clone()],
             first: &sweep.ranges.first[pixels.clone()],
-            best: sweep.evidence.best.of(pixels),
+            best: sweep.evidence.best.row(pixels),
             order: &mut self.order[places.clone()],
             margin: &mut self.margin[places],
             runs_on: &mut agreed.runs_on,
@@ -80,7 +80,7 @@ impl Visit for Decide<'_> {
     }
 
     #[inline(always)]
-    fn expect<L: Lanes>(&self, level: L, place: usize) {
+    fn prefetch<L: Lanes>(&self, level: L, place: usize) {
         level.expect(&self.sums[place * self.lanes..]);
     }
 
@@ -118,16 +118,16 @@ impl Visit for Decide<'_> {
     }
 }
 
-/// Decides about the pixels of a row as if all paths of both passes came to them settled on the same place.
+/// Decides the pixels of a row as if all paths of both passes came settled on the same place.
 struct SettledRow<'a> {
     agreed: &'a [u8],
-    /// Where those of the other pass are settled.
+    /// Places on which the paths of the other pass are settled.
     other: &'a [u8],
     first: &'a [i16],
-    best: BestOfRow<'a>,
+    best: BestRow<'a>,
     order: &'a mut [i16],
     margin: &'a mut [u16],
-    /// Becomes 0 where the places differ.
+    /// Set to 0 where the places differ.
     runs_on: &'a mut [u8],
 }
 
@@ -143,7 +143,7 @@ impl Kernel for SettledRow<'_> {
         let (margin, runs_on) = (&mut margin[..width], &mut runs_on[..width]);
         for u in 0..width {
             order[u] = first[u].wrapping_add(i16::from(agreed[u]));
-            // A single order has no rival, and the second least cost is its own.
+            // With a single order, the second least cost is its own.
             let lead = u16::from(second[u].wrapping_sub(least[u]));
             margin[u] = PATHS as u16 * (CHANGE + lead);
             runs_on[u] &= u8::from(agreed[u] == other[u]);
@@ -151,7 +151,7 @@ impl Kernel for SettledRow<'_> {
     }
 }
 
-/// The place of the order with the least sum, and by how much the next best has more.
+/// The place of the order with the least sum, and the excess of the next best.
 #[inline(always)]
 fn decide<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], sum: &[u16; ROOM], other: &[u16]) -> (i16, u16) {
     let (mut best, mut place, mut second) = (u16::MAX, 0, u16::MAX);
@@ -161,7 +161,8 @@ fn decide<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], sum: &[u16; RO
         evidence.as_chunks::<LANE_STEP>().0.iter().zip(others).zip(sums).enumerate()
     {
         let first = step * LANE_STEP;
-        // A key holds the sum and, below it, the place: all are different, and of equal sums the first is the least.
+        // A key holds the sum and, in its low bits, the place. All keys differ, and of equal sums the first has the
+        // least key.
         let mut keys = [u16::MAX; LANE_STEP];
         for lane in 0..LANE_STEP {
             let own = u16::from(evidence[lane]).wrapping_mul(PATHS as u16);
@@ -186,7 +187,7 @@ fn decide<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], sum: &[u16; RO
             second = second.min(if next < u16::MAX { next / LANE_STEP as u16 } else { u16::MAX });
         }
     }
-    // A single order has no rival: what a missing candidate costs on all paths is all that can be said for it.
+    // With a single order, the cost of a missing candidate on all paths stands for the excess.
     let lead = if second == u16::MAX { PATHS as u16 * CHANGE } else { second - best };
     (place as i16, lead)
 }

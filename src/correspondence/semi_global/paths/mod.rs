@@ -1,4 +1,5 @@
-//! Least costs along straight paths through the image, and the order that has the least sum of them.
+//! Semi-global optimization: least costs along straight paths through the image, and for each pixel the order with the
+//! least sum of them.
 //!
 //! ```text
 //! for each direction, pixel by pixel p after its predecessor q:
@@ -9,18 +10,18 @@
 //!     S(p, k) = 8·E(p, k) + sum of F(p, k) over all directions
 //! ```
 //!
-//! Over most of an image one order fits and the others do not, so that paths are *settled*: F is 0 for that order and P for all
-//! others, whatever the costs were. A pixel where all paths come settled on the order that fits best leaves them so, and its
-//! sums follow from its best costs alone; whole runs of such pixels are passed by without looking at their orders.
+//! Over most of an image one order fits and the others do not. There paths are *settled*: F is 0 for that order and P
+//! for all others, whatever the costs were. A pixel that all paths reach settled on its best order leaves them settled.
+//! Its sums follow from its best costs alone, so whole runs of such pixels are skipped.
 //!
-//! A pixel that was decided before is settled on its order, whatever comes to it, and leaves its paths so.
+//! A pixel that was decided before is settled on its order, whatever reaches it, and leaves its paths settled.
 //!
-//! carry is the whole turn that the wrapped phase skips between q and p: an order that continues changes by it. S differs from
-//! the sum of L by a number that is the same for all orders of a pixel.
+//! carry is the whole turn that the wrapped phase skips between q and p: a continuing order changes by it. S differs
+//! from the sum of L by a number that is the same for all orders of a pixel.
 //!
-//! Four directions run with the rows of the image and four against them, in two passes that begin at opposite ends and share
-//! nothing until they meet: each leaves its sums in the half that it goes through first, and decides in the other, where the
-//! sums of the other pass lie. Whole numbers make a sum the same in any order.
+//! Four directions run with the rows of the image and four against them, in two passes from opposite ends. They are
+//! independent until they meet in the middle. Each pass stores its sums in the first half of its way, and decides in
+//! the second half, where the sums of the other pass are stored. Sums of whole numbers do not depend on their order.
 
 mod decision;
 mod settled;
@@ -37,10 +38,10 @@ use super::order_ranges::{LANE_STEP, MAX_LANES, OrderRanges};
 use decision::{Decide, Leave};
 use settled::{AgreedRow, SETTLED, place_of_zero, run_of_ones, settled};
 
-/// Price of an order that does not continue where the wrapped phase does, nats.
+/// Price of a change of order where the wrapped phase continues, nats.
 const CHANGE_NATS: f32 = 8.0;
 const CHANGE: u16 = (CHANGE_NATS * UNITS_PER_NAT) as u16;
-/// Numbers of orders for which loops are compiled, beside any number.
+/// Numbers of orders with compiled loops of their own, besides the general loop.
 const ONE_STEP: usize = LANE_STEP;
 const TWO_STEPS: usize = 2 * LANE_STEP;
 const THREE_STEPS: usize = 3 * LANE_STEP;
@@ -51,7 +52,7 @@ pub(super) const PATHS: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
     pub(super) order: Vec<i16>,
-    /// By how much the next best order has more, summed over all paths. That of pixels without a range has no meaning.
+    /// Excess of the next best order, summed over all paths. Undefined for pixels without orders.
     pub(super) margin: Vec<u16>,
 }
 
@@ -59,7 +60,7 @@ pub(super) struct Verdicts {
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathScratch {
     pub(super) links: Links,
-    /// What the pass that comes first leaves to the other: where its paths are settled, and the sums elsewhere.
+    /// What the first pass to reach a pixel stores: the place on which its paths are settled, else its sums.
     places: Vec<u8>,
     sums: Vec<u16>,
     passes: [PassScratch; 2],
@@ -76,7 +77,7 @@ pub(super) fn least_costs(
     least_costs_at(Level::in_use(), cam1, ranges, evidence, scratch, verdicts);
 }
 
-/// The same at a level.
+/// As [`least_costs`], at a SIMD level.
 fn least_costs_at(
     level: Level,
     cam1: &PhaseMap,
@@ -104,28 +105,28 @@ fn least_costs_at(
     rayon::join(
         || {
             let visit = Leave { places: &mut *upper_places, sums: &mut *upper_sums };
-            fringeflow_simd::run(level, Through { sweep: &mut down, rows: above.clone(), visit });
+            fringeflow_simd::run(level, PassRows { sweep: &mut down, rows: above.clone(), visit });
         },
         || {
             let visit = Leave { places: &mut *lower_places, sums: &mut *lower_sums };
-            fringeflow_simd::run(level, Through { sweep: &mut up, rows: below.clone(), visit });
+            fringeflow_simd::run(level, PassRows { sweep: &mut up, rows: below.clone(), visit });
         },
     );
     rayon::join(
         || {
             let (places, sums) = (&*lower_places, &*lower_sums);
             let visit = Decide { places, sums, lanes, order: lower_order, margin: lower_margin };
-            fringeflow_simd::run(level, Through { sweep: &mut down, rows: below.clone(), visit });
+            fringeflow_simd::run(level, PassRows { sweep: &mut down, rows: below.clone(), visit });
         },
         || {
             let (places, sums) = (&*upper_places, &*upper_sums);
             let visit = Decide { places, sums, lanes, order: upper_order, margin: upper_margin };
-            fringeflow_simd::run(level, Through { sweep: &mut up, rows: above.clone(), visit });
+            fringeflow_simd::run(level, PassRows { sweep: &mut up, rows: above.clone(), visit });
         },
     );
 }
 
-/// Sense in which an image is passed through.
+/// Direction of a pass.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pass {
     /// Rows from the first, columns from the left.
@@ -147,14 +148,14 @@ struct Sweep<'a, 'b> {
 /// Scratch for a pass.
 #[derive(Clone, Debug, Default)]
 struct PassScratch {
-    /// Costs along the row, from straight before, and from either side of it: of the row before and of this one.
+    /// Costs along the row, straight down, and along both diagonals: of the row before and of this one.
     before: [PathRow; AXES.len()],
     here: [PathRow; AXES.len()],
     agreed: AgreedRow,
 }
 
 impl PassScratch {
-    /// No row was passed yet.
+    /// Resets to no row passed.
     fn clear(&mut self, width: usize, lanes: usize) {
         for row in self.before.iter_mut().chain(&mut self.here) {
             row.clear(width, lanes);
@@ -163,28 +164,29 @@ impl PassScratch {
     }
 }
 
-/// Costs of a row of pixels in one direction, the least of each taken off, none above the price of a change.
+/// Path costs of a row of pixels in one direction, the least of each pixel subtracted, none above the price of a
+/// change.
 #[derive(Clone, Debug, Default)]
 struct PathRow {
-    /// Places of the orders on which the pixels are settled; [`NO_PLACE`] of those that have costs.
+    /// Places of the orders on which pixels are settled; [`NO_PLACE`] for pixels with costs.
     places: Vec<u8>,
-    /// With room on either side where orders of a pixel's neighbours may point.
+    /// With a margin on either side for shifted ranges of neighbours.
     costs: Vec<u8>,
 }
 
 impl PathRow {
-    /// No pixel has any costs.
+    /// Resets to no costs.
     fn clear(&mut self, width: usize, lanes: usize) {
         self.places.clear();
         self.places.resize(width, NO_PLACE);
         self.costs.clear();
         self.costs.resize(width * (lanes + 2 * MAX_SHIFT), CHANGE as u8);
-        // Behind them those of settled pixels, and those of none: whatever is wanted is found by one number.
+        // Behind them the costs of a settled pixel and those without link, so that one index finds any of the three.
         self.costs.extend_from_slice(&SETTLED);
         self.costs.extend_from_slice(&[0; MAX_LANES]);
     }
 
-    /// Costs that a path brings on along a link.
+    /// The costs that a path brings along a link.
     #[inline(always)]
     fn towards(&self, Link { is_link, column, shift }: Link, lanes: usize) -> &[u8] {
         let (place, of_settled) = (self.places[column], self.costs.len() - MAX_LANES - SETTLED.len());
@@ -194,7 +196,7 @@ impl PathRow {
         &self.costs[begin..][..lanes]
     }
 
-    /// Takes the costs of a pixel, of which the least is zero. Whether they are settled nobody can foresee: no branches.
+    /// Stores the costs of a pixel; the least is zero. Free of branches: whether they are settled is unpredictable.
     #[inline(always)]
     fn set<L: Lanes>(&mut self, level: L, u: usize, costs: &[u16]) {
         let lanes = costs.len();
@@ -208,30 +210,30 @@ impl PathRow {
             place = if of_step < LANE_STEP { step * LANE_STEP + of_step } else { place };
         }
         let differs = *own != *settled(place, MAX_SHIFT, lanes);
-        // All bits make it no place.
+        // All bits set are [`NO_PLACE`].
         self.places[u] = place as u8 | u8::from(differs).wrapping_neg();
     }
 }
 
 const _: () = assert!(NO_PLACE == u8::MAX);
 
-/// Goes through some rows.
-struct Through<'a, 'b, 'c, V> {
+/// Passes through some rows.
+struct PassRows<'a, 'b, 'c, V> {
     sweep: &'a mut Sweep<'b, 'c>,
     rows: std::ops::Range<usize>,
     visit: V,
 }
 
-/// What becomes of the sums of pixels. `place` is that of a row or a pixel among those of the rows.
+/// What is done with the sums of pixels. `place` is the index of a row or pixel among those of the rows.
 trait Visit {
-    /// Takes what holds for the pixels of a row if all paths come to them settled on the `agreed` places; `first` is the number
-    /// of their first one.
+    /// Begins a row, where `agreed` holds the places on which all paths come settled; `first` is the number of its
+    /// first pixel.
     fn begin_row<L: Lanes>(&mut self, level: L, sweep: &mut Sweep<'_, '_>, first: usize, place: usize);
 
-    /// Tells the machine what is wanted of a pixel for which it does not.
-    fn expect<L: Lanes>(&self, level: L, place: usize);
+    /// Prefetches what a pixel that is not settled will read.
+    fn prefetch<L: Lanes>(&self, level: L, place: usize);
 
-    /// Takes a pixel for which it does, where the row did not tell all.
+    /// Takes a settled pixel that `begin_row` did not finish.
     fn take_settled<L: Lanes, const ROOM: usize>(
         &mut self,
         level: L,
@@ -241,7 +243,7 @@ trait Visit {
         agreed: u8,
     );
 
-    /// Takes what the paths of a pass bring to the orders of any other pixel.
+    /// Takes the sums that the paths of a pass bring to any other pixel.
     fn take<L: Lanes, const ROOM: usize>(
         &mut self,
         level: L,
@@ -252,31 +254,31 @@ trait Visit {
     );
 }
 
-impl<V: Visit> Kernel for Through<'_, '_, '_, V> {
+impl<V: Visit> Kernel for PassRows<'_, '_, '_, V> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        // Most rigs have few orders; loops of known length are registers.
+        // Most rigs have few orders; loops of known length stay in registers.
         match self.sweep.ranges.lanes {
-            ONE_STEP => self.run_of::<L, ONE_STEP>(lanes),
-            TWO_STEPS => self.run_of::<L, TWO_STEPS>(lanes),
-            THREE_STEPS => self.run_of::<L, THREE_STEPS>(lanes),
-            _ => self.run_of::<L, MAX_LANES>(lanes),
+            ONE_STEP => self.run_with::<L, ONE_STEP>(lanes),
+            TWO_STEPS => self.run_with::<L, TWO_STEPS>(lanes),
+            THREE_STEPS => self.run_with::<L, THREE_STEPS>(lanes),
+            _ => self.run_with::<L, MAX_LANES>(lanes),
         }
     }
 }
 
-impl<V: Visit> Through<'_, '_, '_, V> {
+impl<V: Visit> PassRows<'_, '_, '_, V> {
     #[inline(always)]
-    fn run_of<L: Lanes, const ROOM: usize>(self, level: L) {
+    fn run_with<L: Lanes, const ROOM: usize>(self, level: L) {
         let Self { sweep, rows, mut visit } = self;
         for i in 0..rows.len() {
             let v = if sweep.pass == Pass::Down { rows.start + i } else { rows.end - 1 - i };
             let (first, first_place) = (v * sweep.width, (v - rows.start) * sweep.width);
             let links = sweep.begin_row(level, v);
             visit.begin_row(level, sweep, first, first_place);
-            sweep.expect_unsettled::<L, ROOM>(level, first, |place| visit.expect(level, first_place + place));
+            sweep.prefetch_unsettled::<L, ROOM>(level, first, |place| visit.prefetch(level, first_place + place));
             let mut j = 0;
             while j < sweep.width {
                 let u = sweep.column(j);
@@ -304,7 +306,7 @@ impl<V: Visit> Through<'_, '_, '_, V> {
 }
 
 impl<'a> Sweep<'a, '_> {
-    /// Number of orders, known to loops that have room for few.
+    /// Number of orders; a constant for few orders.
     #[inline(always)]
     fn lanes<const ROOM: usize>(&self) -> usize {
         if ROOM < MAX_LANES { ROOM } else { self.ranges.lanes }
@@ -315,22 +317,22 @@ impl<'a> Sweep<'a, '_> {
         if self.pass == Pass::Down { j } else { self.width - 1 - j }
     }
 
-    /// Finds the pixels of a row to which all paths come settled, as if those along the row did; yields where paths come from.
+    /// Finds the pixels of a row that all paths reach settled, provided that the paths along the row do. Returns the
+    /// links of the row.
     #[inline(always)]
     fn begin_row<L: Lanes>(&mut self, level: L, v: usize) -> [RowLinks<'a>; AXES.len()] {
         let (links, forward) = (self.links, self.pass == Pass::Down);
-        let links = [0, 1, 2, 3].map(|axis| links.of_row(axis, v, forward));
+        let links = [0, 1, 2, 3].map(|axis| links.row(axis, v, forward));
         let PassScratch { before, here, agreed } = &mut *self.scratch;
         let pixels = v * self.width..(v + 1) * self.width;
-        agreed.find(level, &links, before, &self.ranges.count[pixels.clone()], self.evidence.best.of(pixels));
+        agreed.find(level, &links, before, &self.ranges.count[pixels.clone()], self.evidence.best.row(pixels));
         here.iter_mut().for_each(|row| row.places.copy_from_slice(&agreed.places));
         links
     }
 
-    /// Tells the machine what is wanted for those pixels of a row that are looked at one by one: they lie where nobody can
-    /// foresee it.
+    /// Prefetches for the pixels of a row that are not settled: the hardware cannot foresee where they lie.
     #[inline(always)]
-    fn expect_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
+    fn prefetch_unsettled<L: Lanes, const ROOM: usize>(&self, level: L, first: usize, expect: impl Fn(usize)) {
         let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.scratch.agreed.runs_on);
         let count = &self.ranges.count[first..first + runs_on.len()];
         for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
@@ -344,17 +346,17 @@ impl<'a> Sweep<'a, '_> {
         }
     }
 
-    /// The place on which the path along the row comes to a pixel settled.
+    /// The place on which the path along the row comes settled to a pixel.
     #[inline(always)]
     fn place_along(&self, links: &RowLinks<'_>, u: usize) -> u8 {
-        let Link { is_link, column, shift } = links.towards(u);
+        let Link { is_link, column, shift } = links.link(u);
         match self.scratch.here[0].places[column] {
             place if is_link && place != NO_PLACE => place.wrapping_add(MAX_SHIFT as u8).wrapping_sub(shift as u8),
             _ => NO_PLACE,
         }
     }
 
-    /// All four directions at a pixel in column `u`: the sum of what they bring.
+    /// Advances all four directions by a pixel in column `u`. Returns the sums that they bring.
     #[inline(always)]
     fn pixel<L: Lanes, const ROOM: usize>(
         &mut self,
@@ -368,7 +370,7 @@ impl<'a> Sweep<'a, '_> {
         let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
             let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
-            let brought = row.towards(links[axis].towards(u), lanes);
+            let brought = row.towards(links[axis].link(u), lanes);
             let mut from = [0; ROOM];
             for lane in 0..lanes {
                 from[lane] = u16::from(brought[lane]);
@@ -383,8 +385,8 @@ impl<'a> Sweep<'a, '_> {
     }
 }
 
-/// Costs of a pixel in one direction: what the path brings and the pixel's own, their least taken off; none is above the
-/// price of a change, which whoever goes on from here pays at most.
+/// Path costs of a pixel in one direction: what the path brings plus the pixel's own, less the least of the sums. They
+/// are capped at the price of a change, which is the most that a successor pays.
 #[inline(always)]
 fn add<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], from: &[u16; ROOM], lanes: usize) -> [u16; ROOM] {
     let mut costs = *from;
@@ -455,7 +457,7 @@ mod tests {
             let (u, v) = (pixel % width, pixel / width);
             if ranges.count[pixel] > 0 && (u / 19 + v / 13) % 3 == 0 && random(12) > 0 {
                 let any = random(ranges.count[pixel].into()) as u8;
-                let place = if random(40) == 0 { any } else { evidence.best.of(pixel..pixel + 1).place[0] };
+                let place = if random(40) == 0 { any } else { evidence.best.row(pixel..pixel + 1).place[0] };
                 evidence.best.decide(pixel, place);
             }
         }
@@ -466,7 +468,7 @@ mod tests {
     fn plain(cam1: &PhaseMap, ranges: &OrderRanges, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
         let (width, lanes, pixels) = (cam1.width, ranges.lanes, cam1.phase.len());
         let decided = |pixel: usize| {
-            let place = evidence.best.of(pixel..pixel + 1).place[0];
+            let place = evidence.best.row(pixel..pixel + 1).place[0];
             evidence.best.is_decided(pixel).then_some(usize::from(place))
         };
         let mut links = Links::default();
@@ -481,7 +483,7 @@ mod tests {
                 if count == 0 {
                     continue;
                 }
-                let link = links.of_row(axis, v, forward).towards(u);
+                let link = links.row(axis, v, forward).link(u);
                 let before = if AXES[axis][1] == 0 {
                     v
                 } else if forward {

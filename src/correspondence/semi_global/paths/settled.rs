@@ -1,41 +1,42 @@
-//! Paths that are settled on one order: all others have the price of a change.
+//! Settled paths: one order costs nothing, all others the price of a change.
 
 use fringeflow_simd::{Kernel, Lanes};
 
 use crate::correspondence::semi_global::links::{AXES, MAX_SHIFT, NO_PLACE, RowLinks};
-use crate::correspondence::semi_global::matching_cost::{BestOfRow, DECIDED, MISSING};
+use crate::correspondence::semi_global::matching_cost::{BestRow, DECIDED, MISSING};
 use crate::correspondence::semi_global::order_ranges::MAX_LANES;
 
 use super::{CHANGE, PathRow};
 
-/// Costs of a settled pixel, as far as any neighbour may point beside its orders.
+/// Costs of a settled pixel, with a margin on either side for shifted ranges.
 pub(super) static SETTLED: [u8; 2 * (MAX_LANES + MAX_SHIFT)] = {
     let mut costs = [CHANGE as u8; 2 * (MAX_LANES + MAX_SHIFT)];
     costs[MAX_LANES + MAX_SHIFT] = 0;
     costs
 };
 
-/// Costs from so many orders beside the first order of a pixel on that is settled on the order in a place.
+/// The costs of a pixel settled on the order in `place`, `lanes` of them from `shift` on.
 #[inline(always)]
 pub(super) fn settled(place: usize, shift: usize, lanes: usize) -> &'static [u8] {
     &SETTLED[MAX_LANES + shift - place..][..lanes]
 }
 
-/// The first byte that is zero, from the lowest on; beyond all bytes if none is.
+/// Index of the first zero byte, from the lowest on; 8 if there is none.
 #[inline(always)]
 pub(super) fn place_of_zero(bytes: u64) -> usize {
-    // The lowest byte that is zero is found by borrowing.
+    // The subtraction borrows from the lowest zero byte first.
     let (lowest, highest) = (u64::MAX / 255, u64::MAX / 255 * 128);
     let zeros = bytes.wrapping_sub(lowest) & !bytes & highest;
     zeros.trailing_zeros() as usize / 8
 }
 
-/// What would hold for the pixels of a row if the paths along it came settled too.
+/// What holds for the pixels of a row if the paths along the row come settled too.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AgreedRow {
-    /// Places of the orders on which all other paths come settled and which fit best; [`NO_PLACE`] where there is none.
+    /// Places on which all other paths come settled and which fit best; [`NO_PLACE`] where there is none.
     pub(super) places: Vec<u8>,
-    /// 1 where the path along the row comes settled on that place, if the pixel before is settled on its own; else 0.
+    /// 1 where the path along the row comes settled on that place, provided that the pixel before is settled on its
+    /// own; else 0.
     pub(super) runs_on: Vec<u8>,
     /// Scratch for the places that each axis brings.
     carried: [Vec<u8>; AXES.len()],
@@ -48,7 +49,7 @@ impl AgreedRow {
         }
     }
 
-    /// Finds them in a row whose pixels have so many orders, from the row before.
+    /// Finds them in a row from the row before; `count` is the number of orders of each pixel.
     #[inline(always)]
     pub(super) fn find<L: Lanes>(
         &mut self,
@@ -56,7 +57,7 @@ impl AgreedRow {
         links: &[RowLinks<'_>; AXES.len()],
         before: &[PathRow; AXES.len()],
         count: &[u8],
-        best: BestOfRow<'_>,
+        best: BestRow<'_>,
     ) {
         AgreedKernel { row: self, links, before, count, best }.run(level);
     }
@@ -67,7 +68,7 @@ struct AgreedKernel<'a> {
     links: &'a [RowLinks<'a>; AXES.len()],
     before: &'a [PathRow; AXES.len()],
     count: &'a [u8],
-    best: BestOfRow<'a>,
+    best: BestRow<'a>,
 }
 
 impl Kernel for AgreedKernel<'_> {
@@ -101,7 +102,7 @@ impl Kernel for AgreedKernel<'_> {
     }
 }
 
-/// Ones from a place on, going to higher places or to lower ones.
+/// Number of ones in sequence from a place on, upwards or downwards.
 #[inline(always)]
 pub(super) fn run_of_ones(bytes: &[u8], from: usize, forward: bool) -> usize {
     const STEP: usize = 16;

@@ -205,7 +205,7 @@ fn window(
         residual_sd_rad: drift.residual_sd_rad,
         error_px: drift.error_px,
         share: drift.share,
-        counts: drift.is_of_most_pixels(),
+        counts: drift.explains_most_pixels(),
     };
     Some((window, drift))
 }

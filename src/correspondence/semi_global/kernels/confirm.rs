@@ -1,10 +1,10 @@
-//! One look at 32 pixels whose orders are known.
+//! Confirms the known orders of 32 pixels.
 //!
 //! ```text
-//! x = the column at which Φ − drift is the order and the phase of the pixel
-//! a few times, as long as there are phases of C2 in the columns before and behind x: x moves to where their line has the phase
-//!     of the pixel
-//! decided: that is between the two columns, and δ there is off the drift by no more than so many sd
+//! x = the column at which Φ − drift is order + phase of the pixel
+//! repeat a few times, while C2 has phases in the columns around x:
+//!     x = where the line through these phases has the phase of the pixel
+//! confirmed: x lies between the two columns, and |δ − drift| there is small
 //! ```
 
 use fringeflow_simd::Lanes;
@@ -16,17 +16,18 @@ use crate::correspondence::surfaces::{NO_ORDER, columns_around_each};
 use super::Row;
 use super::selection::Found;
 
-/// |δ − drift| up to which a pixel is decided by the order of its surface, sd.
+/// Largest |δ − drift| of a confirmed pixel, sd.
 const MAX_Z: f32 = 4.0;
-/// Columns are looked at so many times; the first place is seldom a column off.
+/// Most iterations; the first column is seldom off by one.
 const LOOKS: usize = 3;
-/// How far a place may move at once, pixels: where phases hardly change, lines lead anywhere.
+/// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
 const MAX_MOVE_PX: f32 = 2.0;
 
 impl Row<'_> {
-    /// Looks at the pixels from `first` on, which have such orders, none of [`NO_ORDER`]; yields those that are decided, a bit each.
+    /// Confirms the pixels from `first` on that have an order in `orders`, [`NO_ORDER`] standing for none. Returns the
+    /// confirmed pixels, a bit each.
     #[inline(always)]
-    pub(in crate::correspondence::semi_global) fn look<L: Lanes>(
+    pub(in crate::correspondence::semi_global) fn confirm<L: Lanes>(
         &self,
         lanes: L,
         first: usize,
@@ -41,7 +42,7 @@ impl Row<'_> {
         let target = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);
         let ([column_px, per_turn], is_sound) = segments.columns_of(target);
         let is_sound = lanes.both(is_sound, lanes.reaches(segments.row, float(0.0)));
-        // Over what a look may be off the drift does not change.
+        // The drift is constant over such small moves.
         let drift = self.drift.block(lanes, first).at(lanes, column_px);
         let mut column_px = lanes.add_float(column_px, lanes.times_float(drift, per_turn));
         let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
@@ -53,11 +54,13 @@ impl Row<'_> {
             let around = columns_around_each(lanes, self.image, segments.row, phases, column_px);
             let slope = lanes.widen(around.slope);
             let is_flat = lanes.is_equal(around.slope, lanes.word(0));
+            // Flat pairs are masked below; 1 avoids a division by zero.
             let slope_or_one = lanes.select_float(lanes.truths(is_flat), float(1.0), lanes.floats(slope));
             let value = lanes.floats(lanes.widen(around.value));
             let share = lanes.over(lanes.sub_float(float(0.0), value), slope_or_one);
             let before_px = lanes.sub_float(column_px, around.share);
             let between = lanes.mask_of(lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share)));
+            // A pixel without phases around x gives up; one whose crossing lies elsewhere moves on.
             let known = lanes.and(todo, around.known);
             let here = lanes.and_not(lanes.and(known, between), is_flat);
             let is_here = lanes.truths(here);
@@ -83,7 +86,7 @@ impl Row<'_> {
         let decided = lanes.and(found, lanes.mask_of(fits));
         let in_volume = lanes.and(decided, lanes.mask_of(segments.have(at_px)));
         Found { order, phases, present: decided, in_volume, rest, drift, column_px: at_px, slope: slopes }
-            .tell(lanes, sd_turns, out);
+            .store(lanes, sd_turns, out);
         lanes.bits(decided)
     }
 }

@@ -1,4 +1,5 @@
-//! What one pixel of C1 sees of its segment, and of what lies beyond.
+//! The search of one pixel of C1 along its segment and beyond: the scalar form of the kernels in
+//! [`super::semi_global`].
 
 use std::ops::ControlFlow;
 
@@ -8,13 +9,14 @@ use super::row_view::RowView;
 use super::segment::{Segment, SegmentRow};
 use super::semi_global::{Reach, Scene};
 
-/// Columns by which an interval is widened against rounding.
+/// Columns by which an interval is widened to cover rounding.
 pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
-/// Rise of Φ along all columns below which they are searched as one, turns: a projector near C1 lights a ray with one phase.
+/// Rise of Φ over all columns below which they are searched as one interval, turns: a projector near C1 lights a ray
+/// with one phase.
 pub(super) const FLAT_TURNS: f32 = 2e-3;
 
-/// A pixel of C1 and the columns of C2 in which it looks for candidates.
-pub(super) struct Outlook<'a> {
+/// A pixel of C1 and the columns of C2 in which its candidates are sought.
+pub(super) struct PixelSearch<'a> {
     pub(super) row: RowView<'a>,
     pub(super) segment: Segment,
     pub(super) drift: DepthPolynomial,
@@ -24,8 +26,8 @@ pub(super) struct Outlook<'a> {
     pub(super) phase: u16,
 }
 
-impl<'a> Outlook<'a> {
-    /// That of the pixel in column `u` of row `v`, which `segments` and `drift` belong to.
+impl<'a> PixelSearch<'a> {
+    /// The search of the pixel in column `u` of row `v`. `segments` and `drift` are those of the row.
     pub(super) fn new(
         scene: &Scene<'a>,
         reach: Reach,
@@ -39,7 +41,7 @@ impl<'a> Outlook<'a> {
         Self::within(scene.cam2, segment, drift.segment(u), phase, limits_px)
     }
 
-    /// That of a pixel with such a phase, within such columns.
+    /// The search of a pixel with this phase, within these columns.
     pub(super) fn within(
         cam2: &'a EpipolarImage,
         segment: Segment,
@@ -52,21 +54,22 @@ impl<'a> Outlook<'a> {
         Self { row: RowView::new(cam2, segment.row_px), segment, drift, limits_px, phase_range_turns, phase }
     }
 
-    /// Φ less the drift and the phase of the pixel at a column, turns: the order, and what is left of δ.
+    /// The fringe order of a point seen at a column, and δ less the drift, turns: Φ − drift − phase of the pixel, split
+    /// into whole turns and rest.
     #[inline]
-    pub(super) fn order_and_rest(&self, column_px: f32) -> (i32, f32) {
+    pub(super) fn order_and_residual(&self, column_px: f32) -> (i32, f32) {
         let turns = self.segment.phase_turns(column_px) - self.drift.at(column_px) - f32::from(self.phase) / 65536.0;
         let order = (turns + 0.5_f32.copysign(turns)) as i32;
         (order, turns - order as f32)
     }
 
-    /// Whether the point seen at a column lies in the measurement volume, as far as its place is known.
+    /// Whether a column lies on the segment, that is, its point in the measurement volume.
     #[inline]
     pub(super) fn is_in_volume(&self, column_px: f32) -> bool {
         column_px >= self.segment.begin_px && column_px <= self.segment.end_px
     }
 
-    /// The columns in which a candidate of an order can lie whose δ is off by no more than `reach_turns`.
+    /// The columns in which candidates of an order with |δ − drift| up to `reach_turns` can lie.
     #[inline]
     pub(super) fn columns_of(&self, order: i32, reach_turns: f32) -> Option<[f32; 2]> {
         let [first_px, last_px] = self.limits_px;
@@ -79,22 +82,22 @@ impl<'a> Outlook<'a> {
             let (column_px, columns_per_turn) = self.segment.column_and_columns_per_turn(turns.clamp(least, most));
             (column_px.clamp(first_px, last_px), columns_per_turn.abs())
         };
-        // The drift is that of the middle of the interval; over its width it changes by far less than the reach.
+        // The drift in the middle stands for the interval: over its width it changes by far less than the reach.
         let middle = target + self.drift.at(within(target).0);
         if middle + reach_turns < least || middle - reach_turns > most {
             return None;
         }
         let (column_px, columns_per_turn) = within(middle);
-        // What the middle is clamped by widens the interval on the other side: it must reach as far as before.
+        // Clamping moves the middle; the interval grows by as much, so that its other end stays where it was.
         let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
         Some([column_px - half_px, column_px + half_px])
     }
 
-    /// The candidate of an order with the least |δ − drift|, if that is less than `reach_turns`: δ − drift, turns, and column.
+    /// The candidate of an order with the least |δ − drift| below `reach_turns`: δ − drift, turns, and column.
     pub(super) fn nearest(&self, order: i32, reach_turns: f32) -> Option<(f32, f32)> {
         let mut best: Option<(f32, f32)> = None;
         self.crossings(self.columns_of(order, reach_turns)?, |column_px, _| {
-            let (found, rest) = self.order_and_rest(column_px);
+            let (found, rest) = self.order_and_residual(column_px);
             let least = best.map_or(reach_turns, |(least, _)| least.abs());
             if found == order && rest.abs() < least {
                 best = Some((rest, column_px));
@@ -103,12 +106,12 @@ impl<'a> Outlook<'a> {
         best
     }
 
-    /// Tells of all crossings in an interval of columns: column and slope.
+    /// Calls `visit` with the column and slope of every crossing in an interval of columns.
     #[inline]
-    pub(super) fn crossings(&self, [begin_px, end_px]: [f32; 2], mut tell: impl FnMut(f32, i32)) {
+    pub(super) fn crossings(&self, [begin_px, end_px]: [f32; 2], mut visit: impl FnMut(f32, i32)) {
         let columns = begin_px.max(0.0) as usize..=end_px.max(0.0).ceil() as usize;
         let _ = self.row.crossings(self.limits_px, self.phase, columns, |column_px, slope| {
-            tell(column_px, slope);
+            visit(column_px, slope);
             ControlFlow::Continue(())
         });
     }

@@ -39,14 +39,14 @@ pub(super) const MAX_ORDER: f32 = 8000.0;
 
 /// The columns of C2 in which a pixel of C1 sees all of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Space {
+pub(super) struct SearchSpace {
     infinity_px: [f32; 3],
     last_px: f32,
     /// Mean half length of a segment, pixels.
     pub(super) half_px: f32,
 }
 
-impl Space {
+impl SearchSpace {
     pub(super) fn from_table(table: &SegmentTable) -> Self {
         let half_px = table.drift_modes().map_or(1.0, |modes| modes.half_segment_px() as f32);
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
@@ -67,7 +67,7 @@ impl Space {
 
 /// A pixel of C1 and what it looks into.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(super) struct OrderScorer {
     pub(super) segment: Segment,
     pub(super) drift: DepthPolynomial,
     pub(super) phase: u16,
@@ -85,7 +85,7 @@ pub(super) struct Orders {
     phase_turns: [f32; 2],
 }
 
-impl Sight {
+impl OrderScorer {
     /// Its orders; `None` where Φ tells nothing.
     #[inline]
     pub(super) fn orders(&self) -> Option<Orders> {
@@ -114,18 +114,18 @@ impl Sight {
 
 /// Scores of so many orders, the pixel's from `first` on; those beyond its own have none.
 #[inline(always)]
-pub(super) fn scores_of<L: Lanes>(
+pub(super) fn order_scores<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
-    sight: &Sight,
+    scorer: &OrderScorer,
     orders: &Orders,
     first: i32,
 ) -> L::Words {
-    let (segment, [a, b, d]) = (&sight.segment, sight.segment.phase);
+    let (segment, [a, b, d]) = (&scorer.segment, scorer.segment.phase);
     let rise = b - a * d;
     let float = |value: f32| lanes.float(value);
     let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
-    let phase_turns = f32::from(sight.phase) / 65536.0;
+    let phase_turns = f32::from(scorer.phase) / 65536.0;
     let [least, most] = orders.phase_turns;
     let clamp = |turns: L::Floats| lanes.min_float(lanes.max_float(turns, float(least)), float(most));
     let turns = clamp(lanes.add_float(ramp, float(first as f32 + phase_turns)));
@@ -134,17 +134,17 @@ pub(super) fn scores_of<L: Lanes>(
     // Columns a turn.
     let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
     let column = lanes.add_float(along, float(segment.reference_px));
-    let drift = DepthBlock::splat(lanes, &sight.drift).at(lanes, column);
+    let drift = DepthBlock::splat(lanes, &scorer.drift).at(lanes, column);
     let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
     let last_px = (image.width - 2) as f32;
     let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
     let column = lanes.min_float(lanes.max_float(column, float(0.0)), float(last_px));
-    let around = columns_around(lanes, image, segment.row_px, sight.phase, column);
-    let rest = rest_turns(lanes, &around, per_turn);
+    let around = columns_around(lanes, image, segment.row_px, scorer.phase, column);
+    let rest = residual_turns(lanes, &around, per_turn);
     // Beyond the volume the drift is known less and less.
-    let Gate { cap_turns, beyond_turns, most_turns } = sight.gate;
+    let Gate { cap_turns, beyond_turns, most_turns } = scorer.gate;
     let away = lanes.abs_float(lanes.sub_float(column, float(segment.reference_px)));
-    let away = lanes.sub_float(lanes.times_float(away, float(1.0 / sight.half_px)), float(1.0));
+    let away = lanes.sub_float(lanes.times_float(away, float(1.0 / scorer.half_px)), float(1.0));
     let away = lanes.max_float(away, float(0.0));
     let cap = lanes.add_float(float(cap_turns), lanes.times_float(away, float(beyond_turns)));
     let cap = lanes.min_float(cap, float(most_turns));
@@ -185,7 +185,7 @@ pub(in crate::correspondence) struct Around<L: Lanes> {
 
 /// By how much δ of the crossing near the places differs from the drift, turns, as Φ takes so many columns a turn there.
 #[inline(always)]
-pub(super) fn rest_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
+pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
     let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
     let steepness = lanes.abs_float(lanes.times_float(slope, per_turn));
