@@ -1,20 +1,54 @@
-//! From two phase maps to one correspondence a pixel (paper, sections 2.1 to 2.3).
+//! Stereo matching: from two phase maps to one correspondence per pixel of C1 (paper, sections 2.1 to 2.3).
 //!
-//! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`] or the
-//! reason why it has none ([`Outcome`]). Steps, one module each:
+//! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`], or the reason
+//! why it has none ([`Outcome`]).
 //!
-//! 1. *segment table*, *segment file*: per pixel of C1 its epipolar segment and the back-projection phase along it; once
-//!    a rig, what is smooth in *patches*;
-//! 2. *epipolar image*, *row view*: the phase of C2, resampled so that segments are parts of rows;
-//! 3. *candidates*, *search*: points of the segment with the phase of the pixel, and the test |δ| < 3·sd; *unique*: those of
-//!    pixels that have one alone; *wide*: what the searches of many pixels at once are made of;
-//! 4. *delta statistics*: sd from the images themselves; *surfaces*: orders of whole surfaces, anywhere in space; *drift*: the part
-//!    of sd that is no noise but calibration, from their candidates; *outlook*: what one pixel sees of its segment;
-//! 5. *semi-global*: the orders of the whole image decided together, or
-//!    *reference methods*: as the paper does it, by reference correspondences, Eq. (2) and contradictions;
-//!    shared by both: *neighbourhood* and *support* (neighbours), *regions* and *unions*, *places* and *claims* (one point of C2
-//!    serves one order), *explanation* (why a pixel has none), *chosen* (what is decided), *bands* and *pool* (memory);
-//! 6. *matching*: the chain; *agreement*: whether images and rig belong together at all.
+//! # How a pixel is decided
+//! ```text
+//!  pixel p of C1, wrapped phase φ                         epipolar frame of C2
+//!        │ segment table                 row of C2    ──────┬─────────┬─────────┬─────────┬──────
+//!        ▼                               segment           q1        q2        q3        q4        φ(q) = φ
+//!  epipolar segment ──────────────────►  fringe order      k        k+1       k+2       k+3
+//!                                        δ = Φ(q) − φ    −2.4      0.02       2.4      −1.5       rad, about the drift
+//!                                                                    ▲
+//!  the surface of p has order k+1 ── its candidate fits ─────────────┤ confirmed
+//!  else: cost of every order ── least sum over eight paths ──────────┤ selected
+//!                                                                    ▼
+//!  regions stand or fall, confidence of each pixel ──► correspondence (p, q2), or the reason why there is none
+//! ```
+//!
+//! Φ(q) is the back-projection phase: the phase at which the projector would light the 3D point of p and q. The
+//! [reference method](reference_methods) decides by neighbour votes instead of surfaces and paths.
+//!
+//! # Steps
+//! | step | modules |
+//! |---|---|
+//! | segments of a rig, once | *segment table*, *builder*, *file*, *patches*, *source map*, *fingerprint* |
+//! | C2 in the epipolar frame | *epipolar image*, *row view* |
+//! | candidates by the scan of a segment | *candidates*, *search*; those that are alone: *unique* |
+//! | sd from the images | *delta histogram*, *delta statistics*, *support*; slips of the pattern sequence: *slip* |
+//! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
+//! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
+//! | as the paper does it | *reference methods* |
+//! | shared by both | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool*, *grid* |
+//! | the chain | *matching*, *settings*; whether images and rig belong together: *agreement* |
+//!
+//! # Hot loops
+//! | loop, per window | file |
+//! |---|---|
+//! | resampling of C2 | `epipolar_image.rs`, `Block::resample` |
+//! | histogram of δ | `candidates.rs`, `scan_segment`, over `row_view.rs`, `MayCross` |
+//! | unique candidates of the sampled rows | `unique/kernel.rs`, `Search::block` |
+//! | neighbour votes | `support.rs`, `Votes::add_walk` |
+//! | breaks of the wrapped phase | `surfaces/runs.rs`, `BreakKernel` |
+//! | scores of all orders of sampled pixels | `surfaces/order_scores.rs`, `order_scores` |
+//! | confirmation of known orders | `semi_global/kernels/confirm.rs`, `Row::confirm` |
+//! | matching costs of the other pixels | `semi_global/kernels/matching_cost.rs`, `Block::evidence` |
+//! | path sums | `semi_global/paths/mod.rs`, `Sweep::pixel` |
+//! | candidates of the decided orders | `semi_global/kernels/selection.rs`, `Block::select` |
+//! | support and confidence | `semi_global/grounds.rs`, `support`; `semi_global/confidence.rs`, `ConfidenceRow` |
+//!
+//! The kernels share `kernels/`: the segments of 32 pixels, and tables of 64 columns of C2.
 
 mod agreement;
 mod bands;

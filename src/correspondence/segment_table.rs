@@ -108,6 +108,29 @@ impl SegmentTable {
     ///
     /// A patch of 16 × 16 pixels has no segments if the lens of C1 has no ray at its border, or P lights nothing there.
     ///
+    /// ```
+    /// use fringeflow::correspondence::SegmentTable;
+    /// use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
+    ///
+    /// let camera = Camera::new([100.0; 2], [31.5, 23.5], Distortion::default(), [64, 48]);
+    /// let shifted_by = |x_m: f64| Pose::new(Vector3::new(x_m, 0.0, 0.0), Vector3::zeros());
+    /// let rig = Rig {
+    ///     cam1: camera.clone(),
+    ///     cam2: camera.clone(),
+    ///     projector: camera,
+    ///     cam2_from_cam1: shifted_by(-0.1),
+    ///     projector_from_cam1: shifted_by(-0.05),
+    /// };
+    /// let volume = MeasurementVolume::new(Pose::identity(), Point3::new(-0.2, -0.2, 0.4), Point3::new(0.2, 0.2, 0.6))?;
+    /// let pattern = FringePattern { period_px: 2.0, sign: 1.0, offset_rad: 0.0 };
+    /// let table = SegmentTable::build(&rig, &volume, &pattern)?;
+    ///
+    /// let segment = table.segment(24 * 64 + 40);
+    /// let periods = segment.phase_turns(segment.end_px) - segment.phase_turns(segment.begin_px);
+    /// assert!((periods.abs() - 2.1).abs() < 0.1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// The rig has no epipolar frame, C2 never sees the volume, or P never lights it.
     pub fn build(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Result<Self, SegmentTableError> {

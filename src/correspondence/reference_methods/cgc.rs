@@ -1,10 +1,10 @@
 //! CGC: full Gray code in two fringe directions (paper, Table 2).
 //!
 //! In: absolute phase of both cameras along the columns and along the rows of the projector. Out: for each pixel of C1
-//! the point of C2 with the same two phases. The geometry of the cameras is not used to find it, only to triangulate it.
+//! the point of C2 with the same two phases. The geometry of the cameras only triangulates the point.
 //!
-//! The pixels of C2 are sorted into bins of their two phases. A pixel of C1 starts at the closest pixel among the bins
-//! around its own; from there Newton's steps on the bilinear phases lead to the sub-pixel point.
+//! The pixels of C2 are sorted into bins of their two phases. The search for a pixel of C1 starts at the closest pixel
+//! in the bins around its own. Newton's method on the bilinear phases refines it to a sub-pixel point.
 
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
@@ -24,9 +24,9 @@ const TOLERANCE_TURNS: f64 = 1e-4;
 /// The sub-pixel point must stay this close to the pixel it started from, pixels.
 const MAX_MOVE_PX: f64 = 3.0;
 
-/// Matches absolute phases `[along columns, along rows]`; one entry a pixel of C1, row by row.
+/// Matches absolute phases `[along columns, along rows]`. Returns one entry per pixel of C1, row by row.
 ///
-/// With a volume, only points in it are found.
+/// With a volume, only points inside it are found.
 ///
 /// # Errors
 /// A phase of another size than its camera.
@@ -72,12 +72,12 @@ impl<'a> PhaseIndex<'a> {
         let pixels = 0..phases[0].valid.len();
         let entry = |i: usize| phases_of(phases, i).map(|p| (bin_of(p), i as u32));
         let mut entries: Vec<_> = pixels.into_par_iter().filter_map(entry).collect();
-        // Entries are distinct, so that the order is the same for any number of threads.
+        // Entries are distinct, so the order does not depend on the number of threads.
         entries.par_sort_unstable();
         Self { phases, entries }
     }
 
-    /// The pixel whose phases are closest, among those less than a bin away; the first of several.
+    /// The pixel with the closest phases, less than a bin away; the first of several.
     fn closest(&self, wanted: [f32; 2]) -> Option<usize> {
         let [bin_u, bin_v] = bin_of(wanted);
         let distance = |pixel: usize| {
@@ -117,7 +117,7 @@ fn refine(phases: [&AbsolutePhase; 2], wanted: [f32; 2], start: usize) -> Option
     None
 }
 
-/// Both phases and their derivatives (a row each) at a raw point, from the four pixels around it.
+/// Both phases and their derivatives (one row per phase) at a raw point, from the four pixels around it.
 fn bilinear(phases: [&AbsolutePhase; 2], at: &Pixel) -> Option<(Vector2<f64>, Matrix2<f64>)> {
     let (width, height) = (phases[0].width, phases[0].height);
     if !(at.x >= 0.0 && at.y >= 0.0 && at.x <= width as f64 - 1.0 && at.y <= height as f64 - 1.0) {

@@ -1,12 +1,12 @@
 //! EGC: full Gray code with epipolar lines (paper, Table 2).
 //!
 //! In: absolute phase of both cameras. Out: for each pixel of C1 the point of its epipolar line in C2 with the same
-//! absolute phase. The absolute phase of C2 is resampled into the epipolar frame once; a search runs along one row of
-//! it, between the two rows that the line lies between.
+//! absolute phase. The absolute phase of C2 is resampled into the epipolar frame once. A search runs along the line,
+//! between two rows of the frame.
 //!
-//! Along a line the absolute phase is monotone as long as the surface is, so the point is unique. Noise, mixed pixels
-//! and depth steps can make it cross the value more than once. Of several crossings in the sense in which most of the
-//! line runs, the one nearest to C1 counts: a surface there hides whatever lies behind it.
+//! Along a line the absolute phase is monotone where the surface is, so the point is unique. Noise, mixed pixels and
+//! depth steps can make the phase cross the value more than once. Of the crossings in the sense of most of the line,
+//! the one nearest to C1 counts: its surface hides everything behind.
 
 use rayon::prelude::*;
 
@@ -19,9 +19,9 @@ use crate::phase::AbsolutePhase;
 /// Generous, since the mixed pixels of both cameras at a depth edge correspond too.
 const MAX_STEP_TURNS: f32 = 0.8;
 
-/// Matches absolute phases along epipolar lines; one entry a pixel of C1, row by row.
+/// Matches absolute phases along epipolar lines. Returns one entry per pixel of C1, row by row.
 ///
-/// With a volume, only points in it are found.
+/// With a volume, only points inside it are found.
 ///
 /// # Errors
 /// A phase of another size than its camera, or a rig without an epipolar frame.
@@ -53,7 +53,7 @@ pub fn match_along_epipolar_lines(
 
 /// Whole columns, first and last, that enclose the columns of a range of depths inside a frame.
 fn columns_of(line: &EpipolarLine, near_m: f64, far_m: f64, width: usize) -> Option<(usize, usize)> {
-    // A nearest depth of almost zero lies infinitely far out, on the side it approaches the frame from.
+    // A nearest depth of almost zero lies infinitely far out on one side.
     let (a, b) = (line.column_of_depth(near_m), line.column_of_depth(far_m));
     let last = width as f64 - 1.0;
     let (from, to) = (a.min(b).floor().max(0.0), a.max(b).ceil().min(last));
@@ -76,7 +76,7 @@ fn resample(frame: &EpipolarFrame, cam2: &AbsolutePhase) -> EpipolarPhase {
     EpipolarPhase { width, height, turns: (0..width * height).into_par_iter().map(at).collect() }
 }
 
-/// Absolute phase at a raw point: bilinear on a surface, the nearest pixel's at its border, if that is valid.
+/// Absolute phase at a raw point: bilinear on a surface, else that of the nearest pixel, if it is valid.
 fn sample(phase: &AbsolutePhase, pixel: &Pixel) -> Option<f32> {
     let value = |u: f64, v: f64| {
         let inside = u >= 0.0 && v >= 0.0 && u < phase.width as f64 && v < phase.height as f64;
@@ -100,7 +100,7 @@ fn sample(phase: &AbsolutePhase, pixel: &Pixel) -> Option<f32> {
 }
 
 impl EpipolarPhase {
-    /// The rows on both sides of a line; `None` where the line leaves the frame.
+    /// The rows on both sides of a line. `None` if the line leaves the frame.
     fn rows_at(&self, row_px: f64) -> Option<RowPair<'_>> {
         let row = row_px.floor();
         if !(row >= 0.0 && row + 1.0 < self.height as f64) {
@@ -137,7 +137,8 @@ impl RowPair<'_> {
         if self.weight < 0.5 { a } else { b }
     }
 
-    /// Column where the line has the absolute phase `wanted`; `near_last` if the last columns are the nearest to C1.
+    /// Column where the line has the absolute phase `wanted`. `near_last` tells that the last columns are the nearest
+    /// to C1.
     fn find(&self, wanted: f32, (from, to): (usize, usize), near_last: bool) -> Option<f64> {
         let mut crossings = Vec::new();
         let (mut before, mut rising) = (self.at(from), 0_i32);
@@ -157,7 +158,7 @@ impl RowPair<'_> {
     }
 }
 
-/// Column of the crossing nearest to C1 of those in the sense of the line, else of all.
+/// Column of the crossing nearest to C1, of those in the sense of the line, else of all.
 fn nearest(crossings: &[Crossing], line_rises: bool, near_last: bool) -> Option<f64> {
     let along = |c: &&Crossing| c.rising == line_rises;
     let columns = || crossings.iter();

@@ -1,8 +1,8 @@
-//! The methods of the paper: what ours are measured against.
+//! The methods of the paper, as references for ours.
 //!
-//! - With Gray code (Table 2): CGC with two fringe directions, EGC with epipolar lines. In: absolute phase of both cameras.
-//!   Out: one match a pixel of C1.
-//! - Without (section 2.2, the proposed algorithm PA): *paper*.
+//! - With Gray code (Table 2): CGC with two fringe directions, EGC with epipolar lines. In: absolute phase of both
+//!   cameras. Out: one match per pixel of C1.
+//! - Without Gray code (section 2.2, the proposed algorithm PA): *paper*.
 
 mod cgc;
 mod egc;
@@ -52,7 +52,7 @@ pub enum MatchError {
     Epipolar(#[from] crate::geometry::EpipolarError),
 }
 
-/// Depths (z, metres) between which the ray of a pixel of C1 is searched: the volume, or everything before C1.
+/// Range of depths (z, metres) searched on the ray of a pixel of C1: the volume, or everything before C1.
 fn depths_of(ray_cam1: &Vector3, volume: Option<&MeasurementVolume>) -> Option<(f64, f64)> {
     match volume {
         Some(volume) => volume.clip(ray_cam1),

@@ -1,16 +1,29 @@
-//! Which of the selected candidates stay.
+//! Decides which of the selected candidates stay.
 //!
-//! Regions of continuous absolute phase are judged first, as a whole:
+//! ```text
+//! divide the selected candidates into regions of continuous absolute phase and z
+//! for each region: lead = mean excess of the next best orders; strip = δ runs through it
+//! a region stands if it is large, leads clearly, and its z scatters like a normal error; a very clear lead is enough by itself
+//! a region falls if a good part of its places in C2 serve other orders of better founded regions
+//! for each pixel, among the regions that stand:
+//!     support = neighbours within 1 and 3 pixels whose absolute phases continue that of the pixel
+//!     hidden = a point nearer to C2 has its place there with another order
+//!     confidence = model(margin, z, support, hidden; size, lead and hidden share of its region)
+//! keep a pixel if it is confident enough, and no strip in the volume; drop small regions of what is left
+//! ```
 //!
-//! - A region of true candidates has z like a normal error, and every pixel of it stands out against the other orders. Over
-//!   a region whose true candidates are missing, hidden from C2 or outside the search, δ of whatever was selected runs
-//!   through anything, and another order would have done nearly as well.
-//! - A region through which δ runs rather than scatters is a *strip* of a surface that lies elsewhere: all of it falls.
-//! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded ones is
-//!   wrong: where it lies, C2 sees them.
+//! Why each step:
 //!
-//! The regions that stand are the ground on which every pixel is then judged by itself (*grounds*, *confidence*), those of
-//! other regions too: at borders true candidates err by more than the noise of the rest and fall out of their regions.
+//!
+//! - In a region of true candidates z scatters like a normal error, and every pixel stands out against the other
+//!   orders. In a region whose true candidates are missing, hidden from C2 or outside the search, δ takes any value,
+//!   and another order would fit nearly as well.
+//! - A region through which δ runs, rather than scatters about zero, is a *strip* of a surface that lies elsewhere.
+//! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded
+//!   ones is wrong: C2 sees those there.
+//!
+//! - The regions that stand are the ground on which each pixel is judged (*grounds*, *confidence*), including pixels of
+//!   other regions: at borders true candidates err by more than noise and fall out of their regions.
 
 use rayon::prelude::*;
 
@@ -30,33 +43,35 @@ use super::strips::Strips;
 use super::{Decisions, Limits, Scene, UNITS_PER_NAT};
 use crate::correspondence::runs::Run;
 
-/// Difference of z between neighbours of one region.
+/// Largest difference of z between neighbours in one region.
 const MAX_Z_STEP: f32 = 5.0;
-/// A region needs this lead over other orders, nats a path; then the variance of its z may be 1, that of a normal error, and
-/// 1 more for every so many nats beyond, up to a bound: a surface apart from the others may be off by what drifts do not follow,
-/// which grows beside noise the more images a phase is of (between 4.0 and 4.5 measured); a part of a board within had 4.95.
+/// Least lead of a region over other orders, nats per path. The variance of its z may then be 1, that of a normal
+/// error, and 1 more for every [`LEAD_NATS_PER_VARIANCE`] beyond, up to a bound. A surface apart from the others may be
+/// off by what no drift follows, which exceeds noise the more, the more images a phase is of (variances between 4.0 and
+/// 4.5 measured); a part of a board within had 4.95.
 const MIN_LEAD_NATS: f32 = 3.1;
 const LEAD_NATS_PER_VARIANCE: f32 = 2.0;
 const MAX_VARIANCE: f32 = 4.5;
-/// With this lead the variance of z may be larger, and a region is no strip: motion leaves more in δ than the noise of the scene
-/// around, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm an image: right regions
-/// with variances up to 8 have a lead of at least 8.6 nats a path. A lead alone is not enough: a strip of a board 40 mm behind the
-/// volume leads by more, with variances of hundreds.
+/// With this lead the variance of z may be larger, and the region is no strip: motion moves δ by more than the noise of
+/// the rest, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm per image:
+/// right regions with variances up to 8 have at least 8.6 nats per path. The lead alone is not enough: a strip of a board
+/// 40 mm behind the volume leads by more, with variances of hundreds.
 const SURE_LEAD_NATS: f32 = 8.5;
 const SURE_VARIANCE: f32 = 9.0;
-/// By so much less than others such a region is founded: each that δ supports takes its places in C2.
+/// Handicap of such a region: every region that δ supports takes its places in C2.
 const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
 const MEDIAN_SQUARE: f32 = 0.455;
-/// Lead, nats a path, by which a region is better founded than another. One surface that hides another has about its lead.
+/// Lead, nats per path, by which a region is better founded than another. Two surfaces of which one hides the other
+/// have similar leads.
 const BETTER_FOUNDED_NATS: f32 = 3.0;
-/// What is taken off the logarithm of the odds of every point where the drift explains few pixels of the image: the curves were
+/// Reduction of the logarithm of the odds of every point if the drift explains few pixels of the image: the curves were
 /// fitted where it explains most.
 const DOUBT_NATS: f32 = 0.6;
-/// Share of a region's places that better founded ones may take.
+/// Share of its places that a region may lose to better founded ones.
 const MAX_LOST_SHARE: f64 = 0.3;
 
-/// Scratch for what is known of each pixel.
+/// Scratch memory for the verification.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VerificationScratch {
     regions: Regions,
@@ -64,26 +79,26 @@ pub(super) struct VerificationScratch {
     strips: Strips,
     claims: Claims,
     surroundings: Surroundings,
-    /// Pixels beside and around each pixel that support it.
+    /// Support of each pixel, near and wide.
     near_support: Vec<u8>,
     wide_support: Vec<u8>,
     is_hidden: Vec<bool>,
     scratches: Vec<ConfidenceScratch>,
-    /// Regions of what is left.
+    /// Regions of the pixels that are left.
     left: Regions,
 }
 
-/// What is known of each region.
+/// Quantities of each region.
 #[derive(Clone, Debug, Default)]
 struct RegionScratch {
-    /// Mean lead of the decided orders over the next best ones, nats a path.
+    /// Mean lead of the decided orders over the next best ones, nats per path.
     leads_nats: Vec<f32>,
-    /// The same, less where only that speaks for it.
+    /// The same, with a handicap for regions that δ does not support.
     foundations_nats: Vec<f32>,
     /// Why it does not stand; `None` if it does.
     verdicts: Vec<Option<Outcome>>,
     grounds: Vec<RegionGrounds>,
-    /// What it adds to the logarithm of the odds of its pixels.
+    /// Contribution to the logarithm of the odds of its pixels.
     log_odds: Vec<f32>,
     sums: Vec<u64>,
 }
@@ -95,15 +110,14 @@ struct ConfidenceScratch {
     log_odds: Vec<f32>,
 }
 
-/// What the paths decided.
+/// The decisions of the paths.
 pub(super) struct PathDecisions<'a> {
     pub(super) verdicts: &'a Verdicts,
-    /// Where the wrapped phase runs on.
+    /// Where the wrapped phase continues.
     pub(super) surfaces: &'a surfaces::Scratch,
 }
 
-/// Decides about every pixel, of which it is known how many orders pass the back-projection test. Selected candidates that do
-/// not stay become absent. The grounds go where they are asked for.
+/// Decides every pixel. Selected candidates that do not stay become absent. Writes the grounds if asked for.
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
@@ -139,7 +153,7 @@ struct Verification<'a> {
 }
 
 impl Verification<'_> {
-    /// Finds by how much each region leads, and which are strips.
+    /// Finds the lead of each region, and the strips.
     fn measure_regions(&self, scratch: &mut VerificationScratch, surfaces: &surfaces::Scratch) {
         let VerificationScratch { regions, per_region, strips, .. } = scratch;
         let (regions, z) = (&*regions, &self.selection.z);
@@ -156,10 +170,12 @@ impl Verification<'_> {
         leads_nats.extend(sums.iter().zip(&regions.size_px).map(of_region));
     }
 
+    /// Decides which regions stand, by their lead and the scatter of z.
     fn judge_regions(&self, VerificationScratch { regions, per_region, strips, .. }: &mut VerificationScratch) {
         let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = per_region;
-        // Half of the squares of z must be small, and one more of an even number: the median is that of the greater half. The
-        // sums count the pixels beyond the variance that the lead allows, and 2^32 times those beyond that of a sure region.
+        // The median of the squares of z must be small: more than half of them must be below the limit, with an even
+        // number one more. The sums count the pixels beyond the limit of the lead, and 2^32 times those beyond that of a
+        // sure region.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.set as usize];
             (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
@@ -189,13 +205,13 @@ impl Verification<'_> {
         }
     }
 
-    /// The claim of a pixel with a precedence.
+    /// The claim of a pixel.
     #[inline(always)]
     fn claim(&self, pixel: usize, precedence: f32) -> Claim {
         Claim { place: self.selection.places.of_pixels[pixel], precedence, absolute: self.selection.absolute[pixel] }
     }
 
-    /// Drops regions of which a good part claims places of C2 that better founded regions claim for other orders.
+    /// Rejects regions that lose a good part of their places of C2 to better founded regions with other orders.
     fn contradict_by_foundation(
         &self,
         VerificationScratch { regions, per_region, claims, .. }: &mut VerificationScratch,
@@ -204,7 +220,7 @@ impl Verification<'_> {
         let standing = || foundations_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(nats, _)| *nats);
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
-        // Regions that take no place of any other need not claim theirs.
+        // Regions that can take no place of another need not claim theirs.
         let takes = |nats: f32| nats > least + BETTER_FOUNDED_NATS;
         let loses = |nats: f32| greatest > nats + BETTER_FOUNDED_NATS;
         if !takes(greatest) {
@@ -232,7 +248,7 @@ impl Verification<'_> {
         }
     }
 
-    /// Finds for each pixel which others support it, and whether one nearer to C2 has its place.
+    /// Finds the support of each pixel, and whether a point nearer to C2 has its place.
     fn find_support(&self, scratch: &mut VerificationScratch) {
         let VerificationScratch {
             regions,
@@ -279,7 +295,7 @@ impl Verification<'_> {
         });
     }
 
-    /// Asks what each region says of its pixels.
+    /// Computes what each region contributes to its pixels.
     fn gather_region_grounds(
         &self,
         VerificationScratch { regions, per_region, is_hidden, .. }: &mut VerificationScratch,
@@ -298,7 +314,7 @@ impl Verification<'_> {
         log_odds.extend(grounds.iter().map(|&of_region| TABLES.region_log_odds(of_region) - doubt_nats));
     }
 
-    /// How likely each selected candidate is true; without meaning elsewhere.
+    /// Computes the confidence of each selected candidate; undefined elsewhere.
     fn compute_confidence(&self, scratch: &mut VerificationScratch, confidence: &mut Vec<Confidence>) {
         let VerificationScratch { regions, per_region, near_support, wide_support, is_hidden, scratches, .. } = scratch;
         let (regions, per_region, width) = (&*regions, &*per_region, self.width);
@@ -351,7 +367,7 @@ impl Verification<'_> {
         grounds
     }
 
-    /// Lets every selected candidate stand that is confident enough, and no other.
+    /// Keeps the selected candidates that are confident enough, and rejects all others.
     fn keep_confident(&mut self, scratch: &VerificationScratch, decisions: &mut Decisions<'_>) {
         let least = Confidence::at_least(self.limits.min_confidence);
         let (width, regions, verdicts) = (self.width, &scratch.regions, &scratch.per_region.verdicts);
@@ -366,7 +382,7 @@ impl Verification<'_> {
                 for run in regions.runs.row(v) {
                     let (verdict, is_strip) = (verdicts[run.set as usize], scratch.strips.is_strip[run.set as usize]);
                     for u in run.pixels().start - v * width..run.pixels().end - v * width {
-                        // Beyond the volume the drift is not known, and may well run.
+                        // Beyond the volume the drift is not known, so δ may run there.
                         if confidence[u] < least || (is_strip && in_volume[u]) {
                             outcomes[u] = verdict.unwrap_or_else(|| rejection(is_hidden[u], z[u]));
                             absolute[u] = ABSENT;
@@ -377,6 +393,7 @@ impl Verification<'_> {
         );
     }
 
+    /// Rejects small regions among the pixels that are left.
     fn drop_small_regions(&mut self, regions: &mut Regions, outcomes: &mut [Outcome]) {
         let Selection { absolute, z, .. } = &mut *self.selection;
         regions.find(self.width, absolute, z, f32::INFINITY);
@@ -388,6 +405,7 @@ impl Verification<'_> {
         }
     }
 
+    /// Writes the decisions.
     fn finish(&self, decisions: &mut Decisions<'_>) {
         let width = self.width;
         let Decisions { outcomes, chosen, passing, confidence } = decisions;
@@ -415,7 +433,7 @@ impl Verification<'_> {
     }
 }
 
-/// Why a candidate of a region that stands does not.
+/// Why a candidate of a region that stands is rejected.
 fn rejection(is_hidden: bool, z: f32) -> Outcome {
     if is_hidden {
         Outcome::Contradicted

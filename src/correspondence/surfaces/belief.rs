@@ -1,36 +1,36 @@
-//! The orders of nodes by belief propagation along surfaces.
+//! Decides the orders of nodes by belief propagation (max-sum) along surfaces.
 //!
 //! ```text
 //! for some rounds, nodes forwards and backwards in turn, for each side with a neighbour:
 //!     t(k) = evidence(k) + messages from all sides but that one
 //!     message(k) = max( t(k), max t − PRICE ) − max t
-//! decided: the label with the greatest belief, evidence and all messages; its lead over the next best
+//! decided: the label with the greatest belief, which is evidence plus all messages; its lead over the next best
 //! ```
 //!
-//! A node to which no other message has come since it last sent would send the same again, and is passed over.
+//! A node that has received no new message since it last sent would send the same again, and is skipped.
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::nodes::{NO_NODE, Nodes};
 use super::{FULL_SCORE, LABELS};
 
-/// Price of a change of order along a surface, pixels that fit.
+/// Price of a change of order along a surface: this many pixels that fit.
 const PRICE: i16 = 10 * FULL_SCORE;
 /// Rounds.
 const ROUNDS: usize = 6;
 
 type Labels = [i16; LABELS];
 
-/// Memory for what nodes tell each other.
+/// Scratch memory for messages.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Messages {
-    /// What came to each node from each side.
+    /// The message received by each node from each side.
     received: Vec<[Labels; 4]>,
-    /// Whether it has anything new to send.
+    /// Whether a node has a new message to send.
     has_news: Vec<bool>,
 }
 
-/// Decides all nodes with evidence from that of each label.
+/// Decides all nodes with evidence.
 pub(super) fn decide(nodes: &mut Nodes, evidence: &[Labels], messages: &mut Messages) {
     let Messages { received, has_news } = messages;
     received.clear();
@@ -64,6 +64,7 @@ impl Kernel for Propagation<'_> {
                 for side in 0..4 {
                     if neighbours[side] != NO_NODE {
                         let other = nodes[neighbours[side] as usize].evidence as usize;
+                        // The message to a side leaves out what came from there. Side k ^ 1 lies opposite side k.
                         let sent = message(&belief, &messages[own][side]);
                         let received = &mut messages[other][side ^ 1];
                         has_news[other] |= differ(received, &sent);

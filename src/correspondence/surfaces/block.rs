@@ -1,4 +1,4 @@
-//! Pixels of a block, and where in C2 they see their orders.
+//! A block of pixels, and where C2 sees their orders.
 
 use fringeflow_simd::{LANES, Lanes, filled};
 
@@ -10,7 +10,7 @@ use crate::correspondence::segment::SegmentRow;
 use super::NO_ORDER;
 use super::order_scores::{columns_around_each, residual_turns};
 
-/// Pixels of a block, and what they look into.
+/// A block of pixels and what their search reads.
 pub(super) struct Block<L: Lanes> {
     lanes: L,
     pub(super) segments: Segments<L>,
@@ -20,22 +20,22 @@ pub(super) struct Block<L: Lanes> {
     phase_turns: L::Floats,
 }
 
-/// The columns at which Φ is the order and the phase of the pixels, and how many columns a turn takes there.
+/// The columns at which Φ is order + phase of the pixels, and columns per turn there.
 pub(super) struct OrderColumns<L: Lanes> {
-    /// Pixels that have an order, and such a column.
+    /// Pixels with an order, and with such a column.
     pub(super) has_order: L::Mask,
     pub(super) column: L::Floats,
     columns_per_turn: L::Floats,
 }
 
-/// By how much δ is off the drift, turns, and of which pixels C2 tells it.
+/// |δ − drift|, turns, of the pixels where C2 shows it.
 pub(super) struct DriftOffset<L: Lanes> {
     known: L::Mask,
     turns: L::Floats,
 }
 
 impl<L: Lanes> Block<L> {
-    /// That of a row from a pixel on.
+    /// The block of a row that begins with pixel `first`.
     #[inline(always)]
     pub(super) fn new(lanes: L, segments: &SegmentRow, drift: &DepthRow, phase: &[u16], first: usize) -> Self {
         let phases = lanes.load(&filled(&phase[first..], 0));
@@ -44,7 +44,7 @@ impl<L: Lanes> Block<L> {
         Self { lanes, segments, drift: drift.block(lanes, first), phases, phase_turns }
     }
 
-    /// Where the pixels have their orders without the drift.
+    /// The columns of the orders without drift.
     #[inline(always)]
     pub(super) fn order_columns(&self, orders: &[i16; LANES]) -> OrderColumns<L> {
         let (lanes, order) = (self.lanes, self.lanes.load_signed(orders));
@@ -54,7 +54,7 @@ impl<L: Lanes> Block<L> {
         OrderColumns { has_order, column, columns_per_turn }
     }
 
-    /// Where C2 sees them: the columns at which δ is that of the drift.
+    /// The columns where C2 sees the orders: δ equals the drift there.
     #[inline(always)]
     pub(super) fn columns_with_drift(&self, columns: &OrderColumns<L>) -> L::Floats {
         let lanes = self.lanes;
@@ -64,13 +64,13 @@ impl<L: Lanes> Block<L> {
         )
     }
 
-    /// Where C2 has the phases of the pixels near their places: δ is off the drift by no more than so many turns.
+    /// Pixels whose phase C2 shows near these columns, with |δ − drift| below `reach_turns`.
     #[inline(always)]
     pub(super) fn fits(&self, cam2: &EpipolarImage, columns: &OrderColumns<L>, reach_turns: f32) -> L::Mask {
         self.is_within_reach(&self.drift_offset(cam2, columns), reach_turns)
     }
 
-    /// By how much δ is off the drift there.
+    /// |δ − drift| at these columns.
     #[inline(always)]
     pub(super) fn drift_offset(&self, cam2: &EpipolarImage, columns: &OrderColumns<L>) -> DriftOffset<L> {
         let lanes = self.lanes;
@@ -81,7 +81,7 @@ impl<L: Lanes> Block<L> {
         DriftOffset { known: lanes.and(around.known, columns.has_order), turns: off }
     }
 
-    /// Where that is known, and less than so many turns.
+    /// Pixels where it is known and below `reach_turns`.
     #[inline(always)]
     pub(super) fn is_within_reach(&self, offset: &DriftOffset<L>, reach_turns: f32) -> L::Mask {
         let lanes = self.lanes;

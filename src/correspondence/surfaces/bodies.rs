@@ -1,14 +1,15 @@
-//! Which nodes that lead beyond the measurement volume hold a part of a body within it.
+//! Finds nodes that lead beyond the measurement volume but hold the border of a body inside it.
 //!
 //! ```text
-//! for each node that leads beyond the volume, into which the phase runs on from one that sees into the volume clearly:
-//!     δ of its pixels about the drift by the order of that one, 32 at once
-//!     it holds a part of that body if most of the pixels that fit this order at all fit it closely
-//! the same of those into which the phase runs on from these, until no more are found
+//! for each node that leads beyond the volume, and whose phase continues that of a node that clearly sees into the volume:
+//!     compute δ of its pixels about the drift, by the order of that neighbour, 32 pixels at once
+//!     it holds a part of the neighbour's body if most pixels that fit this order at all fit it closely
+//! repeat with the neighbours of the nodes found, until there are no more
 //! ```
 //!
-//! A body may have just the phase of a board behind it along its border: then the board explains both. Over the body δ by the order of
-//! the body is that of noise. Over a board it runs through, and is as often far off as near.
+//! Along its border a body may have exactly the phase of a board behind it, so that the board explains both. Over the
+//! body, δ by the order of the body scatters like noise. Over the board it runs through zero, and is as often far off
+//! as near.
 
 use std::f64::consts::TAU;
 
@@ -27,11 +28,11 @@ use super::nodes::{NO_NODE, Node, Nodes};
 use super::outside::WITHIN_SD;
 use super::runs::PhaseRuns;
 
-/// δ about the drift by which most pixels of a surface within fit, sd.
+/// |δ − drift| of a close fit, sd.
 const CLOSE_SD: f64 = 1.5;
-/// Share of those that fit at all which must: 0.87 of a surface do, and 0.33 where δ runs through.
+/// Share of the fitting pixels that must fit closely: 0.87 of a surface do, and 0.33 where δ runs through zero.
 const MIN_CLOSE: f32 = 0.6;
-/// Fewest pixels that tell it.
+/// Fewest fitting pixels needed.
 const MIN_PIXELS: u32 = 24;
 
 /// Scratch for a row of tiles.
@@ -39,13 +40,13 @@ const MIN_PIXELS: u32 = 24;
 pub(super) struct BodyRow {
     /// The orders of the pixels of a row.
     orders: Vec<i16>,
-    /// Pixels of each block that fit them, and closely, a bit each.
+    /// The pixels of each block that fit, and that fit closely, a bit each.
     fitting: Vec<[u32; 2]>,
-    /// Pieces of nodes in all rows, and how many of their pixels do.
+    /// For the pieces of nodes in all rows: node, pixels that fit, and pixels that fit closely.
     counts: Vec<(u32, [u32; 2])>,
 }
 
-/// Tells which nodes hold a part of a body, where those beside it that see into the volume are known.
+/// Finds the nodes that hold a part of a body, given the neighbours that see into the volume.
 pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut Nodes, rows: &mut [RowScratch]) {
     let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
     for node in &mut nodes.nodes {
@@ -77,7 +78,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut 
 }
 
 impl Nodes {
-    /// Has the nodes beside one that holds a part of a body asked for it too, those that were not yet; whether there are any.
+    /// Makes the neighbours of a node that holds a part of a body candidates too. Returns whether there are new ones.
     fn extend_to_neighbours(&mut self, node: u32) -> bool {
         let Node { neighbours, label_within_beside, .. } = self.nodes[node as usize];
         let mut any = false;
@@ -92,7 +93,7 @@ impl Nodes {
 }
 
 impl RowScratch {
-    /// Counts the pixels of a row that fit the orders that are asked about.
+    /// Counts the pixels of a row that fit the order of the body.
     fn count_fitting(
         &mut self,
         view: View<'_>,
@@ -128,7 +129,7 @@ impl RowScratch {
     }
 }
 
-/// Tells which pixels of a row fit their orders.
+/// Finds the pixels of a row that fit their orders.
 struct FittingRow<'a> {
     cam2: &'a EpipolarImage,
     segments: &'a SegmentRow,

@@ -1,10 +1,10 @@
-//! Candidates that were decided by their nodes, from which the drift is estimated.
+//! Candidates decided by their nodes, from which the drift is estimated.
 //!
 //! ```text
-//! some pixels of nodes that lead clearly: the candidate of the decided order, where it lies near the volume;
-//!     if wanted, of the other nodes: all candidates in the volume, of which one may be true
-//! parts: neighbouring nodes of one surface with one order
-//! a part tells of the drift if δ scatters little over it: over a surface that lies elsewhere δ of a wrong order is anything
+//! sample pixels of clear nodes: the candidate of the decided order, if it lies near the volume
+//! if wanted, sample pixels of the other nodes: all candidates in the volume, of which one may be true
+//! unite neighbouring nodes of one surface with one order into parts
+//! keep the candidates of a part if δ scatters little over it: over a surface elsewhere, δ of a wrong order takes any value
 //! ```
 
 use super::evidence::{RowScratch, Scratch, View};
@@ -14,27 +14,27 @@ use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::pixel_search::PixelSearch;
 
-/// Pixels that are asked, about.
+/// Pixels sampled, about.
 const PIXELS: usize = 6000;
-/// How far from the middle of the volume a candidate may lie, half segments.
+/// Largest distance of a candidate from the middle of the volume, half segments.
 const NEAR_HALVES: f32 = 4.0;
 /// Fewest candidates of a part.
 const MIN_COUNT: f32 = 8.0;
-/// Share of all candidates from which a part tells of the drift whatever its sd: that of a large body changes by more.
+/// Share of all candidates from which a part is kept whatever its sd: over a large body the drift changes by more.
 const LARGE_SHARE: f32 = 0.4;
 
-/// Which candidates are wanted.
+/// Which candidates are kept.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DecidedFilter {
-    /// How far δ may be off the drift, turns.
+    /// Largest |δ − drift|, turns.
     pub(super) cap_turns: f32,
-    /// sd of δ over a part, turns: true surfaces change little with the drift.
+    /// Largest sd of δ over a part, turns: over true surfaces the drift changes little.
     pub(super) max_sd_turns: f32,
-    /// Whether all candidates of pixels are wanted whose nodes are not clear.
+    /// Whether to add all candidates of pixels whose nodes are not clear.
     pub(super) with_unclear: bool,
 }
 
-/// A candidate of the order that was decided for its pixel.
+/// A decided candidate.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::correspondence) struct Decided {
     /// Column and row of the pixel of C1.
@@ -43,9 +43,9 @@ pub(in crate::correspondence) struct Decided {
     pub(in crate::correspondence) column_px: f32,
     /// δ, turns.
     pub(in crate::correspondence) delta_turns: f32,
-    /// δ less the drift that was known, turns.
+    /// δ less the known drift, turns.
     residual_turns: f32,
-    /// Node that decided; [`NO_NODE`] of an open pixel.
+    /// The node that decided; [`NO_NODE`] if the node is not clear.
     node: u32,
 }
 
@@ -60,7 +60,7 @@ pub(super) struct DecidedScratch {
     parts: Vec<Part>,
 }
 
-/// Candidates of one part: their number, and sums of δ.
+/// Number of candidates of a part, and sums of δ.
 #[derive(Clone, Copy, Debug, Default)]
 struct Part {
     count: f32,
@@ -69,7 +69,7 @@ struct Part {
 }
 
 impl Scratch {
-    /// Finds the decided candidates that are wanted; yields their share of the pixels that were asked.
+    /// Finds the decided candidates. Returns their share of the sampled pixels.
     pub(super) fn find_decided(&mut self, view: View<'_>, drift: &Drift, wanted: DecidedFilter) -> f64 {
         let pixels = view.cam1.phase.len();
         let stride = ((pixels as f32 / PIXELS as f32).sqrt() as usize).max(1);
@@ -128,7 +128,7 @@ impl Scratch {
 }
 
 impl DecidedScratch {
-    /// Leaves out candidates of parts that do not tell of the drift.
+    /// Removes the candidates of parts where δ scatters too widely.
     fn keep_smooth_parts(&mut self, nodes: &[Node], max_sd_turns: f32) {
         let Self { candidates, sets, part_of, parts, .. } = self;
         sets.reset(nodes.iter().map(|node| node.size_px));

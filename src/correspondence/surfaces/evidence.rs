@@ -1,4 +1,13 @@
-//! Evidence of nodes: the scores of all orders of some of their pixels.
+//! Evidence of nodes: the scores of all orders, summed over some pixels of each node.
+//!
+//! ```text
+//! for each row with sampled pixels, for each piece of a node in it, for each sampled pixel of the piece:
+//!     orders = those that the pixel can have in all of space
+//!     for each 32 of them at once: evidence[node][label of the order] += order score
+//! decide the nodes by belief propagation
+//! ```
+//!
+//! Rows of tiles run in parallel: all pieces of a node lie in one of them.
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
@@ -17,44 +26,44 @@ use super::runs::PhaseRuns;
 use super::taken::TakenRow;
 use super::{FULL_SCORE, LABELS, belief};
 
-/// Share of the pixels of a node that must fit its order where it tells that of them all; or share of these that may fit any other:
-/// the rest is hidden from C2.
+/// A node gives the orders of its pixels if this share of the sampled ones fits its order, or if no other order fits
+/// more than this share of these; the rest is hidden from C2.
 const MIN_FITTING: f32 = 0.6;
 const MAX_RIVAL: f32 = 0.8;
-/// By how many pixels it must lead there.
+/// Least lead for that, as share of the sampled pixels.
 const MIN_LEAD: f32 = 0.2;
 
-/// Pixels along either axis of a tile that are asked: their number need not grow with the image.
+/// Sampled pixels along either axis of a tile: their number need not grow with the image.
 const FEW_OF_TILE: usize = 3;
 const MANY_OF_TILE: usize = 6;
-/// How many times as many these are at least.
+/// Least ratio of many samples to few.
 const FEW_FOR_MANY: i16 = 4;
-/// Share of the pixels of a clear node that fit from which its order is not doubted.
+/// Share of the sampled pixels of a clear node that fit, from which its order is certain.
 const DOUBTLESS: f32 = 0.95;
 
-/// Who is asked about orders.
+/// Which pixels are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sampling {
-    /// Few pixels of all nodes: what the drift is to be told from.
+    /// Few pixels of all nodes, to estimate the drift.
     Few,
-    /// More pixels of all nodes.
+    /// Many pixels of all nodes.
     Many,
-    /// More pixels of nodes of which few did not decide.
+    /// Many pixels of the nodes that few pixels left in doubt.
     ManyOfDoubtful,
 }
 
-/// How far δ may be off the drift where an order still fits.
+/// Largest |δ − drift| at which an order fits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gate {
     /// Within the volume, turns.
     pub(super) cap_turns: f32,
-    /// What is added half a segment beyond it, where the drift is known less and less.
+    /// Increase per half segment beyond it, where the drift is less certain.
     pub(super) beyond_turns: f32,
-    /// The most, turns.
+    /// Upper bound, turns.
     pub(super) most_turns: f32,
 }
 
-/// Scratch in which an image is explained, to be used from window to window.
+/// Scratch memory for surfaces, kept from window to window.
 #[derive(Clone, Debug, Default)]
 pub(in crate::correspondence) struct Scratch {
     pub(super) runs: PhaseRuns,
@@ -64,11 +73,11 @@ pub(in crate::correspondence) struct Scratch {
     /// Scratch for each row of tiles.
     pub(super) rows: Vec<RowScratch>,
     pub(super) decided: DecidedScratch,
-    /// Which places of C2 are taken by what lies outside.
+    /// Places of C2 that show something outside the volume.
     pub(super) taken: Vec<u8>,
 }
 
-/// A row of pixels, and the drift along their segments.
+/// Scratch for a row of pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RowScratch {
     pub(super) segments: SegmentRow,
@@ -79,14 +88,14 @@ pub(super) struct RowScratch {
 }
 
 impl RowScratch {
-    /// Turns to the segments and the drift of a row.
+    /// Loads the segments and the drift of a row.
     pub(super) fn load_row(&mut self, view: View<'_>, drift: &Drift, v: usize) {
         view.table.row(v, &mut self.segments);
         drift.along_row(v, view.cam1.width, &mut self.drift);
     }
 }
 
-/// What is read.
+/// The phases of both cameras and the table.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct View<'a> {
     pub(in crate::correspondence) cam1: &'a PhaseMap,
@@ -103,7 +112,7 @@ impl Scratch {
         self.nodes.find_evidence_nodes(view.cam1.width, strides);
     }
 
-    /// Decides the order of every node by δ about a drift. Nodes that are not asked keep the evidence that they have.
+    /// Decides the order of every node by δ about a drift. Nodes that are not sampled keep their evidence.
     pub(super) fn decide(&mut self, view: View<'_>, drift: &Drift, gate: Gate, sampling: Sampling) {
         let Self { runs, nodes, evidence, messages, rows, .. } = self;
         let (tile_px, of_all) = (nodes.tile_px, sampling != Sampling::ManyOfDoubtful);
@@ -115,7 +124,7 @@ impl Scratch {
             if node.is_doubtful {
                 *evidence = [0; LABELS];
             } else {
-                // As if as many pixels had been asked as of the others.
+                // Scaled as if as many pixels had been sampled as of the others.
                 evidence.iter_mut().for_each(|sum| *sum *= FEW_FOR_MANY);
                 node.sampled *= FEW_FOR_MANY as u32;
             }
@@ -128,6 +137,7 @@ impl Scratch {
         for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
             let unseen = node.sampled as i16 * UNSEEN_SCORE;
+            // Evidence of half a score per sample comes from orders that C2 cannot see, which are no rivals.
             let most =
                 |labels: &[i16]| labels.iter().fold(0, |most: i16, &sum| most.max(if sum == unseen { 0 } else { sum }));
             let (before, behind) = evidence.split_at(usize::from(node.label));
@@ -135,7 +145,8 @@ impl Scratch {
         }
     }
 
-    /// Finds the orders of the pixels of a row whose nodes tell them, [`super::NO_ORDER`] elsewhere; whether there are any.
+    /// Computes the orders of the pixels of a row that nodes give, [`super::NO_ORDER`] elsewhere. Returns whether there
+    /// are any.
     pub(in crate::correspondence) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
             let sampled = node.sampled as f32;
@@ -148,8 +159,8 @@ impl Scratch {
         self.nodes.fill_orders(&self.runs, row, label, orders)
     }
 
-    /// Leaves no pixel of a row decided where surfaces told the orders of more pixels beside it wrongly: a wrong order fits where its
-    /// δ runs through zero.
+    /// Clears the decided pixels of each piece where these are a minority: a wrong order fits where its δ runs through
+    /// zero.
     pub(in crate::correspondence) fn clear_minorities(&self, (v, width): (usize, usize), is_decided: &mut [bool]) {
         for piece in self.nodes.row(v) {
             let of_piece = &mut is_decided[piece.begin as usize - v * width..piece.end as usize - v * width];
@@ -160,19 +171,19 @@ impl Scratch {
         }
     }
 
-    /// Whether the phase of C1 runs on to a pixel of a row from the pixel to the left.
+    /// Whether the phase of C1 continues to a pixel of a row from the pixel to the left.
     pub(in crate::correspondence) fn runs_on(&self, v: usize, pixel: usize) -> bool {
         self.runs.runs_on(v, pixel)
     }
 
-    /// Share of the pixels that were asked that fit the orders of their nodes, where C2 can see these.
+    /// Share of the sampled pixels that fit the orders of their nodes, where C2 can see these.
     pub(in crate::correspondence) fn fitting_share(&self) -> f32 {
         let seen = self.nodes.nodes.iter().filter(|node| !node.is_unseen());
         let (fitting, sampled) = seen.fold((0.0, 0), |(f, a), node| (f + node.fitting, a + u64::from(node.sampled)));
         fitting / sampled.max(1) as f32
     }
 
-    /// Share of the pixels whose nodes lead clearly.
+    /// Share of the pixels whose nodes are clear.
     pub(super) fn clear_share(&self) -> f64 {
         let sum =
             |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(|node| u64::from(node.size_px)).sum::<u64>() as f64;
@@ -181,7 +192,7 @@ impl Scratch {
     }
 }
 
-/// What all rows of tiles are asked with.
+/// What sampling reads.
 #[derive(Clone, Copy)]
 struct EvidencePass<'a> {
     view: View<'a>,
@@ -194,7 +205,7 @@ struct EvidencePass<'a> {
 }
 
 impl EvidencePass<'_> {
-    /// Asks rows of tiles from one on: the evidence is that of their nodes.
+    /// Samples the rows of tiles from `first` on; `evidence` is that of their nodes.
     fn gather(self, first: usize, rows: &mut [RowScratch], evidence: &mut [[i16; LABELS]]) {
         match rows {
             [] => {}
@@ -222,7 +233,7 @@ impl EvidencePass<'_> {
     }
 }
 
-/// Asks some pixels of a row.
+/// Samples some pixels of a row.
 struct EvidenceRow<'a> {
     pass: EvidencePass<'a>,
     scratch: &'a RowScratch,
@@ -267,6 +278,7 @@ impl Kernel for EvidenceRow<'_> {
                 for order in (from..=to).step_by(LANES) {
                     let found = order_scores(lanes, view.cam2, &scorer, &orders, order);
                     let label = (order + zero) as usize;
+                    // Near the last label fewer than 32 are left.
                     match scores[label..].first_chunk_mut::<LANES>() {
                         Some(scores) => {
                             let sum = lanes.add(lanes.load_signed(scores), found);
@@ -284,7 +296,8 @@ impl Kernel for EvidenceRow<'_> {
     }
 }
 
-/// The order from which labels are counted where a pixel has no order relative to its surface: its own ones lie in the middle.
+/// The order of label 0 of a surface, from a pixel of relative order 0: the orders of the pixel lie in the middle of
+/// the labels.
 pub(super) fn base_of(View { cam1, table, .. }: View<'_>, space: &SearchSpace, pixel: usize) -> i32 {
     let segment = table.segment(pixel);
     let limits_px = space.limits_px(&segment, [pixel % cam1.width, pixel / cam1.width]);

@@ -1,13 +1,16 @@
-//! The drift of one pair of images, from orders that whole surfaces decided.
+//! Estimates the drift of one pair of images from orders that whole surfaces decide.
 //!
 //! ```text
-//! where a drift is known beforehand: nodes decided by δ of few pixels about it
-//! else, and where the images do not bear it out: nodes decided by δ of few pixels about 0 within wide limits;
-//!     the drift that their candidates show, nodes decided by δ of few pixels about it within narrower limits
-//! the drift that these candidates show, and all of pixels whose nodes are not clear; doubtful nodes decided by more pixels about it
-//! where few pixels are clear then or few fit, or δ scatters about it by more than noise, or widely and the error is unusual: also
-//!     the drifts by expectation maximization over all candidates of some pixels, within the volume and beyond it, which finds
-//!     fields beyond the wide limits; nodes decided about each of these, and about that which makes δ of all pixels likeliest
+//! if a drift is known: decide nodes by δ of few pixels about it
+//! else, or if the images do not confirm it:
+//!     decide nodes by δ of few pixels about 0, within wide limits; estimate the drift from their candidates
+//!     decide nodes by δ of few pixels about that drift, within narrower limits
+//! estimate the drift from these candidates, and from all candidates of the other nodes
+//! decide doubtful nodes by more pixels about that drift
+//! if few pixels are clear or fit, or δ scatters about the drift by more than noise, or widely with an unusual error:
+//!     also estimate drifts by expectation maximization over all candidates of some pixels, within the volume and beyond it,
+//!         which finds fields beyond the wide limits
+//!     decide nodes about each of these drifts; take the one that makes δ of all pixels most likely
 //! ```
 
 use std::f64::consts::TAU;
@@ -17,44 +20,44 @@ use super::evidence::{Gate, Sampling, Scratch, View};
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::drift::{Drift, DriftScratch, MODEL_SD_TURNS};
 
-/// Limits of δ where nothing is known of the drift, turns (18°): those of rigs that are off by a pixel.
+/// Limits of δ if the drift is unknown, turns (18°): those of rigs that are off by a pixel.
 const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
-/// The same about a first estimate, which is known in the middle of the image and leads away from there, turns.
+/// The same about a first estimate, which is good in the middle of the image and worse away from it, turns.
 const MIDDLE_TURNS: f32 = 0.02;
-/// The same about a drift that is known: so many sd, no less than so many turns; more beyond the volume.
+/// The same about a known drift: this many sd, at least this many turns; more beyond the volume.
 const NARROW_SD: f64 = 4.5;
 const MIN_NARROW_TURNS: f64 = 0.004;
 const BEYOND_TURNS: f32 = 0.01;
 const MOST_TURNS: f32 = 0.06;
-/// Most of a drift that is known beforehand, turns, and of the calibration error behind it, pixels: what may be found from 0. Beyond,
-/// a wrong order of a flat board has such a field.
+/// Largest drift that may be known beforehand, turns, and the calibration error behind it, pixels: what can be found
+/// from 0. Beyond that, a wrong order of a flat board has such a field.
 const MOST_KNOWN_TURNS: f64 = 0.05;
 const MOST_KNOWN_PX: f64 = 1.5;
-/// How far the drift that a window shows may be off the one that was known, turns (4°): over the whole volume, of which it shows a
-/// part.
+/// Largest distance between the drift of a window and the known one, turns (4°), over the whole volume, of which a
+/// window shows only a part.
 const NEAR_KNOWN_TURNS: f64 = 0.012;
-/// sd of δ of true candidates about no drift on rigs that are off by so much, rad.
+/// sd of δ of true candidates without drift on such rigs, rad.
 const WIDE_SD_RAD: f64 = 0.15;
-/// sd with which the drift is estimated about a first estimate, in that of this.
+/// Factor on the sd of a first estimate at which its refinement starts.
 const REFINED_START_SD: f64 = 2.0;
-/// sd of δ of a part that tells of the drift: about none, turns; about a first estimate, as share of what candidates may be off.
+/// Largest sd of δ of a part: without drift, turns; about a first estimate, as share of the limit on candidates.
 const WIDE_PART_TURNS: f32 = 0.011;
 const REFINED_PART_SHARE: f32 = 0.4;
-/// Turns over which false candidates spread about a first estimate, in what candidates may be off: few of them are false.
+/// Range over which false candidates spread about a first estimate, in limits on candidates: few of them are false.
 const REFINED_SPREAD: f32 = 8.0;
-/// Share of clear pixels below which the drift of surfaces is not believed.
+/// Least share of clear pixels at which the drift of surfaces is accepted.
 const MIN_CLEAR_SHARE: f64 = 0.5;
-/// Share of all pixels that must fit where δ scatters more widely than on calibrated rigs: half do by chance.
+/// Least share of fitting pixels if δ scatters more widely than on calibrated rigs: half fit by chance.
 const MIN_FITTING_SHARE: f32 = 0.6;
-/// Calibration error, pixels, and sd about it, rad, below which nothing else is asked even there: the larger the error, the less may
-/// be left.
+/// Calibration error, pixels, and sd about it, rad, below which a drift is accepted even then: the larger the error,
+/// the smaller the rest must be.
 const USUAL_ERRORS: [[f64; 2]; 2] = [[0.5, 0.03], [1.2, 0.012]];
-/// sd about a drift, rad, above which it is not preferred to another: images of another rig agree within wide limits alone.
+/// Largest sd about a drift, rad, that is preferred to another: images of another rig agree within wide limits alone.
 const MAX_SD_RAD: f64 = 0.05;
-/// sd of δ about a drift, in that of noise and of what drifts do not follow, up to which it is not doubted.
+/// Largest sd of δ about a drift, relative to that of noise and of the model, that is not doubted.
 const MAX_NOISE: f64 = 1.8;
 
-/// Decides the nodes of all surfaces about the drift that they show themselves; `None` if they show none.
+/// Decides the nodes of all surfaces about the drift that they show. `None` if they show none.
 pub(in crate::correspondence) fn explain_by_surfaces(
     view: View<'_>,
     scratch: &mut Scratch,
@@ -64,8 +67,8 @@ pub(in crate::correspondence) fn explain_by_surfaces(
     scratch.explain_from_none(view, drift_scratch)
 }
 
-/// How much more likely than by chance the orders and the drift that surfaces show make δ of a pixel, nats, of pixels whose nodes lead
-/// clearly; 0 if they show none.
+/// Mean log likelihood of δ of a pixel under the orders and the drift of surfaces, relative to chance, nats, over the
+/// pixels of clear nodes; 0 if surfaces show no drift.
 pub(in crate::correspondence) fn clear_nats(
     view: View<'_>,
     scratch: &mut Scratch,
@@ -74,8 +77,8 @@ pub(in crate::correspondence) fn clear_nats(
     explain_by_surfaces(view, scratch, drift_scratch).map_or(0.0, |drift| scratch.clear_share() * fit_nats(&drift))
 }
 
-/// Estimates the drift and decides the nodes of all surfaces about it; `delta` is what is known of δ without it, and `known` what an
-/// earlier window showed.
+/// Estimates the drift and decides the nodes of all surfaces about it. `delta` is the statistics of δ without drift,
+/// and `known` the drift of an earlier window.
 pub(in crate::correspondence) fn explain(
     view: View<'_>,
     delta: &DeltaStatistics,
@@ -114,7 +117,7 @@ impl Scratch {
         Some(self.explain_about(view, first, drift_scratch))
     }
 
-    /// The same where one is known beforehand; `None` where the images do not bear it out.
+    /// The same from a known drift. `None` if the images do not confirm it.
     fn explain_from(
         &mut self,
         view: View<'_>,
@@ -131,7 +134,7 @@ impl Scratch {
         (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.is_confirmed(&found, delta)).then_some(found)
     }
 
-    /// The same about a first estimate.
+    /// The same from a first estimate.
     fn explain_about(&mut self, view: View<'_>, first: Drift, drift_scratch: &mut DriftScratch) -> Drift {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
         self.decide(view, &first, gate, Sampling::Few);
@@ -143,23 +146,24 @@ impl Scratch {
         found
     }
 
-    /// Whether most surfaces lead clearly about a drift that they showed, and δ scatters about it as noise does.
+    /// Whether most surfaces are clear about the drift that they showed, and δ scatters about it like noise.
     fn is_confirmed(&self, found: &Drift, delta: &DeltaStatistics) -> bool {
         let fits = !delta.is_suspicious() || self.fitting_share() > MIN_FITTING_SHARE;
         let is_clear = fits && self.clear_share() >= MIN_CLEAR_SHARE;
-        // What scattered lies outside the volume.
+        // If δ scattered widely without drift, the scene must lie outside the volume, and the error must be usual.
         is_clear && is_as_noise(found, delta) && (!delta.is_suspicious() || is_usual(found))
     }
 
-    /// How much more likely a drift makes δ of a pixel than chance, by the orders that are decided about it: the logarithm, nats. What
-    /// lies beyond the volume must fit as closely as what lies within: where more is allowed there, wrong orders within are ahead.
+    /// Decides the nodes about a drift. Returns the mean log likelihood of δ of a pixel relative to chance, nats. What
+    /// lies beyond the volume must fit as closely as what lies within: wider limits there would favour wrong orders.
     fn drift_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
         let Gate { cap_turns, .. } = narrow(drift);
         self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Sampling::Few);
         f64::from(self.fitting_share()) * fit_nats(drift)
     }
 
-    /// The drift that decided candidates show, off a known one by no more than a cap; false ones spread over so many turns.
+    /// Refines a drift from decided candidates with |δ − drift| up to `cap_turns`. False ones spread over
+    /// `spread_turns`.
     fn refined(
         &mut self,
         view: View<'_>,
@@ -174,18 +178,18 @@ impl Scratch {
     }
 }
 
-/// How much more likely a drift makes δ of a true candidate than chance, nats: a normal distribution has the entropy ln(sd·√(2πe)), a
-/// turn that of ln 2π.
+/// Log likelihood of δ of a true candidate relative to chance, nats: a normal distribution has the entropy
+/// ln(sd·√(2πe)), a uniform one ln 2π.
 fn fit_nats(drift: &Drift) -> f64 {
     (TAU / (drift.residual_sd_rad * (TAU * std::f64::consts::E).sqrt())).ln()
 }
 
-/// Whether δ scatters about a drift by little more than noise does.
+/// Whether δ scatters about a drift by little more than noise.
 fn is_as_noise(drift: &Drift, delta: &DeltaStatistics) -> bool {
     drift.residual_sd_rad < MAX_NOISE * delta.noise_sd_rad.hypot(MODEL_SD_TURNS * TAU)
 }
 
-/// Whether an error explains decided candidates as calibrated rigs have it.
+/// Whether error and sd are those of calibrated rigs.
 fn is_usual(drift: &Drift) -> bool {
     let is_below = |[error_px, sd_rad]: [f64; 2]| drift.error_px < error_px && drift.residual_sd_rad < sd_rad;
     USUAL_ERRORS.into_iter().any(is_below)

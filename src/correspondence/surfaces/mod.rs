@@ -1,23 +1,24 @@
-//! Surfaces: regions of continuous wrapped phase, whose fringe orders are decided together.
+//! Surfaces: regions of continuous wrapped phase, whose fringe orders are decided as a whole.
 //!
-//! The wrapped phase of C1 runs on over a smooth surface, so that all its pixels share one unknown whole number. Instead of a
-//! million pixels some thousand *nodes* are decided, and space is asked as a whole: from before the measurement volume to nearly
-//! infinity, so that what stands outside the volume is explained by where it is.
+//! The wrapped phase of C1 continues over a smooth surface, so that all its pixels share one unknown whole number.
+//! Instead of a million pixels some thousand *nodes* are decided. Their orders are sought in all of space, from before
+//! the measurement volume to nearly infinity, so that something outside the volume is explained where it is.
 //!
 //! ```text
-//! runs:      rows of C1 broken where the wrapped phase does not run on; orders counted from the beginning of each run
-//! unions:    runs of neighbouring rows united where one whole number makes nearly all their phases run on: surfaces
-//! nodes:     the parts of surfaces in tiles of the image over which orders do not contradict each other
-//! evidence:  of some pixels of each node how well every order fits, summed over the node
-//! belief:    along a surface the order goes on freely from node to node, and changes at a price
-//! explain:   orders by δ within wide limits, the drift that these show, orders by δ about that drift
-//! bodies:    nodes that lead beyond the volume but hold the border of a body within
-//! outside:   pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
-//! taken:     the places of C2 that these are seen in: no point in the volume has its correspondence there
+//! runs:          rows of C1, cut where the wrapped phase does not continue; orders counted from the start of each run
+//! unions:        runs of neighbouring rows united where one whole number makes nearly all their phases continue: surfaces
+//! nodes:         the parts of surfaces in tiles of the image over which orders are consistent
+//! order scores:  how well every order fits some pixels of each node
+//! evidence:      the scores summed over each node
+//! belief:        along a surface the order continues freely from node to node, and changes at a price
+//! explain:       orders by δ within wide limits, the drift that these show, orders by δ about that drift
+//! bodies:        nodes that lead beyond the volume but hold the border of a body inside it
+//! outside:       pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
+//! taken:         the places of C2 where these are seen: no point in the volume has its correspondence there
 //! ```
 //!
-//! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration, which pixels see something outside
-//! the measurement volume, C2 without the places that this is seen in, and the orders of pixels whose nodes tell them.
+//! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration; the pixels that see
+//! something outside the volume; C2 without the places where this is seen; the orders of the pixels in clear nodes.
 
 mod belief;
 mod block;
@@ -38,9 +39,9 @@ pub(super) use evidence::{Scratch, View};
 pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
 pub(super) use order_scores::columns_around_each;
 
-/// Orders of a node, counted from the base of its surface.
+/// Number of orders of a node, called labels; they count from the base of its surface.
 const LABELS: usize = 128;
-/// Stands for no order of a pixel.
+/// Stands for no order.
 pub(super) const NO_ORDER: i16 = i16::MIN;
-/// Score of a pixel whose δ is that of the drift.
+/// Score of a pixel whose δ equals the drift.
 const FULL_SCORE: i16 = 64;

@@ -1,6 +1,14 @@
-//! Nodes: the parts of surfaces in square tiles of the image over which the absolute phase runs on.
+//! Nodes: the parts of surfaces in square tiles of the image over which the absolute phase continues.
 //!
-//! Where a surface is united with itself around another one, its orders may contradict each other at a seam: there nodes end too.
+//! ```text
+//! for each row, for each run, for each tile that it crosses: the pixels of the run in the tile are a piece
+//!     if a piece of the row above in the same tile continues it: it belongs to the node of that piece
+//!     else: it begins a new node, a neighbour of the node above that continues it across the border of tiles
+//!     it is a neighbour of the node of the run's piece in the tile to the left
+//! ```
+//!
+//! Around a hole, a surface may be united with itself so that its orders contradict each other along a seam. Nodes end
+//! there too.
 
 use std::ops::Range;
 
@@ -11,23 +19,24 @@ use super::order_scores::{MAX_ORDER, SearchSpace, UNSEEN_SCORE};
 use super::runs::PhaseRuns;
 use super::{FULL_SCORE, LABELS, NO_ORDER};
 
-/// Pixels along the side of a tile, and of one of a large image: what images show grows with them.
+/// Side of a tile, pixels, and side in a large image: the detail of images grows with their size.
 const TILE_PX: usize = 16;
 const LARGE_TILE_PX: usize = 32;
 /// Pixels of a large image.
 const LARGE_PX: usize = 800_000;
-/// Lead from which an order is believed, pixels that fit.
+/// Least lead of a clear node, pixels that fit.
 const CLEAR_LEAD: f32 = 6.0;
-/// Fewest pixels of a node that must have been asked.
+/// Fewest sampled pixels of a clear node.
 const MIN_SAMPLED: u32 = 4;
-/// Share of a node's own pixels that must fit: neighbours alone say nothing.
+/// Least share of a node's own pixels that fit: neighbours alone do not decide it.
 const MIN_FITTING: f32 = 0.3;
-/// Share of them by which neighbours may outvote them, where not most fit anyway: a wrong order may fit a narrow strip better.
+/// Share of a node's own pixels that neighbours may outvote, unless most fit anyway: a wrong order may fit a narrow
+/// strip better.
 const MAX_OUTVOTED: f32 = 0.1;
 const MOST_FITTING: f32 = 0.75;
 /// Stands for no node.
 pub(super) const NO_NODE: u32 = u32::MAX;
-/// Sides of a node; the one after each lies opposite.
+/// Sides of a node: left, right, above, below. Side k ^ 1 lies opposite side k.
 const LEFT: usize = 0;
 const ABOVE: usize = 2;
 
@@ -35,39 +44,39 @@ const ABOVE: usize = 2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     surface: u32,
-    /// Its first pixel, and the order of this relative to the surface.
+    /// Its first pixel, and the order of that pixel relative to the surface.
     pixel: u32,
     relative: i32,
-    /// Nodes in the tiles to the left, to the right, above and below into which its phase runs on.
+    /// Nodes in the tiles to the left, to the right, above and below into which its phase continues.
     pub(super) neighbours: [u32; 4],
-    /// Whether a pixel of it is ever asked.
+    /// Whether any of its pixels is ever sampled.
     is_sampled: bool,
-    /// Where its evidence stands; [`NO_NODE`] of one that nothing can be known of.
+    /// Index of its evidence; [`NO_NODE`] if it has none.
     pub(super) evidence: u32,
     /// Pixels.
     pub(super) size_px: u32,
-    /// Base of its surface: the order of label 0 of the surface's first run.
+    /// Base of its surface: the order of label 0 of the first run of the surface.
     pub(super) base: i32,
-    /// The label that was decided, and by how many pixels that fit it leads.
+    /// The decided label, and its lead in pixels that fit.
     pub(super) label: u8,
     pub(super) lead: f32,
-    /// Pixels that were asked, and how many of them fit the label as one that fits fully.
+    /// Sampled pixels, and how many of them fit the label; partial fits count as fractions.
     pub(super) sampled: u32,
     pub(super) fitting: f32,
-    /// The same of the label that fits best without regard to neighbours.
+    /// The same of the label that fits best regardless of neighbours.
     pub(super) best_fitting: f32,
-    /// The same of the best of the other labels at which C2 sees some of them.
+    /// The same of the best other label that C2 can see.
     pub(super) rival: f32,
-    /// Whether it is to be asked.
+    /// Whether it is to be sampled.
     pub(super) is_doubtful: bool,
-    /// Whether its first pixel sees something in the volume, or near it.
+    /// Whether its first pixel sees into the volume or close to it.
     pub(super) is_within: bool,
-    /// Whether its order leads beyond the volume, and none within fits its pixels.
+    /// Whether its order leads beyond the volume, and no order within fits its pixels.
     pub(super) is_beyond: bool,
     /// Whether its pixels may see something outside the volume.
     pub(super) sees_beyond: bool,
-    /// The label of a node beside it that sees into the volume, if there is one; whether its pixels are to be asked if they see a part
-    /// of the same body; and whether some do.
+    /// The label of a neighbour that sees into the volume, if there is one; whether its pixels are to be tested for a
+    /// part of the same body; whether they hold one.
     pub(super) label_within_beside: Option<u8>,
     pub(super) is_body_candidate: bool,
     pub(super) holds_body: bool,
@@ -79,12 +88,12 @@ pub(super) struct Piece {
     pub(super) begin: u32,
     pub(super) end: u32,
     pub(super) node: u32,
-    /// Order of the run relative to that of its surface.
+    /// Order of the run relative to its surface.
     pub(super) offset: i32,
 }
 
 impl Node {
-    /// A node without pixels, of a surface with a base.
+    /// A node without pixels, of a surface and its base.
     fn new((surface, base): (u32, i32), (pixel, relative): (u32, i32)) -> Self {
         Self {
             surface,
@@ -111,17 +120,17 @@ impl Node {
         }
     }
 
-    /// The order of a pixel by a label, where its order relative to the surface is known.
+    /// The order of a pixel by a label, from its order relative to the surface.
     fn order_of(&self, label: u8, relative: i32) -> i32 {
         i32::from(label) + self.base + relative
     }
 
-    /// The order of a pixel by the label that was decided.
+    /// The order of a pixel by the decided label.
     pub(super) fn order(&self, relative: i32) -> i32 {
         self.order_of(self.label, relative)
     }
 
-    /// How far beyond the volume its first pixel sees by its order, pixels of the epipolar frame; below 0 within.
+    /// How far beyond the volume its first pixel sees by its order, pixels of the epipolar frame; negative within.
     pub(super) fn beyond_px(&self, View { cam1, table, .. }: View<'_>) -> f32 {
         let segment = table.segment(self.pixel as usize);
         let turns = self.order(self.relative) as f32 + f32::from(cam1.phase[self.pixel as usize]) / 65536.0;
@@ -129,7 +138,7 @@ impl Node {
         (segment.begin_px - column_px).max(column_px - segment.end_px)
     }
 
-    /// How many pixels fit the best label in the volume as one that fits fully; segments are so long at least on either side.
+    /// How many pixels fit the best label in the volume; half a segment is at least `half_px`.
     pub(super) fn fitting_within(&self, view: View<'_>, half_px: f32, evidence: &[i16; LABELS]) -> f32 {
         let segment = view.table.segment(self.pixel as usize);
         let (begin_px, end_px) = (segment.reference_px - half_px, segment.reference_px + half_px);
@@ -146,12 +155,12 @@ impl Node {
         2 * self.size_px as usize >= tile_px * tile_px
     }
 
-    /// Whether its order leads to what C2 cannot see.
+    /// Whether its order leads to where C2 cannot see.
     pub(super) fn is_unseen(&self) -> bool {
         self.fitting == self.sampled as f32 * f32::from(UNSEEN_SCORE) / f32::from(FULL_SCORE)
     }
 
-    /// Whether its order leads clearly, and its own pixels say nothing else.
+    /// Whether its order leads clearly, and its own pixels agree.
     pub(super) fn is_clear(&self) -> bool {
         let sampled = self.sampled as f32;
         let own = (self.best_fitting - MAX_OUTVOTED * sampled).min(MOST_FITTING * sampled);
@@ -159,14 +168,14 @@ impl Node {
         self.leads() && is_own
     }
 
-    /// Whether its order leads clearly, on its own pixels and on those beside them.
+    /// Whether its order leads clearly, by its own pixels and those of its neighbours.
     pub(super) fn leads(&self) -> bool {
         self.sampled >= MIN_SAMPLED && self.lead >= CLEAR_LEAD
     }
 }
 
 impl Piece {
-    /// Whether its absolute phases run on from a piece of the row above that it meets.
+    /// Whether its absolute phases continue those of an overlapping piece of the row above.
     fn continues(&self, above: &Piece, width: usize, absolute: impl Fn(&Piece, usize) -> i32) -> bool {
         let begin = self.begin.max(above.begin + width as u32) as usize;
         let end = self.end.min(above.end + width as u32) as usize;
@@ -176,7 +185,7 @@ impl Piece {
         places.iter().filter(near).count() >= 2
     }
 
-    /// Columns of the pixels that are asked where one of so many is; the row begins with such a pixel.
+    /// Columns of its sampled pixels; the first pixel of its row is `row`.
     pub(super) fn sampled_columns(&self, row: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
         let (begin, end) = (self.begin as usize - row, self.end as usize - row);
         let first = begin + (stride / 2 + stride - begin % stride) % stride;
@@ -190,15 +199,15 @@ pub(super) struct Nodes {
     pub(super) nodes: Vec<Node>,
     /// Pixels along the side of a tile.
     pub(super) tile_px: usize,
-    /// Pieces, row by row.
+    /// The pieces, row by row.
     pub(super) pieces: Vec<Piece>,
     /// Where the pieces of each row begin, and where those of the last one end.
     begins: Vec<usize>,
     /// Where the nodes of each tile row begin, and where those of the last one end.
     tile_rows: Vec<usize>,
     bases: Vec<i32>,
-    /// Nodes with evidence, and where those of each tile row begin, and those of the last one end. Noise makes twenty times as many that
-    /// have none.
+    /// Nodes with evidence, and where those of each tile row begin, and those of the last one end. Noise makes twenty
+    /// times as many nodes without evidence.
     pub(super) with_evidence: Vec<u32>,
     pub(super) evidence_rows: Vec<usize>,
 }
@@ -247,6 +256,7 @@ impl Nodes {
                     let tile = (begin - v * width) / tile_px;
                     let end = pixels.end.min(v * width + (tile + 1) * tile_px);
                     let piece = Piece { begin: begin as u32, end: end as u32, node: NO_NODE, offset: run.order_offset };
+                    // Pieces come from left to right: those that end before this one are not met again.
                     while first_met < above.end && pieces[first_met].end as usize + width <= begin {
                         first_met += 1;
                     }
@@ -274,8 +284,8 @@ impl Nodes {
         tile_rows.push(nodes.len());
     }
 
-    /// Finds the nodes that something can be known of, where one of so many pixels along either axis is asked: those with such a
-    /// pixel, with others beside them, or of half a tile.
+    /// Selects the nodes that get evidence, with pixels sampled at these strides: those with a sampled pixel, with
+    /// neighbours, or of half a tile.
     pub(super) fn find_evidence_nodes(&mut self, width: usize, strides: [usize; 2]) {
         let Self { nodes, pieces, begins, tile_rows, with_evidence, evidence_rows, tile_px, .. } = self;
         for stride in strides {
@@ -298,7 +308,7 @@ impl Nodes {
         evidence_rows.push(with_evidence.len());
     }
 
-    /// Counts the pixels of each doubtful node that are asked where one of so many along either axis is.
+    /// Counts the sampled pixels of each doubtful node.
     pub(super) fn count_sampled(&mut self, width: usize, stride: usize) {
         self.nodes.iter_mut().filter(|node| node.is_doubtful).for_each(|node| node.sampled = 0);
         for (row, piece) in pieces_of_sampled_rows(&self.pieces, &self.begins, width, stride) {
@@ -309,8 +319,8 @@ impl Nodes {
         }
     }
 
-    /// Finds the orders of the pixels of a row by the labels of their nodes, [`NO_ORDER`] where a node is told none; whether there
-    /// are any.
+    /// Computes the orders of the pixels of a row by the labels that `label` gives their nodes, [`NO_ORDER`] where it
+    /// gives none. Returns whether there are any.
     pub(super) fn fill_orders(
         &self,
         runs: &PhaseRuns,
@@ -340,7 +350,7 @@ impl Nodes {
         tile_row * self.tile_px..((tile_row + 1) * self.tile_px).min(self.begins.len() - 1)
     }
 
-    /// The nodes beside one.
+    /// The neighbours of a node.
     pub(super) fn neighbours_of(&self, node: &Node) -> impl Iterator<Item = &Node> + use<'_> {
         node.neighbours.into_iter().filter(|&other| other != NO_NODE).map(|other| &self.nodes[other as usize])
     }
@@ -351,7 +361,7 @@ impl Nodes {
     }
 }
 
-/// The pieces of the rows in which pixels are asked, of which one of so many along either axis is; each with the first pixel of its row.
+/// The pieces of the rows with sampled pixels, each with the first pixel of its row.
 fn pieces_of_sampled_rows<'a>(
     pieces: &'a [Piece],
     begins: &'a [usize],
@@ -362,7 +372,7 @@ fn pieces_of_sampled_rows<'a>(
     rows.flat_map(move |v| pieces[begins[v]..begins[v + 1]].iter().map(move |piece| (v * width, piece)))
 }
 
-/// Binds a node to the one on a side, if there is one, where neither is bound yet.
+/// Makes a node the neighbour of `other` on a side, unless one of them already has a neighbour there.
 fn link_neighbours(nodes: &mut [Node], other: Option<u32>, node: u32, side: usize) {
     let Some(other) = other else { return };
     if nodes[node as usize].neighbours[side] == NO_NODE && nodes[other as usize].neighbours[side ^ 1] == NO_NODE {

@@ -1,11 +1,11 @@
-//! What one pixel of C1 sees of all space: how well every order fits.
+//! Order scores: how well every order in all of space fits a pixel of C1.
 //!
 //! ```text
-//! for each order k of the pixel, sixteen or more at once, all in one row of C2:
+//! for each order k of the pixel, 32 at once, all in one row of C2:
 //!     x = the column at which Φ − drift is k turns more than the phase φ of the pixel
 //!     v, g = phase of C2 at x less φ, and its slope, from the two columns around x
-//!     rest = v / g · dΦ/dx: by so much δ of the crossing near x differs from the drift
-//!     score = 1 − (rest / cap)², where that is positive
+//!     residual = v / g · dΦ/dx: how far δ of the crossing near x is off the drift
+//!     score = 1 − (residual / cap)², if positive
 //! ```
 
 use fringeflow_simd::{LANES, Lanes, first_lanes};
@@ -20,21 +20,23 @@ use crate::correspondence::segment_table::SegmentTable;
 use super::FULL_SCORE;
 use super::evidence::Gate;
 
-/// How far space reaches, as inverse depth in that of the middle of the volume: nearly to infinity, and towards the cameras.
+/// Farthest and nearest inverse depth searched, relative to the middle of the volume: from nearly infinity to close to
+/// the cameras.
 const FARTHEST: f32 = 0.05;
 const NEAREST: f32 = 1.5;
-/// Least denominator of Φ that is believed: below it its pole is near.
+/// Least accepted denominator of Φ: below it its pole is near.
 const MIN_DENOMINATOR: f32 = 0.1;
-/// Slopes of C2 below this share of what Φ rises by are taken for it: where C2 sees hardly a change, δ is anything.
+/// Slopes of C2 below this share of the rise of Φ are replaced by it: where C2 sees hardly any change, δ takes any
+/// value.
 const MIN_SLOPE_SHARE: f32 = 0.3;
-/// Least rise of Φ, turns a column, that tells orders apart.
+/// Least rise of Φ, turns per column, that separates orders.
 const MIN_RISE: f32 = 1e-5;
-/// Score of an order whose point C2 cannot see, since it lies beside its image: where a surface is known to lead there, a wrong order
-/// that fits here and there says less.
+/// Score of an order whose point lies outside the image of C2. It exceeds the score of a wrong order that fits here and
+/// there where a surface is known to lead there.
 pub(super) const UNSEEN_SCORE: i16 = FULL_SCORE / 2;
-/// Share of its score that an order loses where limits are many times as wide as within the volume: more fits by chance.
+/// Share of the score that an order loses at limits far wider than within the volume: more fits by chance there.
 const LOST_BEYOND: f32 = 0.25;
-/// Orders that are counted.
+/// Largest order.
 pub(super) const MAX_ORDER: f32 = 8000.0;
 
 /// The columns of C2 in which a pixel of C1 sees all of space.
@@ -52,32 +54,32 @@ impl SearchSpace {
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
     }
 
-    /// First and last column of the pixel in a column and row of C1.
+    /// First and last column for a pixel in a column and row of C1.
     #[inline]
     pub(super) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
         let [constant, along, across] = self.infinity_px;
         let infinity_px = constant + along * u as f32 + across * v as f32;
         let disparity_px = segment.reference_px - infinity_px;
         let (far, near) = (infinity_px + FARTHEST * disparity_px, infinity_px + NEAREST * disparity_px);
-        // Before the volume C2 sees what it sees; behind it surfaces go on beside its image.
+        // Before the volume only the image of C2 counts; behind it surfaces continue outside the image.
         let near = near.max(0.0).min(self.last_px - 1.0);
         [far.min(near).min(segment.begin_px), far.max(near).max(segment.end_px)]
     }
 }
 
-/// A pixel of C1 and what it looks into.
+/// A pixel of C1 and what its scores are computed from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OrderScorer {
     pub(super) segment: Segment,
     pub(super) drift: DepthPolynomial,
     pub(super) phase: u16,
-    /// Columns that it looks into.
+    /// First and last column searched.
     pub(super) limits_px: [f32; 2],
     pub(super) gate: Gate,
     pub(super) half_px: f32,
 }
 
-/// The orders that a pixel can have, and Φ between which they lie.
+/// The possible orders of a pixel, and the range of Φ that holds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Orders {
     pub(super) first: i32,
@@ -86,7 +88,7 @@ pub(super) struct Orders {
 }
 
 impl OrderScorer {
-    /// Its orders; `None` where Φ tells nothing.
+    /// The possible orders. `None` where Φ does not separate orders.
     #[inline]
     pub(super) fn orders(&self) -> Option<Orders> {
         let [a, b, d] = self.segment.phase;
@@ -112,7 +114,7 @@ impl OrderScorer {
     }
 }
 
-/// Scores of so many orders, the pixel's from `first` on; those beyond its own have none.
+/// Scores of [`LANES`] orders of a pixel from `first` on; 0 for orders that it does not have.
 #[inline(always)]
 pub(super) fn order_scores<L: Lanes>(
     lanes: L,
@@ -131,7 +133,7 @@ pub(super) fn order_scores<L: Lanes>(
     let turns = clamp(lanes.add_float(ramp, float(first as f32 + phase_turns)));
     let inverse = lanes.over(float(1.0), lanes.sub_float(float(b), lanes.times_float(float(d), turns)));
     let along = lanes.times_float(lanes.sub_float(turns, float(a)), inverse);
-    // Columns a turn.
+    // Columns per turn.
     let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
     let column = lanes.add_float(along, float(segment.reference_px));
     let drift = DepthBlock::splat(lanes, &scorer.drift).at(lanes, column);
@@ -141,7 +143,7 @@ pub(super) fn order_scores<L: Lanes>(
     let column = lanes.min_float(lanes.max_float(column, float(0.0)), float(last_px));
     let around = columns_around(lanes, image, segment.row_px, scorer.phase, column);
     let rest = residual_turns(lanes, &around, per_turn);
-    // Beyond the volume the drift is known less and less.
+    // Beyond the volume the drift is less certain.
     let Gate { cap_turns, beyond_turns, most_turns } = scorer.gate;
     let away = lanes.abs_float(lanes.sub_float(column, float(segment.reference_px)));
     let away = lanes.sub_float(lanes.times_float(away, float(1.0 / scorer.half_px)), float(1.0));
@@ -172,18 +174,18 @@ const RAMP: [i16; LANES] = {
     ramp
 };
 
-/// What C2 sees in the columns around a place.
+/// What C2 shows in the columns around a place.
 pub(in crate::correspondence) struct Around<L: Lanes> {
     /// Phase in the column before it less that of the pixel, and the step to the column behind it.
     pub(in crate::correspondence) value: L::Words,
     pub(in crate::correspondence) slope: L::Words,
-    /// How far behind the first column the place lies, pixels.
+    /// Distance of the place from the first column, pixels.
     pub(in crate::correspondence) share: L::Floats,
-    /// Whether both columns have a phase, and see one surface.
+    /// Whether both columns have a phase, on one surface.
     pub(in crate::correspondence) known: L::Mask,
 }
 
-/// By how much δ of the crossing near the places differs from the drift, turns, as Φ takes so many columns a turn there.
+/// How far δ of the crossing near the places is off the drift, turns. `per_turn` is the columns per turn of Φ.
 #[inline(always)]
 pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
@@ -192,7 +194,7 @@ pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L
     lanes.over(off, lanes.max_float(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0)))
 }
 
-/// What a pixel with a phase sees around many columns of its row.
+/// What C2 shows around many columns of the row of one pixel.
 #[inline(always)]
 fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase: u16, column: L::Floats) -> Around<L> {
     let last = image.phase.len() / image.width - 1;
@@ -205,7 +207,7 @@ fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase:
     around(lanes, rows, below, lanes.word(phase as i16), lanes.sub_float(column, lanes.floats(before)))
 }
 
-/// What many pixels see around a column each.
+/// What C2 shows around one column for each of many pixels.
 #[inline(always)]
 pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
     lanes: L,
@@ -225,13 +227,13 @@ pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
     let begins = lanes.longs(lanes.times_float(lanes.floats(upper), width));
     let next = lanes.min_float(lanes.add_float(lanes.floats(upper), lanes.float(1.0)), lanes.float(last));
     let next = lanes.longs(lanes.times_float(next, width));
-    // Written out: no closure may stand between the kernel and its instructions.
+    // Written out: a closure would not be compiled for the SIMD level of the kernel.
     let upper = lanes.pairs(&image.phase, lanes.add_long(begins, before));
     let rows = [upper, lanes.pairs(&image.phase, lanes.add_long(next, before))];
     around(lanes, rows, below, phases, lanes.sub_float(column, lanes.floats(before)))
 }
 
-/// The same of two columns of two rows, the lower of which has a share, 1/65536.
+/// The same from two columns of two rows, `below` being the share of the lower row in 1/65536.
 #[inline(always)]
 fn around<L: Lanes>(
     lanes: L,

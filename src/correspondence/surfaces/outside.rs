@@ -1,13 +1,13 @@
-//! Which pixels see something outside the measurement volume: they are no candidates for points.
+//! Marks the pixels that see something outside the measurement volume: they are no candidates for points.
 //!
 //! ```text
-//! for each pixel of a node that leads clearly, and of which most pixels fit the order, 32 at once:
-//!     x = the column at which Φ is the order and the phase of the pixel
-//!     it sees something outside if x lies beyond the volume, and either beside the image of C2,
-//!     or C2 has the phase near x, so that δ is off the drift by no more than a limit;
-//!     but not if it fits the order of a node beside its own that sees into the volume, and this one less closely,
-//!     or if its node holds a part of a body there (see bodies)
-//! all pixels of a node that leads beyond the volume, and of which none fits any order within
+//! for each pixel of a clear node most of whose pixels fit its order, 32 at once:
+//!     x = the column at which Φ is order + phase of the pixel
+//!     it sees something outside if x lies beyond the volume, and either outside the image of C2,
+//!         or C2 has the phase near x, with |δ − drift| below a limit;
+//!     unless it fits the order of a neighbour that sees into the volume, and its own order less closely,
+//!     or its node holds a part of a body there (see bodies)
+//! all pixels of a node that leads beyond the volume, if none fits any order within
 //! ```
 
 use std::f64::consts::TAU;
@@ -25,51 +25,51 @@ use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{Node, Nodes};
 use super::order_scores::SearchSpace;
 
-/// How far beyond the volume a pixel must see, half segments: what is nearer is decided pixel by pixel.
+/// How far beyond the volume a marked pixel sees, half segments. What is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;
-/// The same of the first pixel of a node whose other pixels are not asked.
+/// The same for the first pixel of a node, for all its pixels.
 const WITHIN_HALVES: f32 = 0.2;
-/// δ by which a candidate may be off the drift there, turns.
+/// Largest |δ − drift| there, turns.
 const REACH_TURNS: f32 = 0.06;
-/// δ by which it is not, although the pixel may see something in the volume too, turns.
+/// Largest |δ − drift| of a pixel that may also see something in the volume, turns.
 const CLOSE_TURNS: f32 = 0.02;
-/// δ about the drift by which a pixel may see what nodes beside its own see within the volume, sd.
+/// Largest |δ − drift| of a pixel that sees what its neighbours see within the volume, sd.
 pub(super) const WITHIN_SD: f64 = 4.5;
-/// Share of the pixels of a node that must fit its order, and no other order better; one of the two where nodes on all sides have the
-/// same, then fewer of them. Nodes that hold something else too are decided pixel by pixel.
+/// Least share of the pixels of a node that fit its order, none fitting better. If all neighbours have the same order,
+/// one of both is enough, and then a smaller share. Mixed nodes are decided pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
 const MIN_FITTING_AMONG: f32 = 0.48;
-/// Where it leads to what C2 cannot see, share of them that may fit any other order, more where all nodes beside it have the same: what
-/// C2 sees instead fits here and there.
+/// If it leads to where C2 cannot see: largest share of the pixels that fit any other order, larger if all neighbours
+/// have the same order. What C2 sees instead fits here and there.
 const MAX_RIVAL: f32 = 0.3;
 const MAX_BEST: f32 = 0.85;
-/// Share of the pixels of a node of half a tile that may fit an order in the volume where it is held to see nothing there.
+/// Share of the pixels of a large node that may fit an order in the volume if it counts as seeing nothing there.
 const MAX_WITHIN: f32 = 0.025;
-/// Nodes beside it that must have its order.
+/// Neighbours that must have its order.
 const MIN_AGREEING: usize = 2;
-/// Share of the distance up to which orders are asked pixel by pixel that is far.
+/// Share of the search distance beyond which a pixel sees far.
 const FAR_SHARE: f32 = 0.8;
-/// Distance beyond which orders there are asked pixel by pixel too, half segments: surfaces so far away lead beside the image of C2.
+/// Distance beyond which a pixel sees very far, half segments: surfaces so far away lie outside the image of C2.
 const VERY_FAR_HALVES: f32 = 6.0;
-/// Share of the image from which what lies outside is believed to be there.
+/// Least share of the image that must see something outside.
 const MIN_SHARE: f32 = 0.03;
 
 /// Scratch for a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OutsideRow {
-    /// The orders of the pixels that are asked about.
+    /// The orders of the pixels that may see outside.
     orders: Vec<i16>,
-    /// The orders that they would have by a node beside theirs that sees into the volume.
+    /// Their orders by a neighbour that sees into the volume.
     within: Vec<i16>,
-    /// The same where their nodes hold a part of a body there.
+    /// The same for nodes that hold a part of a body there.
     of_bodies: Vec<i16>,
-    /// Marked pixels of all rows that see far beyond the volume, and very far.
+    /// Marked pixels of all rows that see far, and very far.
     far: [u32; 2],
 }
 
 impl Scratch {
-    /// Marks the pixels that see something outside, if a good part of the image sees what is farther beyond the volume than so many
-    /// pixels, where orders are asked pixel by pixel. A few nodes err where a surface is hidden or dark.
+    /// Marks the pixels that see something outside, if a good part of the image sees farther beyond the volume than the
+    /// search of single pixels reaches, `far_px`. Otherwise a few nodes may err where a surface is hidden or dark.
     pub(in crate::correspondence) fn mark_outside(
         &mut self,
         view: View<'_>,
@@ -83,7 +83,7 @@ impl Scratch {
         let half_px = SearchSpace::from_table(view.table).half_px;
         for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
-            // Pole and infinity are beyond too.
+            // NaN at the pole and at infinity counts as beyond.
             node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
             let fitting = || node.fitting_within(view, half_px, evidence);
             node.is_beyond =
@@ -139,19 +139,19 @@ impl Scratch {
     }
 }
 
-/// Whether a good part of the image sees what is far beyond the volume, and very far.
+/// Whether a good part of the image sees far beyond the volume, and very far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::correspondence) struct Far {
     pub(in crate::correspondence) is_far: bool,
     pub(in crate::correspondence) is_very_far: bool,
 }
 
-/// What pixels see outside.
+/// Limits of the marks.
 #[derive(Clone, Copy)]
 struct Limits {
-    /// How far beyond the volume, how far that is far, and very far, pixels.
+    /// Distances beyond the volume of marked pixels, of far ones and of very far ones, pixels.
     beyond_px: [f32; 3],
-    /// δ about the drift within the volume, turns.
+    /// Largest |δ − drift| within the volume, turns.
     within_turns: f32,
 }
 
@@ -186,7 +186,7 @@ struct MarkRow<'a> {
 }
 
 impl Kernel for MarkRow<'_> {
-    /// How many see far beyond the volume, and very far.
+    /// Pixels that see far, and very far.
     type Output = [u32; 2];
 
     #[inline(always)]
@@ -210,7 +210,7 @@ impl Kernel for MarkRow<'_> {
     }
 }
 
-/// Pixels of a block, and what they look into.
+/// Marks the pixels of a block.
 struct BlockMarker<'a, L: Lanes> {
     lanes: L,
     view: View<'a>,
@@ -223,7 +223,7 @@ impl<L: Lanes> BlockMarker<'_, L> {
         self.block.fits(self.view.cam2, columns, reach_turns)
     }
 
-    /// Pixels whose places are farther beyond the volume than so many pixels.
+    /// Pixels whose columns lie farther beyond the volume than `px`.
     #[inline(always)]
     fn beyond(&self, columns: &OrderColumns<L>, px: f32) -> L::Mask {
         let (lanes, px, segments) = (self.lanes, self.lanes.float(px), &self.block.segments);
@@ -232,7 +232,7 @@ impl<L: Lanes> BlockMarker<'_, L> {
         lanes.and(columns.has_order, lanes.or(before, behind))
     }
 
-    /// Which pixels see something outside, and which of them far beyond the volume and very far, a bit each.
+    /// The pixels that see something outside, and those of them that see far and very far, a bit each.
     #[inline(always)]
     fn marks(&self, limits: Limits, orders: &[i16; LANES], [within, of_bodies]: [&[i16; LANES]; 2]) -> [u32; 3] {
         let (lanes, columns) = (self.lanes, self.block.order_columns(orders));

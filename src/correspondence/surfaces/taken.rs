@@ -1,16 +1,18 @@
-//! Places of C2 in which surfaces outside the measurement volume are seen: no point within has its correspondence there.
+//! The places of C2 where surfaces outside the measurement volume are seen: no point within has its correspondence
+//! there.
 //!
 //! ```text
-//! for each node that sees something outside, and of which nearly all pixels fit its order: the places of its marked pixels
-//!     are taken, with what lies between neighbours
-//! for each node that sees into the volume by an order that is clear: its places are not, for what is hidden from C2 behind it
-//!     may fit there too
-//! open: C2 without the phase of the places which, with all around them, are taken: at borders it may see something else;
-//!     a row between two is taken as these are, for C2 may see a surface larger than C1 does
+//! for each node that sees something outside, if nearly all its pixels fit its order:
+//!     mark the places of its marked pixels as taken, and what lies between neighbours
+//! for each clear node that sees into the volume: mark its places as free
+//!     (what is hidden from C2 behind it may fit there too)
+//! mask: remove the phase of C2 at every place that is taken with all places around it
+//!     (at borders C2 may see something else; a row between two taken rows counts as taken,
+//!     since C2 may see a surface larger than C1 does)
 //! ```
 //!
-//! A strip of a surface that lies elsewhere, and a part of one that is hidden from C2, find the phase of a wrong order in what C2 sees
-//! of the same surface. That has been explained already.
+//! A strip of a surface elsewhere, or a part of one that is hidden from C2, finds the phase of a wrong order in the
+//! image of the same surface in C2. That place has been explained already.
 
 use rayon::prelude::*;
 
@@ -25,11 +27,11 @@ use super::block::Block;
 use super::evidence::{RowScratch, Scratch, View};
 use super::nodes::{Node, Nodes};
 
-/// Share of the pixels of a node that must fit its order where it takes places.
+/// Least share of the fitting pixels of a node whose places are taken.
 const MIN_FITTING: f32 = 0.78;
-/// Columns by which the places of neighbouring pixels may be apart where what lies between is taken too.
+/// Largest gap between the places of neighbouring pixels that is taken too, pixels.
 const MAX_GAP_PX: u32 = 3;
-/// Taken, a byte a place; and not.
+/// Marks of places: taken, and free.
 const TAKEN: u8 = u8::MAX;
 const FREE: u8 = 0;
 /// Stands for no column.
@@ -59,7 +61,7 @@ impl Span {
         Self { row, begin, end: begin + 1 }
     }
 
-    /// Takes in the place of the next pixel, if it lies right behind.
+    /// Extends the span by the place of the next pixel, if it is adjacent. Returns whether it is.
     fn takes_in(&mut self, next: Self) -> bool {
         let runs_on = next.row == self.row && next.begin >= self.begin && next.begin < self.end + MAX_GAP_PX;
         if runs_on {
@@ -70,7 +72,7 @@ impl Span {
 }
 
 impl Scratch {
-    /// Leaves of C2 what is not known to lie outside, where pixels of C1 are known to see something there; whether there are such.
+    /// Copies C2 to `open` without the taken places. Returns false if no pixel is known to see something outside.
     pub(in crate::correspondence) fn mask_taken(
         &mut self,
         view: View<'_>,
@@ -102,7 +104,7 @@ impl Scratch {
         true
     }
 
-    /// Sets the places that pixels of some nodes have in C2 by the orders of these.
+    /// Marks the places that some pixels of some nodes have in C2 by the orders of the nodes.
     fn set_places(
         &mut self,
         view: View<'_>,
@@ -157,7 +159,7 @@ impl RowScratch {
     }
 }
 
-/// Finds the columns of C2 at which pixels of a row see their orders.
+/// Finds the columns of C2 at which the pixels of a row see their orders.
 struct ColumnRow<'a> {
     segments: &'a SegmentRow,
     drift: &'a DepthRow,
@@ -189,9 +191,9 @@ impl Kernel for ColumnRow<'_> {
     }
 }
 
-/// Leaves the phase of a row of C2 but where places are taken.
+/// Copies a row of C2 without the taken places.
 struct OpenRow<'a> {
-    /// Which places of the row, and of two above and below, are.
+    /// The taken places of the row, and of two rows above and below.
     taken: [&'a [u8]; 5],
     phase: &'a [u16],
     open: &'a mut [u16],
@@ -208,6 +210,8 @@ impl Kernel for OpenRow<'_> {
             ([&a[..width], &b[..width], &c[..width], &d[..width], &e[..width]], &phase[..width]);
         open.copy_from_slice(phase);
         for u in 1..width.saturating_sub(1) {
+            // b, c and d are the rows above, here and below. A free place counts as taken between taken ones above and
+            // below.
             let mut taken = TAKEN;
             for u in [u - 1, u, u + 1] {
                 taken &= (b[u] | a[u] & c[u]) & (c[u] | b[u] & d[u]) & (d[u] | c[u] & e[u]);

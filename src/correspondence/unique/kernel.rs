@@ -1,9 +1,18 @@
-//! The search of 32 pixels of a row at once, at every level.
+//! Searches 32 pixels of a row for candidates that pass the gate, at every SIMD level.
 //!
-//! Φ is monotone along a segment, so each order k leaves one interval of columns with |Φ − k − φ_p| < thr. Only these are
-//! asked, and perhaps some more; what passes the gate is the same as by the scan of the segment. Pixels of which that cannot
-//! be said are *irregular*, and left to the scan: columns at the border of the image, orders too close together, too wide a
-//! gate, several crossings about one order.
+//! ```text
+//! Φ is monotone along a segment, so each order k leaves one interval of columns with |Φ − k − φ| < thr
+//! for each j: the j-th order of every pixel, counted along its segment
+//!     begin = the first column of the interval; all intervals of the block are taken equally wide
+//!     for each pair of rows of C2, for each group of pixels whose intervals lie in one table of 64 columns:
+//!         step through the interval, and keep the crossing of the phase; two crossings make the pixel irregular
+//!     put the crossing into the first free slot of the pixel; without one the pixel is irregular
+//! for each slot: column, order and δ of its crossings as by the scan; which of them pass the gate
+//! ```
+//!
+//! Irregular pixels are left to the scan of the whole segment: those at the border of the image, with orders too close
+//! together, with too wide a gate, or with several crossings near one order. For the others the result equals that of
+//! the scan.
 
 use fringeflow_simd::{COLUMNS, Lanes};
 
@@ -14,32 +23,32 @@ use crate::correspondence::kernels::{
 };
 use crate::correspondence::segment::SegmentRow;
 
-/// Turns by which the test is widened where columns are sought, against rounding.
+/// Turns by which the gate is widened in the search, against rounding.
 const PHASE_MARGIN_TURNS: f32 = 1e-3;
-/// A projector near C1 lights a whole ray with one phase: up to this rise along a segment all its columns are scanned.
+/// A projector near C1 lights a whole ray with one phase: up to this rise along a segment the pixel is irregular.
 const FLAT_TURNS: f32 = 2e-3;
-/// Columns by which an interval is widened against rounding.
+/// Columns by which an interval is widened, against rounding.
 const COLUMN_MARGIN_PX: f32 = 0.02;
-/// Crossings of a pixel that are kept.
+/// Crossings kept per pixel.
 const SLOTS: usize = 4;
-/// Widest gate, columns on either side of where an order is expected.
+/// Widest gate, columns on either side of the expected place.
 const MAX_REACH_PX: f32 = 8.0;
-/// Columns beyond its gate that no other order may reach: with fewer, crossings of one would be found for both.
+/// Least distance between the gates of neighbouring orders, columns: closer ones would share crossings.
 const APART_PX: f32 = 4.0;
-/// Columns by which the width of an interval is taken greater, against rounding.
+/// Columns added to the width of an interval, against rounding.
 const WIDTH_MARGIN_PX: f32 = 0.01;
-/// Most orders asked about in a block.
+/// Most orders of a block.
 const MAX_ORDERS: i16 = 64;
-/// Greatest Φ that is believed, turns: what lies beyond has met its pole.
+/// Greatest accepted Φ, turns: beyond it Φ is near its pole.
 const MAX_TURNS: f32 = 1e4;
 
 /// The candidates of a block.
 pub(super) struct Found {
     /// Pixels with a phase and a segment.
     pub(super) searched: u32,
-    /// Those of them that are left to the scan.
+    /// Those of them left to the scan.
     pub(super) irregular: u32,
-    /// Of each slot the pixels whose crossing passes the gate.
+    /// For each slot the pixels whose crossing passes the gate.
     pub(super) passing: [u32; SLOTS],
     column_px: [[f32; BLOCK]; SLOTS],
     order: [[i16; BLOCK]; SLOTS],
@@ -67,7 +76,7 @@ impl Found {
         (&self.order[0], &self.delta[0])
     }
 
-    /// The candidate of a pixel in a slot, its slope left out.
+    /// The candidate of a pixel in a slot, without its slope.
     #[inline]
     pub(super) fn candidate(&self, slot: usize, pixel: usize) -> Candidate {
         let (order, delta) = (self.order[slot][pixel], self.delta[slot][pixel]);
@@ -75,7 +84,7 @@ impl Found {
     }
 }
 
-/// What a row of pixels is searched in.
+/// What the search of a row reads.
 pub(super) struct Search<'a> {
     pub(super) image: &'a EpipolarImage,
     pub(super) segments: &'a SegmentRow,
@@ -83,7 +92,7 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Searches the pixels from `first` on, of these phases; `valid` is not 0 of those that have one.
+    /// Searches the pixels from `first` on; `valid` is not 0 for pixels with a phase.
     #[inline(always)]
     pub(super) fn block<L: Lanes>(
         &self,
@@ -112,6 +121,7 @@ impl Search<'_> {
             found.irregular = found.searched;
             return;
         }
+        // One width for all: the loop over columns has no branches for single pixels.
         let width = most_of(lanes, regular, pixels.width);
         let mut slots = Slots::new(lanes);
         for j in 0..orders {
@@ -133,7 +143,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks for crossings in so many columns from the first one about where an order is expected.
+    /// Finds the crossings of one order in `width` columns from `begin` on.
     #[inline(always)]
     fn order<L: Lanes>(
         &self,
@@ -156,6 +166,7 @@ impl Search<'_> {
                 let base = lanes.least_of(todo, begin);
                 let bases = lanes.word(base);
                 let mut at = lanes.sub(begin, bases);
+                // Pixels whose interval lies within 64 columns of the first share one table.
                 let here = lanes.and(todo, lanes.is_greater(lanes.word(COLUMNS as i16 - width + 1), at));
                 todo = lanes.and_not(todo, here);
                 let tables = Tables::new(lanes, self.image, rows, *pair, base, phases, ends);
@@ -175,7 +186,7 @@ impl Search<'_> {
         }
     }
 
-    /// The crossings of a slot: their columns, orders and δ, as the scan computes them.
+    /// Computes column, order and δ of the crossings of a slot, as the scan does.
     #[inline(always)]
     fn back_project<L: Lanes>(&self, lanes: L, pixels: &Pixels<L>, slots: &Slots<L>, slot: usize, found: &mut Found) {
         let crossing = &slots.crossings[slot];
@@ -195,21 +206,21 @@ impl Search<'_> {
     }
 }
 
-/// 32 pixels, and where their orders are.
+/// 32 pixels and their orders.
 struct Pixels<L: Lanes> {
     lanes: L,
     segments: Segments<L>,
     phase_turns: L::Floats,
-    /// Phase of the pixel and mean of δ, turns.
+    /// Phase of the pixel plus mean of δ, turns.
     middle: L::Floats,
     /// Least and greatest Φ.
     least: L::Floats,
     most: L::Floats,
-    /// Order of the lowest column, by what orders rise from there, and their number.
+    /// Order at the first column, step to the next order along the segment, and number of orders.
     from: L::Floats,
     step: L::Floats,
     count: L::Floats,
-    /// Columns on either side of where an order is expected, pixels, and most columns of its interval.
+    /// Columns on either side of the expected place, pixels, and columns of an interval.
     half_px: L::Floats,
     width: L::Words,
     /// Pixels that are not left to the scan.
@@ -227,7 +238,7 @@ impl<L: Lanes> Pixels<L> {
         let one = lanes.float(1.0);
         let lowest = lanes.sub_float(lanes.sub_float(least, middle), reach);
         let highest = lanes.add_float(lanes.sub_float(most, middle), reach);
-        // Rounded up and down.
+        // The lowest order is rounded up, the highest down.
         let (whole_lowest, whole_highest) = (whole(lanes, lowest), whole(lanes, highest));
         let is_above = lanes.exceeds(lowest, whole_lowest);
         let lowest = lanes.select_float(is_above, lanes.add_float(whole_lowest, one), whole_lowest);
@@ -238,6 +249,7 @@ impl<L: Lanes> Pixels<L> {
             let inverse = lanes.sub_float(segments.b, lanes.times_float(segments.d, turns));
             lanes.times_float(inverse, inverse)
         };
+        // Columns per turn are monotone along a segment, so the ends give the extremes.
         let (x, y) = (per_column(at_begin), per_column(at_end));
         let rise = lanes.abs_float(lanes.sub_float(segments.b, lanes.times_float(segments.a, segments.d)));
         let most_per_turn = lanes.over(rise, lanes.min_float(x, y));
@@ -249,7 +261,7 @@ impl<L: Lanes> Pixels<L> {
         let narrow = lanes.reaches(lanes.float(MAX_REACH_PX), half_px);
         let apart = lanes.reaches(least_per_turn, lanes.add_float(width_px, lanes.float(APART_PX)));
         let regular = lanes.both(lanes.both(small(at_begin), small(at_end)), lanes.both(changes, narrow));
-        // From the whole column before its begin to that behind its end.
+        // From the whole column before its begin to the one behind its end.
         let columns = lanes.longs(lanes.add_float(width_px, lanes.float(WIDTH_MARGIN_PX)));
         Self {
             lanes,
@@ -282,10 +294,10 @@ impl<L: Lanes> Pixels<L> {
     }
 }
 
-/// The crossings of each pixel, in the order of their columns.
+/// The crossings of each pixel, by ascending column.
 struct Slots<L: Lanes> {
     crossings: [Crossing<L>; SLOTS],
-    /// Pixels of which these are not all.
+    /// Pixels with more crossings than slots.
     irregular: L::Mask,
 }
 
@@ -309,19 +321,19 @@ impl<L: Lanes> Slots<L> {
     }
 }
 
-/// Rounded to the nearest whole number, halves away from zero.
+/// Rounds to the nearest whole number, halves away from zero.
 #[inline(always)]
 fn nearest_whole<L: Lanes>(lanes: L, value: L::Floats) -> L::Longs {
     lanes.longs(lanes.add_float(value, lanes.with_sign(lanes.float(0.5), value)))
 }
 
-/// Rounded towards zero.
+/// Rounds towards zero.
 #[inline(always)]
 fn whole<L: Lanes>(lanes: L, value: L::Floats) -> L::Floats {
     lanes.floats(lanes.longs(value))
 }
 
-/// The greatest of the words of some pixels, of which none is negative; 0 of none.
+/// The greatest of the words of some pixels, none of them negative; 0 without pixels.
 #[inline(always)]
 fn most_of<L: Lanes>(lanes: L, some: L::Mask, words: L::Words) -> i16 {
     if !lanes.any(some) {

@@ -1,6 +1,7 @@
-//! The pixels that have one candidate alone: what reference correspondences are selected from (paper, 2.2.1).
+//! Unique candidates: pixels with exactly one candidate, from which reference correspondences are selected (paper,
+//! 2.2.1).
 //!
-//! The same as [`super::find_candidates`] finds, many pixels at once; lists of several candidates are not kept.
+//! They are those that [`super::find_candidates`] finds, but computed 32 pixels at a time and without lists.
 
 mod kernel;
 
@@ -19,12 +20,12 @@ use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
 
-/// The candidates of pixels that have one alone, row by row.
+/// The candidates of pixels with exactly one, row by row.
 #[derive(Clone, Debug, Default)]
 pub struct UniqueCandidates {
-    /// Absolute phases, turns · 65536; the least number where a pixel has none or several.
+    /// Absolute phases, turns · 65536; `i32::MIN` for pixels with no candidate or several.
     pub absolute: Vec<i32>,
-    /// δ, turns · 65536; without meaning there.
+    /// δ, turns · 65536; undefined for such pixels.
     pub delta: Vec<i16>,
     scratches: Pool<Scratch>,
 }
@@ -36,7 +37,7 @@ struct Scratch {
     list: Vec<Candidate>,
 }
 
-/// Where candidates are searched, and the test that they pass.
+/// What the search reads, and the test that candidates pass.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     /// Phase of C1.
@@ -47,7 +48,7 @@ pub(super) struct Search<'a> {
     pub(super) gate: &'a DeltaGate,
 }
 
-/// Finds the pixels of C1 of which one candidate alone passes `gate`.
+/// Finds the pixels of C1 with exactly one candidate that passes `gate`.
 #[must_use]
 pub fn find_unique_candidates(
     cam1: &PhaseMap,
@@ -62,7 +63,7 @@ pub fn find_unique_candidates(
 }
 
 impl UniqueCandidates {
-    /// Those of some rows of C1, one below the other; a row that is `None` has none.
+    /// Searches some rows of C1 and stores their results one below the other. A row that is `None` has none.
     pub(super) fn find(&mut self, search: Search<'_>, rows: &[Option<usize>]) {
         let Self { absolute, delta, scratches } = self;
         let width = search.cam1.width;
@@ -119,9 +120,10 @@ impl Kernel for Row<'_> {
 }
 
 impl Row<'_> {
-    /// Enters what was found of a block, and scans for the pixels that were left out there.
+    /// Stores the results of a block, and scans the segments of irregular pixels.
     #[inline(always)]
     fn enter(&mut self, block: usize, found: &kernel::Found) {
+        // The first slot decides alone where no further slot passes; the rest of the pixels need their lists.
         let [first, others @ ..] = &found.passing;
         let mut rest = others.iter().fold(found.irregular, |all, slot| all | slot);
         let alone = first & !rest;
@@ -148,7 +150,7 @@ impl Row<'_> {
         }
     }
 
-    /// Looks at the whole segment of a pixel.
+    /// Scans the whole segment of a pixel.
     fn scan(&mut self, u: usize) {
         let segment = self.segments.segment(u);
         if self.valid[u] && !segment.is_none() {
@@ -159,7 +161,7 @@ impl Row<'_> {
         }
     }
 
-    /// Decides a pixel for its candidate in the list, if that is the only one.
+    /// Stores the candidate of a pixel if the list holds only one.
     fn decide(&mut self, u: usize) {
         if let [candidate] = **self.list {
             self.absolute[u] = i32::from(candidate.order) * TURN + i32::from(self.phase[u]);

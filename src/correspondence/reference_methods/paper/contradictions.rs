@@ -1,7 +1,8 @@
-//! What whole regions contradict (paper, 2.2.3).
+//! Step 4, rejection of correspondences by geometric contradictions (paper, 2.2.3), region by region.
 //!
-//! A region must be large enough, its δ level, and its points must have their places in C2 for themselves: two pixels of C1
-//! that claim one place of C2 with different absolute phases lie on different points of one ray, and C2 sees only one.
+//! A region must be large enough, its δ level, and its places in C2 its own: two pixels of C1 that claim one place of C2 with
+//! different absolute phases lie on different points of one ray, and C2 sees only one of them. The paper leaves this step open
+//! ("this should not be explicitly described here").
 
 use rayon::prelude::*;
 
@@ -11,47 +12,47 @@ use crate::correspondence::claims::{Claim, Claims};
 use crate::correspondence::places::{PlaceRow, Places};
 use crate::correspondence::segment::SegmentRow;
 
-/// Share of a region that may lose its places before the whole region does.
+/// Share of its places that a region may lose before it is rejected.
 const MAX_LOST_SHARE: f64 = 0.3;
-/// What the precedence of a claim with a steep δ is lowered by: more than any region has pixels.
+/// Reduction of the precedence of a claim with a steep δ: more than any region has pixels.
 const OF_STEEP: f32 = 16_777_216.0;
 
-/// Which of two claims to one place of C2 takes it.
+/// Which of two claims on one place of C2 wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Precedence {
-    /// The one with a level δ, then the one of the larger region. While decisions still change, nothing else would do: the
-    /// pixels of a right region, hidden by a nearer wrong one, would be decided anew and join it.
+    /// The one with a level δ, then the one of the larger region. While decisions still change, nearness would not do:
+    /// pixels of a right region behind a nearer wrong one would be decided again and join the wrong one.
     Foundation,
-    /// The nearer to C2, which hides the other: between regions that stand, as both do.
+    /// The one nearer to C2, which hides the other. Between regions that stand, as both do.
     Nearness,
 }
 
 impl Image<'_> {
-    /// Undoes and excludes what whole regions contradict: small ones, those whose δ is not level, and those whose places
-    /// in C2 serve others; yields how many pixels.
-    pub(super) fn contradict_by_regions(&mut self, precedence: Precedence) -> usize {
+    /// Rejects and excludes what whole regions contradict (2.2.3): small regions, those whose δ is not level, and those
+    /// whose places in C2 serve others. Returns the number of pixels.
+    pub(super) fn reject_by_contradictions(&mut self, precedence: Precedence) -> usize {
         let division = self.divide(self.tolerance);
         let mut stands = self.level(&division);
         let is_large = |size: &u32| *size >= self.scene.settings.min_region_px;
         stands.iter_mut().zip(&division.regions.size_px).for_each(|(stands, size)| *stands &= is_large(size));
-        let contested = self.contested(&division, stands, precedence);
-        self.exclude(&contested);
-        contested.len()
+        let contradicted_pixels = self.contradicted_pixels(&division, stands, precedence);
+        self.exclude(&contradicted_pixels);
+        contradicted_pixels.len()
     }
 
-    /// Undoes and excludes regions, their δ running on within a tolerance, whose δ is not level: what votes alone joined to
-    /// a region that stands is judged by itself.
-    pub(super) fn contradict_by_delta(&mut self, tolerance: i32) {
+    /// Rejects and excludes regions whose δ is not level; δ continues in a region within `tolerance`. Parts that votes
+    /// alone joined to a region are judged by themselves.
+    pub(super) fn reject_by_region_delta(&mut self, tolerance: i32) {
         let division = self.divide(tolerance);
         let level = self.level(&division);
         self.exclude(&self.decided_where(|pixel| !level[division.of_pixels[pixel] as usize]));
     }
 
-    /// Pixels of regions that do not stand, and pixels whose place of C2 another claim takes for another order.
+    /// Pixels of regions that do not stand, and pixels whose place of C2 another order takes.
     ///
-    /// A region stands if it does so far and better founded claims take no good part of it. Between the pixels of those that
-    /// stand, `precedence` decides.
-    fn contested(&self, division: &Division, mut stands: Vec<bool>, precedence: Precedence) -> Vec<usize> {
+    /// A region stands if it has stood so far and better founded claims do not take a good part of it. Between the
+    /// pixels of standing regions, `precedence` decides.
+    fn contradicted_pixels(&self, division: &Division, mut stands: Vec<bool>, precedence: Precedence) -> Vec<usize> {
         let (places, sizes) = (self.places(), &division.regions.size_px);
         let region = |pixel: usize| division.of_pixels[pixel] as usize;
         let foundation = |pixel: usize| {
@@ -70,8 +71,8 @@ impl Image<'_> {
         self.decided_where(|pixel| !stands[region(pixel)] || is_lost[pixel])
     }
 
-    /// Of each decided pixel whether its place of C2 goes to another order, which a pixel that stands claims with a greater
-    /// precedence.
+    /// For each decided pixel whether its place of C2 goes to another order that a pixel that stands claims with
+    /// greater precedence.
     fn lost_places(
         &self,
         places: &Places,
@@ -92,7 +93,7 @@ impl Image<'_> {
         pixels.map(|pixel| self.is_decided(pixel) && claims.is_lost(claim(pixel), 0.0)).collect()
     }
 
-    /// The places of C2 that the decided pixels claim.
+    /// The places of C2 of the decided pixels.
     fn places(&self) -> Places {
         let width = self.scene.cam1.width.max(1);
         let mut places = Places::default();
@@ -112,7 +113,7 @@ impl Image<'_> {
         places
     }
 
-    fn decided_where(&self, is_asked: impl Fn(usize) -> bool) -> Vec<usize> {
-        (0..self.absolute.len()).filter(|&pixel| self.is_decided(pixel) && is_asked(pixel)).collect()
+    fn decided_where(&self, condition: impl Fn(usize) -> bool) -> Vec<usize> {
+        (0..self.absolute.len()).filter(|&pixel| self.is_decided(pixel) && condition(pixel)).collect()
     }
 }

@@ -1,27 +1,30 @@
-//! The paper's method (section 2.2): from the candidates of all pixels to at most one correspondence each, pixel by pixel.
+//! The proposed algorithm PA as the paper describes it (section 2.2): from the candidates of all pixels to at most one
+//! correspondence each, pixel by pixel.
 //!
-//! In: phase of C1 and C2, the segment table, what was measured of δ. Out: for each pixel of C1 its correspondence, or why
-//! it has none. This is the scalar reference: plain loops, no state from image to image. It makes the paper's tables, and
-//! benches time it beside the semi-global resolution. The paper leaves the numbers of its steps open; ours stand here.
+//! In: phase of C1 and C2, the segment table, statistics of δ. Out: for each pixel of C1 its correspondence, or why it
+//! has none. This is the scalar reference: plain loops, no state from image to image. It makes the paper's tables, and
+//! benches compare it with the semi-global resolution. The paper leaves the numbers of its steps open; ours are the
+//! constants below.
 //!
 //! ```text
 //! candidates(p) = points q of the segment of p with φ(q) = φ(p) and |δ(q) − mean| < 5·sd           2.1, 2.3
-//! decide p for its candidate with |δ − mean| < 3·sd, if it has just one                            2.2.1
-//! undecide what decided neighbours do not support: the references are left
-//! repeat, a bounded number of rounds:
-//!     decide what decided pixels along the epipolar direction agree on by Eq. (2); again, until nothing changes   2.2.2
+//! decide p for its candidate with |δ − mean| < 3·sd, if it has exactly one                         2.2.1
+//! reject what decided neighbours do not support: the reference correspondences are left            2.2.1
+//! repeat for a bounded number of rounds:                                                           2.2.3, last paragraph
+//!     decide by Eq. (2) from decided pixels along the epipolar direction, until nothing changes    2.2.2
 //!     the same with decided pixels across the epipolar direction too                               2.2.3
-//!     undecide what decided neighbours do not support any more
-//!     divide the decided pixels into regions of continuous absolute phase
-//!     undecide and exclude regions that are small, whose δ is not level, or that lose their places in C2
-//!     undecide and exclude pixels whose place in C2 serves another order of a better founded region
-//! admit excluded candidates again; decide with fewer votes: pixels at borders join the regions that stand
-//! undecide regions whose δ is not level; of two orders in one place of C2 keep the nearer
-//! undecide candidates far beyond 3·sd with support on one side only
+//!     reject what decided neighbours do not support any more                                       2.2.2
+//!     divide the decided pixels into regions of continuous absolute phase                          2.2.3
+//!     reject and exclude regions that are small, whose δ is not level, or that lose their places in C2
+//!     reject and exclude pixels whose place in C2 serves another order of a better founded region
+//! admit excluded candidates again; decide with fewer votes: pixels at borders join the regions     2.2.3
+//! reject regions whose δ is not level; of two orders in one place of C2 keep the nearer one
+//! reject candidates far beyond 3·sd with support on one side only
 //! ```
 //!
 //! A sweep reads the decisions of the sweep before, so the result does not depend on the number of threads. A candidate
-//! between 3·sd and 5·sd is decided by its neighbourhood alone: 3·sd keeps 99.73 % of normal errors, edges err by more.
+//! between 3·sd and 5·sd is decided by its neighbourhood alone: 3·sd keeps 99.73 % of normal errors, and edges err by
+//! more.
 
 mod contradictions;
 mod region_delta;
@@ -49,15 +52,15 @@ use votes::{Directions, VoteRule};
 #[cfg(test)]
 pub(in crate::correspondence) use votes::{Side, walk};
 
-/// Factor on thr within which a candidate may still be decided by its neighbours (5·sd in all).
+/// Factor on thr up to which neighbours may decide for a candidate (5·sd in all).
 const READMISSION: f32 = 1.67;
-/// Least such bound, turns (0.19 rad): at edges, where a pixel mixes surfaces, δ errs by more than the noise of the rest.
+/// Least such limit, turns (0.19 rad): at edges, where a pixel mixes surfaces, δ errs by more than noise.
 const MIN_READMISSION_TURNS: f32 = 0.03;
-/// A round that decides or contradicts fewer than one pixel in so many is the last.
+/// A round that changes fewer than one pixel in this many is the last.
 const SETTLED_SHARE: usize = 500;
-/// Tolerance that every difference of δ meets.
+/// A tolerance that every difference of δ meets.
 const ANY_DELTA: i32 = TURN;
-/// Share of the widest δ at which a candidate may be readmitted beyond which one side is too little to do so.
+/// Share of the wider limit beyond which support on one side is not enough.
 const RIM_SHARE: f32 = 0.8;
 
 /// What the method reads.
@@ -81,7 +84,7 @@ pub(in crate::correspondence) struct Decisions {
     pub(in crate::correspondence) passing: Vec<u8>,
 }
 
-/// Decides every pixel.
+/// Decides every pixel (2.2, steps 1 to 4).
 pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     let gate = scene.delta.gate();
     let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
@@ -94,28 +97,29 @@ pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     Decisions { outcomes, chosen: image.chosen(), passing: image.passing }
 }
 
-/// An image, and what has been decided about it so far.
+/// An image and the decisions so far.
 struct Image<'a> {
     scene: Scene<'a>,
-    /// The back-projection test with 3·sd, and the wider one that all candidates pass.
+    /// The back-projection test with 3·sd (2.1), and the wider one that all candidates pass.
     gate: DeltaGate,
     readmission: DeltaGate,
     candidates: &'a Candidates,
-    /// Of every candidate whether it was contradicted.
+    /// Whether each candidate was contradicted.
     is_excluded: Vec<bool>,
     passing: Vec<u8>,
     outcomes: Vec<Outcome>,
-    /// Absolute phase that each pixel is decided for, turns · 65536; [`ABSENT`] where it is not decided.
+    /// Absolute phase that each pixel is decided for, turns · 65536; [`ABSENT`] while undecided.
     absolute: Vec<i32>,
-    /// δ and number of the candidate that it is decided for; without meaning elsewhere.
+    /// δ and number of the candidate that it is decided for; undefined while undecided.
     delta: Vec<i16>,
     number: Vec<u8>,
-    /// Difference of δ between neighbours of one surface that is tolerated, turns · 65536.
+    /// Tolerated difference of δ between neighbours on one surface, turns · 65536.
     tolerance: i32,
 }
 
 impl<'a> Image<'a> {
-    /// An image of which nothing is decided yet.
+    /// Collects the candidates by the δ-criterion (2.2: "In a first step all candidates concerning the δ-criterion are
+    /// collected"). Nothing is decided yet.
     fn new(scene: Scene<'a>, [gate, readmission]: [DeltaGate; 2], candidates: &'a Candidates) -> Self {
         let pixels = scene.cam1.phase.len();
         let passing = |pixel: usize| candidates.for_pixel(pixel).iter().filter(|c| gate.passes(c.delta)).count() as u8;
@@ -140,44 +144,48 @@ impl<'a> Image<'a> {
         }
     }
 
+    /// Applies the steps iteratively (2.2.3: "The complete correspondence finding will be obtained by iterative
+    /// application").
     fn resolve(&mut self) {
         let pixels = self.absolute.len();
         let settled = |changed: usize| changed * SETTLED_SHARE < pixels;
         let strict = VoteRule::strict(self.scene.settings.min_votes);
-        self.select_references();
+        self.select_reference_correspondences();
         for round in 0..self.scene.settings.max_rounds {
-            let decided = self.sweep_until_settled(Directions::Along, strict)
-                + self.sweep_until_settled(Directions::AlongAndAcross, strict);
+            let decided = self.decide_multiple_candidates(Directions::Along, strict)
+                + self.decide_multiple_candidates(Directions::AlongAndAcross, strict);
             if round > 0 && settled(decided) {
                 break;
             }
-            self.undecide_unsupported(Outcome::Contradicted);
-            if settled(self.contradict_by_regions(Precedence::Foundation)) {
+            self.reject_unsupported(Outcome::Contradicted);
+            if settled(self.reject_by_contradictions(Precedence::Foundation)) {
                 break;
             }
         }
+        // What was excluded beside a wrong region may be right now that the region is gone.
         self.is_excluded.fill(false);
         let strict_tolerance = std::mem::replace(&mut self.tolerance, ANY_DELTA);
-        self.sweep_until_settled(Directions::AlongAndAcross, VoteRule::LENIENT);
-        self.contradict_by_delta(strict_tolerance);
-        self.contradict_by_regions(Precedence::Nearness);
+        self.decide_multiple_candidates(Directions::AlongAndAcross, VoteRule::LENIENT);
+        self.reject_by_region_delta(strict_tolerance);
+        self.reject_by_contradictions(Precedence::Nearness);
         self.reject_rims();
     }
 
-    /// Selects the reference correspondences: pixels with exactly one candidate that passes, supported by neighbours that
-    /// have just one too (2.2.1).
-    fn select_references(&mut self) {
+    /// Step 1, selection of reference correspondences (2.2.1): pixels with exactly one candidate that passes, supported
+    /// by neighbours that are unique and similar too. Eq. (2) along the walks holds the monotony.
+    fn select_reference_correspondences(&mut self) {
         for pixel in 0..self.absolute.len() {
             let mut passing = (0..).zip(self.candidates.for_pixel(pixel)).filter(|(_, c)| self.gate.passes(c.delta));
             if let (Some((number, _)), None) = (passing.next(), passing.next()) {
                 self.decide(pixel, number, Outcome::Reference);
             }
         }
-        self.undecide_unsupported(Outcome::Ambiguous);
+        self.reject_unsupported(Outcome::Ambiguous);
     }
 
-    /// Undecides the pixels that their decided neighbours do not support.
-    fn undecide_unsupported(&mut self, outcome: Outcome) {
+    /// Step 3, decision whether uncertain correspondences are true or false (2.2.2): rejects the pixels that their
+    /// decided neighbours do not support.
+    fn reject_unsupported(&mut self, outcome: Outcome) {
         let mut support = Support::default();
         let rule = SupportRule { min_votes: self.scene.settings.min_votes, tolerance: self.tolerance };
         support.find(self.scene.cam1, &self.absolute, &self.delta, rule);
@@ -186,24 +194,25 @@ impl<'a> Image<'a> {
         }
     }
 
-    /// Sweeps until nothing more is decided, a bounded number of times; yields how many pixels were (2.2.2, 2.2.3).
-    fn sweep_until_settled(&mut self, directions: Directions, rule: VoteRule) -> usize {
+    /// Step 2, selection out of the points with multiple candidates (2.2.2; across the epipolar lines too, 2.2.3).
+    /// Repeats sweeps until nothing changes, a bounded number of times. Returns the number of decided pixels.
+    fn decide_multiple_candidates(&mut self, directions: Directions, rule: VoteRule) -> usize {
         let outcome_of_several = match directions {
             Directions::Along => Outcome::AlongEpipolar,
             Directions::AlongAndAcross => Outcome::AcrossEpipolar,
         };
         let mut decided = 0;
-        // Nobody is asked again unless a decision changed within reach of its walks.
-        let mut is_asked = vec![true; self.absolute.len()];
+        // A pixel is tried again only if a decision within reach of its walks changed.
+        let mut is_pending = vec![true; self.absolute.len()];
         for _ in 0..self.scene.settings.max_sweeps {
-            let choices = self.choices(directions, rule, &is_asked);
+            let choices = self.choose_candidates(directions, rule, &is_pending);
             if choices.is_empty() {
                 break;
             }
-            is_asked.fill(false);
-            choices.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_asked));
-            decided += choices.len();
-            for (pixel, number) in choices {
+            is_pending.fill(false);
+            choose_candidates.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_pending));
+            decided += choose_candidates.len();
+            for (pixel, number) in choose_candidates {
                 let has_several = self.candidates.for_pixel(pixel).len() > 1;
                 self.decide(pixel, number, if has_several { outcome_of_several } else { Outcome::Unique });
             }
@@ -211,8 +220,8 @@ impl<'a> Image<'a> {
         decided
     }
 
-    /// Rejects candidates far beyond the threshold that only one side admits: there a surface is continued beyond its edge,
-    /// onto a wall that C2 does not see.
+    /// Additional decision (2.2.3): rejects candidates far beyond the threshold with support on one side only. There a
+    /// surface is continued beyond its edge, onto a wall that C2 does not see.
     fn reject_rims(&mut self) {
         let threshold_turns = RIM_SHARE * self.readmission.threshold_turns;
         let rim = DeltaGate { threshold_turns, ..self.readmission };
@@ -250,7 +259,7 @@ impl<'a> Image<'a> {
         }
     }
 
-    /// Takes decisions back, and the candidates out.
+    /// Takes decisions back, and excludes their candidates.
     fn exclude(&mut self, pixels: &[usize]) {
         for &pixel in pixels {
             self.is_excluded[self.candidates.first_index(pixel) + usize::from(self.number[pixel])] = true;

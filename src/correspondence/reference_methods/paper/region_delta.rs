@@ -1,9 +1,10 @@
-//! What δ says about a whole region.
+//! Tests δ over whole regions: an additional decision of the kind that the paper leaves open (2.2.3: "Decisions must be
+//! realized using other criteria").
 //!
-//! A wrong fringe order can agree with its neighbours just as well as the right one: where the right candidate is hidden
-//! or lies outside the measurement volume, the wrong one is alone. But δ tells them apart. Over a right region δ is
-//! noise about a calibration error that varies slowly over the image. Over a wrong region it runs steadily from pixel to
-//! pixel until it leaves the test, or it stays near the threshold all over a piece too narrow to run.
+//! A wrong fringe order can agree with its neighbours as well as the right one: where the right candidate is hidden or
+//! outside the measurement volume, the wrong one is unique. δ tells them apart. Over a right region δ is noise about a
+//! calibration error that varies slowly over the image. Over a wrong region it rises steadily from pixel to pixel until
+//! it fails the test, or it stays near the threshold over a piece too narrow for that.
 
 use std::f64::consts::TAU;
 
@@ -11,36 +12,36 @@ use super::Image;
 use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::regions::Regions;
 
-/// Change of δ over the width of the image, in sd, that a calibration error does not reach: three times the range ±3·sd
-/// that contains nearly all of it.
+/// Change of δ over the width of the image, in sd, that exceeds any calibration error: three times the range ±3·sd that
+/// contains nearly all of it.
 const MAX_CHANGE_OVER_IMAGE_SD: f64 = 20.0;
-/// Slope of δ over seven pixels that noise does not reach, in its standard deviations: 5/√28.
+/// Slope of δ over seven pixels that exceeds noise, in sd of the slope: 5/√28.
 const STEEP_NOISE_SD: f64 = 1.0;
 /// Pixels on either side over which the slope of δ is measured.
 const REACH_PX: isize = 3;
-/// Least share of a region that passes the back-projection test proper.
+/// Least share of a region that passes the back-projection test with 3·sd.
 const MIN_PASSING_SHARE: f64 = 0.7;
-/// Largest share of a region over which δ is steep.
+/// Largest share of a region with a steep δ.
 const MAX_STEEP_SHARE: f64 = 0.7;
-/// Largest distance of a region's mean δ from the mean of all, in sd.
+/// Largest distance of the mean δ of a region from the mean of all, in sd.
 const MAX_MEAN_SD: f64 = 2.0;
-/// Variance of δ, in sd², that a plane may explain where it rises faster than any calibration error: a ramp through
-/// 2.4·sd has as much, one through the whole test 3.
+/// Variance of δ, in sd², that a plane may explain if it rises faster than any calibration error: a ramp through 2.4·sd
+/// has as much, one through the whole test 3.
 const MAX_RAMP_VARIANCE: f64 = 0.5;
-/// Pixels along either axis of which one is asked whether δ is steep there, in regions up to so many pixels and beyond.
+/// Distance of the pixels tested for a steep δ along both axes, in regions up to this size and in larger ones.
 const STEEP_STRIDES: [usize; 2] = [2, 8];
 const MANY_PX: u32 = 10_000;
 
 /// The regions of an image: decided pixels of continuous absolute phase and δ.
 pub(super) struct Division {
     pub(super) regions: Regions,
-    /// Region of each pixel; beyond all where it is not decided.
+    /// Region of each pixel; beyond all regions while undecided.
     pub(super) of_pixels: Vec<u32>,
 }
 
 impl Image<'_> {
-    /// Divides the decided pixels into regions: neighbours belong together if their absolute phases run on and their δ
-    /// differ by no more than `tolerance`, turns · 65536.
+    /// Divides the decided pixels into regions. Neighbours belong together if their absolute phases continue and their
+    /// δ differ by no more than `tolerance`, turns · 65536.
     pub(super) fn divide(&self, tolerance: i32) -> Division {
         let mut regions = Regions::default();
         let delta: Vec<f32> = self.delta.iter().map(|&delta| f32::from(delta)).collect();
@@ -50,7 +51,8 @@ impl Image<'_> {
         Division { regions, of_pixels }
     }
 
-    /// For each region whether its δ is level, as over a right one; regions below the least size tell too little and pass.
+    /// For each region whether its δ is level, as over a right one. Regions below the least size tell too little and
+    /// pass.
     pub(super) fn level(&self, division: &Division) -> Vec<bool> {
         let (width, sizes) = (self.scene.cam1.width, &division.regions.size_px);
         let mut sums = vec![RegionDelta::default(); sizes.len()];
@@ -81,8 +83,8 @@ impl Image<'_> {
         sums.iter().zip(sizes).map(is_level).collect()
     }
 
-    /// Whether δ changes steadily along the row or the column of a decided pixel: its least-squares slope over the pixels of
-    /// the region around is more than an error of the calibration and noise make. With too few of them there is none.
+    /// Whether δ changes steadily along the row or the column of a decided pixel: its least-squares slope over the
+    /// pixels of the region around it exceeds calibration error and noise. Too few pixels have no slope.
     pub(super) fn is_steep(&self, division: &Division, pixel: usize) -> bool {
         let (statistics, width) = (self.scene.delta, self.scene.cam1.width);
         let of_calibration_rad = MAX_CHANGE_OVER_IMAGE_SD * statistics.sd_rad / width as f64;
@@ -109,7 +111,7 @@ impl Image<'_> {
     }
 }
 
-/// Sums over those pixels of a region that pass the test.
+/// Sums over the pixels of a region that pass the test.
 #[derive(Clone, Debug, Default)]
 struct RegionDelta {
     count: f64,
@@ -119,7 +121,7 @@ struct RegionDelta {
     place_delta: [f64; 2],
     /// Sums of column², column·row and row².
     place_place: [f64; 3],
-    /// Pixels that were asked for their slope, and those where it is steep.
+    /// Pixels tested for their slope, and those where it is steep.
     sampled: u32,
     steep: u32,
 }
@@ -138,7 +140,7 @@ impl RegionDelta {
         self.sum / self.count.max(1.0)
     }
 
-    /// The plane through δ by least squares: its rise a pixel, and the variance of δ that it explains; zero where the
+    /// The least-squares plane through δ: its rise per pixel, and the variance of δ that it explains; zero if the
     /// pixels lie in one line.
     fn ramp(&self) -> (f64, f64) {
         let mean = |sum: f64| sum / self.count.max(1.0);

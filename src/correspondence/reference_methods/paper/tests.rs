@@ -99,7 +99,7 @@ fn a_reference_has_one_candidate_and_neighbours_that_agree() {
     lists[alone - 5 * WIDTH - 50] = vec![lists[pixel][0]];
     let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
-    image.select_references();
+    image.select_reference_correspondences();
     assert_eq!(image.outcomes[pixel], Outcome::Reference);
     assert_eq!([image.outcomes[other], image.outcomes[alone - 5 * WIDTH - 50]], [Outcome::Ambiguous; 2]);
     assert!(!image.is_decided(other) && !image.is_decided(alone - 5 * WIDTH - 50));
@@ -114,9 +114,9 @@ fn one_of_several_candidates_is_chosen_by_eq_2() {
     lists[pixel] = vec![Candidate { order: right.order - 1, ..right }, right];
     let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
-    image.select_references();
+    image.select_reference_correspondences();
     assert!(!image.is_decided(pixel));
-    assert!(image.sweep_until_settled(Directions::Along, VoteRule::strict(3)) > 0);
+    assert!(image.decide_multiple_candidates(Directions::Along, VoteRule::strict(3)) > 0);
     assert_eq!(image.candidate(pixel), Some(&right));
     assert_eq!(image.outcomes[pixel], Outcome::AlongEpipolar);
 }
@@ -143,7 +143,7 @@ fn a_region_whose_delta_runs_is_not_level() {
     let mut lists = seen.true_lists();
     let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
-    image.select_references();
+    image.select_reference_correspondences();
     let division = image.divide(image.tolerance);
     let largest = (0..division.regions.count()).max_by_key(|&region| division.regions.size_px[region]).unwrap();
     assert!(image.level(&division)[largest]);
@@ -154,7 +154,7 @@ fn a_region_whose_delta_runs_is_not_level() {
     }
     let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
-    image.select_references();
+    image.select_reference_correspondences();
     let division = image.divide(ANY_DELTA);
     let largest = (0..division.regions.count()).max_by_key(|&region| division.regions.size_px[region]).unwrap();
     assert!(division.regions.size_px[largest] > 1000 && !image.level(&division)[largest]);
@@ -173,9 +173,9 @@ fn of_two_orders_in_one_place_of_c2_one_stays() {
     }
     let candidates = Candidates::from_pixels(&lists);
     let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
-    image.select_references();
+    image.select_reference_correspondences();
     assert!(patch.iter().filter(|&&pixel| image.is_decided(pixel)).count() > 30);
-    assert!(image.contradict_by_regions(Precedence::Foundation) >= 30);
+    assert!(image.reject_by_contradictions(Precedence::Foundation) >= 30);
     assert!(patch.iter().all(|&pixel| !image.is_decided(pixel)));
     assert!(patch.iter().all(|&pixel| image.is_decided(pixel - 20)));
 }

@@ -1,8 +1,18 @@
-//! What the decided pixels around a pixel say about its candidates (paper, Eq. 2), and when that decides.
+//! Selection out of multiple candidates by the decided pixels around a pixel (paper, 2.2.2, Eq. 2).
 //!
-//! Around p the phase is unwrapped along straight walks, left and right, up and down, for less than one period and only as
-//! long as it runs on without a jump. A decided pixel k that is met after a phase rise s proposes the absolute phase u_k − s,
-//! see [`crate::correspondence::support`].
+//! ```text
+//! for each open pixel p:
+//!     proposals = {}
+//!     for each side of p: walk from p while the phase continues, for less than one period:       "maximal phase difference of 2π"
+//!         for each decided pixel k on the walk, after a phase rise s: proposals += (u_k − s, δ_k)
+//!     for each candidate c of p: votes(c) = number of proposals equal to u_c, if their mean δ agrees with δ_c        Eq. (2)
+//!     decide for the candidate with most votes, if it has enough, leads the other candidates clearly,
+//!         and outweighs the proposals that are no candidate                                      "holds for just one candidate"
+//! ```
+//!
+//! Pixels k before p in phase are the paper's k_i, those behind it the g_i. A right candidate q has the absolute phase
+//! u_k − s by every k on its surface, which is Eq. (2) with both inequalities in one; see
+//! [`crate::correspondence::support`].
 
 use rayon::prelude::*;
 
@@ -14,15 +24,15 @@ use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN};
 use crate::correspondence::segment_table::EpipolarAxis;
 use crate::correspondence::support::NEAR;
 
-/// Pixels of the farthest walk; a period is seldom longer, and one period is all that Eq. (2) uses.
+/// Longest walk, pixels. A period is seldom longer, and Eq. (2) uses no more than one.
 const FAR: usize = 15;
 
-/// Which walks are taken.
+/// Directions of the walks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Directions {
-    /// Along the epipolar direction.
+    /// Along the epipolar lines (2.2.2).
     Along,
-    /// Along and across it.
+    /// Perpendicular to them too (2.2.3).
     AlongAndAcross,
 }
 
@@ -39,19 +49,19 @@ impl Side {
     pub(in crate::correspondence) const ALL: [Self; 4] = [Self::Left, Self::Right, Self::Above, Self::Below];
 }
 
-/// How many votes a candidate needs, and against what.
+/// How many votes a candidate needs, and against how many others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoteRule {
-    /// Decided pixels that must say the same.
+    /// Least number of votes.
     min_votes: u16,
-    /// Opposing votes that one supporting vote outweighs, where the opposed order is no candidate of the pixel: then the
-    /// opponent lies on another surface, or the right candidate is hidden.
+    /// Opposing proposals that one vote outweighs if they are no candidate of the pixel: they come from another
+    /// surface, or the right candidate is hidden.
     outweighed: u16,
 }
 
-/// What a decided pixel says.
+/// What a decided pixel proposes.
 #[derive(Clone, Copy, Debug)]
-struct Opinion {
+struct Proposal {
     /// The absolute phase that it proposes, turns · 65536.
     absolute: i32,
     /// Its own δ.
@@ -59,9 +69,9 @@ struct Opinion {
 }
 
 impl VoteRule {
-    /// Beside regions that are settled already.
+    /// The rule beside settled regions.
     pub(super) const LENIENT: Self = Self { min_votes: 2, outweighed: 4 };
-    /// Supporters that a candidate must have for each one of another candidate of the same pixel.
+    /// Votes that a candidate needs for each vote for another candidate of the pixel.
     const LEAD: u16 = 2;
 
     /// The rule while nothing is settled.
@@ -69,7 +79,8 @@ impl VoteRule {
         Self { min_votes, outweighed: 1 }
     }
 
-    /// The candidate that `total` opinions decide for; in: numbers of candidates and the votes for each.
+    /// The candidate that wins among `total` proposals, from the numbers of the candidates and their votes. "If this
+    /// holds for just one candidate, it must not be valid for all the other possible candidates" (2.2.2).
     fn choose(self, votes: impl Iterator<Item = (u8, u16)>, total: u16) -> Option<u8> {
         let (mut best, mut best_votes, mut all_votes) = (None, 0, 0);
         for (number, votes) in votes {
@@ -84,39 +95,45 @@ impl VoteRule {
     }
 }
 
-/// How many propose an absolute phase, if their mean δ differs from `delta` by no more than `tolerance`: over one surface δ
-/// changes slowly.
-fn votes_for(opinions: &[Opinion], absolute: i32, delta: i16, tolerance: i32) -> u16 {
+/// Number of proposals of an absolute phase, Eq. (2). 0 if their mean δ differs from `delta` by more than `tolerance`:
+/// over one surface δ changes slowly.
+fn count_votes(proposals: &[Proposal], absolute: i32, delta: i16, tolerance: i32) -> u16 {
     let (mut votes, mut delta_sum) = (0, 0);
-    for opinion in opinions.iter().filter(|opinion| opinion.absolute == absolute) {
+    for proposal in proposals.iter().filter(|proposal| proposal.absolute == absolute) {
         votes += 1;
-        delta_sum += i32::from(opinion.delta);
+        delta_sum += i32::from(proposal.delta);
     }
     let off = delta_sum - i32::from(delta) * votes;
     if off.abs() <= tolerance * votes { votes as u16 } else { 0 }
 }
 
 impl Image<'_> {
-    /// Open pixels that can be decided, of those that are asked, and for which of their candidates.
-    pub(super) fn choices(&self, directions: Directions, rule: VoteRule, is_asked: &[bool]) -> Vec<(usize, u8)> {
+    /// The pending pixels that can be decided, and the numbers of their candidates (2.2.2).
+    pub(super) fn choose_candidates(
+        &self,
+        directions: Directions,
+        rule: VoteRule,
+        is_pending: &[bool],
+    ) -> Vec<(usize, u8)> {
         let sides = self.sides(directions);
-        let is_open =
-            |&pixel: &usize| is_asked[pixel] && !self.is_decided(pixel) && !self.candidates.for_pixel(pixel).is_empty();
-        let choose = |opinions: &mut Vec<Opinion>, pixel: usize| {
-            self.hear(pixel, sides, opinions);
-            if opinions.len() < usize::from(rule.min_votes) {
+        let is_open = |&pixel: &usize| {
+            is_pending[pixel] && !self.is_decided(pixel) && !self.candidates.for_pixel(pixel).is_empty()
+        };
+        let choose = |proposals: &mut Vec<Proposal>, pixel: usize| {
+            self.find_proposals(pixel, sides, proposals);
+            if proposals.len() < usize::from(rule.min_votes) {
                 return None;
             }
-            let votes = self.eligible(pixel).map(|(number, candidate)| {
+            let votes = self.remaining_candidates(pixel).map(|(number, candidate)| {
                 let absolute = self.absolute_of(pixel, candidate);
-                (number, votes_for(opinions, absolute, candidate.delta, self.tolerance))
+                (number, count_votes(proposals, absolute, candidate.delta, self.tolerance))
             });
-            rule.choose(votes, opinions.len() as u16).map(|number| (pixel, number))
+            rule.choose(votes, proposals.len() as u16).map(|number| (pixel, number))
         };
         (0..self.absolute.len()).into_par_iter().filter(is_open).map_init(Vec::new, choose).flatten().collect()
     }
 
-    /// Marks the pixels from which a walk may come to a pixel.
+    /// Marks the pixels whose walks may reach a pixel.
     pub(super) fn mark_within_reach(&self, pixel: usize, marked: &mut [bool]) {
         let [width, height] = [self.scene.cam1.width, self.scene.cam1.height];
         let (u, v) = (pixel % width, pixel / width);
@@ -126,7 +143,7 @@ impl Image<'_> {
     }
 
     /// Candidates of a pixel that were not contradicted, with their numbers.
-    fn eligible(&self, pixel: usize) -> impl Iterator<Item = (u8, &Candidate)> {
+    fn remaining_candidates(&self, pixel: usize) -> impl Iterator<Item = (u8, &Candidate)> {
         let first = self.candidates.first_index(pixel);
         let all = (0..=u8::MAX).zip(self.candidates.for_pixel(pixel));
         all.filter(move |(number, _)| !self.is_excluded[first + usize::from(*number)])
@@ -140,19 +157,20 @@ impl Image<'_> {
         }
     }
 
-    /// The opinions of all decided pixels around a pixel, instead of those before.
-    fn hear(&self, pixel: usize, sides: &[Side], opinions: &mut Vec<Opinion>) {
-        opinions.clear();
+    /// Searches the reference correspondences around a pixel (2.2.2: "Search for reference correspondences around p and
+    /// q"). Replaces the content of `proposals`.
+    fn find_proposals(&self, pixel: usize, sides: &[Side], proposals: &mut Vec<Proposal>) {
+        proposals.clear();
         for &side in sides {
             walk(self.scene.cam1, pixel, side, FAR, |met, rise| {
                 if self.is_decided(met) {
-                    opinions.push(Opinion { absolute: self.absolute[met] - rise, delta: self.delta[met] });
+                    proposals.push(Proposal { absolute: self.absolute[met] - rise, delta: self.delta[met] });
                 }
             });
         }
     }
 
-    /// On how many sides of a decided pixel decided ones near it say the same, with a δ that passes the test.
+    /// Number of sides on which decided pixels near a decided one propose the same absolute phase with a δ that passes.
     pub(super) fn supporting_sides(&self, pixel: usize) -> usize {
         let has_support = |&&side: &&Side| {
             let mut has = false;
@@ -167,8 +185,9 @@ impl Image<'_> {
     }
 }
 
-/// Tells of each pixel that a walk of at most `reach` steps meets, and by how much the phase has risen on the way,
-/// turns · 65536.
+/// Unwraps the phase along a walk of at most `reach` steps. Calls `visit` with each pixel on the way, and the rise of
+/// the phase to it, turns · 65536. The walk ends before a jump, a bend, or a full period ("maximal phase difference of
+/// 2π", 2.2.2).
 pub(in crate::correspondence) fn walk(
     cam1: &PhaseMap,
     from: usize,
@@ -203,12 +222,12 @@ mod tests {
 
     #[test]
     fn votes_count_where_delta_agrees_on_the_average() {
-        let opinion = |absolute: i32, delta: i16| Opinion { absolute, delta };
-        let opinions = [opinion(7, 30), opinion(7, 50), opinion(9, 0), opinion(7, 40)];
-        assert_eq!(votes_for(&opinions, 7, 50, 10), 3);
-        assert_eq!(votes_for(&opinions, 7, 51, 10), 0);
-        assert_eq!(votes_for(&opinions, 9, 1, 10), 1);
-        assert_eq!(votes_for(&opinions, 8, 0, 10), 0);
+        let proposal = |absolute: i32, delta: i16| Proposal { absolute, delta };
+        let proposals = [proposal(7, 30), proposal(7, 50), proposal(9, 0), proposal(7, 40)];
+        assert_eq!(count_votes(&proposals, 7, 50, 10), 3);
+        assert_eq!(count_votes(&proposals, 7, 51, 10), 0);
+        assert_eq!(count_votes(&proposals, 9, 1, 10), 1);
+        assert_eq!(count_votes(&proposals, 8, 0, 10), 0);
     }
 
     #[test]
