@@ -99,16 +99,16 @@ pub(super) fn check_scatter(
 ) -> Result<(), MatchError> {
     check_order(delta, exchanged)?;
     let efc = delta.expected_false_candidates();
-    let DeltaStatistics { sd_rad, mean_periods, .. } = *delta;
-    let tells_nothing = efc > MAX_FALSE_CANDIDATES || (sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES);
-    if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
+    refuse_if(efc > MAX_FALSE_CANDIDATES || (delta.sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES), delta)
 }
 
 /// Refuses images whose δ scatters widely even about the drift of the calibration.
 pub(super) fn check_rest(rest: &DeltaStatistics) -> Result<(), MatchError> {
-    let efc = rest.expected_false_candidates();
-    let DeltaStatistics { sd_rad, mean_periods, .. } = *rest;
-    let tells_nothing = sd_rad > MAX_REST_SD_RAD && efc > SOME_FALSE_CANDIDATES;
+    refuse_if(rest.sd_rad > MAX_REST_SD_RAD && rest.expected_false_candidates() > SOME_FALSE_CANDIDATES, rest)
+}
+
+fn refuse_if(tells_nothing: bool, delta: &DeltaStatistics) -> Result<(), MatchError> {
+    let (DeltaStatistics { sd_rad, mean_periods, .. }, efc) = (*delta, delta.expected_false_candidates());
     if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 

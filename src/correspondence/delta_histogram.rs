@@ -92,6 +92,7 @@ impl DeltaHistogram {
             for offset in peak - half..=peak + half {
                 let (x, count) = (offset as f64, self.at(offset));
                 let normal = share * (-0.5 * ((x - mean) / sd).powi(2)).exp() / (sd * TAU.sqrt());
+                // Expectation: the share of the bin that belongs to the peak.
                 let belongs = count * normal / (normal + (1.0 - share) / width);
                 weight += belongs;
                 first += belongs * x;

@@ -130,6 +130,7 @@ impl DeltaScratch {
             self.find_references(search, rule);
             let Self { deltas, differences, .. } = self;
             statistics.references = deltas.len();
+            // Too few references: the fit of the histogram stands.
             if deltas.len() < MIN_REFERENCES {
                 break;
             }

@@ -192,6 +192,7 @@ impl Block {
             self.inside[i] = if is_inside { u16::MAX } else { 0 };
             self.first[i] = if is_inside { v.wrapping_mul(width).wrapping_add(u) as u32 } else { 0 };
         }
+        // Gathering is the only step that does not vectorize, so it has a loop of its own.
         for i in 0..BLOCK_PX {
             let first = self.first[i] as usize;
             self.upper[i] = pair(image.phase, first);
@@ -247,6 +248,7 @@ fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, bel
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::test_random::random;
 
     const NONE: u16 = EpipolarImage::NO_PHASE;
 
@@ -308,11 +310,7 @@ mod tests {
 
     #[test]
     fn a_block_at_a_time_is_what_one_by_one_gives() {
-        let mut state = 5_u64;
-        let mut random = |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % below
-        };
+        let mut random = random(5);
         let (width, height) = (37, 29);
         let (mut smooth, mut other) = (0, 0);
         for _ in 0..100 {

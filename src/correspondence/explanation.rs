@@ -1,4 +1,4 @@
-//! Tells why pixels have no candidate.
+//! Finds out why pixels have no candidate.
 
 use rayon::prelude::*;
 

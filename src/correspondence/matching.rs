@@ -204,6 +204,7 @@ impl Matching<'_> {
         let known = known.and_then(|known| Drift::from_known(known, self.table));
         let drift = surfaces::explain(view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
         if self.is_measured() {
+            // Both must speak for an exchange: δ, and the fit of surfaces.
             let ordered = check_order(&delta, || self.exchanged());
             ordered.or_else(|error| if self.fits_exchanged(&scratch.surfaces) { Err(error) } else { Ok(()) })?;
         }
@@ -232,6 +233,7 @@ impl Matching<'_> {
     fn by_paper(&self, mut delta: DeltaStatistics, out: &mut Matches) -> Result<(), MatchError> {
         self.check_scatter(&delta)?;
         let mut sums = self.resolve_by_paper(&delta, out);
+        // The first sd came from a sample. If that of the result differs much, its threshold was wrong.
         let changed = (out.chosen_delta_rad.1 / delta.sd_rad - 1.0).abs() > SD_CHANGE;
         if changed && self.is_measured() && sums.found > 0 {
             (delta.mean_rad, delta.sd_rad) = out.chosen_delta_rad;

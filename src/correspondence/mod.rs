@@ -85,6 +85,8 @@ mod slip;
 mod source_map;
 mod support;
 mod surfaces;
+#[cfg(test)]
+mod test_random;
 mod unique;
 
 pub use agreement::MatchError;

@@ -128,6 +128,7 @@ impl Kernel for Touches<'_> {
 mod tests {
     use super::*;
     use crate::correspondence::neighbourhood::neighbours;
+    use crate::correspondence::test_random::random;
 
     /// The region of each pixel, pixel by pixel: the oracle.
     fn flooded(width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) -> Vec<Option<usize>> {
@@ -157,11 +158,7 @@ mod tests {
 
     #[test]
     fn regions_are_those_of_a_flood() {
-        let mut state = 3_u32;
-        let mut random = |below: u32| {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 16) % below
-        };
+        let mut random = random(3);
         // The same scratch memory for all: what it held before makes no difference.
         let mut regions = Regions::default();
         for (width, height) in [(1, 1), (37, 71), (64, 9), (8, 40)] {

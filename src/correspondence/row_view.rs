@@ -5,6 +5,7 @@ use std::ops::{ControlFlow, RangeInclusive};
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
+use super::kernels::mix_rows;
 
 /// Largest phase difference between neighbouring columns at which a crossing counts, turns · 65536. Fringes on a
 /// grazing surface are short, and at a silhouette two surfaces mix in one pixel. Near half a turn the sense of the step
@@ -237,21 +238,8 @@ impl MayCross<'_, '_> {
     fn differences<L: Lanes>(&self, lanes: L, first: usize) -> (L::Words, u32) {
         let upper = lanes.load(&columns(self.row.upper, first));
         let lower = lanes.load(&columns(self.row.lower, first));
-        let none = lanes.word(EpipolarImage::NO_PHASE as i16);
-        let has_upper = !lanes.bits(lanes.is_equal(upper, none));
-        let has_lower = !lanes.bits(lanes.is_equal(lower, none));
-        let step = lanes.sub(lower, upper);
-        let small = lanes.bits(lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step)));
-        let below = lanes.word(self.row.below as i16);
-        let zero = lanes.word(0);
-        // The high word of a signed by an unsigned number, and the rounding.
-        let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
-        let part = lanes.sub(lanes.times_high(step, below), sign);
-        let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
-        let mixed = has_upper & has_lower & small;
-        let (nearest, has_nearest) = if self.row.below < 32768 { (upper, has_upper) } else { (lower, has_lower) };
-        let phase = lanes.select(lanes.mask(mixed), lanes.add(upper, part), nearest);
-        (lanes.sub(phase, lanes.word(self.phase as i16)), mixed | has_nearest)
+        let (phase, known) = mix_rows(lanes, upper, lower, lanes.word(self.row.below as i16));
+        (lanes.sub(phase, lanes.word(self.phase as i16)), lanes.bits(known))
     }
 }
 
@@ -290,6 +278,7 @@ fn beyond_rim(here: i32, outer: Option<i32>, inner: Option<i32>, sense: f32) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::test_random::random;
 
     /// A row whose columns 2 to 5 see a surface with 0.1 turn a column.
     fn image() -> EpipolarImage {
@@ -319,11 +308,7 @@ mod tests {
     }
     #[test]
     fn many_columns_at_once_are_each_by_itself() {
-        let mut state = 5_u64;
-        let mut random = move |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % below
-        };
+        let mut random = random(5);
         let width = 333;
         for row_px in [0.0, 0.3, 0.5, 0.9999, 1.0] {
             // Rising and falling surfaces with holes, the second row a little ahead, now and then by half a turn.

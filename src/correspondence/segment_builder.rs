@@ -62,6 +62,7 @@ impl Builder<'_> {
         // Without distortion d is known from the geometry: Φ is as far from its pole as the centre of the projector is
         // away.
         let of_pinhole = middle.half_extent * self.share_of_projector_depth(ray, inverse_depth);
+        // Distortion bends Φ beyond the pinhole model; the denominator absorbs as much as the rise of Φ can tell.
         let bend = 2.0 * at - before - after - of_pinhole * rise;
         let d = of_pinhole + bend * rise / (rise * rise + LEAST_RISE_TURNS * LEAST_RISE_TURNS);
         // The curve goes through all three points.

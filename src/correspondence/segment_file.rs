@@ -69,10 +69,10 @@ pub enum SegmentFileProblem {
     #[error("cannot be read: {0}")]
     Unreadable(#[source] io::Error),
     /// The file is of another kind.
-    #[error("is not a segment table; give another path, or delete it to have it computed")]
+    #[error("is not a segment table; give another path, or delete it to rebuild it")]
     NotASegmentTable,
     /// The file has another format version.
-    #[error("has format version {found}, expected {VERSION}; delete it to have it computed again")]
+    #[error("has format version {found}, expected {VERSION}; delete it to rebuild it")]
     Version {
         /// Version in the file.
         found: u32,
@@ -89,7 +89,7 @@ pub enum SegmentFileProblem {
         expected: String,
     },
     /// The length does not fit the header.
-    #[error("is {found} bytes long, its header tells of {expected}; delete it to have it computed again")]
+    #[error("is {found} bytes long, its header says {expected}; delete it to rebuild it")]
     Length {
         /// Bytes in the file.
         found: u64,
@@ -97,7 +97,7 @@ pub enum SegmentFileProblem {
         expected: u64,
     },
     /// The content was changed.
-    #[error("is damaged (field {field}); delete it to have it computed again")]
+    #[error("is damaged (field {field}); delete it to rebuild it")]
     Damaged {
         /// The field that shows the damage.
         field: &'static str,

@@ -1,17 +1,17 @@
-//! Settings of the chain from phase maps to correspondences.
+//! Settings of the matching.
 
 /// How pixels with several candidates are decided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResolutionMethod {
-    /// The orders of the whole image together, δ about the drift of the calibration.
+    /// The orders of the whole image together, with δ about the drift of the calibration.
     #[default]
     SemiGlobal,
-    /// Pixel by pixel from decided neighbours, δ about its mean (paper, section 2.2).
+    /// Pixel by pixel from decided neighbours, with δ about its mean (paper, section 2.2).
     Paper,
 }
 
 impl ResolutionMethod {
-    /// Both, the usual one first.
+    /// Both, the default first.
     pub const ALL: [Self; 2] = [Self::SemiGlobal, Self::Paper];
 
     /// Its name on the command line and in files.
@@ -27,42 +27,36 @@ impl ResolutionMethod {
 /// How correspondences are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchSettings {
-    /// Standard deviation of δ, rad, where it is not to be measured.
+    /// Standard deviation of δ, rad; `None` to measure it.
     pub delta_sd_rad: Option<f64>,
-    /// Steps N of the cycle of evenly spaced shifts, of which the sequence may have slipped; `None` where slips are not looked
-    /// for.
+    /// Number N of evenly spaced phase shifts in a cycle, for finding slips of the pattern sequence; `None` to skip
+    /// that.
     pub cycle_steps: Option<usize>,
     /// How pixels with several candidates are decided.
     pub method: ResolutionMethod,
-    /// How the paper's method weighs and when it stops, and the smallest region of either.
+    /// Settings of the paper's method, and the smallest region of both.
     pub resolution: ResolutionSettings,
-    /// Least probability of a point to be true; the paper's method states none.
+    /// Least probability of a point to be true. The paper's method states none.
     pub min_confidence: f32,
 }
 
 impl Default for MatchSettings {
     fn default() -> Self {
-        let resolution = ResolutionSettings::default();
-        Self {
-            delta_sd_rad: None,
-            cycle_steps: None,
-            method: ResolutionMethod::default(),
-            resolution,
-            min_confidence: 0.8,
-        }
+        let (method, resolution) = (ResolutionMethod::default(), ResolutionSettings::default());
+        Self { delta_sd_rad: None, cycle_steps: None, method, resolution, min_confidence: 0.8 }
     }
 }
 
-/// How the paper's method weighs and when it stops.
+/// Settings of the paper's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResolutionSettings {
     /// Rounds of decisions and contradictions.
     pub max_rounds: usize,
-    /// Sweeps of one kind in a round.
+    /// Sweeps per round.
     pub max_sweeps: usize,
     /// Decided pixels that must support a decision.
     pub min_votes: u16,
-    /// Smallest region of agreeing pixels that is kept, pixels.
+    /// Smallest accepted region of continuous absolute phase, pixels.
     pub min_region_px: u32,
 }
 

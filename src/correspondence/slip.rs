@@ -54,6 +54,7 @@ pub(super) fn correct_slip(
     let (mut cam1, mut cam2) = (view.cam1.clone(), view.cam2.clone());
     cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
     cam2.subtract_phase(of_cam2);
+    // The histogram sees the volume alone. Surfaces are sought in all of space.
     let as_said_nats = surfaces::clear_nats(view, scratch, drift);
     let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, scratch, drift);
     (corrected_nats > EXPLAINED * as_said_nats).then_some(Corrected { slip_steps, cam1, cam2 })

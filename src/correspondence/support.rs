@@ -215,14 +215,11 @@ mod tests {
     use super::*;
     use crate::correspondence::neighbourhood::TURN;
     use crate::correspondence::reference_methods::paper::{Side, walk};
+    use crate::correspondence::test_random::random;
 
     /// Patches of slopes of all kinds with holes, two of three pixels decided, a tenth of those for a wrong order.
     fn scene(width: usize, height: usize) -> (PhaseMap, Vec<i32>, Vec<i16>) {
-        let mut state = 11_u64;
-        let mut random = move |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % below
-        };
+        let mut random = random(11);
         // Steep patches have walks of a period within three steps.
         let slopes: Vec<[i32; 2]> =
             (0..100).map(|_| [random(48_000) as i32 - 24_000, random(12_000) as i32 - 6000]).collect();

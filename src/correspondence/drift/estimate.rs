@@ -93,11 +93,6 @@ impl Default for Drift {
 }
 
 impl Drift {
-    /// A constant: δ of true candidates has one mean everywhere.
-    fn constant(delta: &DeltaStatistics) -> Self {
-        Self::level(delta.mean_rad, delta.sd_rad)
-    }
-
     /// A constant mean, rad, with an sd about it.
     pub(in crate::correspondence) fn level(mean_rad: f64, sd_rad: f64) -> Self {
         let mut field = [0.0; TERMS];
@@ -228,7 +223,8 @@ impl DriftScratch {
         delta: &DeltaStatistics,
     ) -> (Drift, Option<Drift>) {
         let Self { usable, sample, thinned, solver, .. } = self;
-        let Some(modes) = table.drift_modes() else { return (Drift::constant(delta), None) };
+        let constant = || (Drift::level(delta.mean_rad, delta.sd_rad), None);
+        let Some(modes) = table.drift_modes() else { return constant() };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
             // Longer segments have more candidates; fewer pixels keep their total number.
@@ -236,7 +232,7 @@ impl DriftScratch {
             sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
         };
         if !take(sample, 0.0) {
-            return (Drift::constant(delta), None);
+            return constant();
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
         let best = best_start(thinned, modes, delta, solver);
@@ -253,6 +249,7 @@ impl DriftScratch {
         let within_is_usual = best.is_plausible() && best.share >= MOST_PIXELS;
         match beyond {
             Some((beyond, wide)) => {
+                // Candidates beyond the volume win only if those within are doubtful.
                 let is_first = !within_is_usual && wide.score(&beyond) > wide.score(&best);
                 let (within, beyond) = (refined(sample, best), refined(&wide, beyond));
                 if is_first { (beyond, Some(within)) } else { (within, Some(beyond)) }
@@ -274,6 +271,7 @@ fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solv
     let still = still(modes, delta);
     let mut best = still.clone();
     sample.refine(&mut best, STEPS, solver);
+    // Drawn starts are expensive.
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }

@@ -22,7 +22,7 @@ use super::modes::{DriftModes, MAX_MODES};
 const NONE_TRUE: f64 = 0.2;
 /// Least weight of a candidate in the sums; less likely ones are false.
 const MIN_WEIGHT: f64 = 0.01;
-/// Number of independent pixels in an image of which a quarter or more has a phase. Neighbours err alike, and a small
+/// Number of independent pixels if at least a quarter of the image has a phase. Neighbours err alike, and a small
 /// object shows the field from one side only.
 const INDEPENDENT_PIXELS: f64 = 20.0;
 const LARGE_SHARE: f64 = 0.25;
@@ -132,10 +132,7 @@ impl Sample {
         // An odd stride spreads the pixels over both axes.
         let stride = (all / pixels.max(1)).max(1) | 1;
         let share = all as f64 / cam1.phase.len().max(1) as f64;
-        self.clear();
-        self.columns = 1 + modes.fields.len();
-        self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
-        self.spread_turns = 1.0;
+        self.begin(modes, share, 1.0);
         for &i in usable.every(stride) {
             let (segment, before) = (table.segment(i), self.delta_turns.len());
             let limits_px = [(segment.begin_px - beyond_px).max(0.0), segment.end_px + beyond_px];
@@ -167,12 +164,10 @@ impl Sample {
         share: f64,
         spread_turns: f64,
     ) -> bool {
-        self.spread_turns = spread_turns;
-        self.clear();
-        self.columns = 1 + modes.fields.len();
-        self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
+        self.begin(modes, share, spread_turns);
         let mut before = None;
         for &Decided { pixel, column_px, delta_turns, .. } in decided {
+            // Further candidates of the same pixel extend its list.
             if before.replace(pixel) == Some(pixel) {
                 self.first.pop();
             }
@@ -182,6 +177,12 @@ impl Sample {
             self.first.push(self.delta_turns.len());
         }
         self.pixels() > 0
+    }
+
+    fn begin(&mut self, modes: &DriftModes, share: f64, spread_turns: f64) {
+        self.clear();
+        (self.columns, self.spread_turns) = (1 + modes.fields.len(), spread_turns);
+        self.independent = INDEPENDENT_PIXELS * (share / LARGE_SHARE).min(1.0);
     }
 
     fn clear(&mut self) {
@@ -260,6 +261,7 @@ impl Sample {
             let before = guess.sd_turns;
             let sd_turns = (sums.squares / sums.weight).sqrt().max(MIN_SD_TURNS);
             guess.share = sums.weight / self.pixels() as f64;
+            // sd only shrinks: while it is wide, many candidates count, and no start is left too early.
             guess.sd_turns = sd_turns.max(FASTEST_SHRINK * before).min(before);
             if sd_turns / before > SETTLED {
                 return;

@@ -211,9 +211,11 @@ impl<'a> Samples<'a> {
             changed_rigs(self.rig, self.distance_m).iter().filter_map(|rig| self.field(rig)).map(centred).collect();
         let fields = DMatrix::from_fn(count, fields.len(), |i, j| fields[j][i]);
         let transposed = self.monomials.transpose();
+        // Each field as a polynomial, by least squares.
         let normal = &transposed * &self.monomials + DMatrix::identity(TERMS, TERMS) * 1e-6;
         let polynomials = normal.cholesky()?.solve(&(transposed * fields));
         let smooth = &self.monomials * &polynomials;
+        // Principal components of the fields over the samples.
         let eigen = SymmetricEigen::new(smooth.transpose() * &smooth / count as f64);
         let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));

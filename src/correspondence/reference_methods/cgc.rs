@@ -108,6 +108,7 @@ fn refine(phases: [&AbsolutePhase; 2], wanted: [f32; 2], start: usize) -> Option
         if residual.amax() < TOLERANCE_TURNS {
             return Some(at);
         }
+        // A Newton step.
         at += slopes.try_inverse()? * residual;
         let moved_px = (at - origin).norm();
         if moved_px.is_nan() || moved_px > MAX_MOVE_PX {

@@ -297,6 +297,7 @@ fn log_odds_of_z(abs_z: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::test_random::random;
 
     fn sound() -> Grounds {
         Grounds {
@@ -321,11 +322,7 @@ mod tests {
 
     #[test]
     fn a_row_has_the_confidences_of_its_pixels() {
-        let mut state = 1_u32;
-        let mut random = |below: u32| {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 16) % below
-        };
+        let mut random = random(1);
         let tables = Tables::new();
         for count in [1, 16, 75] {
             let margin: Vec<u16> = (0..count).map(|_| random(3000) as u16).collect();
@@ -335,7 +332,7 @@ mod tests {
             let is_hidden: Vec<bool> = (0..count).map(|_| random(2) == 0).collect();
             let regions: Vec<RegionGrounds> = (0..count)
                 .map(|_| RegionGrounds {
-                    region_px: 1 + random(20_000),
+                    region_px: 1 + random(20_000) as u32,
                     lead_nats: random(1000) as f32 / 100.0,
                     hidden_share: random(100) as f32 / 99.0,
                 })

@@ -207,6 +207,7 @@ fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correspondence::test_random::random;
 
     #[test]
     fn support_is_what_stands_around_and_runs_on() {
@@ -230,11 +231,7 @@ mod tests {
     #[test]
     fn support_is_that_of_counting_one_by_one() {
         let (width, height) = (157, 24);
-        let mut state = 9_u32;
-        let mut random = || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 16) as i32
-        };
+        let mut random = random(9);
         // On the left anything, on the right a surface with a few holes.
         let anything = |random: i32, value: i32| if random % 6 == 0 { ABSENT } else { value * 2 - 60_000 };
         let surface = |i: usize, random: i32| if random % 1000 == 0 { ABSENT } else { (i % width) as i32 * 9000 };
@@ -242,7 +239,7 @@ mod tests {
             0..37 => anything(random[0], random[1]),
             _ => surface(i, random[0]),
         };
-        let absolute: Vec<i32> = (0..width * height).map(|i| of(i, [random(), random()])).collect();
+        let absolute: Vec<i32> = (0..width * height).map(|i| of(i, [0; 2].map(|_| random(1 << 16) as i32))).collect();
         let mut surroundings = Surroundings::default();
         surroundings.fill([width, height], |v, row| row.copy_from_slice(&absolute[width * v..][..width]));
         let (mut near_support, mut wide_support) = (vec![0; width], vec![0; width]);

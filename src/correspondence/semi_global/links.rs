@@ -37,6 +37,7 @@ impl Links {
     pub(super) fn find(&mut self, cam1: &PhaseMap, ranges: &OrderRanges) {
         self.width = cam1.width.max(1);
         bands::resize(&mut self.scratches, cam1.height);
+        // The links of an axis are found once, and read in both directions.
         for (axis, shifts) in AXES.into_iter().zip(&mut self.shifts) {
             shifts.resize(cam1.phase.len(), NONE);
             let bands = shifts.par_chunks_mut(self.width * BAND_ROWS).zip(&mut self.scratches).enumerate();
@@ -155,6 +156,7 @@ impl LinkBand<'_> {
         }
         for (i, shifts) in shifts.chunks_mut(self.cam1.width.max(1)).enumerate() {
             let v = first + i;
+            // Across rows the rises are those to this row and its neighbours. Along the row all three are in one row.
             let places = if dv == 0 { [1; 3] } else { [0, 1, 2] };
             self.rise(v + dv as usize, places[2]);
             shifts.fill(NONE);

@@ -94,7 +94,7 @@ fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) ->
 }
 
 /// The bin that holds the number of a rank, and its rank in the bin.
-fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
+pub(super) fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
     let mut below = 0;
     let place = counts.iter().position(|count| {
         below += count;
@@ -244,6 +244,7 @@ impl Evidence {
         }
         self.is_explained.resize(pixels, 0);
         selection.resize(pixels);
+        // The room for orders grows at most a few times in the life of the scratch memory.
         loop {
             let most = self.gather_into(input, ranges, selection, &costs, passing);
             if most <= ranges.lanes {
@@ -286,6 +287,7 @@ impl Evidence {
                 let outside = &outside[own];
                 OrderRangeRow { reach, segments: &row.segments, phase, valid, outside, first, count }.fill();
                 *most = count.iter().fold(*most, |most, &count| most.max(usize::from(count)));
+                // Too little room: the whole pass is repeated with more, so only the ranges are still needed.
                 if *most > lanes {
                     continue;
                 }
@@ -296,6 +298,7 @@ impl Evidence {
                     .for_each(|(k, &count)| *k = if count == 0 { NO_SURFACE_ORDER } else { *k });
                 let (mut selected, _) = selected.row(i, width);
                 selected.confirm(row.block_row(scene, reach), orders);
+                // A few confirmed pixels amid many refused ones are accidents.
                 surfaces.clear_minorities((v, width), selected.is_decided);
                 keep_within_ranges(first, count, &mut selected);
                 selected.fill_open(count, open_count);
@@ -435,6 +438,7 @@ impl EvidenceRow<'_> {
             let order = i32::from(self.first[u]) + lane as i32;
             *cost = best_cost(&search, order, self.row.sd_turns[u], self.costs);
             self.passing[u] += u8::from(*cost < self.costs.limit);
+            // The loser of cost and least is a candidate for the second place.
             second = second.min(least.max(*cost));
             if *cost < least {
                 (place, least) = (lane as u8, *cost);
@@ -452,6 +456,7 @@ fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &Costs)
     search.crossings(interval_px, |column_px, _| {
         let (found, rest) = search.order_and_residual(column_px);
         if found == order {
+            // The table makes kernels and scalar form agree to the bit.
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
             let outside = if search.is_in_volume(column_px) { 0 } else { OUTSIDE };
             best = best.min(costs.of_step[step.min(Costs::STEPS)] as u8 + outside);

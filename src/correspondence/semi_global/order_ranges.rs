@@ -66,6 +66,7 @@ impl OrderRanges {
         let beyond_px = if looks_far { FAR_BEYOND_VOLUME * length_px } else { near_px };
         let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
         self.reach = Reach { beyond_px, last_column_px };
+        // Another table: start again from the usual number of orders.
         self.lanes = 0;
         self.grow(usual_orders(scene.table, self.reach));
     }
@@ -127,6 +128,7 @@ impl Kernel for OrderRangeRow<'_> {
         let (a, b, d) = (&s.a[..width], &s.b[..width], &s.d[..width]);
         let (valid, outside) = (&valid[..width], &outside[..width]);
         let (first, count) = (&mut first[..width], &mut count[..width]);
+        // Without branches over the whole row first; the rare row with a pole is corrected below.
         let mut all_fit = true;
         for u in 0..width {
             let limits_px = reach.limits_px([begin[u], end[u]]);

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::Scene;
 use super::bands::{self, BAND_ROWS};
 use super::kernels::{self, SelectionScratch};
-use super::matching_cost::{DeltaScale, SearchRow};
+use super::matching_cost::{DeltaScale, SearchRow, ranked};
 use super::order_ranges::{OrderRanges, Reach};
 use super::places::{PlaceRow, Places};
 use crate::correspondence::candidates::Candidate;
@@ -129,6 +129,7 @@ impl Selection {
         /// Largest accepted scale: beyond it most of the selected candidates are wrong.
         const MAX_SCALE: f32 = 1.5;
         let Some(median) = self.median_magnitude_of_z(width) else { return };
+        // The median is robust against the wrong candidates.
         let scale = (median / MEDIAN_OF_UNIT_NORMAL).clamp(MIN_SCALE, MAX_SCALE);
         self.z.par_iter_mut().for_each(|z| *z /= scale);
     }
@@ -149,15 +150,10 @@ impl Selection {
         counts.resize(1 << 15, 0);
         selected().for_each(|z| counts[upper(z) % (1 << 15)] += 1);
         let middle = counts.iter().sum::<u32>() / 2;
-        let mut below = 0;
-        let of_median = counts.iter().position(|&count| {
-            below += count;
-            below > middle
-        })?;
-        let before = below - counts[of_median];
+        let (of_median, rank) = ranked(counts, middle)?;
         near.clear();
         near.extend(selected().map(f32::abs).filter(|&z| upper(z) == of_median));
-        let (_, &mut median, _) = near.select_nth_unstable_by((middle - before) as usize, f32::total_cmp);
+        let (_, &mut median, _) = near.select_nth_unstable_by(rank as usize, f32::total_cmp);
         Some(median)
     }
 }
@@ -326,6 +322,8 @@ impl Kernel for SelectionRow<'_, '_> {
         let (mut scratch, mut found) = (SelectionScratch::new(level), FoundBlock::default());
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
+            // The kernel selects for all 32 pixels; those that are already decided, or irregular, are not taken from
+            // it.
             let Some(mut of_block) = row.block(level, begin, count) else { continue };
             of_block.select(order, &mut scratch, &mut found.block());
             self.take(begin, of_block.regular(), &found);
@@ -413,10 +411,10 @@ mod tests {
     use crate::correspondence::semi_global::matching_cost::{Evidence, EvidenceInput};
     use crate::correspondence::semi_global::test_scene::TestScene;
 
-    /// What a pixel has selected, as bits.
+    /// The selected candidate of a pixel, as bits.
     type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
 
-    /// What the pixels of a row have.
+    /// The selected candidates of the pixels of a row.
     fn selected(width: usize, select: impl Fn(&mut SelectedRow<'_>)) -> Vec<Selected> {
         let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
         let ([mut column_px, mut z], [mut delta, mut slope]) =

@@ -111,6 +111,7 @@ impl Moments {
         if self.count < MIN_PIXELS {
             return false;
         }
+        // Second moments about the means.
         let about = |sum: f64, a: f64, b: f64| sum - a * b / self.count;
         let (uu, vv, uv) =
             (about(self.uu, self.u, self.u), about(self.vv, self.v, self.v), about(self.uv, self.u, self.v));
@@ -130,6 +131,7 @@ impl Moments {
         let share = |side: usize| self.open[side] / self.ends[side].max(1.0);
         let is_open = |side: usize| share(side) > OPEN_SHARE;
         let is_wide_open = (0..2).all(|side| share(side) > WIDE_OPEN_SHARE);
+        // A surface ends where its phase does. A region that ends elsewhere ends because δ failed the test.
         let is_bounded_wrongly = if self.count > large { is_wide_open } else { is_open(0) || is_open(1) };
         let runs_through = r2 > MIN_R2 && sd > MIN_SD && is_bounded_wrongly;
         runs_through || (is_wide_open && r2 > MIN_R2_OF_OPEN && sd > MIN_SD_OF_OPEN && self.count <= large)

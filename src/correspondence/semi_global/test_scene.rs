@@ -1,4 +1,4 @@
-//! A plane with noise and holes, on which kernels are held to what is said pixel by pixel.
+//! A plane with noise and holes, on which kernels are compared with their scalar forms.
 
 use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
 use crate::correspondence::{DeltaHistogram, DeltaStatistics, ResolutionSettings, measure_delta};
@@ -10,8 +10,9 @@ use crate::correspondence::drift::{Drift, DriftScratch, estimate_drift};
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces;
+use crate::correspondence::test_random::random;
 
-/// What a scene reads.
+/// The plane, its phases and its table.
 pub(in crate::correspondence) struct TestScene {
     pub(in crate::correspondence) cam1: PhaseMap,
     pub(in crate::correspondence) cam2: EpipolarImage,
@@ -59,13 +60,9 @@ impl TestScene {
     }
 }
 
-/// The phase as a camera sees it: with noise, some pixels by half a turn off, some without.
+/// The phase as a camera sees it: with noise, some pixels off by any amount, some invalid.
 fn seen(absolute: &AbsolutePhase, seed: u64) -> PhaseMap {
-    let mut state = seed;
-    let mut random = move |below: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % below
-    };
+    let mut random = random(seed);
     let pixels = absolute.turns.len();
     let mut phase = Vec::with_capacity(pixels);
     for turns in &absolute.turns {

@@ -62,8 +62,8 @@ const SURE_VARIANCE: f32 = 9.0;
 const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
 const MEDIAN_SQUARE: f32 = 0.455;
-/// Lead, nats per path, by which a region is better founded than another. Two surfaces of which one hides the other
-/// have similar leads.
+/// Lead, nats per path, by which a region is better founded than another. A surface and the one that it hides have
+/// similar leads.
 const BETTER_FOUNDED_NATS: f32 = 3.0;
 /// Reduction of the logarithm of the odds of every point if the drift explains few pixels of the image: the curves were
 /// fitted where it explains most.
@@ -131,6 +131,7 @@ pub(super) fn verify(
     scratch.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
     let mut verification = Verification { scene, width, selection, verdicts, limits };
     verification.measure_regions(scratch, surfaces);
+    // Regions first: single pixels are judged by the regions around them that stand.
     verification.judge_regions(scratch);
     verification.contradict_by_foundation(scratch);
     verification.find_support(scratch);
@@ -190,8 +191,8 @@ impl Verification<'_> {
         });
         verdicts.clear();
         foundations_nats.clear();
-        let of_regions = regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip);
-        for (((&size_px, &lead_nats), &large), &is_strip) in of_regions {
+        let judged = regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip);
+        for (((&size_px, &lead_nats), &large), &is_strip) in judged {
             let mostly_small = |large: u64| u64::from(size_px) - large > u64::from(size_px) / 2;
             let is_supported = !is_strip && mostly_small(large & u64::from(u32::MAX));
             let is_sure = lead_nats >= SURE_LEAD_NATS && mostly_small(large >> 32);
@@ -218,6 +219,7 @@ impl Verification<'_> {
     ) {
         let RegionScratch { foundations_nats, verdicts, sums, .. } = per_region;
         let standing = || foundations_nats.iter().zip(&*verdicts).filter(|(_, v)| v.is_none()).map(|(nats, _)| *nats);
+        // Most images hold regions of similar foundation. Then no place can change hands, and the claims are skipped.
         let (least, greatest) =
             (standing().fold(f32::INFINITY, f32::min), standing().fold(f32::NEG_INFINITY, f32::max));
         // Regions that can take no place of another need not claim theirs.
@@ -285,6 +287,7 @@ impl Verification<'_> {
             .zip(wide_support.par_chunks_mut(width))
             .zip(is_hidden.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((near_support, wide_support), is_hidden))| {
+            // Outside the runs of a row nothing is selected, so nothing is counted there.
             let columns = regions.columns_of_row(v, width);
             let own = &absolute[v * width..][columns.clone()];
             surroundings.support(v, columns.start, own, &mut near_support[columns.clone()], &mut wide_support[columns]);
@@ -418,6 +421,7 @@ impl Verification<'_> {
             let (passing, order) = (&passing[..outcomes.len()], &order[..outcomes.len()]);
             let confidence = &mut confidence[..outcomes.len()];
             for u in 0..outcomes.len() {
+                // A candidate beyond the volume explained its pixel, but is no point.
                 let candidate = selected.candidate(u, order[u]).filter(|_| selected.in_volume[u]);
                 confidence[u] = if candidate.is_some() { confidence[u] } else { Confidence::NONE };
                 chosen.set(u, candidate);

@@ -55,6 +55,7 @@ impl Kernel for Propagation<'_> {
         let Self { nodes: Nodes { nodes, with_evidence, .. }, evidence, messages, has_news } = self;
         for round in 0..ROUNDS {
             for i in 0..with_evidence.len() {
+                // Forwards, then backwards: a message crosses the image in one round.
                 let own = if round % 2 == 0 { i } else { with_evidence.len() - 1 - i };
                 if !std::mem::take(&mut has_news[own]) {
                     continue;

@@ -97,6 +97,7 @@ impl Scratch {
                 let pixel = v * width + u;
                 let order = of_node.order(offset + i32::from(runs.relative[pixel]));
                 let segment = row.segments.segment(u);
+                // The order of a clear node is trusted beyond the volume; other candidates only within.
                 let reach_px = if is_clear { NEAR_HALVES } else { 1.0 } * space.half_px;
                 let first_px = (segment.reference_px - reach_px).max(0.0);
                 let last_px = (segment.reference_px + reach_px).min((view.cam2.width - 2) as f32);

@@ -33,7 +33,7 @@ const MOST_TURNS: f32 = 0.06;
 /// from 0. Beyond that, a wrong order of a flat board has such a field.
 const MOST_KNOWN_TURNS: f64 = 0.05;
 const MOST_KNOWN_PX: f64 = 1.5;
-/// Largest distance between the drift of a window and the known one, turns (4°), over the whole volume, of which a
+/// Largest distance between the drift of a window and the known one, turns (4°). It is taken over the whole volume; a
 /// window shows only a part.
 const NEAR_KNOWN_TURNS: f64 = 0.012;
 /// sd of δ of true candidates without drift on such rigs, rad.
@@ -93,6 +93,7 @@ pub(in crate::correspondence) fn explain(
     match scratch.explain_from_none(view, drift_scratch) {
         Some(found) if scratch.is_confirmed(&found, delta) => found,
         found => {
+            // Surfaces failed to show a drift: compare it with those from all candidates.
             let (mut drift, other) = drift_scratch.estimates((view.cam1, view.cam2), view.table, delta);
             let mut most = scratch.drift_nats(view, &drift);
             for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
@@ -130,6 +131,7 @@ impl Scratch {
             return None;
         }
         let found = self.explain_about(view, known.clone(), drift_scratch);
+        // A wrong known drift would lead to a different one.
         let is_near = found.distance_turns(known, view.table) < NEAR_KNOWN_TURNS;
         (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.is_confirmed(&found, delta)).then_some(found)
     }

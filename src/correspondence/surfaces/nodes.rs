@@ -41,7 +41,7 @@ const LEFT: usize = 0;
 const ABOVE: usize = 2;
 
 /// Part of a surface in a tile.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Node {
     surface: u32,
     /// Its first pixel, and the order of that pixel relative to the surface.
@@ -95,29 +95,8 @@ pub(super) struct Piece {
 impl Node {
     /// A node without pixels, of a surface and its base.
     fn new((surface, base): (u32, i32), (pixel, relative): (u32, i32)) -> Self {
-        Self {
-            surface,
-            pixel,
-            relative,
-            neighbours: [NO_NODE; 4],
-            is_sampled: false,
-            evidence: NO_NODE,
-            size_px: 0,
-            base,
-            label: 0,
-            lead: 0.0,
-            sampled: 0,
-            fitting: 0.0,
-            best_fitting: 0.0,
-            rival: 0.0,
-            is_doubtful: true,
-            is_beyond: false,
-            is_within: false,
-            sees_beyond: false,
-            label_within_beside: None,
-            is_body_candidate: false,
-            holds_body: false,
-        }
+        let (neighbours, evidence) = ([NO_NODE; 4], NO_NODE);
+        Self { surface, base, pixel, relative, neighbours, evidence, is_doubtful: true, ..Self::default() }
     }
 
     /// The order of a pixel by a label, from its order relative to the surface.
@@ -164,6 +143,7 @@ impl Node {
     pub(super) fn is_clear(&self) -> bool {
         let sampled = self.sampled as f32;
         let own = (self.best_fitting - MAX_OUTVOTED * sampled).min(MOST_FITTING * sampled);
+        // Neighbours may decide for an order that few of its own pixels fit; such a node is not clear.
         let is_own = self.fitting >= own.max(MIN_FITTING * sampled);
         self.leads() && is_own
     }
@@ -179,6 +159,7 @@ impl Piece {
     fn continues(&self, above: &Piece, width: usize, absolute: impl Fn(&Piece, usize) -> i32) -> bool {
         let begin = self.begin.max(above.begin + width as u32) as usize;
         let end = self.end.min(above.end + width as u32) as usize;
+        // Three samples suffice: the phases of both pieces are continuous.
         let places = [1, 2, 3].map(|quarter| begin + (end - begin) * quarter / 4);
         let step = |pixel: usize| absolute(self, pixel).wrapping_sub(absolute(above, pixel - width));
         let near = |&&pixel: &&usize| step(pixel).unsigned_abs() <= HALF_TURN;
@@ -264,6 +245,7 @@ impl Nodes {
                     let met = met.take_while(|other| (other.begin as usize + width) < end);
                     let of_surface = met.filter(|other| nodes[other.node as usize].surface == run.set);
                     let continued = of_surface.clone().find(|other| piece.continues(other, width, absolute));
+                    // In the first row of a tile, the node above is a neighbour instead.
                     let continued = continued.map(|other| other.node);
                     let node = continued.filter(|_| !is_first_row).unwrap_or_else(|| {
                         let relative = run.order_offset + i32::from(runs.relative[begin]);

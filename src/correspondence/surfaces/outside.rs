@@ -129,6 +129,7 @@ impl Scratch {
             sum as f32 >= MIN_SHARE * view.cam1.phase.len() as f32
         };
         let found = Far { is_far: is_good_part(|row| row.far[0]), is_very_far: is_good_part(|row| row.far[1]) };
+        // Near the volume the search of single pixels explains what lies outside.
         if !found.is_far {
             outside.fill(false);
         }
@@ -159,6 +160,7 @@ struct Limits {
 fn may_see_beyond(nodes: &Nodes, node: &Node) -> bool {
     let sampled = node.sampled as f32;
     let goes_on = |node: &Node| {
+        // No pixel can fit where C2 does not see; there neighbours alone may lead.
         let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_BEST * node.sampled as f32;
         is_led || node.is_clear()
     };
@@ -247,6 +249,7 @@ impl<L: Lanes> BlockMarker<'_, L> {
         let unseen = lanes.and_not(beyond, lanes.mask_of(is_seen));
         let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&columns, REACH_TURNS)));
         if *within != [NO_ORDER; LANES] {
+            // A close fit beyond the volume outweighs a fit within; what C2 cannot see never fits closely.
             let closely = lanes.and_not(self.fits(&columns, CLOSE_TURNS), unseen);
             let seen_within = lanes.and_not(self.fits(&self.block.order_columns(within), limits.within_turns), closely);
             marked = lanes.and_not(marked, seen_within);

@@ -1,4 +1,4 @@
-//! Runs of continuous wrapped phase, and their fringe orders relative to each other.
+//! Runs of continuous wrapped phase in the rows of C1, and their fringe orders relative to each other.
 //!
 //! ```text
 //! rise(u) = phase(u) − phase(u − 1), wrapped
@@ -151,7 +151,8 @@ impl Kernel for BreakKernel<'_> {
     }
 }
 
-/// By how much the orders of the lower pixels are greater, if nine in ten of those whose phases run on say so.
+/// Finds the order step from the upper pixels to the lower ones, if nine in ten of those whose phase continues agree on
+/// it.
 struct UniteKernel<'a> {
     cam1: &'a PhaseMap,
     relative: &'a [i16],
@@ -174,7 +175,7 @@ impl Kernel for UniteKernel<'_> {
             let by = of_above[i].wrapping_sub(of_below[i]).wrapping_add(up - down);
             (step.unsigned_abs() <= MAX_ROW_STEP, by)
         };
-        // A guess from a pixel, then how many say the same.
+        // A guess from one pixel, then a count of the pixels that agree.
         let guess = |from: usize| (from..count).chain(0..from).map(by).find(|(near, _)| *near).map(|(_, by)| by);
         let mut before = None;
         for from in [0, count / 2] {

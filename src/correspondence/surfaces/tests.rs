@@ -66,7 +66,8 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
         numbers[place] += by;
         KnownDrift::from_numbers(numbers)
     };
-    // Its mean by 7°, 22° and anything; the first mode by a pixel and by anything; an sd that tells nothing.
+    // Its mean by 7°, 22° and any amount; the first mode by a pixel and by any amount; an sd too large to tell orders
+    // apart.
     for (place, by) in [(1, 0.02), (1, 0.06), (1, 1e30), (2, 1.0), (2, -1e30), (0, 0.5)] {
         let (drift, of_drift) = explained(off(place, by));
         assert!(drift == alone && of_drift == nodes, "{place} by {by}");

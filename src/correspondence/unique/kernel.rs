@@ -156,6 +156,7 @@ impl Search<'_> {
         slots: &mut Slots<L>,
         ends: &mut Ends,
     ) {
+        // An interval that reaches beyond the image is left to the scan.
         let last_begin = self.image.width as i32 - i32::from(width);
         let outside = lanes.is_greater(begin, lanes.word(last_begin.clamp(-1, i32::from(i16::MAX)) as i16));
         slots.irregular = lanes.or(slots.irregular, lanes.and(active, outside));

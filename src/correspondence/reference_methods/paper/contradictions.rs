@@ -59,6 +59,7 @@ impl Image<'_> {
             let size = sizes[region(pixel)] as f32;
             if self.is_steep(division, pixel) { size - OF_STEEP } else { size }
         };
+        // First whole regions compete, by foundation; then their pixels.
         let mut is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], foundation);
         let mut lost_by_region = vec![0_u32; sizes.len()];
         self.decided_where(|pixel| is_lost[pixel]).into_iter().for_each(|pixel| lost_by_region[region(pixel)] += 1);

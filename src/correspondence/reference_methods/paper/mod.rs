@@ -210,9 +210,9 @@ impl<'a> Image<'a> {
                 break;
             }
             is_pending.fill(false);
-            choose_candidates.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_pending));
-            decided += choose_candidates.len();
-            for (pixel, number) in choose_candidates {
+            choices.iter().for_each(|&(pixel, _)| self.mark_within_reach(pixel, &mut is_pending));
+            decided += choices.len();
+            for (pixel, number) in choices {
                 let has_several = self.candidates.for_pixel(pixel).len() > 1;
                 self.decide(pixel, number, if has_several { outcome_of_several } else { Outcome::Unique });
             }

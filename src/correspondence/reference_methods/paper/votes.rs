@@ -89,6 +89,7 @@ impl VoteRule {
                 (best, best_votes) = (Some(number), votes);
             }
         }
+        // Two candidates with similar support: no unique decision is possible (2.2.2).
         let leads = best_votes >= Self::LEAD * (all_votes - best_votes);
         let outweighs = best_votes * self.outweighed >= total - best_votes;
         best.filter(|_| best_votes >= self.min_votes && leads && outweighs)
@@ -252,7 +253,7 @@ mod tests {
         PhaseMap { width, height, phase, valid, ..PhaseMap::default() }
     }
 
-    /// Distances of the pixels met by the walks from pixel 5, and by how much the phase has risen.
+    /// Distances of the pixels met by the walks from pixel 5, and the rise of the phase to each.
     fn met(map: &PhaseMap) -> Vec<(i32, i32)> {
         let mut met = Vec::new();
         for side in Side::ALL {

@@ -175,6 +175,7 @@ fn decide<L: Lanes, const ROOM: usize>(level: L, evidence: &[u8], sum: &[u16; RO
         for lane in 0..LANE_STEP {
             keys[lane] = if keys[lane] == leasts[lane] { u16::MAX } else { keys[lane] };
         }
+        // Without the least key, the least is the second of this step.
         let next = level.least(&keys)[0];
         if least < u16::MAX {
             let total = least / LANE_STEP as u16;

@@ -92,6 +92,7 @@ fn least_costs_at(
     sums.resize(width * height * lanes, 0);
     verdicts.order.resize(width * height, 0);
     verdicts.margin.resize(width * height, 0);
+    // Each pass stores sums for its first half of the image and decides in its second half.
     let middle = height / 2;
     let (upper_places, lower_places) = places.split_at_mut(middle * width);
     let (upper_sums, lower_sums) = sums.split_at_mut(middle * width * lanes);
@@ -300,6 +301,7 @@ impl<V: Visit> PassRows<'_, '_, '_, V> {
                     visit.take::<L, ROOM>(level, sweep, pixel, place, &sum);
                 }
             }
+            // This row is the one before the next.
             std::mem::swap(&mut sweep.scratch.before, &mut sweep.scratch.here);
         }
     }
@@ -336,6 +338,7 @@ impl<'a> Sweep<'a, '_> {
         let (lanes, runs_on) = (self.lanes::<ROOM>(), &self.scratch.agreed.runs_on);
         let count = &self.ranges.count[first..first + runs_on.len()];
         for (i, (runs_on, count)) in runs_on.as_chunks::<8>().0.iter().zip(count.as_chunks::<8>().0).enumerate() {
+            // Eight pixels that are skipped or have no orders read nothing.
             if *runs_on == [1; 8] || *count == [0; 8] {
                 continue;
             }
@@ -369,6 +372,7 @@ impl<'a> Sweep<'a, '_> {
         let PassScratch { before, here, .. } = &mut *self.scratch;
         let mut sum = [0_u16; ROOM];
         for axis in 0..AXES.len() {
+            // Along the row the predecessor is in this row, else in the row before.
             let row = if AXES[axis][1] == 0 { &here[axis] } else { &before[axis] };
             let brought = row.towards(links[axis].link(u), lanes);
             let mut from = [0; ROOM];
@@ -413,14 +417,11 @@ const _: () = assert!(PATHS * (CHANGE as usize + MISSING as usize) * LANE_STEP <
 mod tests {
     use super::*;
     use crate::correspondence::semi_global::matching_cost::{DECIDED_LEAD, NO_ORDER};
+    use crate::correspondence::test_random::random;
 
     /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
     fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, OrderRanges, Evidence) {
-        let mut state = 7_u64;
-        let mut random = move |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % below
-        };
+        let mut random = random(7);
         let pieces: Vec<[i32; 3]> = (0..64)
             .map(|_| [random(9000) as i32 - 4500, random(3000) as i32 - 1500, random(400_000) as i32 - 200_000])
             .collect();

@@ -87,6 +87,7 @@ impl Kernel for AgreedKernel<'_> {
         let (places, runs_on) = (&mut places[..width], &mut runs_on[..width]);
         for u in 0..width {
             let agreed = straight[u];
+            // Straight and both diagonals must bring the same place, and the pixel itself must not prefer another.
             let is_agreed = (agreed == left[u])
                 & (agreed == right[u])
                 & (agreed < count[u])
