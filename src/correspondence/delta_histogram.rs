@@ -13,6 +13,7 @@ use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
+use super::view::View;
 
 /// Distance of the examined pixels of C1 along both axes.
 const STRIDE: usize = 8;
@@ -47,7 +48,7 @@ impl DeltaHistogram {
     /// The histogram with the phases of C1 lowered by `ahead`, turns · 65536.
     #[must_use]
     pub fn from_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
-        HistogramScratch::default().count(cam1, cam2, table, ahead)
+        HistogramScratch::default().count(View { cam1, cam2, table }, ahead)
     }
 
     /// Counts over −π to π rad in equal parts, in ascending order of δ.
@@ -139,20 +140,13 @@ struct Part {
 
 impl HistogramScratch {
     /// As [`DeltaHistogram::from_all_candidates`].
-    pub(super) fn count(
-        &mut self,
-        cam1: &PhaseMap,
-        cam2: &EpipolarImage,
-        table: &SegmentTable,
-        ahead: u16,
-    ) -> DeltaHistogram {
+    pub(super) fn count(&mut self, view: View<'_>, ahead: u16) -> DeltaHistogram {
         let Self(parts) = self;
         parts.scratches().iter_mut().for_each(|part| part.histogram = DeltaHistogram::default());
-        let rows = cam1.height.saturating_sub(STRIDE / 2).div_ceil(STRIDE);
-        (0..rows).into_par_iter().for_each_init(
-            || parts.take(),
-            |part, row| part.add_row((cam1, cam2), table, STRIDE / 2 + row * STRIDE, ahead),
-        );
+        let rows = view.cam1.height.saturating_sub(STRIDE / 2).div_ceil(STRIDE);
+        (0..rows)
+            .into_par_iter()
+            .for_each_init(|| parts.take(), |part, row| part.add_row(view, STRIDE / 2 + row * STRIDE, ahead));
         let mut histogram = DeltaHistogram::default();
         parts.scratches().iter().for_each(|part| histogram.add(&part.histogram));
         histogram
@@ -160,7 +154,7 @@ impl HistogramScratch {
 }
 
 impl Part {
-    fn add_row(&mut self, (cam1, cam2): (&PhaseMap, &EpipolarImage), table: &SegmentTable, v: usize, ahead: u16) {
+    fn add_row(&mut self, View { cam1, cam2, table }: View<'_>, v: usize, ahead: u16) {
         let Self { segments, found, histogram } = self;
         table.row(v, segments);
         for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {

@@ -16,6 +16,7 @@ use super::neighbourhood::TURN;
 use super::segment_table::SegmentTable;
 use super::support::{Support, SupportRule};
 use super::unique::{Search, UniqueCandidates};
+use super::view::View;
 
 /// Rows of the bands in which references are selected, and the distance between bands.
 const BAND_ROWS: usize = 16;
@@ -95,7 +96,7 @@ pub fn measure_delta(
     histogram: &DeltaHistogram,
     min_votes: u16,
 ) -> Option<DeltaStatistics> {
-    DeltaScratch::default().measure(cam1, cam2, table, histogram, min_votes)
+    DeltaScratch::default().measure(View { cam1, cam2, table }, histogram, min_votes)
 }
 
 /// Scratch memory for the measurement, kept from window to window.
@@ -115,17 +116,15 @@ impl DeltaScratch {
     /// As [`measure_delta`].
     pub(super) fn measure(
         &mut self,
-        cam1: &PhaseMap,
-        cam2: &EpipolarImage,
-        table: &SegmentTable,
+        view: View<'_>,
         histogram: &DeltaHistogram,
         min_votes: u16,
     ) -> Option<DeltaStatistics> {
         let mut statistics = histogram.fit()?;
-        find_bands(cam1.height, &mut self.rows);
-        stack(cam1, &self.rows, &mut self.sample);
+        find_bands(view.cam1.height, &mut self.rows);
+        stack(view.cam1, &self.rows, &mut self.sample);
         for _ in 0..REFINEMENTS {
-            let search = Search { cam1, cam2, table, gate: &statistics.gate() };
+            let search = Search { view, gate: &statistics.gate() };
             let rule = SupportRule { min_votes, tolerance: statistics.tolerance() };
             self.find_references(search, rule);
             let Self { deltas, differences, .. } = self;

@@ -4,21 +4,16 @@ use rayon::prelude::*;
 
 use fringeflow_base::outcome::Outcome;
 
-use crate::phase::PhaseMap;
-
 use super::candidates::phase_occurs;
-use super::epipolar_image::EpipolarImage;
 use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
-use super::segment_table::SegmentTable;
+use super::view::View;
 
 /// Gives every pixel without a correspondence its reason: no phase, no segment, the phase does not occur on the
 /// segment, or no candidate passes the test. `scratches` holds rows of segments.
 pub(super) fn explain_missing(
-    cam1: &PhaseMap,
-    cam2: &EpipolarImage,
-    table: &SegmentTable,
+    View { cam1, cam2, table }: View<'_>,
     outcomes: &mut [Outcome],
     scratches: &Pool<SegmentRow>,
 ) {

@@ -10,8 +10,8 @@ use crate::phase::PhaseMap;
 use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
-use super::delta_histogram::{DeltaHistogram, HistogramScratch};
-use super::delta_statistics::{DeltaScratch, DeltaStatistics, DeltaSums, measure_delta};
+use super::delta_histogram::HistogramScratch;
+use super::delta_statistics::{DeltaScratch, DeltaStatistics, DeltaSums};
 use super::drift::{Drift, DriftScratch, KnownDrift};
 use super::epipolar_image::EpipolarImage;
 use super::reference_methods::paper;
@@ -20,6 +20,7 @@ use super::semi_global::{self, Confidence, Grounds};
 use super::settings::{MatchSettings, ResolutionMethod};
 use super::slip::correct_slip;
 use super::surfaces;
+use super::view::View;
 
 /// Relative change of sd after the paper's resolution that triggers a second pass with the new threshold.
 const SD_CHANGE: f64 = 0.5;
@@ -148,25 +149,24 @@ impl Matcher {
             return Err(size_error);
         }
         // A slip is corrected first: it moves every δ.
-        let mut histogram = of_histogram.count(cam1, cam2, table, 0);
+        let mut histogram = of_histogram.count(View { cam1, cam2, table }, 0);
         let mut slip_steps = [0; 2];
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
-            let view = surfaces::View { cam1, cam2, table };
+            let view = View { cam1, cam2, table };
             if let Some(found) = correct_slip(view, &histogram, steps, (&mut semi_global.surfaces, drift)) {
                 (slip_steps, *cam2) = (found.slip_steps, found.cam2);
-                histogram = of_histogram.count(&found.cam1, cam2, table, 0);
+                histogram = of_histogram.count(View { cam1: &found.cam1, cam2, table }, 0);
                 corrected = Some(found.cam1);
             }
         }
-        let cam1 = corrected.as_ref().unwrap_or(cam1);
-        let raw = [cam1, raw_cam2];
-        let measured = of_delta.measure(cam1, cam2, table, &histogram, settings.resolution.min_votes);
+        let view = View { cam1: corrected.as_ref().unwrap_or(cam1), cam2, table };
+        let measured = of_delta.measure(view, &histogram, settings.resolution.min_votes);
         let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
         if let Some(sd_rad) = settings.delta_sd_rad {
             delta.sd_rad = sd_rad;
         }
-        let matching = Matching { raw, cam2, table, settings };
+        let matching = Matching { view, raw_cam2, settings };
         match settings.method {
             ResolutionMethod::SemiGlobal => {
                 matching.semi_global(delta, known, (drift, semi_global), out, grounds)?;
@@ -182,11 +182,9 @@ impl Matcher {
 
 /// One pair of phase maps and what its matching reads.
 struct Matching<'a> {
-    /// The phase maps of C1 and C2.
-    raw: [&'a PhaseMap; 2],
-    /// Phase of C2 in the epipolar frame.
-    cam2: &'a EpipolarImage,
-    table: &'a SegmentTable,
+    view: View<'a>,
+    /// The phase map of C2 before resampling.
+    raw_cam2: &'a PhaseMap,
     settings: &'a MatchSettings,
 }
 
@@ -199,10 +197,9 @@ impl Matching<'_> {
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
-        let [cam1, _] = self.raw;
-        let view = surfaces::View { cam1, cam2: self.cam2, table: self.table };
-        let known = known.and_then(|known| Drift::from_known(known, self.table));
-        let drift = surfaces::explain(view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
+        let View { cam1, cam2, table } = self.view;
+        let known = known.and_then(|known| Drift::from_known(known, table));
+        let drift = surfaces::explain(self.view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
         if self.is_measured() {
             // Both must speak for an exchange: δ, and the fit of surfaces.
             let ordered = check_order(&delta, || self.exchanged());
@@ -213,7 +210,7 @@ impl Matching<'_> {
         if self.is_measured() {
             check_rest(&rest)?;
         }
-        let scene = semi_global::Scene { cam1, cam2: self.cam2, table: self.table, drift: &drift };
+        let scene = semi_global::Scene { cam1, cam2, table, drift: &drift };
         let limits = semi_global::Limits {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
@@ -249,8 +246,8 @@ impl Matching<'_> {
     }
 
     fn resolve_by_paper(&self, delta: &DeltaStatistics, out: &mut Matches) -> Sums {
-        let ([cam1, _], settings) = (self.raw, &self.settings.resolution);
-        let decisions = paper::resolve(paper::Scene { cam1, cam2: self.cam2, table: self.table, delta, settings });
+        let (View { cam1, cam2, table }, settings) = (self.view, &self.settings.resolution);
+        let decisions = paper::resolve(paper::Scene { cam1, cam2, table, delta, settings });
         (out.outcomes, out.chosen, out.passing) = (decisions.outcomes, decisions.chosen, decisions.passing);
         let sums = out.sums();
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
@@ -269,25 +266,25 @@ impl Matching<'_> {
     /// Whether surfaces fit better with the images exchanged. It confirms an exchange found by δ: where most of an
     /// image sees what lies outside the volume, δ of true candidates may scatter more widely than that of wrong ones.
     fn fits_exchanged(&self, explained: &surfaces::Scratch) -> bool {
-        let ([_, cam2], mut scratch) = (self.raw, surfaces::Scratch::default());
+        let mut scratch = surfaces::Scratch::default();
         let Some(image) = self.exchanged_image() else { return false };
-        let view = surfaces::View { cam1: cam2, cam2: &image, table: self.table };
+        let view = View { cam1: self.raw_cam2, cam2: &image, ..self.view };
         surfaces::explain_by_surfaces(view, &mut scratch, &mut DriftScratch::default());
         scratch.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 
     /// Statistics of δ with the images exchanged, if both have one size.
     fn exchanged(&self) -> Option<DeltaStatistics> {
-        let ([_, cam2], image) = (self.raw, self.exchanged_image()?);
-        let histogram = DeltaHistogram::from_all_candidates(cam2, &image, self.table, 0);
-        measure_delta(cam2, &image, self.table, &histogram, self.settings.resolution.min_votes)
+        let view = View { cam1: self.raw_cam2, cam2: &self.exchanged_image()?, ..self.view };
+        let histogram = HistogramScratch::default().count(view, 0);
+        DeltaScratch::default().measure(view, &histogram, self.settings.resolution.min_votes)
     }
 
     /// The phase of C1 resampled as if it were that of C2, if the images have one size.
     fn exchanged_image(&self) -> Option<EpipolarImage> {
-        let [cam1, cam2] = self.raw;
-        let is_of_size = [cam2.width, cam2.height] == self.table.size_px();
-        is_of_size.then(|| EpipolarImage::resample(cam1, self.table))?
+        let View { cam1, table, .. } = self.view;
+        let is_of_size = [self.raw_cam2.width, self.raw_cam2.height] == table.size_px();
+        is_of_size.then(|| EpipolarImage::resample(cam1, table))?
     }
 }
 

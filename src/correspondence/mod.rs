@@ -30,7 +30,7 @@
 //! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
 //! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
 //! | as the paper does it | *reference methods* |
-//! | shared by both | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool*, *grid* |
+//! | shared by both | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool* |
 //! | the chain | *matching*, *settings*; whether images and rig belong together: *agreement* |
 //!
 //! # Hot loops
@@ -88,6 +88,7 @@ mod surfaces;
 #[cfg(test)]
 mod test_random;
 mod unique;
+mod view;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

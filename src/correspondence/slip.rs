@@ -16,7 +16,8 @@ use crate::phase::PhaseMap;
 use super::delta_histogram::DeltaHistogram;
 use super::drift::DriftScratch;
 use super::epipolar_image::EpipolarImage;
-use super::surfaces::{self, View};
+use super::surfaces;
+use super::view::View;
 
 /// Standard deviation of the weight of a candidate near δ = 0, rad: twice that of calibrated rigs.
 const AGREEMENT_SD_RAD: f64 = 0.08;

@@ -14,6 +14,7 @@ use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces::Decided;
+use crate::correspondence::view::View;
 
 /// Pixels of the estimate, pixels on which starts are followed, and pixels by which drawn starts are compared.
 const PIXELS: usize = 3000;
@@ -167,7 +168,7 @@ impl Drift {
 
     /// Computes δ of true candidates along the segments of a row of C1, turns.
     pub(in crate::correspondence) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
-        self.places.along_row(&self.field, v as f64).along_segments(width, out);
+        self.places.along_segments(&self.field, v, width, out);
     }
 }
 
@@ -179,7 +180,7 @@ impl Drift {
 /// consistent too.
 #[must_use]
 pub fn estimate_drift(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, delta: &DeltaStatistics) -> Drift {
-    DriftScratch::default().estimates((cam1, cam2), table, delta).0
+    DriftScratch::default().estimates(View { cam1, cam2, table }, delta).0
 }
 
 /// Scratch memory for the estimate, kept from window to window.
@@ -218,18 +219,17 @@ impl DriftScratch {
     /// within and beyond the volume.
     pub(in crate::correspondence) fn estimates(
         &mut self,
-        (cam1, cam2): (&PhaseMap, &EpipolarImage),
-        table: &SegmentTable,
+        view: View<'_>,
         delta: &DeltaStatistics,
     ) -> (Drift, Option<Drift>) {
         let Self { usable, sample, thinned, solver, .. } = self;
         let constant = || (Drift::level(delta.mean_rad, delta.sd_rad), None);
-        let Some(modes) = table.drift_modes() else { return constant() };
+        let Some(modes) = view.table.drift_modes() else { return constant() };
         let length_px = 2.0 * modes.half_segment_px() as f32;
         let mut take = |sample: &mut Sample, beyond: f32| {
             // Longer segments have more candidates; fewer pixels keep their total number.
             let pixels = (PIXELS as f32 / beyond.max(1.0)) as usize;
-            sample.take((cam1, cam2), table, modes, (pixels, beyond * length_px), usable)
+            sample.take(view, modes, (pixels, beyond * length_px), usable)
         };
         if !take(sample, 0.0) {
             return constant();

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::decay::decay;
-use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::row_view::RowView;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces::Decided;
+use crate::correspondence::view::View;
 use crate::phase::PhaseMap;
 
 use super::modes::{DriftModes, MAX_MODES};
@@ -121,8 +121,7 @@ impl Sample {
     /// columns beyond. Returns whether there is a candidate.
     pub(super) fn take(
         &mut self,
-        (cam1, cam2): (&PhaseMap, &EpipolarImage),
-        table: &SegmentTable,
+        View { cam1, cam2, table }: View<'_>,
         modes: &DriftModes,
         (pixels, beyond_px): (usize, f32),
         usable: &mut Usable,

@@ -97,40 +97,24 @@ impl Places {
         a + b * x + c * y
     }
 
-    /// A polynomial restricted to one row of C1.
-    pub(super) fn along_row(&self, polynomial: &Polynomial, v_px: f64) -> RowPolynomial {
-        let [_, y] = self.image(0.0, v_px);
+    /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
+    pub(super) fn along_segments(&self, polynomial: &Polynomial, v: usize, width: usize, out: &mut DepthRow) {
+        let [_, y] = self.image(0.0, v as f64);
         let py = powers(y);
         let mut coefficients = [[0.0; DEGREE + 1]; DEGREE + 1];
         for (&coefficient, [i, j, k]) in polynomial.iter().zip(EXPONENTS) {
             coefficients[i][k] += coefficient * py[j];
         }
-        RowPolynomial { places: *self, v_px, coefficients }
-    }
-}
-
-/// A polynomial in x and d: a field over one row of C1.
-#[derive(Clone, Debug)]
-pub(super) struct RowPolynomial {
-    places: Places,
-    v_px: f64,
-    /// Factor of xⁱ·dᵏ at `[i][k]`.
-    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
-}
-
-impl RowPolynomial {
-    /// Evaluates the field along the segments of all pixels of the row.
-    pub(super) fn along_segments(&self, width: usize, out: &mut DepthRow) {
-        out.per_px = (1.0 / self.places.scale_px) as f32;
-        if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.places.half_px {
-            out.half_px = self.places.half_px;
+        out.per_px = (1.0 / self.scale_px) as f32;
+        if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.half_px {
+            out.half_px = self.half_px;
             out.x.clear();
             out.x.extend((0..width.next_multiple_of(BLOCK)).map(|u| u as f64 / out.half_px - 1.0));
         }
         for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
-        fringeflow_simd::run(Level::in_use(), DepthKernel { row: self, out });
+        fringeflow_simd::run(Level::in_use(), DepthKernel { middle_px: self.middle_px, y, coefficients, out });
     }
 }
 
@@ -217,7 +201,11 @@ impl<L: Lanes> DepthBlock<L> {
 
 /// Computes the polynomials of a row.
 struct DepthKernel<'a> {
-    row: &'a RowPolynomial,
+    /// As in [`Places`].
+    middle_px: [f64; 3],
+    y: f64,
+    /// Factor of xⁱ·dᵏ at `[i][k]`.
+    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
     out: &'a mut DepthRow,
 }
 
@@ -226,20 +214,18 @@ impl Kernel for DepthKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { row, out } = self;
-        let places = &row.places;
-        let [_, y] = places.image(0.0, row.v_px);
+        let Self { middle_px: [a, b, c], y, coefficients, out } = self;
         let blocks = out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().zip(out.x.as_chunks::<BLOCK>().0);
         for (block, (middle_px, x)) in blocks.enumerate() {
             for i in 0..BLOCK {
-                middle_px[i] = (places.middle_px[0] + places.middle_px[1] * x[i] + places.middle_px[2] * y) as f32;
+                middle_px[i] = (a + b * x[i] + c * y) as f32;
             }
             for k in 0..=DEGREE {
                 let mut sums = [0.0; BLOCK];
                 // Horner's rule; terms of a higher total degree do not exist.
                 for power in (0..=DEGREE - k).rev() {
                     for i in 0..BLOCK {
-                        sums[i] = sums[i] * x[i] + row.coefficients[power][k];
+                        sums[i] = sums[i] * x[i] + coefficients[power][k];
                     }
                 }
                 let out = &mut out.coefficients[k][block * BLOCK..][..BLOCK];
@@ -347,7 +333,7 @@ mod tests {
     fn along_a_segment_a_polynomial_has_its_values() {
         let polynomial: Polynomial = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 10.0);
         let mut row = DepthRow::default();
-        places().along_row(&polynomial, 30.0).along_segments(64, &mut row);
+        places().along_segments(&polynomial, 30, 64, &mut row);
         let along = row.segment(17);
         for column_px in [30.0, 80.0, 104.0, 130.0, 260.0] {
             let monomials = monomials(places().place(17.0, 30.0, column_px));

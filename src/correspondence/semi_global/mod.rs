@@ -49,7 +49,8 @@ use super::epipolar_image::EpipolarImage;
 use super::pool::Pool;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
-use super::surfaces::{self, View};
+use super::surfaces;
+use super::view::View;
 use super::{bands, claims, explanation, places, regions};
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
@@ -137,6 +138,6 @@ impl Scratch {
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {
             *outcome = Outcome::OutsideVolume;
         }
-        explanation::explain_missing(scene.cam1, scene.cam2, scene.table, decisions.outcomes, segments);
+        explanation::explain_missing(view, decisions.outcomes, segments);
     }
 }

@@ -11,6 +11,7 @@ use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces;
 use crate::correspondence::test_random::random;
+use crate::correspondence::view::View;
 
 /// The plane, its phases and its table.
 pub(in crate::correspondence) struct TestScene {
@@ -50,7 +51,7 @@ impl TestScene {
     /// Its surfaces.
     pub(super) fn surfaces(&self) -> surfaces::Scratch {
         let mut scratch = surfaces::Scratch::default();
-        let view = surfaces::View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table };
+        let view = View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table };
         surfaces::explain(view, &self.delta, None, &mut scratch, &mut DriftScratch::default());
         scratch
     }

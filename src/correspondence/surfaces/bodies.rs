@@ -23,10 +23,11 @@ use crate::correspondence::segment::SegmentRow;
 
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::{RowScratch, View};
+use super::evidence::RowScratch;
 use super::nodes::{NO_NODE, Node, Nodes};
 use super::outside::WITHIN_SD;
 use super::runs::PhaseRuns;
+use crate::correspondence::view::View;
 
 /// |δ − drift| of a close fit, sd.
 const CLOSE_SD: f64 = 1.5;

@@ -7,12 +7,13 @@
 //! keep the candidates of a part if δ scatters little over it: over a surface elsewhere, δ of a wrong order takes any value
 //! ```
 
-use super::evidence::{RowScratch, Scratch, View};
+use super::evidence::{RowScratch, Scratch};
 use super::nodes::{NO_NODE, Node, Piece};
 use super::order_scores::SearchSpace;
 use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::pixel_search::PixelSearch;
+use crate::correspondence::view::View;
 
 /// Pixels sampled, about.
 const PIXELS: usize = 6000;

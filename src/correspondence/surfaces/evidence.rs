@@ -12,10 +12,8 @@
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use crate::correspondence::drift::{DepthPolynomial, DepthRow, Drift};
-use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::segment_table::SegmentTable;
-use crate::phase::PhaseMap;
+use crate::correspondence::view::View;
 
 use super::bodies::BodyRow;
 use super::decided::DecidedScratch;
@@ -93,14 +91,6 @@ impl RowScratch {
         view.table.row(v, &mut self.segments);
         drift.along_row(v, view.cam1.width, &mut self.drift);
     }
-}
-
-/// The phases of both cameras and the table.
-#[derive(Clone, Copy)]
-pub(in crate::correspondence) struct View<'a> {
-    pub(in crate::correspondence) cam1: &'a PhaseMap,
-    pub(in crate::correspondence) cam2: &'a EpipolarImage,
-    pub(in crate::correspondence) table: &'a SegmentTable,
 }
 
 impl Scratch {

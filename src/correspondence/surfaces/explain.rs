@@ -16,9 +16,10 @@
 use std::f64::consts::TAU;
 
 use super::decided::DecidedFilter;
-use super::evidence::{Gate, Sampling, Scratch, View};
+use super::evidence::{Gate, Sampling, Scratch};
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::drift::{Drift, DriftScratch, MODEL_SD_TURNS};
+use crate::correspondence::view::View;
 
 /// Limits of δ if the drift is unknown, turns (18°): those of rigs that are off by a pixel.
 const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
@@ -94,7 +95,7 @@ pub(in crate::correspondence) fn explain(
         Some(found) if scratch.is_confirmed(&found, delta) => found,
         found => {
             // Surfaces failed to show a drift: compare it with those from all candidates.
-            let (mut drift, other) = drift_scratch.estimates((view.cam1, view.cam2), view.table, delta);
+            let (mut drift, other) = drift_scratch.estimates(view, delta);
             let mut most = scratch.drift_nats(view, &drift);
             for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
                 let nats = scratch.drift_nats(view, &other);

@@ -35,7 +35,7 @@ mod taken;
 mod tests;
 
 pub(super) use decided::Decided;
-pub(super) use evidence::{Scratch, View};
+pub(super) use evidence::Scratch;
 pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
 pub(super) use order_scores::columns_around_each;
 

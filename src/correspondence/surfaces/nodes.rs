@@ -14,10 +14,11 @@ use std::ops::Range;
 
 use fringeflow_simd::LANES;
 
-use super::evidence::{View, base_of};
+use super::evidence::base_of;
 use super::order_scores::{MAX_ORDER, SearchSpace, UNSEEN_SCORE};
 use super::runs::PhaseRuns;
 use super::{FULL_SCORE, LABELS, NO_ORDER};
+use crate::correspondence::view::View;
 
 /// Side of a tile, pixels, and side in a large image: the detail of images grows with their size.
 const TILE_PX: usize = 16;

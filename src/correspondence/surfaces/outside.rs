@@ -21,9 +21,10 @@ use crate::correspondence::drift::Drift;
 use super::NO_ORDER;
 use super::block::{Block, OrderColumns};
 use super::bodies;
-use super::evidence::{RowScratch, Scratch, View};
+use super::evidence::{RowScratch, Scratch};
 use super::nodes::{Node, Nodes};
 use super::order_scores::SearchSpace;
+use crate::correspondence::view::View;
 
 /// How far beyond the volume a marked pixel sees, half segments. What is nearer is decided pixel by pixel.
 const BEYOND_HALVES: f32 = 0.5;

@@ -24,8 +24,9 @@ use crate::correspondence::segment::SegmentRow;
 
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::{RowScratch, Scratch, View};
+use super::evidence::{RowScratch, Scratch};
 use super::nodes::{Node, Nodes};
+use crate::correspondence::view::View;
 
 /// Least share of the fitting pixels of a node whose places are taken.
 const MIN_FITTING: f32 = 0.78;

@@ -3,6 +3,7 @@ use fringeflow_simd::Level;
 use crate::correspondence::drift::{Drift, DriftScratch, KnownDrift};
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::semi_global::test_scene::TestScene;
+use crate::correspondence::view::View;
 
 use super::evidence::{Gate, Sampling};
 use super::*;

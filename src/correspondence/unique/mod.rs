@@ -19,6 +19,7 @@ use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
 use super::segment_table::SegmentTable;
+use super::view::View;
 
 /// The candidates of pixels with exactly one, row by row.
 #[derive(Clone, Debug, Default)]
@@ -40,11 +41,7 @@ struct Scratch {
 /// What the search reads, and the test that candidates pass.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
-    /// Phase of C1.
-    pub(super) cam1: &'a PhaseMap,
-    /// Phase of C2 in the epipolar frame.
-    pub(super) cam2: &'a EpipolarImage,
-    pub(super) table: &'a SegmentTable,
+    pub(super) view: View<'a>,
     pub(super) gate: &'a DeltaGate,
 }
 
@@ -58,7 +55,7 @@ pub fn find_unique_candidates(
 ) -> UniqueCandidates {
     let mut unique = UniqueCandidates::default();
     let rows: Vec<_> = (0..cam1.height).map(Some).collect();
-    unique.find(Search { cam1, cam2, table, gate }, &rows);
+    unique.find(Search { view: View { cam1, cam2, table }, gate }, &rows);
     unique
 }
 
@@ -66,7 +63,7 @@ impl UniqueCandidates {
     /// Searches some rows of C1 and stores their results one below the other. A row that is `None` has none.
     pub(super) fn find(&mut self, search: Search<'_>, rows: &[Option<usize>]) {
         let Self { absolute, delta, scratches } = self;
-        let width = search.cam1.width;
+        let width = search.view.cam1.width;
         absolute.resize(width * rows.len(), ABSENT);
         delta.resize(width * rows.len(), 0);
         let places = absolute.par_chunks_mut(width.max(1)).zip(delta.par_chunks_mut(width.max(1))).zip(rows);
@@ -76,9 +73,9 @@ impl UniqueCandidates {
                 let Scratch { segments, list } = &mut **scratch;
                 absolute.fill(ABSENT);
                 if let Some(v) = *v {
-                    search.table.row(v, segments);
+                    search.view.table.row(v, segments);
                     let pixels = v * width..(v + 1) * width;
-                    let (phase, valid) = (&search.cam1.phase[pixels.clone()], &search.cam1.valid[pixels]);
+                    let (phase, valid) = (&search.view.cam1.phase[pixels.clone()], &search.view.cam1.valid[pixels]);
                     fringeflow_simd::run(
                         Level::in_use(),
                         Row { search, phase, valid, segments, list, absolute, delta },
@@ -105,8 +102,8 @@ impl Kernel for Row<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
-        let Search { cam2: image, gate, .. } = self.search;
-        let search = kernel::Search { image, segments: self.segments, gate };
+        let Search { view, gate } = self.search;
+        let search = kernel::Search { image: view.cam2, segments: self.segments, gate };
         let mut found = kernel::Found::new();
         let (phase, valid) = (self.phase.as_chunks().0, bytemuck::cast_slice(self.valid).as_chunks().0);
         for block in 0..phase.len() {
@@ -155,7 +152,7 @@ impl Row<'_> {
         let segment = self.segments.segment(u);
         if self.valid[u] && !segment.is_none() {
             self.list.clear();
-            let row = RowView::new(self.search.cam2, segment.row_px);
+            let row = RowView::new(self.search.view.cam2, segment.row_px);
             scan_segment(&row, &segment, self.phase[u], self.search.gate, self.list);
             self.decide(u);
         }

@@ -45,6 +45,7 @@ use crate::correspondence::search::{Candidates, find_candidates};
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::settings::ResolutionSettings;
 use crate::correspondence::support::{Support, SupportRule};
+use crate::correspondence::view::View;
 use crate::phase::PhaseMap;
 
 use contradictions::Precedence;
@@ -93,7 +94,7 @@ pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     let mut image = Image::new(scene, [gate, readmission], &candidates);
     image.resolve();
     let mut outcomes = image.outcomes.clone();
-    explain_missing(scene.cam1, scene.cam2, scene.table, &mut outcomes, &Pool::default());
+    explain_missing(View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table }, &mut outcomes, &Pool::default());
     Decisions { outcomes, chosen: image.chosen(), passing: image.passing }
 }
 

@@ -1,0 +1,15 @@
+//! What matching reads.
+
+use crate::phase::PhaseMap;
+
+use super::epipolar_image::EpipolarImage;
+use super::segment_table::SegmentTable;
+
+/// The phases of both cameras, and the segment table of their rig.
+#[derive(Clone, Copy)]
+pub(super) struct View<'a> {
+    pub(super) cam1: &'a PhaseMap,
+    /// Phase of C2 in the epipolar frame.
+    pub(super) cam2: &'a EpipolarImage,
+    pub(super) table: &'a SegmentTable,
+}
