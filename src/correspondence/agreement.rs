@@ -31,14 +31,15 @@ pub enum MatchError {
     },
     /// No pixel has a candidate.
     #[error(
-        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the images \
-         belong to this calibration, does the object lie in the measurement volume?"
+        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the \
+         images belong to this calibration, does the object lie in the measurement volume?"
     )]
     NothingInCommon,
     /// The images of the cameras are exchanged.
     #[error(
-        "the images of cameras 1 and 2 are exchanged: the back-projection phases scatter by {sd_rad:.2} rad, with the images \
-         the other way round by {exchanged_sd_rad:.2} rad; exchange the image folders, or the cameras in the calibration"
+        "the images of cameras 1 and 2 are exchanged: the back-projection phases scatter by {sd_rad:.2} rad, with the \
+         images the other way round by {exchanged_sd_rad:.2} rad; exchange the image folders, or the cameras in the \
+         calibration"
     )]
     Exchanged {
         /// Measured sd of δ, rad.
@@ -48,10 +49,10 @@ pub enum MatchError {
     },
     /// The back-projection phases agree with nothing.
     #[error(
-        "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} false \
-         candidates a pixel: the images do not belong to this calibration; are the cameras swapped, is it the calibration \
-         of another rig, or are phase_sign and phase_offset_rad wrong? (with correspondence.delta_sd_rad in the \
-         configuration sd is taken as known)"
+        "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} \
+         false candidates per pixel: the images do not belong to this calibration; are the cameras swapped, is it the \
+         calibration of another rig, or are phase_sign and phase_offset_rad wrong? (with \
+         correspondence.delta_sd_rad in the configuration sd is taken as known)"
     )]
     NoAgreement {
         /// Measured sd of δ, rad.
@@ -63,9 +64,9 @@ pub enum MatchError {
     },
     /// Few pixels agree with their neighbours.
     #[error(
-        "of {pixels} pixels with candidates {found} agree with their neighbours, and the back-projection phases scatter by \
-         {sd_rad:.2} rad: the images do not belong to this calibration, or nothing lies in the measurement volume (with \
-         correspondence.delta_sd_rad in the configuration sd is taken as known)"
+        "{found} of {pixels} pixels with candidates agree with their neighbours, and the back-projection phases \
+         scatter by {sd_rad:.2} rad: the images do not belong to this calibration, or nothing lies in the measurement \
+         volume (with correspondence.delta_sd_rad in the configuration sd is taken as known)"
     )]
     FewAgree {
         /// Pixels with a correspondence.

@@ -29,7 +29,8 @@ impl DisjointSets {
         self.parents.extend((0..self.weights.len() as u32).map(|set| Offset { set, orders: 0 }));
     }
 
-    /// Unites the sets of `a` and `b`, where `b` exceeds `a` by `order_step` orders. Members of one set keep their offsets.
+    /// Unites the sets of `a` and `b`, where `b` exceeds `a` by `order_step` orders. Members of one set keep their
+    /// offsets.
     pub(super) fn unite(&mut self, a: u32, b: u32, order_step: i32) {
         let (a, b) = (self.find(a), self.find(b));
         if a.set == b.set {
@@ -45,8 +46,8 @@ impl DisjointSets {
         self.weights[heavy as usize] += self.weights[light as usize];
     }
 
-    /// Calls `visit` with each member, the number of its set and its offset to the representative. Sets are numbered in the
-    /// order of their first members. Returns the number of sets.
+    /// Calls `visit` with each member, the number of its set and its offset to the representative. Sets are numbered in
+    /// the order of their first members. Returns the number of sets.
     pub(super) fn number(&mut self, mut visit: impl FnMut(usize, Offset)) -> usize {
         let mut sets = 0;
         self.numbers.clear();

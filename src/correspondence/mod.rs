@@ -1,7 +1,7 @@
 //! Stereo matching: from two phase maps to one correspondence per pixel of C1 (paper, sections 2.1 to 2.3).
 //!
-//! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`], or the reason
-//! why it has none ([`Outcome`]).
+//! In: phase maps of C1 and C2, and the [`SegmentTable`] of the rig. Out: for each pixel of C1 a [`Candidate`], or the
+//! reason why it has none ([`Outcome`]).
 //!
 //! # How a pixel is decided
 //! ```text
@@ -30,7 +30,7 @@
 //! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
 //! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
 //! | as the paper does it | *reference methods* |
-//! | shared by both | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool* |
+//! | shared | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool* |
 //! | the chain | *matching*, *settings*; whether images and rig belong together: *agreement* |
 //!
 //! # Hot loops
@@ -43,7 +43,7 @@
 //! | breaks of the wrapped phase | `surfaces/runs.rs`, `BreakKernel` |
 //! | scores of all orders of sampled pixels | `surfaces/order_scores.rs`, `order_scores` |
 //! | confirmation of known orders | `semi_global/kernels/confirm.rs`, `Row::confirm` |
-//! | matching costs of the other pixels | `semi_global/kernels/matching_cost.rs`, `Block::evidence` |
+//! | matching costs of the other pixels | `semi_global/kernels/matching_cost.rs`, `Block::matching_costs` |
 //! | path sums | `semi_global/paths/mod.rs`, `Sweep::pixel` |
 //! | candidates of the decided orders | `semi_global/kernels/selection.rs`, `Block::select` |
 //! | support and confidence | `semi_global/grounds.rs`, `support`; `semi_global/confidence.rs`, `ConfidenceRow` |

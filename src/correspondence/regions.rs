@@ -1,7 +1,7 @@
 //! Regions: selected candidates whose absolute phases run on from pixel to pixel, along and across rows.
 //!
-//! In: absolute phases and z of all pixels. Out: the [runs](super::runs) of each row, with the number of their region, and the
-//! size of each region.
+//! In: absolute phases and z of all pixels. Out: the [runs](super::runs) of each row, with the number of their region,
+//! and the size of each region.
 
 use std::ops::Range;
 
@@ -20,8 +20,8 @@ pub(super) struct Regions {
 }
 
 impl Regions {
-    /// Divides an image of `width` columns. Neighbours belong together if their absolute phases run on and their z differ by
-    /// no more than `max_z_step`; a pixel with the absolute phase [`ABSENT`] belongs to none.
+    /// Divides an image of `width` columns. Neighbours belong together if their absolute phases run on and their z
+    /// differ by no more than `max_z_step`; a pixel with the absolute phase [`ABSENT`] belongs to none.
     pub(super) fn find(&mut self, width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) {
         let height = absolute.len() / width;
         let row = |v: usize| Row { absolute: &absolute[v * width..][..width], z: &z[v * width..][..width] };

@@ -7,8 +7,8 @@
 //! then, in one thread:             unite the pairs in disjoint sets, in the order of the rows; number the sets
 //! ```
 //!
-//! The result does not depend on the number of threads. [`super::regions`] and [`super::surfaces`] say which pixels belong
-//! together.
+//! The result does not depend on the number of threads. [`super::regions`] and [`super::surfaces`] say which pixels
+//! belong together.
 
 use std::ops::Range;
 
@@ -66,8 +66,8 @@ impl Run {
 }
 
 impl<S: Default + Clone + Send> Runs<S> {
-    /// Divides each row of an image into runs. `divide` adds those of a row; it is given the part of `out` for the band of
-    /// rows.
+    /// Divides each row of an image into runs. `divide` adds those of a row; it is given the part of `out` for the band
+    /// of rows.
     pub(super) fn divide<B: Send>(
         &mut self,
         height: usize,
@@ -94,8 +94,8 @@ impl<S: Default + Clone + Send> Runs<S> {
         }
     }
 
-    /// Unites the runs of an image of `width` columns. `unite` adds the pairs that belong together, of the runs of a row and
-    /// those of the row above that it overlaps. Returns the number of sets.
+    /// Unites the runs of an image of `width` columns. `unite` adds the pairs that belong together, of the runs of a
+    /// row and those of the row above that it overlaps. Returns the number of sets.
     pub(super) fn unite(
         &mut self,
         width: usize,
@@ -160,8 +160,8 @@ impl Iterator for Overlaps<'_> {
     }
 }
 
-/// Adds the runs of a row whose first pixel is number `first`. `marks` is 1 where a run may begin or the one before ends, else
-/// 0; what begins at a pixel that `is_inside` refuses is no run.
+/// Adds the runs of a row whose first pixel is number `first`. `marks` is 1 where a run may begin or the one before
+/// ends, else 0; what begins at a pixel that `is_inside` refuses is no run.
 pub(super) fn divide_at_marks(first: usize, marks: &[u8], is_inside: impl Fn(usize) -> bool, runs: &mut Vec<Run>) {
     let mut begin = 0;
     let mut end_at = |end: usize| {

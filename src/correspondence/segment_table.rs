@@ -89,8 +89,8 @@ pub enum SegmentTableError {
     Epipolar(#[from] EpipolarError),
     /// No pixel of C1 has a segment.
     #[error(
-        "the measurement volume is never seen: {hit} of {pixels} pixels of camera 1 look into it, and camera 2 sees none \
-         of these; check the volume's pose and the unit"
+        "the measurement volume is never seen: {hit} of {pixels} pixels of camera 1 look into it, and camera 2 sees \
+         none of these; check the volume's pose and the unit"
     )]
     NeverSeen {
         /// Pixels of C1 whose ray meets the volume.
@@ -121,7 +121,8 @@ impl SegmentTable {
     ///     cam2_from_cam1: shifted_by(-0.1),
     ///     projector_from_cam1: shifted_by(-0.05),
     /// };
-    /// let volume = MeasurementVolume::new(Pose::identity(), Point3::new(-0.2, -0.2, 0.4), Point3::new(0.2, 0.2, 0.6))?;
+    /// let (min, max) = (Point3::new(-0.2, -0.2, 0.4), Point3::new(0.2, 0.2, 0.6));
+    /// let volume = MeasurementVolume::new(Pose::identity(), min, max)?;
     /// let pattern = FringePattern { period_px: 2.0, sign: 1.0, offset_rad: 0.0 };
     /// let table = SegmentTable::build(&rig, &volume, &pattern)?;
     ///

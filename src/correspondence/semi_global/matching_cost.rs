@@ -163,7 +163,7 @@ impl SearchRow {
 }
 
 /// What the matching costs are computed from.
-pub(super) struct EvidenceInput<'a> {
+pub(super) struct CostInput<'a> {
     pub(super) scene: &'a Scene<'a>,
     /// The scene without the places of C2 known to show something outside the volume.
     pub(super) open: &'a Scene<'a>,
@@ -175,7 +175,7 @@ pub(super) struct EvidenceInput<'a> {
 
 /// The matching costs of all pixels.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Evidence {
+pub(super) struct MatchingCosts {
     /// Costs of all orders; those of pixel `i` start at `i · lanes`. Undefined for pixels without orders.
     pub(super) costs: Vec<u8>,
     pub(super) best: Best,
@@ -227,17 +227,17 @@ struct BandScratch {
     most: usize,
 }
 
-impl Evidence {
+impl MatchingCosts {
     /// Confirms the orders given by surfaces, which decides most pixels. Computes the costs of all orders of the
     /// others. Counts the orders of each pixel that pass the back-projection test |δ − drift| < 3·sd.
     pub(super) fn gather(
         &mut self,
-        input: &EvidenceInput<'_>,
+        input: &CostInput<'_>,
         ranges: &mut OrderRanges,
         selection: &mut Selection,
         passing: &mut Vec<u8>,
     ) {
-        let (pixels, costs) = (input.scene.cam1.phase.len(), Costs::new());
+        let (pixels, costs) = (input.scene.cam1.phase.len(), CostTable::new());
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
@@ -258,10 +258,10 @@ impl Evidence {
     /// the room, the costs are incomplete.
     fn gather_into(
         &mut self,
-        &EvidenceInput { scene, open, scale, surfaces, outside }: &EvidenceInput<'_>,
+        &CostInput { scene, open, scale, surfaces, outside }: &CostInput<'_>,
         ranges: &mut OrderRanges,
         selection: &mut Selection,
-        costs: &Costs,
+        costs: &CostTable,
         passing: &mut [u8],
     ) -> usize {
         let (lanes, reach, width) = (ranges.lanes, ranges.reach, scene.cam1.width.max(1));
@@ -302,7 +302,7 @@ impl Evidence {
                 surfaces.clear_minorities((v, width), selected.is_decided);
                 keep_within_ranges(first, count, &mut selected);
                 selected.fill_open(count, open_count);
-                let evidence = EvidenceRow {
+                let evidence = CostRow {
                     scene: open,
                     reach,
                     row,
@@ -370,13 +370,13 @@ fn enter_decided(
 }
 
 /// Computes the costs of a row.
-struct EvidenceRow<'a> {
+struct CostRow<'a> {
     scene: &'a Scene<'a>,
     reach: Reach,
     row: &'a SearchRow,
     first: &'a [i16],
     count: &'a [u8],
-    costs: &'a Costs,
+    costs: &'a CostTable,
     /// Orders per pixel in memory.
     lanes: usize,
     tile: &'a mut [u8],
@@ -386,7 +386,7 @@ struct EvidenceRow<'a> {
     second: &'a mut [u8],
 }
 
-impl Kernel for EvidenceRow<'_> {
+impl Kernel for CostRow<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -403,7 +403,7 @@ impl Kernel for EvidenceRow<'_> {
             let most = usize::from(count.iter().fold(0, |most: u8, &count| most.max(count)));
             let tile = &mut self.tile[begin * self.lanes..][..BLOCK * self.lanes];
             let orders = OrderBlock { first, count, most };
-            let best = of_block.evidence(&orders, self.costs, &mut scratch, &mut ends, tile, self.lanes);
+            let best = of_block.matching_costs(&orders, self.costs, &mut scratch, &mut ends, tile, self.lanes);
             let BestBlock { passing, place, least, second } = best;
             let out = [&mut *self.passing, &mut *self.place, &mut *self.least, &mut *self.second];
             for (words, out) in [passing, place, least, second].into_iter().zip(out) {
@@ -415,7 +415,7 @@ impl Kernel for EvidenceRow<'_> {
     }
 }
 
-impl EvidenceRow<'_> {
+impl CostRow<'_> {
     /// Some of the 32 pixels from `begin` on, a bit each, one by one.
     fn gather_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
@@ -450,7 +450,7 @@ impl EvidenceRow<'_> {
 }
 
 /// Matching cost of the best candidate of an order.
-fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &Costs) -> u8 {
+fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &CostTable) -> u8 {
     let mut best = MISSING;
     let Some(interval_px) = search.columns_of(order, MAX_Z * sd_turns) else { return best };
     search.crossings(interval_px, |column_px, _| {
@@ -459,21 +459,21 @@ fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &Costs)
             // The table makes kernels and scalar form agree to the bit.
             let step = (rest.abs() / sd_turns * STEPS_PER_Z) as usize;
             let outside = if search.is_in_volume(column_px) { 0 } else { OUTSIDE };
-            best = best.min(costs.of_step[step.min(Costs::STEPS)] as u8 + outside);
+            best = best.min(costs.of_step[step.min(CostTable::STEPS)] as u8 + outside);
         }
     });
     best
 }
 
 /// Table of the matching cost by z.
-pub(super) struct Costs {
+pub(super) struct CostTable {
     /// The last is that of a missing candidate.
     pub(super) of_step: [i32; Self::STEPS + 1],
     /// An order whose cost is below this passes the back-projection test.
     pub(super) limit: u8,
 }
 
-impl Costs {
+impl CostTable {
     /// Number of steps with a cost of their own.
     pub(super) const STEPS: usize = (MAX_Z * STEPS_PER_Z) as usize;
 
@@ -497,7 +497,7 @@ impl Best {
 }
 
 #[cfg(test)]
-impl Evidence {
+impl MatchingCosts {
     /// From given costs.
     pub(super) fn new(costs: Vec<u8>, ranges: &OrderRanges) -> Self {
         let mut best = Best::default();
@@ -522,7 +522,7 @@ mod tests {
     fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, costs, width) = (DeltaScale::from_scene(&scene), Costs::new(), scene.cam1.width);
+        let (scale, costs, width) = (DeltaScale::from_scene(&scene), CostTable::new(), scene.cam1.width);
         let (mut ranges, mut row, mut known) = (OrderRanges::default(), SearchRow::default(), 0);
         ranges.prepare(&scene, false);
         let reach = ranges.reach;
@@ -537,11 +537,11 @@ mod tests {
                 let range =
                     OrderRangeRow { reach, segments, phase, valid, outside, first: own_first, count: own_count };
                 range.fill();
-                let of = |fill: &dyn Fn(EvidenceRow<'_>)| {
+                let of = |fill: &dyn Fn(CostRow<'_>)| {
                     let (mut tile, mut out) = (vec![NO_ORDER; width * lanes], [const { Vec::new() }; 4]);
                     out.iter_mut().for_each(|out| out.resize(width, 0));
                     let [passing, place, least, second] = &mut out;
-                    fill(EvidenceRow {
+                    fill(CostRow {
                         scene: &scene,
                         reach,
                         row: &row,
@@ -587,9 +587,9 @@ mod tests {
 
     #[test]
     fn costs_rise_from_none_to_that_of_a_missing_candidate() {
-        let Costs { of_step: costs, limit } = Costs::new();
+        let CostTable { of_step: costs, limit } = CostTable::new();
         assert!(costs[0] == 0 && costs.is_sorted());
-        assert!(costs.iter().all(|&cost| cost <= i32::from(MISSING)) && costs[Costs::STEPS - 1] >= 99);
+        assert!(costs.iter().all(|&cost| cost <= i32::from(MISSING)) && costs[CostTable::STEPS - 1] >= 99);
         // One sd costs half a nat.
         assert_eq!(costs[64], 10);
         assert!((80..90).contains(&limit), "{limit}");

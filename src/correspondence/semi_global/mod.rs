@@ -56,7 +56,7 @@ use super::{bands, claims, explanation, places, regions};
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
-use matching_cost::{DeltaScale, Evidence};
+use matching_cost::{DeltaScale, MatchingCosts};
 use order_ranges::OrderRanges;
 pub(super) use order_ranges::Reach;
 use paths::{PathScratch, Verdicts};
@@ -102,7 +102,7 @@ pub(super) struct Scratch {
     /// C2 without the places known to show something outside the volume.
     open: EpipolarImage,
     ranges: OrderRanges,
-    evidence: Evidence,
+    evidence: MatchingCosts,
     paths: PathScratch,
     verdicts: Verdicts,
     selection: Selection,
@@ -128,7 +128,7 @@ impl Scratch {
         let is_taken = far.is_far && surfaces.mask_taken(view, scene.drift, outside, open);
         let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
         ranges.prepare(scene, far.is_very_far);
-        let input = matching_cost::EvidenceInput { scene, open: &open, scale: &scale, surfaces, outside };
+        let input = matching_cost::CostInput { scene, open: &open, scale: &scale, surfaces, outside };
         evidence.gather(&input, ranges, selection, decisions.passing);
         unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut ranges.count);
         paths::least_costs(scene.cam1, ranges, evidence, paths, verdicts);

@@ -408,7 +408,7 @@ fn best_of_order(search: &PixelSearch<'_>, order: i16, sd_turns: f32) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correspondence::semi_global::matching_cost::{Evidence, EvidenceInput};
+    use crate::correspondence::semi_global::matching_cost::{CostInput, MatchingCosts};
     use crate::correspondence::semi_global::test_scene::TestScene;
 
     /// The selected candidate of a pixel, as bits.
@@ -440,11 +440,12 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut ranges, mut evidence, mut row) = (OrderRanges::default(), Evidence::default(), SearchRow::default());
+        let (mut ranges, mut evidence, mut row) =
+            (OrderRanges::default(), MatchingCosts::default(), SearchRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
         ranges.prepare(&scene, false);
         let surfaces = &test_scene.surfaces();
-        let input = EvidenceInput { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
+        let input = CostInput { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
         evidence.gather(&input, &mut ranges, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (ranges.reach, 0);
         for v in 0..scene.cam1.height {

@@ -3,7 +3,7 @@
 //! ```text
 //! divide the selected candidates into regions of continuous absolute phase and z
 //! for each region: lead = mean excess of the next best orders; strip = δ runs through it
-//! a region stands if it is large, leads clearly, and its z scatters like a normal error; a very clear lead is enough by itself
+//! a region stands if it is large, leads clearly, and z scatters like a normal error; a very clear lead is enough
 //! a region falls if a good part of its places in C2 serve other orders of better founded regions
 //! for each pixel, among the regions that stand:
 //!     support = neighbours within 1 and 3 pixels whose absolute phases continue that of the pixel
@@ -14,14 +14,12 @@
 //!
 //! Why each step:
 //!
-//!
 //! - In a region of true candidates z scatters like a normal error, and every pixel stands out against the other
 //!   orders. In a region whose true candidates are missing, hidden from C2 or outside the search, δ takes any value,
 //!   and another order would fit nearly as well.
 //! - A region through which δ runs, rather than scatters about zero, is a *strip* of a surface that lies elsewhere.
 //! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded
 //!   ones is wrong: C2 sees those there.
-//!
 //! - The regions that stand are the ground on which each pixel is judged (*grounds*, *confidence*), including pixels of
 //!   other regions: at borders true candidates err by more than noise and fall out of their regions.
 

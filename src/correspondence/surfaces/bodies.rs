@@ -1,7 +1,7 @@
 //! Finds nodes that lead beyond the measurement volume but hold the border of a body inside it.
 //!
 //! ```text
-//! for each node that leads beyond the volume, and whose phase continues that of a node that clearly sees into the volume:
+//! for each node that leads beyond the volume, next to a node that clearly sees into the volume:
 //!     compute δ of its pixels about the drift, by the order of that neighbour, 32 pixels at once
 //!     it holds a part of the neighbour's body if most pixels that fit this order at all fit it closely
 //! repeat with the neighbours of the nodes found, until there are no more

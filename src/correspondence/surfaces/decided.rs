@@ -4,7 +4,7 @@
 //! sample pixels of clear nodes: the candidate of the decided order, if it lies near the volume
 //! if wanted, sample pixels of the other nodes: all candidates in the volume, of which one may be true
 //! unite neighbouring nodes of one surface with one order into parts
-//! keep the candidates of a part if δ scatters little over it: over a surface elsewhere, δ of a wrong order takes any value
+//! keep the candidates of a part if δ scatters little over it; over a surface elsewhere δ takes any value
 //! ```
 
 use super::evidence::{RowScratch, Scratch};

@@ -8,7 +8,7 @@
 //! estimate the drift from these candidates, and from all candidates of the other nodes
 //! decide doubtful nodes by more pixels about that drift
 //! if few pixels are clear or fit, or δ scatters about the drift by more than noise, or widely with an unusual error:
-//!     also estimate drifts by expectation maximization over all candidates of some pixels, within the volume and beyond it,
+//!     also estimate drifts by expectation maximization over all candidates of some pixels, in the volume and beyond,
 //!         which finds fields beyond the wide limits
 //!     decide nodes about each of these drifts; take the one that makes δ of all pixels most likely
 //! ```

@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! runs:          rows of C1, cut where the wrapped phase does not continue; orders counted from the start of each run
-//! unions:        runs of neighbouring rows united where one whole number makes nearly all their phases continue: surfaces
+//! unions:        runs of neighbouring rows united where one whole number makes their phases continue: surfaces
 //! nodes:         the parts of surfaces in tiles of the image over which orders are consistent
 //! order scores:  how well every order fits some pixels of each node
 //! evidence:      the scores summed over each node

@@ -4,7 +4,7 @@
 //! rise(u) = phase(u) − phase(u − 1), wrapped
 //! the phase runs on to u if rise(u) is small, and no bend on both sides of the step is large:
 //!     |rise(u) − rise(u − 1)| or |rise(u + 1) − rise(u)|
-//! relative order(u) = relative order(u − 1) + the whole turn that the wrapped phase skips at the step; 0 where a run begins
+//! order(u) = order(u − 1) + the whole turn that the wrapped phase skips at the step; 0 where a run begins
 //! two runs of neighbouring rows are united if one whole number makes nine in ten of their common pixels run on
 //! ```
 
@@ -20,8 +20,8 @@ use crate::correspondence::runs::{Runs, Union, divide_at_marks};
 use crate::correspondence::segment_table::SegmentTable;
 use crate::phase::PhaseMap;
 
-/// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends, if it bends so on both sides of a step: one
-/// spoilt pixel bends on one side alone.
+/// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends, if it bends so on both sides of a step:
+/// one spoilt pixel bends on one side alone.
 const MAX_BEND: u16 = 2200;
 /// Greatest step from row to row at which runs are united, turns · 65536.
 const MAX_ROW_STEP: u16 = 9000;

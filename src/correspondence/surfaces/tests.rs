@@ -112,7 +112,8 @@ fn no_node_lies_across_a_seam() {
     let scene = TestScene::new();
     let mut cam1 = scene.cam1.clone();
     let (width, height) = (cam1.width, cam1.height);
-    // Around its middle the order of this surface rises by three: rows are united on one side, and contradict each other on the other.
+    // Around its middle the order of this surface rises by three: rows are united on one side, and contradict each
+    // other on the other.
     for (pixel, phase) in cam1.phase.iter_mut().enumerate() {
         let [x, y] = [(pixel % width) as f64 - width as f64 / 2.0, (pixel / width) as f64 - height as f64 / 2.0];
         *phase = (3.0 * y.atan2(x) / std::f64::consts::TAU * 65536.0).round() as i64 as u16;

@@ -1,8 +1,8 @@
 //! Step 4, rejection of correspondences by geometric contradictions (paper, 2.2.3), region by region.
 //!
-//! A region must be large enough, its δ level, and its places in C2 its own: two pixels of C1 that claim one place of C2 with
-//! different absolute phases lie on different points of one ray, and C2 sees only one of them. The paper leaves this step open
-//! ("this should not be explicitly described here").
+//! A region must be large enough, its δ level, and its places in C2 its own: two pixels of C1 that claim one place of
+//! C2 with different absolute phases lie on different points of one ray, and C2 sees only one of them. The paper leaves
+//! this step open ("this should not be explicitly described here").
 
 use rayon::prelude::*;
 

@@ -10,7 +10,7 @@
 //! candidates(p) = points q of the segment of p with φ(q) = φ(p) and |δ(q) − mean| < 5·sd           2.1, 2.3
 //! decide p for its candidate with |δ − mean| < 3·sd, if it has exactly one                         2.2.1
 //! reject what decided neighbours do not support: the reference correspondences are left            2.2.1
-//! repeat for a bounded number of rounds:                                                           2.2.3, last paragraph
+//! repeat for a bounded number of rounds:                                                           2.2.3, at the end
 //!     decide by Eq. (2) from decided pixels along the epipolar direction, until nothing changes    2.2.2
 //!     the same with decided pixels across the epipolar direction too                               2.2.3
 //!     reject what decided neighbours do not support any more                                       2.2.2

@@ -3,11 +3,11 @@
 //! ```text
 //! for each open pixel p:
 //!     proposals = {}
-//!     for each side of p: walk from p while the phase continues, for less than one period:       "maximal phase difference of 2π"
+//!     for each side of p: walk from p while the phase continues            "with maximal phase difference of 2π"
 //!         for each decided pixel k on the walk, after a phase rise s: proposals += (u_k − s, δ_k)
-//!     for each candidate c of p: votes(c) = number of proposals equal to u_c, if their mean δ agrees with δ_c        Eq. (2)
+//!     for each candidate c of p: votes(c) = proposals equal to u_c, if their mean δ agrees with δ_c    Eq. (2)
 //!     decide for the candidate with most votes, if it has enough, leads the other candidates clearly,
-//!         and outweighs the proposals that are no candidate                                      "holds for just one candidate"
+//!         and outweighs the proposals that are no candidate                "If this holds for just one candidate"
 //! ```
 //!
 //! Pixels k before p in phase are the paper's k_i, those behind it the g_i. A right candidate q has the absolute phase

@@ -4,7 +4,7 @@
 //! for each eight orders k of the pixels:
 //!     for each k: columns(k) = where candidates with |δ − drift| <= MAX_Z·sd can lie
 //!     for each k: walk along columns(k) in the two rows of C2, and keep where the phase of the pixel is crossed
-//!     for each kept crossing: z = (δ − drift)/sd, cost = table(z), more outside the volume; best(k) = min( best(k), cost )
+//!     for each kept crossing: z = (δ − drift)/sd, best(k) = min( best(k), table(z) ), more outside the volume
 //!     for each k: cost(k) = best(k), or MISSING; update the least and the second least cost of the pixel
 //! transpose the costs from order by order to pixel by pixel
 //! ```
@@ -14,7 +14,7 @@
 use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::kernels::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
-use crate::correspondence::semi_global::matching_cost::{Costs, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
+use crate::correspondence::semi_global::matching_cost::{CostTable, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::Block;
@@ -78,10 +78,10 @@ impl<L: Lanes> CostScratch<L> {
 impl<L: Lanes> Block<'_, L> {
     /// Writes the costs of all orders to `tile`, `lanes_of_pixel` per pixel, and returns their summary.
     #[inline(always)]
-    pub(in crate::correspondence::semi_global) fn evidence(
+    pub(in crate::correspondence::semi_global) fn matching_costs(
         &mut self,
         orders: &OrderBlock<'_>,
-        costs: &Costs,
+        costs: &CostTable,
         scratch: &mut CostScratch<L>,
         ends: &mut Ends,
         tile: &mut [u8],
@@ -107,7 +107,7 @@ impl<L: Lanes> Block<'_, L> {
         &mut self,
         orders: &OrderBlock<'_>,
         [skipped, count]: [usize; 2],
-        costs: &Costs,
+        costs: &CostTable,
         scratch: &mut CostScratch<L>,
         ends: &mut Ends,
         all: &mut BestBlock<L>,
@@ -151,7 +151,7 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Finds the crossings in the columns of an order.
     #[inline(always)]
-    fn cross(&self, lane: usize, first: L::Longs, costs: &Costs, scratch: &mut CostScratch<L>, ends: &mut Ends) {
+    fn cross(&self, lane: usize, first: L::Longs, costs: &CostTable, scratch: &mut CostScratch<L>, ends: &mut Ends) {
         let lanes = self.lanes;
         let columns = scratch.columns[lane];
         let last_column = lanes.word((self.image.width - 1) as i16);
@@ -197,7 +197,7 @@ impl<L: Lanes> Block<'_, L> {
         mut crossing: Crossing<L>,
         bases: L::Words,
         first: L::Longs,
-        costs: &Costs,
+        costs: &CostTable,
         scratch: &mut CostScratch<L>,
     ) {
         if !self.lanes.any(crossing.hit) {
@@ -213,7 +213,7 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Adds the costs of the kept crossings to the best costs, and clears them.
     #[inline(always)]
-    fn weigh(&self, first: L::Longs, costs: &Costs, scratch: &mut CostScratch<L>) {
+    fn weigh(&self, first: L::Longs, costs: &CostTable, scratch: &mut CostScratch<L>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
         for &(crossing, lane) in &scratch.crossings[..scratch.count] {
             let order = lanes.add_long(first, lanes.long(lane as i32));
@@ -223,7 +223,7 @@ impl<L: Lanes> Block<'_, L> {
             let fits = lanes.and(crossing.hit, lanes.mask_of(fits));
             let z = lanes.over(lanes.abs_float(rest), pixels.sd_turns);
             let step = lanes.times_float(z, lanes.float(STEPS_PER_Z));
-            let step = lanes.longs(lanes.min_float(step, lanes.float(Costs::STEPS as f32)));
+            let step = lanes.longs(lanes.min_float(step, lanes.float(CostTable::STEPS as f32)));
             let cost = lanes.numbers(&costs.of_step, step);
             let within = pixels.segments.have(column_px);
             let outside = lanes.select_long(within, lanes.long(0), lanes.long(i32::from(OUTSIDE)));

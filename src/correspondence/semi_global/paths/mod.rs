@@ -16,8 +16,8 @@
 //!
 //! A pixel that was decided before is settled on its order, whatever reaches it, and leaves its paths settled.
 //!
-//! carry is the whole turn that the wrapped phase skips between q and p: a continuing order changes by it. S differs
-//! from the sum of L by a number that is the same for all orders of a pixel.
+//! E(p, k) is the matching cost of order k. carry is the whole turn that the wrapped phase skips between q and p: a
+//! continuing order changes by it. S differs from the sum of L by a number that is the same for all orders of a pixel.
 //!
 //! Four directions run with the rows of the image and four against them, in two passes from opposite ends. They are
 //! independent until they meet in the middle. Each pass stores its sums in the first half of its way, and decides in
@@ -32,7 +32,7 @@ use crate::phase::PhaseMap;
 
 use super::UNITS_PER_NAT;
 use super::links::{AXES, Link, Links, MAX_SHIFT, NO_PLACE, RowLinks};
-use super::matching_cost::{Evidence, MISSING};
+use super::matching_cost::{MISSING, MatchingCosts};
 use super::order_ranges::{LANE_STEP, MAX_LANES, OrderRanges};
 
 use decision::{Decide, Leave};
@@ -70,7 +70,7 @@ pub(super) struct PathScratch {
 pub(super) fn least_costs(
     cam1: &PhaseMap,
     ranges: &OrderRanges,
-    evidence: &Evidence,
+    evidence: &MatchingCosts,
     scratch: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
@@ -82,7 +82,7 @@ fn least_costs_at(
     level: Level,
     cam1: &PhaseMap,
     ranges: &OrderRanges,
-    evidence: &Evidence,
+    evidence: &MatchingCosts,
     PathScratch { links, places, sums, passes }: &mut PathScratch,
     verdicts: &mut Verdicts,
 ) {
@@ -141,7 +141,7 @@ struct Sweep<'a, 'b> {
     width: usize,
     ranges: &'a OrderRanges,
     links: &'a Links,
-    evidence: &'a Evidence,
+    evidence: &'a MatchingCosts,
     pass: Pass,
     scratch: &'b mut PassScratch,
 }
@@ -420,7 +420,7 @@ mod tests {
     use crate::correspondence::test_random::random;
 
     /// Pieces of surfaces with holes. Most pixels have one order that fits, some have others that fit as well, or none.
-    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, OrderRanges, Evidence) {
+    fn scene(width: usize, height: usize, lanes: usize) -> (PhaseMap, OrderRanges, MatchingCosts) {
         let mut random = random(7);
         let pieces: Vec<[i32; 3]> = (0..64)
             .map(|_| [random(9000) as i32 - 4500, random(3000) as i32 - 1500, random(400_000) as i32 - 200_000])
@@ -452,7 +452,7 @@ mod tests {
             ranges.count.push(count as u8);
             costs.extend(own);
         }
-        let mut evidence = Evidence::new(costs, &ranges);
+        let mut evidence = MatchingCosts::new(costs, &ranges);
         // Most of some pieces are decided, some of them wrongly.
         for pixel in 0..width * height {
             let (u, v) = (pixel % width, pixel / width);
@@ -466,7 +466,7 @@ mod tests {
     }
 
     /// Every path order by order, as it is written above: the oracle.
-    fn plain(cam1: &PhaseMap, ranges: &OrderRanges, evidence: &Evidence) -> Vec<Option<(i16, u16)>> {
+    fn plain(cam1: &PhaseMap, ranges: &OrderRanges, evidence: &MatchingCosts) -> Vec<Option<(i16, u16)>> {
         let (width, lanes, pixels) = (cam1.width, ranges.lanes, cam1.phase.len());
         let decided = |pixel: usize| {
             let place = evidence.best.row(pixel..pixel + 1).place[0];
