@@ -1,7 +1,9 @@
-//! Commands to the instance, and its state.
+//! Commands to a running instance, and its state.
 
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
+
+use crate::codes::codes;
 
 /// Bytes of a [`Text`].
 const TEXT_BYTES: usize = 256;
@@ -15,27 +17,20 @@ pub struct Text(
     pub [u8; TEXT_BYTES],
 );
 
-/// What can be asked of a running instance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Command {
-    /// Tell the state.
-    State = 0,
-    /// Cameras and projector start.
-    Start = 1,
-    /// Cameras and projector stop; the services stay.
-    Stop = 2,
-    /// Start a recording; the text names its file, or is empty for a name made of the time.
-    RecordStart = 3,
-    /// End the recording.
-    RecordStop = 4,
-    /// Write the text into the recording, with the time.
-    Mark = 5,
-    /// End the instance.
-    Quit = 6,
+codes! {
+    /// A command to a running instance.
+    pub enum Command {
+        State = 0, "state", "reports the state";
+        Start = 1, "start", "starts cameras and projector";
+        Stop = 2, "stop", "stops cameras and projector; the services stay";
+        RecordStart = 3, "record_start", "starts a recording; the text names its file, or is empty for a default name";
+        RecordStop = 4, "record_stop", "ends the recording";
+        Mark = 5, "mark", "writes the text into the recording, with the time";
+        Quit = 6, "quit", "ends the instance";
+    }
 }
 
-/// A command.
+/// A request to a running instance.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.ControlRequest.1")]
@@ -48,7 +43,7 @@ pub struct ControlRequest {
     pub text: Text,
 }
 
-/// What came of a command.
+/// The answer to a request.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.ControlResponse.1")]
@@ -63,18 +58,18 @@ pub struct ControlResponse {
     pub text: Text,
 }
 
-/// What the instance is to do; the services follow it.
+/// The state that the instance should have; the services follow it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.ScanState.1")]
 pub struct ScanState {
     /// Raised with every change.
     pub revision: u64,
-    /// 1 while cameras and projector are to run.
+    /// 1 while cameras and projector should run.
     pub scanning: u32,
-    /// 1 while a recording is to run.
+    /// 1 while a recording should run.
     pub recording: u32,
-    /// Recordings begun so far: tells a new one from the one before.
+    /// Recordings started so far. A new number is a new recording.
     pub recordings: u64,
     /// Marks set so far.
     pub marks: u64,
@@ -91,7 +86,7 @@ impl Default for Text {
 }
 
 impl Text {
-    /// A text, cut at the last character that fits.
+    /// Copies a text, cut at the last character that fits.
     #[must_use]
     pub fn new(text: &str) -> Self {
         let mut bytes = [0; TEXT_BYTES];
@@ -100,33 +95,16 @@ impl Text {
         Self(bytes)
     }
 
-    /// The text; what is no UTF-8 is replaced.
+    /// The text; invalid UTF-8 is replaced.
     #[must_use]
     pub fn to_text(&self) -> String {
         let end = self.0.iter().position(|&b| b == 0).unwrap_or(TEXT_BYTES);
         String::from_utf8_lossy(&self.0[..end]).into_owned()
     }
 
-    /// Whether a text of this length survives whole.
+    /// Whether the whole text fits.
     #[must_use]
     pub fn fits(text: &str) -> bool {
         text.len() <= TEXT_BYTES
-    }
-}
-
-impl Command {
-    /// The command of a request; `None` for a number that is none.
-    #[must_use]
-    pub fn from_code(code: u32) -> Option<Self> {
-        const ALL: [Command; 7] = [
-            Command::State,
-            Command::Start,
-            Command::Stop,
-            Command::RecordStart,
-            Command::RecordStop,
-            Command::Mark,
-            Command::Quit,
-        ];
-        ALL.into_iter().find(|command| *command as u32 == code)
     }
 }

@@ -7,26 +7,26 @@ use iceoryx2::prelude::ZeroCopySend;
 pub mod flags {
     /// The driver marked the image as damaged.
     pub const DAMAGED: u32 = 1;
-    /// `exposure_start_ns` was reckoned from the end of the exposure or of the transfer.
+    /// `exposure_start_ns` was computed from the end of the exposure or of the transfer.
     pub const START_RECKONED: u32 = 2;
     /// The image comes from a recording.
     pub const REPLAYED: u32 = 4;
 }
 
-/// Describes the image that travels with it: `height_px` rows of `stride_bytes`.
+/// Describes the image in the payload: `height_px` rows of `stride_bytes`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.FrameHeader.1")]
 pub struct FrameHeader {
-    /// Start of the camera's stream; images of different sessions never meet in a window.
+    /// Start of the camera's stream. Images of different sessions never share a window.
     pub session: u64,
-    /// Number that the driver gave the image; gaps are images the camera lost.
+    /// Number of the image, from the driver. Gaps are images that the camera lost.
     pub sequence: u64,
-    /// Images this channel has carried before.
+    /// Images that the channel has carried before.
     pub published: u64,
     /// Start of the exposure.
     pub exposure_start_ns: u64,
-    /// When the image had reached this machine.
+    /// Arrival of the image on this machine.
     pub received_ns: u64,
     /// Duration of the exposure, nanoseconds; 0 if unknown.
     pub exposure_ns: u64,

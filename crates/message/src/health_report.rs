@@ -1,4 +1,4 @@
-//! The health of the scanner as of one window.
+//! Health of the scanner at one window.
 
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
@@ -11,31 +11,31 @@ pub const GAUGES: usize = 32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.GaugeReport.1")]
 pub struct GaugeReport {
-    /// Its level; 0 while it is not known.
+    /// Level of the quantity; 0 while unknown.
     pub level: f64,
-    /// Limit beyond which it is a warning.
+    /// Limit of the state "warn".
     pub warn: f64,
-    /// Limit beyond which it is bad.
+    /// Limit of the state "bad".
     pub bad: f64,
-    /// When it came to its state; 0 while it is not known.
+    /// Time of the last change of state; 0 while unknown.
     pub since_ns: u64,
-    /// Code of its `fringeflow_telemetry::health::HealthState`.
+    /// Code of the `fringeflow_telemetry::health::HealthState`.
     pub state: u32,
-    /// 1 where its level is known.
+    /// 1 if the level is known, else 0.
     pub is_known: u32,
 }
 
-/// All quantities, by their places in `fringeflow_telemetry::health::Quantity::ALL`.
+/// All quantities, in the order of `fringeflow_telemetry::health::Quantity::ALL`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.HealthReport.1")]
 pub struct HealthReport {
-    /// The quantities; those from the last on are empty.
+    /// The quantities. Unused entries are zero.
     pub gauges: [GaugeReport; GAUGES],
 }
 
 impl GaugeReport {
-    /// Its level, where it is known.
+    /// The level, if it is known.
     #[must_use]
     pub fn known(&self) -> Option<f64> {
         (self.is_known != 0).then_some(self.level)

@@ -1,56 +1,18 @@
-//! What happened to a stage beside its items: faults that were survived.
+//! Faults that a stage survived.
 
-/// Something that went wrong, or nearly, without being an item: counted, never dropped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(u32)]
-pub enum Incident {
-    /// The camera sent nothing for longer than its time-out.
-    TimeOut = 0,
-    /// A signal cut a wait or a call short; it was made again.
-    Interrupted = 1,
-    /// The driver refused a call that it should not have.
-    CallRefused = 2,
-    /// The stream was stopped and begun anew.
-    StreamRestart = 3,
-    /// The camera was unplugged.
-    Unplugged = 4,
-    /// The camera was there again, under whatever number.
-    Returned = 5,
-    /// The driver's numbers of the images began anew.
-    NumberingRestart = 6,
-    /// A time stamp lay after the arrival of its image.
-    StampAhead = 7,
-    /// Time stamps ran back, or are of no known clock; times were reckoned from an arrival.
-    StampJump = 8,
-}
+use crate::codes::codes;
 
-impl Incident {
-    /// All incidents.
-    pub const ALL: [Self; 9] = [
-        Self::TimeOut,
-        Self::Interrupted,
-        Self::CallRefused,
-        Self::StreamRestart,
-        Self::Unplugged,
-        Self::Returned,
-        Self::NumberingRestart,
-        Self::StampAhead,
-        Self::StampJump,
-    ];
-
-    /// Name in reports, metrics and recordings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TimeOut => "time_out",
-            Self::Interrupted => "interrupted",
-            Self::CallRefused => "call_refused",
-            Self::StreamRestart => "stream_restart",
-            Self::Unplugged => "unplugged",
-            Self::Returned => "returned",
-            Self::NumberingRestart => "numbering_restart",
-            Self::StampAhead => "stamp_ahead",
-            Self::StampJump => "stamp_jump",
-        }
+codes! {
+    /// A fault, or a near one, that concerns no single item. Incidents are counted; they drop nothing.
+    pub enum Incident {
+        TimeOut = 0, "time_out", "no image for longer than the time-out";
+        Interrupted = 1, "interrupted", "a signal interrupted a call; the call was repeated";
+        CallRefused = 2, "call_refused", "the driver refused a call";
+        StreamRestart = 3, "stream_restart", "the stream was stopped and restarted";
+        Unplugged = 4, "unplugged", "the camera was unplugged";
+        Returned = 5, "returned", "the camera is connected again";
+        NumberingRestart = 6, "numbering_restart", "the sequence numbers of the driver started again";
+        StampAhead = 7, "stamp_ahead", "a time stamp was later than the arrival of its image";
+        StampJump = 8, "stamp_jump", "time stamps ran backwards or came from an unknown clock";
     }
 }

@@ -1,10 +1,13 @@
-//! What crosses a process border: plain structs of fixed layout, the same in Rust, C, C++ and Python.
+//! Messages between processes: plain structs of fixed layout, the same in Rust, C, C++ and Python.
 //!
-//! Every struct is `#[repr(C)]`, has no hidden padding, and carries a versioned type name: a reader of another version
-//! finds no channel instead of misreading one. Whoever changes a field raises the number in the name, and
-//! `docs/projector-driver.md` and `include/fringeflow.h` with it.
+//! ```text
+//!  cameras ──────► FrameHeader ─┐
+//!                               ├─► synchronization ─► Window ─► MapsHeader ─► CorrespondenceHeader ─► CloudHeader
+//!  projector ────► PatternEvent ┘                         ▲                                                │
+//!                                                         └────────────── PriorHeader ◄─ PoseReport ◄──────┘
+//! ```
 //!
-//! | message | channel | payload beside it |
+//! | message | channel | payload |
 //! |---|---|---|
 //! | [`FrameHeader`] | `cam1/frame`, `cam2/frame` | bytes of the image |
 //! | [`PatternEvent`] | `projector/pattern` | – |
@@ -19,17 +22,47 @@
 //! | [`ScanState`] | `control/state` | – |
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
 //!
-//! Times are nanoseconds of `CLOCK_MONOTONIC`. `published` counts what a channel's publisher has sent, without gaps and
-//! across its restarts: a gap at the receiver is a loss in between, and is counted there.
+//! Every struct is `#[repr(C)]`, has no hidden padding, and carries a versioned type name. A reader of another version
+//! finds no channel instead of misreading one. A change of a field raises the number in the name, and changes
+//! `docs/projector-driver.md` and `include/fringeflow.h`.
+//!
+//! Times are nanoseconds of `CLOCK_MONOTONIC`. `published` numbers the messages of a channel without gaps, also across
+//! restarts of the publisher. A gap at the receiver is a loss in the channel, and the receiver counts it.
+//!
+//! [`synchronization`] finds the images that belong together:
+//!
+//! ```
+//! use fringeflow_message::synchronization::{Settings, StepSource, Synchronizer};
+//! use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
+//!
+//! let source = StepSource::Events { period_px: 16.0 };
+//! let settings =
+//!     Settings { steps: 4, images: 4, frame_period_ns: 10_000_000, source, window_stride: 4, max_waiting: 8 };
+//! let mut synchronizer = Synchronizer::new(settings)?;
+//! for number in 0..4 {
+//!     let exposure_start_ns = 1_000_000_000 + 10_000_000 * number;
+//!     let received_ns = exposure_start_ns + 9_000_000;
+//!     let event = PatternEvent { sequence: number, exposure_start_ns, period_px: 16.0, ..PatternEvent::default() };
+//!     synchronizer.push_pattern(PatternEvent { step: number as u32, steps: 4, kind: PATTERN_FRINGES, ..event });
+//!     for camera in [1, 2] {
+//!         let header = FrameHeader { camera, sequence: number, published: number, ..FrameHeader::default() };
+//!         let pixels = format!("image {number} of camera {camera}");
+//!         synchronizer.push_frame(FrameHeader { exposure_start_ns, received_ns, ..header }, pixels);
+//!     }
+//! }
+//! let images = synchronizer.next_window().expect("four pairs are a window");
+//! assert_eq!((images.window.first_step, images.cam2[3].as_str()), (0, "image 3 of camera 2"));
+//! # Ok::<(), fringeflow_message::synchronization::SettingsError>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
+mod codes;
 mod control;
 mod frame;
 mod health_report;
 mod incident;
 mod maps;
-mod meaning;
 mod pattern;
 mod report;
 pub mod synchronization;

@@ -1,13 +1,13 @@
-//! Which images belong together.
+//! The images of one measurement.
 
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 use fringeflow_base::limits::MAX_IMAGES;
 
-/// The image pairs that one phase map, one set of correspondences and one cloud are made of: its provenance.
+/// The image pairs behind one phase map, one set of correspondences and one cloud.
 ///
-/// Entries of the arrays are in the order of the exposures; those from `images` on are zero.
+/// The arrays are in the order of the exposures. Their entries from `images` on are zero.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.Window.3")]
@@ -24,20 +24,20 @@ pub struct Window {
     pub first_exposure_ns: u64,
     /// Start of the last exposure.
     pub last_exposure_ns: u64,
-    /// Middle between both: the time of the cloud.
+    /// Midpoint of both, which is the time of the cloud.
     pub centre_ns: u64,
-    /// When the last image had reached this machine.
+    /// Arrival of the last image on this machine.
     pub received_ns: u64,
-    /// 1 more than the number of the message on `tracking/prior` that the images were decoded with; 0 for none.
+    /// 1 + the number of the prior (message on `tracking/prior`) that the images were decoded with; 0 for none.
     pub prior: u64,
     /// Number of image pairs: N of a cycle, and more where motion is compensated.
     pub images: u32,
-    /// Step of the first pair; the others follow in turn.
+    /// Step of the first pair. The next pairs have the next steps.
     pub first_step: u32,
 }
 
 impl Window {
-    /// Number of the message on `tracking/prior` that the images were decoded with.
+    /// Number of the prior that the images were decoded with.
     #[must_use]
     pub fn prior_number(&self) -> Option<u64> {
         self.prior.checked_sub(1)

@@ -1,57 +1,59 @@
-//! The pattern events in order: in go events as they come, out comes for each exposure its step, or why it has none.
+//! Puts the pattern events in order.
 //!
-//! The first event of an exposure counts, and nobody waits for a second one: that would delay every cloud by a period and
-//! lose the last window of a scan. A second event that says something else breaks the run of windows behind it instead.
+//! In: events as they arrive. Out: for each exposure its step, or the reason why it has none.
+//!
+//! The first event of an exposure counts. Waiting for a second one would delay every cloud by a period and lose the last
+//! window of a scan. A second event with another content breaks the run of windows after it instead.
 
 use std::collections::VecDeque;
 
 use crate::{Counts, DropReason, PATTERN_FRINGES, PatternEvent};
 
-use super::lane::{Lane, Place, Placed};
-use super::numbering::{Arrival, Numbering};
+use super::gaps::{Arrival, GapCounter};
+use super::reorder::{Place, Placed, ReorderBuffer};
 use super::{Settings, StepSource};
 
-/// Most events that wait for their pair.
-const MOST_EVENTS: usize = 64;
-/// Events remembered to recognise a second one of the same exposure.
+/// Maximum number of events that wait for their pair.
+const MAX_EVENTS: usize = 64;
+/// Events remembered to recognise a second event of the same exposure.
 const REMEMBERED: usize = 16;
-/// An event is lost when one comes whose number is greater by more than this: well behind where it could still be used.
+/// An event is lost when a number arrives that is greater by more than this. By then it could not be used any more.
 const PATIENCE: u64 = 8;
-/// Sessions of the driver remembered, so that one that comes back is not taken for a new one.
+/// Sessions of the driver remembered, so that an old session is not taken for a new one.
 const SESSIONS: usize = 4;
-/// A period is the configured one if it differs by less than this share.
+/// Relative tolerance of the fringe period.
 const PERIOD_TOLERANCE: f64 = 1e-6;
 
 /// Pattern events in order.
 #[derive(Debug)]
-pub(super) struct Announcements {
+pub(super) struct PatternEvents {
     settings: Settings,
-    lane: Lane<Announced>,
-    sequence: Numbering,
-    /// Sessions so far, the present one last.
+    reorder: ReorderBuffer<Announcement>,
+    gaps: GapCounter,
+    /// Sessions so far, the current one last.
     sessions: VecDeque<u64>,
     recent: VecDeque<PatternEvent>,
     contradictions: u64,
 }
 
-/// What an event says of its exposure: a step, or why there is none.
+/// The step that an event announces for its exposure, or why it has none.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Announced {
+pub(super) struct Announcement {
     pub(super) step: Result<usize, DropReason>,
     pub(super) origin: Origin,
 }
 
-/// Where a step was announced: what follows in a window was announced next.
+/// Position of an event in the stream. Consecutive pairs of a window have consecutive origins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Origin {
     pub(super) session: u64,
     pub(super) sequence: u64,
-    /// Contradictions before it.
+    /// Number of contradictions before the event.
     pub(super) contradictions: u64,
 }
 
 impl Origin {
-    /// Whether this was announced right after `before`.
+    /// Whether this is the next event after `before`, without a contradiction in between.
     pub(super) fn follows(&self, before: &Self) -> bool {
         self.session == before.session
             && self.contradictions == before.contradictions
@@ -59,76 +61,77 @@ impl Origin {
     }
 }
 
-impl Announcements {
+impl PatternEvents {
     pub(super) fn new(settings: Settings) -> Self {
         Self {
             settings,
-            lane: Lane::new(),
-            sequence: Numbering::new(PATIENCE),
+            reorder: ReorderBuffer::new(),
+            gaps: GapCounter::new(PATIENCE),
             sessions: VecDeque::new(),
             recent: VecDeque::new(),
             contradictions: 0,
         }
     }
 
-    pub(super) fn expect(&mut self, session: u64, sequence: u64) {
+    /// Sets the session and number of the next event.
+    pub(super) fn set_next(&mut self, session: u64, sequence: u64) {
         self.sessions.push_back(session);
-        self.sequence.expect(Some(sequence));
+        self.gaps.set_next(Some(sequence));
     }
 
     /// Takes an event.
-    pub(super) fn admit(&mut self, event: PatternEvent, counts: &mut Counts) {
+    pub(super) fn push(&mut self, event: PatternEvent, counts: &mut Counts) {
         let place = Place { session: event.session, sequence: event.sequence, time_ns: event.exposure_start_ns };
-        if !self.arrives(&place, counts) {
+        if !self.count_arrival(&place, counts) {
             return;
         }
-        match self.refusal(&event) {
+        match self.reason_to_drop(&event) {
             Some(reason) => counts.drop_one(reason),
-            None => self.put_in_order(event, place),
+            None => self.reorder(event, place),
         }
-        for (announced, reason) in self.lane.take_dropped() {
+        for (announced, reason) in self.reorder.take_dropped() {
             counts.drop_one(announced.step.err().unwrap_or(reason));
         }
-        while self.lane.waiting() > MOST_EVENTS && self.drop_first(counts) {}
+        while self.reorder.waiting() > MAX_EVENTS && self.drop_oldest(counts) {}
     }
 
-    /// Start of the next exposure.
-    pub(super) fn next_ns(&self) -> Option<u64> {
-        self.lane.next_place().map(|place| place.time_ns)
+    /// Start of the exposure of the next event.
+    pub(super) fn next_exposure_ns(&self) -> Option<u64> {
+        self.reorder.next_place().map(|place| place.time_ns)
     }
 
-    /// Takes what is said of the next exposure.
-    pub(super) fn take_next(&mut self) -> Option<Announced> {
-        self.lane.take_next()
+    /// Takes the next announcement.
+    pub(super) fn take_next(&mut self) -> Option<Announcement> {
+        self.reorder.take_next()
     }
 
-    /// Drops the event that has waited longest: no pair belongs to it.
-    pub(super) fn drop_first(&mut self, counts: &mut Counts) -> bool {
-        let dropped = self.lane.take_next();
+    /// Drops the oldest event, since no pair belongs to it; `false` if there is none.
+    pub(super) fn drop_oldest(&mut self, counts: &mut Counts) -> bool {
+        let dropped = self.reorder.take_next();
         if let Some(announced) = dropped {
             counts.drop_one(announced.step.err().unwrap_or(DropReason::Unpaired));
         }
         dropped.is_some()
     }
 
-    /// Counts everything that waits as stopped.
+    /// Drops all waiting events as stopped.
     pub(super) fn end(&mut self, counts: &mut Counts) {
-        for announced in self.lane.take_waiting() {
+        for announced in self.reorder.take_waiting() {
             counts.drop_one(announced.step.err().unwrap_or(DropReason::Stopped));
         }
-        count_lost(self.sequence.give_up(), counts);
+        count_lost(self.gaps.give_up(), counts);
     }
 
-    /// Counts the event and those lost before it; `false` if it was itself counted as lost.
-    fn arrives(&mut self, place: &Place, counts: &mut Counts) -> bool {
+    /// Counts the event and the lost events before it; `false` if the event itself was already counted as lost.
+    fn count_arrival(&mut self, place: &Place, counts: &mut Counts) -> bool {
         counts.taken += 1;
-        if self.lane.is_stale(place) {
+        if self.reorder.is_stale(place) {
             return true;
         }
         if self.sessions.back() != Some(&place.session) {
             self.begin_session(place.session, counts);
         }
-        match self.sequence.arrive(place.sequence) {
+        match self.gaps.arrive(place.sequence) {
             Arrival::New { lost } => count_lost(lost, counts),
             Arrival::CountedAsLost => {
                 counts.taken -= 1;
@@ -138,11 +141,11 @@ impl Announcements {
         true
     }
 
-    /// A driver that was here before numbers from 0; of one that was not, the first event seen is the first.
+    /// A new driver numbers its events from 0. For the first driver the number of its first event is unknown.
     fn begin_session(&mut self, session: u64, counts: &mut Counts) {
-        count_lost(self.sequence.give_up(), counts);
+        count_lost(self.gaps.give_up(), counts);
         let is_new = !self.sessions.is_empty() && !self.sessions.contains(&session);
-        self.sequence.expect(is_new.then_some(0));
+        self.gaps.set_next(is_new.then_some(0));
         self.sessions.retain(|&known| known != session);
         self.sessions.push_back(session);
         if self.sessions.len() > SESSIONS {
@@ -151,8 +154,8 @@ impl Announcements {
         self.recent.clear();
     }
 
-    /// Why an event is dropped before it is put in order.
-    fn refusal(&mut self, event: &PatternEvent) -> Option<DropReason> {
+    /// Reason to drop an event before it is put in order.
+    fn reason_to_drop(&mut self, event: &PatternEvent) -> Option<DropReason> {
         if matches!(self.settings.source, StepSource::Cycle) {
             return Some(DropReason::Unpaired);
         }
@@ -160,25 +163,26 @@ impl Announcements {
             return Some(DropReason::BadTime);
         }
         let half_period_ns = self.settings.half_period_ns();
+        // The same number, or the same exposure within half a period.
         let twin = self.recent.iter().find(|recent| {
             let apart_ns = recent.exposure_start_ns.abs_diff(event.exposure_start_ns);
             recent.session == event.session && (recent.sequence == event.sequence || apart_ns < half_period_ns)
         })?;
-        if says_the_same(twin, event) {
+        if has_same_content(twin, event) {
             return Some(DropReason::Duplicate);
         }
         self.contradictions += 1;
         Some(DropReason::PatternConflict)
     }
 
-    fn put_in_order(&mut self, event: PatternEvent, place: Place) {
+    fn reorder(&mut self, event: PatternEvent, place: Place) {
         self.recent.push_back(event);
         if self.recent.len() > REMEMBERED {
             self.recent.pop_front();
         }
         let (session, sequence) = (event.session, event.sequence);
         let origin = Origin { session, sequence, contradictions: self.contradictions };
-        self.lane.admit(Placed { place, item: Announced { step: self.step_of(&event), origin } });
+        self.reorder.push(Placed { place, item: Announcement { step: self.step_of(&event), origin } });
     }
 
     fn step_of(&self, event: &PatternEvent) -> Result<usize, DropReason> {
@@ -201,7 +205,7 @@ fn count_lost(lost: u64, counts: &mut Counts) {
     counts.drop_many(DropReason::Overrun, lost);
 }
 
-fn says_the_same(one: &PatternEvent, other: &PatternEvent) -> bool {
+fn has_same_content(one: &PatternEvent, other: &PatternEvent) -> bool {
     let content = |event: &PatternEvent| (event.kind, event.steps, event.step, event.period_px.to_bits());
     content(one) == content(other)
 }

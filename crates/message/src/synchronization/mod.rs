@@ -1,24 +1,26 @@
-//! Which images belong together: in go the images of both cameras and the pattern events, each in the order of its
-//! channel; out come windows, N or more image pairs in a row that show the pattern steps in turn.
+//! Finds the images that belong together.
+//!
+//! In: the images of both cameras and the pattern events, each in the order of its channel. Out: windows, N or more
+//! consecutive image pairs that show the pattern steps in turn.
 //!
 //! ```text
-//!  images of C1 ─► order ─┐
-//!                         ├─► pairs ─┐
-//!  images of C2 ─► order ─┘          ├─► pairs with step ─► windows
-//!  pattern events ─► order ──────────┘
+//!  images of C1 ─► reorder ─┐
+//!                           ├─► pairing ─┐
+//!  images of C2 ─► reorder ─┘            ├─► steps ─► windows
+//!  pattern events ─► reorder ────────────┘
 //! ```
 //!
-//! A window is complete or it is not put out: a lost image loses its windows and never shifts a phase. What comes out
-//! depends on the content and order of each channel alone, not on how the channels interleave, unless so much waits that
-//! the bounds are reached; hence a replay makes the same windows. Nothing here knows a clock: an image waits until
-//! another one, later, shows that its partner cannot come any more.
+//! Every window is complete. A lost image costs its windows and never shifts a phase. The windows depend on the content and
+//! order of each channel, and not on the interleaving of the channels, as long as the waiting images stay below the limits.
+//! Hence a replay makes the same windows. Nothing here reads a clock: an image waits until a later one shows that its
+//! partner cannot come any more.
 //!
-//! Take one message of each channel in turn: then what waits stays far below the bounds.
+//! Take one message of each channel in turn. Then the number of waiting images stays far below the limits.
 
 mod events;
-mod lane;
-mod numbering;
+mod gaps;
 mod pairing;
+mod reorder;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -31,30 +33,31 @@ use fringeflow_base::limits::{MAX_IMAGES, MAX_STEPS, MIN_STEPS};
 use crate::{Counts, DropReason, FrameHeader, PatternEvent, Skew, Stage, Window};
 
 use pairing::{Image, Pairing};
-use steps::Steps;
-use windows::Windows;
+use steps::StepAssignment;
+use windows::WindowBuilder;
 
-/// Fewest images that must be able to wait: what a lost image makes the other camera wait, and one more.
-pub const LEAST_WAITING: usize = 4;
+/// Lower limit of [`Settings::max_waiting`]: a lost image makes three images of the other camera wait, and one more.
+pub const MIN_WAITING: usize = 4;
 
-/// How images are put together.
+/// Settings of the synchronization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Number of steps N of the phase shift.
     pub steps: usize,
-    /// Image pairs of a window: N, and more where motion is compensated.
+    /// Image pairs of a window: N, or more if motion is compensated.
     pub images: usize,
-    /// Time from one exposure to the next, nanoseconds; true within some percent.
+    /// Time from one exposure to the next, nanoseconds. An error of some percent is allowed.
     pub frame_period_ns: u64,
-    /// What tells the step of a pair.
+    /// Source of the step of a pair.
     pub source: StepSource,
-    /// Every how many pairs a window is put out: 1 for every one, N for disjoint windows that end with the last step.
-    pub every: usize,
-    /// Most images of a camera that wait for their partner or their step; with the images of a window more, what is held.
-    pub waiting: usize,
+    /// Window stride, pairs: 1 for a window with every pair, N for disjoint windows that end with the last step.
+    pub window_stride: usize,
+    /// Maximum number of images of a camera that wait for their partner or their step. The images of one window are held in
+    /// addition.
+    pub max_waiting: usize,
 }
 
-/// What tells the step of a pair.
+/// Source of the step of a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StepSource {
     /// The driver of the projector announces each pattern.
@@ -62,11 +65,11 @@ pub enum StepSource {
         /// Fringe period that the events must have, projector pixels.
         period_px: f64,
     },
-    /// The driver number of camera 1, modulo N: the projector starts with step 0 at the first image of the session.
+    /// The sequence number of camera 1 modulo N. The projector shows step 0 at the first image of the session.
     Cycle,
 }
 
-/// Settings that cannot be followed.
+/// Settings out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// Too few or too many steps.
@@ -75,7 +78,7 @@ pub enum SettingsError {
         /// The value.
         steps: usize,
     },
-    /// A window shorter than a cycle, or too long.
+    /// A window is shorter than a cycle, or too long.
     #[error("a window has {images} image pairs; with {steps} steps it must have {steps} to {MAX_IMAGES}")]
     Images {
         /// The value.
@@ -83,35 +86,39 @@ pub enum SettingsError {
         /// Number of steps.
         steps: usize,
     },
-    /// Too short a frame period.
+    /// The frame period is too short.
     #[error("the frame period is {frame_period_ns} ns; give the time from one exposure to the next, at least 1000 ns")]
     FramePeriod {
         /// The value.
         frame_period_ns: u64,
     },
-    /// A fringe period that no pattern has.
+    /// The fringe period is not a positive number.
     #[error("the fringe period is {period_px} px; it must be a finite number above 0")]
     FringePeriod {
         /// The value.
         period_px: f64,
     },
-    /// No window at all.
-    #[error("every is 0; give 1 for a window with every image pair, or the number of steps for disjoint windows")]
-    Every,
-    /// Too few images may wait.
-    #[error("waiting is {waiting}; at least {LEAST_WAITING} images of a camera must be able to wait for the other")]
-    Waiting {
+    /// The window stride is 0.
+    #[error(
+        "the window stride is 0; give 1 for a window with every image pair, or the number of steps for disjoint windows"
+    )]
+    WindowStride,
+    /// The limit of waiting images is too low.
+    #[error(
+        "max_waiting is {max_waiting}; at least {MIN_WAITING} images of a camera must be able to wait for the other"
+    )]
+    MaxWaiting {
         /// The value.
-        waiting: usize,
+        max_waiting: usize,
     },
 }
 
 /// The images of one window, in the order of their exposures.
 #[derive(Clone, Debug)]
 pub struct WindowImages<F> {
-    /// Which images they are.
+    /// Sessions, numbers and times of the images.
     pub window: Window,
-    /// By how much images of camera 2 begin later than those of camera 1, mean over the pairs, nanoseconds.
+    /// Delay of the images of camera 2 after those of camera 1, mean over the pairs, nanoseconds.
     pub skew_ns: i64,
     /// Images of camera 1.
     pub cam1: Vec<F>,
@@ -119,13 +126,13 @@ pub struct WindowImages<F> {
     pub cam2: Vec<F>,
 }
 
-/// Puts images together; `F` holds the pixels of an image and is cloned into each window it belongs to.
+/// Makes windows of images. `F` holds the pixels of an image and is cloned into each window of the image.
 #[derive(Debug)]
 pub struct Synchronizer<F> {
     settings: Settings,
     pairing: Pairing<F>,
-    steps: Steps<F>,
-    windows: Windows<F>,
+    steps: StepAssignment<F>,
+    windows: WindowBuilder<F>,
     ready: VecDeque<WindowImages<F>>,
     counts: StageCounts,
 }
@@ -143,7 +150,7 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), SettingsError> {
-        let Self { steps, images, frame_period_ns, source, every, waiting } = *self;
+        let Self { steps, images, frame_period_ns, source, window_stride, max_waiting } = *self;
         if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
             return Err(SettingsError::Steps { steps });
         }
@@ -158,59 +165,59 @@ impl Settings {
         {
             return Err(SettingsError::FringePeriod { period_px });
         }
-        if every == 0 {
-            return Err(SettingsError::Every);
+        if window_stride == 0 {
+            return Err(SettingsError::WindowStride);
         }
-        if waiting < LEAST_WAITING {
-            return Err(SettingsError::Waiting { waiting });
+        if max_waiting < MIN_WAITING {
+            return Err(SettingsError::MaxWaiting { max_waiting });
         }
         Ok(())
     }
 }
 
 impl<F: Clone> Synchronizer<F> {
-    /// A synchronizer that has seen nothing.
+    /// A synchronizer without any message yet.
     ///
     /// # Errors
-    /// Settings out of range.
+    /// [`SettingsError`].
     pub fn new(settings: Settings) -> Result<Self, SettingsError> {
         settings.check()?;
         Ok(Self {
             settings,
             pairing: Pairing::new(settings.half_period_ns()),
-            steps: Steps::new(settings),
-            windows: Windows::new(settings),
+            steps: StepAssignment::new(settings),
+            windows: WindowBuilder::new(settings),
             ready: VecDeque::new(),
             counts: StageCounts::default(),
         })
     }
 
-    /// Says what a camera (1 or 2) publishes next, so that what is lost before the first image is counted.
+    /// Sets the next number that a camera (1 or 2) publishes, so that losses before the first image are counted.
     pub fn expect_frame(&mut self, camera: u32, published: u64) {
-        if let Some(camera) = index_of(camera) {
-            self.pairing.expect(camera, published);
+        if let Some(camera) = camera_index(camera) {
+            self.pairing.set_next(camera, published);
         }
     }
 
-    /// Says which event the projector driver publishes next, so that what is lost before the first one is counted.
+    /// Sets the next event of the projector driver, so that losses before the first event are counted.
     pub fn expect_pattern(&mut self, session: u64, sequence: u64) {
-        self.steps.events().expect(session, sequence);
+        self.steps.events().set_next(session, sequence);
     }
 
     /// Takes an image.
-    pub fn frame(&mut self, header: FrameHeader, handle: F) {
-        let Some(camera) = index_of(header.camera) else {
+    pub fn push_frame(&mut self, header: FrameHeader, handle: F) {
+        let Some(camera) = camera_index(header.camera) else {
             self.counts.pairing.taken += 1;
             return self.counts.pairing.drop_one(DropReason::Malformed);
         };
-        self.pairing.admit(camera, Image { header, handle }, &mut self.counts.pairing);
+        self.pairing.push(camera, Image { header, handle }, &mut self.counts.pairing);
         self.advance();
-        self.limit(camera);
+        self.limit_waiting(camera);
     }
 
-    /// Counts an image that its receiver refuses: the pipeline takes it as lost.
+    /// Counts an image that its receiver refuses. The windows treat it as lost.
     pub fn refuse_frame(&mut self, header: &FrameHeader, reason: DropReason) {
-        match index_of(header.camera) {
+        match camera_index(header.camera) {
             Some(camera) => self.pairing.refuse(camera, header, reason, &mut self.counts.pairing),
             None => {
                 self.counts.pairing.taken += 1;
@@ -220,18 +227,18 @@ impl<F: Clone> Synchronizer<F> {
     }
 
     /// Takes an event of the projector driver.
-    pub fn pattern(&mut self, event: PatternEvent) {
-        self.steps.events().admit(event, &mut self.counts.pattern);
+    pub fn push_pattern(&mut self, event: PatternEvent) {
+        self.steps.events().push(event, &mut self.counts.pattern);
         self.advance();
     }
 
-    /// The next window; ask until there is none after each message, so that its images are free again.
+    /// Takes the next window. Take all windows after each message, so that their images can be freed.
     pub fn next_window(&mut self) -> Option<WindowImages<F>> {
         self.ready.pop_front()
     }
 
-    /// Counts of [`Stage::Pattern`] (events), [`Stage::Pairing`] (images) and [`Stage::Windowing`] (pairs); `None` of
-    /// other stages.
+    /// Counts of [`Stage::Pattern`] (events), [`Stage::Pairing`] (images) and [`Stage::Windowing`] (pairs); `None` for other
+    /// stages.
     #[must_use]
     pub fn counts(&self, stage: Stage) -> Option<&Counts> {
         match stage {
@@ -242,12 +249,12 @@ impl<F: Clone> Synchronizer<F> {
         }
     }
 
-    /// Skew of the pairs since this was asked last.
+    /// Skew of the pairs since the last call.
     pub fn take_skew(&mut self) -> Skew {
         self.pairing.take_skew()
     }
 
-    /// Ends the run: what still waits is dropped as stopped; windows that are ready stay so.
+    /// Ends the run. Waiting messages are dropped as stopped; finished windows stay.
     pub fn end(&mut self) {
         self.pairing.end(&mut self.counts.pairing);
         self.steps.end(&mut self.counts.pattern, &mut self.counts.pairing);
@@ -256,25 +263,25 @@ impl<F: Clone> Synchronizer<F> {
 
     fn advance(&mut self) {
         let StageCounts { pattern, pairing, windowing } = &mut self.counts;
-        while let Some(pair) = self.pairing.next(pairing) {
-            self.steps.add(pair);
+        while let Some(pair) = self.pairing.next_pair(pairing) {
+            self.steps.push(pair);
         }
-        while let Some(stepped) = self.steps.next(pattern, pairing) {
-            self.ready.extend(self.windows.add(stepped, windowing));
+        while let Some(stepped) = self.steps.next_pair(pattern, pairing) {
+            self.ready.extend(self.windows.push(stepped, windowing));
         }
     }
 
-    /// Gives up what has waited longest where more images of a camera wait than may.
-    fn limit(&mut self, camera: usize) {
+    /// Drops the oldest images of a camera while too many wait.
+    fn limit_waiting(&mut self, camera: usize) {
         let counts = &mut self.counts.pairing;
-        while self.pairing.waiting(camera) + self.steps.waiting() > self.settings.waiting {
-            if !self.steps.give_up_first(counts) && !self.pairing.give_up_first(camera, counts) {
+        while self.pairing.waiting(camera) + self.steps.waiting() > self.settings.max_waiting {
+            if !self.steps.drop_oldest(counts) && !self.pairing.drop_oldest(camera, counts) {
                 return;
             }
         }
     }
 }
 
-fn index_of(camera: u32) -> Option<usize> {
+fn camera_index(camera: u32) -> Option<usize> {
     [1, 2].iter().position(|&number| number == camera)
 }

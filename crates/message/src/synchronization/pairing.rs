@@ -1,25 +1,25 @@
-//! Images of both cameras, paired: in go the images of each camera as they come, out come pairs of one exposure.
+//! Pairs the images of both cameras that show the same exposure.
 //!
-//! Two images are of one exposure if their exposures begin within half a frame period. The difference of their driver
-//! numbers stays the same for a session; where times contradict it, the times are believed, but not by the pair that
-//! shows it. An image waits until the other camera has delivered a later one.
+//! Two images show the same exposure if their exposures start within half a frame period. The difference of their sequence
+//! numbers is constant in a session. If the times contradict it, the new difference is accepted, but the pair that shows it
+//! is dropped. An image waits until the other camera has delivered a later one.
 
 use crate::{Counts, DropReason, FrameHeader, Skew};
 
-use super::lane::{Lane, Place, Placed};
-use super::numbering::{Arrival, Numbering};
+use super::gaps::{Arrival, GapCounter};
+use super::reorder::{Place, Placed, ReorderBuffer};
 
-/// Longest way of an image from its exposure to this machine, nanoseconds.
-const LONGEST_WAY_NS: u64 = 3_600_000_000_000;
+/// Longest time from the exposure of an image to its arrival on this machine, nanoseconds.
+const MAX_LATENCY_NS: u64 = 3_600_000_000_000;
 
-/// An image and what holds its pixels.
+/// An image and the handle of its pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Image<F> {
     pub(super) header: FrameHeader,
     pub(super) handle: F,
 }
 
-/// Images of camera 1 and camera 2 of one exposure.
+/// The images of camera 1 and camera 2 of one exposure.
 #[derive(Clone, Debug)]
 pub(super) struct Pair<F>(pub(super) [Image<F>; 2]);
 
@@ -27,13 +27,13 @@ pub(super) struct Pair<F>(pub(super) [Image<F>; 2]);
 #[derive(Debug)]
 pub(super) struct Pairing<F> {
     half_period_ns: u64,
-    cameras: [Lane<Image<F>>; 2],
-    published: [Numbering; 2],
+    cameras: [ReorderBuffer<Image<F>>; 2],
+    gaps: [GapCounter; 2],
     offset: Option<Offset>,
     skew: Skew,
 }
 
-/// What camera 2 adds to the driver number of camera 1.
+/// Sequence number of camera 2 minus that of camera 1, for two sessions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Offset {
     sessions: [u64; 2],
@@ -46,15 +46,15 @@ impl<F> Pair<F> {
         self.0[0].header.exposure_start_ns
     }
 
-    /// By how much the exposure of camera 2 begins later.
+    /// Delay of the exposure of camera 2 after that of camera 1.
     pub(super) fn skew_ns(&self) -> i64 {
         let [cam1_ns, cam2_ns] = [0, 1].map(|camera| self.0[camera].header.exposure_start_ns as i64);
         cam2_ns - cam1_ns
     }
 
-    /// Whether this pair's driver numbers follow those of `before` in both cameras.
+    /// Whether the sequence numbers of both cameras follow those of `before`.
     pub(super) fn follows(&self, before: &Self) -> bool {
-        self.of_sessions_of(before)
+        self.has_same_sessions(before)
             && self
                 .0
                 .iter()
@@ -62,61 +62,65 @@ impl<F> Pair<F> {
                 .all(|(image, before)| before.header.sequence.checked_add(1) == Some(image.header.sequence))
     }
 
-    /// Whether no camera was started anew since `before`.
-    pub(super) fn of_sessions_of(&self, before: &Self) -> bool {
+    /// Whether no camera was restarted since `before`.
+    pub(super) fn has_same_sessions(&self, before: &Self) -> bool {
         self.0.iter().zip(&before.0).all(|(image, before)| image.header.session == before.header.session)
     }
 }
 
 impl<F> Pairing<F> {
     pub(super) fn new(half_period_ns: u64) -> Self {
-        let published = [Numbering::new(0), Numbering::new(0)];
-        Self { half_period_ns, cameras: [Lane::new(), Lane::new()], published, offset: None, skew: Skew::default() }
+        let cameras = [ReorderBuffer::new(), ReorderBuffer::new()];
+        let gaps = [GapCounter::new(0), GapCounter::new(0)];
+        Self { half_period_ns, cameras, gaps, offset: None, skew: Skew::default() }
     }
 
-    pub(super) fn expect(&mut self, camera: usize, published: u64) {
-        if let Some(numbering) = self.published.get_mut(camera) {
-            numbering.expect(Some(published));
+    /// Sets the next number that a camera publishes.
+    pub(super) fn set_next(&mut self, camera: usize, published: u64) {
+        if let Some(gaps) = self.gaps.get_mut(camera) {
+            gaps.set_next(Some(published));
         }
     }
 
     /// Takes an image.
-    pub(super) fn admit(&mut self, camera: usize, image: Image<F>, counts: &mut Counts) {
-        if !self.arrives(camera, &image.header, counts) {
+    pub(super) fn push(&mut self, camera: usize, image: Image<F>, counts: &mut Counts) {
+        if !self.count_arrival(camera, &image.header, counts) {
             return;
         }
-        let Some(lane) = self.cameras.get_mut(camera) else {
+        let Some(reorder) = self.cameras.get_mut(camera) else {
             return counts.drop_one(DropReason::Malformed);
         };
         let header = image.header;
-        if !can_be(&header) {
+        if !has_possible_times(&header) {
             return counts.drop_one(DropReason::BadTime);
         }
         let place = Place { session: header.session, sequence: header.sequence, time_ns: header.exposure_start_ns };
-        lane.admit(Placed { place, item: image });
-        lane.take_dropped().for_each(|(_, reason)| counts.drop_one(reason));
+        reorder.push(Placed { place, item: image });
+        reorder.take_dropped().for_each(|(_, reason)| counts.drop_one(reason));
     }
 
-    /// Counts an image that is dropped before it is looked at.
+    /// Counts an image that its receiver drops.
     pub(super) fn refuse(&mut self, camera: usize, header: &FrameHeader, reason: DropReason, counts: &mut Counts) {
-        if self.arrives(camera, header, counts) {
+        if self.count_arrival(camera, header, counts) {
             counts.drop_one(reason);
         }
     }
 
-    /// The next two images of one exposure, once they are known.
-    pub(super) fn next(&mut self, counts: &mut Counts) -> Option<Pair<F>> {
+    /// The next pair, once both images are known.
+    pub(super) fn next_pair(&mut self, counts: &mut Counts) -> Option<Pair<F>> {
         loop {
             let [first, second] = &mut self.cameras;
-            let (a, b) = (first.next_place()?, second.next_place()?);
-            if a.time_ns.abs_diff(b.time_ns) >= self.half_period_ns {
-                let earlier = if a.time_ns < b.time_ns { first } else { second };
+            let places = [first.next_place()?, second.next_place()?];
+            let [first_ns, second_ns] = places.map(|place| place.time_ns);
+            if first_ns.abs_diff(second_ns) >= self.half_period_ns {
+                // Each channel is in order, so the partner of the earlier image cannot come any more.
+                let earlier = if first_ns < second_ns { first } else { second };
                 drop(earlier.take_next());
                 counts.drop_one(DropReason::Unpaired);
                 continue;
             }
             let pair = Pair([first.take_next()?, second.take_next()?]);
-            if self.agrees(a, b) {
+            if self.has_known_offset(places) {
                 self.skew.add(pair.skew_ns());
                 return Some(pair);
             }
@@ -124,51 +128,52 @@ impl<F> Pairing<F> {
         }
     }
 
-    /// Skew of the pairs since this was asked last.
+    /// Skew of the pairs since the last call.
     pub(super) fn take_skew(&mut self) -> Skew {
         std::mem::take(&mut self.skew)
     }
 
-    /// Images of a camera that wait for their partner.
+    /// Number of images of a camera that wait for their partner.
     pub(super) fn waiting(&self, camera: usize) -> usize {
-        self.cameras.get(camera).map_or(0, Lane::waiting)
+        self.cameras.get(camera).map_or(0, ReorderBuffer::waiting)
     }
 
-    /// Gives up the image of a camera that has waited longest; `false` if none can be.
-    pub(super) fn give_up_first(&mut self, camera: usize, counts: &mut Counts) -> bool {
-        let given_up = self.cameras.get_mut(camera).and_then(Lane::take_next).is_some();
-        if given_up {
+    /// Drops the oldest image of a camera; `false` if none is in order.
+    pub(super) fn drop_oldest(&mut self, camera: usize, counts: &mut Counts) -> bool {
+        let is_dropped = self.cameras.get_mut(camera).and_then(ReorderBuffer::take_next).is_some();
+        if is_dropped {
             counts.drop_one(DropReason::Unpaired);
         }
-        given_up
+        is_dropped
     }
 
-    /// Counts everything that waits as stopped.
+    /// Drops all waiting images as stopped.
     pub(super) fn end(&mut self, counts: &mut Counts) {
-        for lane in &mut self.cameras {
-            counts.drop_many(DropReason::Stopped, lane.take_waiting().count() as u64);
+        for reorder in &mut self.cameras {
+            counts.drop_many(DropReason::Stopped, reorder.take_waiting().count() as u64);
         }
     }
 
-    /// Counts the image and those lost before it; `false` if it was itself counted as lost.
-    fn arrives(&mut self, camera: usize, header: &FrameHeader, counts: &mut Counts) -> bool {
-        let arrival = self.published.get_mut(camera).map_or(Arrival::New { lost: 0 }, |n| n.arrive(header.published));
+    /// Counts the image and the lost images before it; `false` if the image itself was already counted as lost.
+    fn count_arrival(&mut self, camera: usize, header: &FrameHeader, counts: &mut Counts) -> bool {
+        let arrival = self.gaps.get_mut(camera).map_or(Arrival::New { lost: 0 }, |gaps| gaps.arrive(header.published));
         let Arrival::New { lost } = arrival else { return false };
         counts.taken += lost + 1;
         counts.drop_many(DropReason::Overrun, lost);
         true
     }
 
-    fn agrees(&mut self, a: Place, b: Place) -> bool {
-        let sessions = [a.session, b.session];
-        let found = Offset { sessions, sequence: b.sequence.wrapping_sub(a.sequence) };
+    /// Whether the numbers of a pair have the offset of the pairs before it. The offset of this pair is known from then on.
+    fn has_known_offset(&mut self, [first, second]: [Place; 2]) -> bool {
+        let sessions = [first.session, second.session];
+        let found = Offset { sessions, sequence: second.sequence.wrapping_sub(first.sequence) };
         let known = self.offset.replace(found);
         known.is_none_or(|known| known.sessions != sessions || known == found)
     }
 }
 
-/// Whether the image was exposed before it came, and not too long before.
-fn can_be(header: &FrameHeader) -> bool {
-    let way_ns = header.received_ns.checked_sub(header.exposure_start_ns);
-    header.exposure_start_ns > 0 && way_ns.is_some_and(|way_ns| way_ns <= LONGEST_WAY_NS)
+/// Whether the image was exposed before its arrival, and not too long before.
+fn has_possible_times(header: &FrameHeader) -> bool {
+    let latency_ns = header.received_ns.checked_sub(header.exposure_start_ns);
+    header.exposure_start_ns > 0 && latency_ns.is_some_and(|latency_ns| latency_ns <= MAX_LATENCY_NS)
 }

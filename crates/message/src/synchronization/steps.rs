@@ -1,14 +1,14 @@
-//! The pattern step of each pair: in go pairs and pattern events, out come pairs with their step.
+//! Gives each image pair its pattern step.
 //!
-//! An event belongs to the pair whose exposure begins within half a frame period of it. A pair waits for the events until
-//! one comes that belongs to it or to a later exposure. Without events, the driver number of camera 1 modulo N is the
-//! step.
+//! In: pairs and pattern events. Out: pairs with their step. An event belongs to the pair whose exposure starts within half
+//! a frame period of it. A pair waits until an event arrives for it or for a later exposure. Without events, the step is the
+//! sequence number of camera 1 modulo N.
 
 use std::collections::VecDeque;
 
 use crate::{Counts, DropReason};
 
-use super::events::{Announcements, Origin};
+use super::events::{Origin, PatternEvents};
 use super::pairing::Pair;
 use super::{Settings, StepSource};
 
@@ -20,57 +20,58 @@ pub(super) struct SteppedPair<F> {
     pub(super) origin: Origin,
 }
 
-/// Gives pairs their steps.
+/// Pairs that wait for their steps.
 #[derive(Debug)]
-pub(super) struct Steps<F> {
+pub(super) struct StepAssignment<F> {
     settings: Settings,
     pairs: VecDeque<Pair<F>>,
-    events: Announcements,
+    events: PatternEvents,
 }
 
-impl<F> Steps<F> {
+impl<F> StepAssignment<F> {
     pub(super) fn new(settings: Settings) -> Self {
-        Self { settings, pairs: VecDeque::new(), events: Announcements::new(settings) }
+        Self { settings, pairs: VecDeque::new(), events: PatternEvents::new(settings) }
     }
 
     /// The pattern events.
-    pub(super) fn events(&mut self) -> &mut Announcements {
+    pub(super) fn events(&mut self) -> &mut PatternEvents {
         &mut self.events
     }
 
-    pub(super) fn add(&mut self, pair: Pair<F>) {
+    /// Takes a pair.
+    pub(super) fn push(&mut self, pair: Pair<F>) {
         self.pairs.push_back(pair);
     }
 
-    /// The next pair that has a step, once it is known.
-    pub(super) fn next(&mut self, pattern: &mut Counts, pairing: &mut Counts) -> Option<SteppedPair<F>> {
+    /// The next pair with its step, once the step is known.
+    pub(super) fn next_pair(&mut self, pattern: &mut Counts, pairing: &mut Counts) -> Option<SteppedPair<F>> {
         match self.settings.source {
-            StepSource::Cycle => self.next_of_cycle(pairing),
-            StepSource::Events { .. } => self.next_of_events(pattern, pairing),
+            StepSource::Cycle => self.next_by_counting(pairing),
+            StepSource::Events { .. } => self.next_by_events(pattern, pairing),
         }
     }
 
-    /// Pairs that wait for their event.
+    /// Number of pairs that wait for their event.
     pub(super) fn waiting(&self) -> usize {
         self.pairs.len()
     }
 
-    /// Gives up the pair that has waited longest; `false` if there is none.
-    pub(super) fn give_up_first(&mut self, pairing: &mut Counts) -> bool {
-        let given_up = self.pairs.pop_front().is_some();
-        if given_up {
+    /// Drops the oldest pair; `false` if there is none.
+    pub(super) fn drop_oldest(&mut self, pairing: &mut Counts) -> bool {
+        let is_dropped = self.pairs.pop_front().is_some();
+        if is_dropped {
             pairing.drop_many(DropReason::NoPattern, 2);
         }
-        given_up
+        is_dropped
     }
 
-    /// Counts everything that waits as stopped.
+    /// Drops all waiting pairs and events as stopped.
     pub(super) fn end(&mut self, pattern: &mut Counts, pairing: &mut Counts) {
         pairing.drop_many(DropReason::Stopped, 2 * self.pairs.drain(..).count() as u64);
         self.events.end(pattern);
     }
 
-    fn next_of_cycle(&mut self, pairing: &mut Counts) -> Option<SteppedPair<F>> {
+    fn next_by_counting(&mut self, pairing: &mut Counts) -> Option<SteppedPair<F>> {
         let pair = self.pairs.pop_front()?;
         let header = pair.0[0].header;
         let step = (header.sequence % self.settings.steps as u64) as usize;
@@ -79,10 +80,10 @@ impl<F> Steps<F> {
         Some(SteppedPair { pair, step, origin })
     }
 
-    fn next_of_events(&mut self, pattern: &mut Counts, pairing: &mut Counts) -> Option<SteppedPair<F>> {
+    fn next_by_events(&mut self, pattern: &mut Counts, pairing: &mut Counts) -> Option<SteppedPair<F>> {
         loop {
             let pair_ns = self.pairs.front()?.exposure_start_ns();
-            let event_ns = self.events.next_ns()?;
+            let event_ns = self.events.next_exposure_ns()?;
             if pair_ns.abs_diff(event_ns) < self.settings.half_period_ns() {
                 let announced = self.events.take_next()?;
                 match announced.step {
@@ -93,11 +94,13 @@ impl<F> Steps<F> {
                     }
                     Err(reason) => pattern.drop_one(reason),
                 }
-                self.give_up_first(pairing);
+                // The event belongs to this exposure and gives it no step, so the pair has none.
+                self.drop_oldest(pairing);
             } else if event_ns < pair_ns {
-                self.events.drop_first(pattern);
+                self.events.drop_oldest(pattern);
             } else {
-                self.give_up_first(pairing);
+                // The next event is already later, so the event of this pair was lost.
+                self.drop_oldest(pairing);
             }
         }
     }

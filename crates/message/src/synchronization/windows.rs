@@ -1,7 +1,7 @@
-//! Windows: in go pairs with their steps, out come N or more consecutive pairs that show the steps in turn.
+//! Makes windows of pairs: N or more consecutive pairs that show the steps in turn.
 //!
-//! Windows slide: each pair behind as many others as it takes, without a gap, completes one. A gap in the driver numbers of a camera or
-//! of the projector, a new session, a pause or a step out of turn begins a new run of pairs.
+//! Windows slide: each pair after enough others without a gap completes one. A new run of pairs starts at a gap in the
+//! sequence numbers of a camera or of the projector, at a new session, at a pause, and at a step out of turn.
 
 use std::collections::VecDeque;
 
@@ -13,25 +13,25 @@ use super::pairing::Image;
 use super::steps::SteppedPair;
 use super::{Settings, WindowImages};
 
-/// Collects pairs to windows.
+/// The current run of pairs.
 #[derive(Debug)]
-pub(super) struct Windows<F> {
+pub(super) struct WindowBuilder<F> {
     settings: Settings,
-    /// The last pairs of an unbroken run, at most those of a window.
+    /// The last pairs of the run, at most those of a window.
     run: VecDeque<SteppedPair<F>>,
-    /// Place of the last pair in its run, counted so that step 0 has a multiple of N.
+    /// Place of the last pair in the run, counted so that step 0 is at a multiple of N.
     place: usize,
     /// Why the first pairs of the run complete no window.
     incomplete: DropReason,
 }
 
-impl<F: Clone> Windows<F> {
+impl<F: Clone> WindowBuilder<F> {
     pub(super) fn new(settings: Settings) -> Self {
         Self { settings, run: VecDeque::new(), place: 0, incomplete: DropReason::Beginning }
     }
 
-    /// Takes a pair; the window that it completes, if that one is wanted.
-    pub(super) fn add(&mut self, next: SteppedPair<F>, counts: &mut Counts) -> Option<WindowImages<F>> {
+    /// Takes a pair; the window that it completes, if the stride selects that window.
+    pub(super) fn push(&mut self, next: SteppedPair<F>, counts: &mut Counts) -> Option<WindowImages<F>> {
         counts.taken += 1;
         let broken = self.run.back().and_then(|last| self.break_between(last, &next));
         if let Some(reason) = broken {
@@ -48,7 +48,7 @@ impl<F: Clone> Windows<F> {
             counts.drop_one(broken.unwrap_or(self.incomplete));
             return None;
         }
-        if !(self.place + 1).is_multiple_of(self.settings.every) {
+        if !(self.place + 1).is_multiple_of(self.settings.window_stride) {
             counts.drop_one(DropReason::BetweenWindows);
             return None;
         }
@@ -56,20 +56,21 @@ impl<F: Clone> Windows<F> {
         Some(self.window())
     }
 
-    /// Gives the images of the present run back.
+    /// Releases the images of the current run.
     pub(super) fn end(&mut self) {
         self.run.clear();
     }
 
-    /// Why no window can hold both pairs.
+    /// Reason why no window can contain both pairs.
     fn break_between(&self, last: &SteppedPair<F>, next: &SteppedPair<F>) -> Option<DropReason> {
-        if !next.pair.of_sessions_of(&last.pair) || next.origin.session != last.origin.session {
+        if !next.pair.has_same_sessions(&last.pair) || next.origin.session != last.origin.session {
             return Some(DropReason::NewSession);
         }
         let apart_ns = next.pair.exposure_start_ns().checked_sub(last.pair.exposure_start_ns());
         if !next.pair.follows(&last.pair) || !apart_ns.is_some_and(|apart_ns| self.is_one_period(apart_ns)) {
             return Some(DropReason::Incomplete);
         }
+        // The times and numbers of the images are in order here, so only the pattern can still break the run.
         let in_turn = next.step == (last.step + 1) % self.settings.steps;
         (!in_turn || !next.origin.follows(&last.origin)).then_some(DropReason::PatternConflict)
     }
@@ -84,7 +85,7 @@ impl<F: Clone> Windows<F> {
         let handles = |camera: usize| images(camera).map(|image| image.handle.clone()).collect();
         let sequences = |camera: usize| {
             let mut sequences = [0; MAX_IMAGES];
-            sequences.iter_mut().zip(images(camera)).for_each(|(s, image)| *s = image.header.sequence);
+            sequences.iter_mut().zip(images(camera)).for_each(|(number, image)| *number = image.header.sequence);
             sequences
         };
         let session = |camera: usize| images(camera).next().map_or(0, |image| image.header.session);
@@ -93,7 +94,7 @@ impl<F: Clone> Windows<F> {
             (exposures_ns().min().unwrap_or(0), exposures_ns().max().unwrap_or(0));
         let received_ns = |image: &Image<F>| image.header.received_ns;
         let window = Window {
-            // Who decodes it says so.
+            // Set by the decoder.
             prior: 0,
             cam1_session: session(0),
             cam2_session: session(1),

@@ -137,7 +137,7 @@ impl Intake {
         let Some(event) = receive(&mut self.events) else { return false };
         let is_lost = |[session, sequence]: [u64; 2]| event.session == session && event.sequence <= sequence;
         if !self.lost_event.is_some_and(is_lost) {
-            self.synchronizer.pattern(*event);
+            self.synchronizer.push_pattern(*event);
         }
         true
     }
@@ -154,7 +154,7 @@ impl Intake {
 
     fn admit(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {
         match Image::of(frame, self.size_px, self.format) {
-            Ok(image) => self.synchronizer.frame(header, image),
+            Ok(image) => self.synchronizer.push_frame(header, image),
             Err(reason) => self.synchronizer.refuse_frame(&header, reason),
         }
     }
@@ -212,9 +212,9 @@ fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
             ProjectorDriver::Cycle => StepSource::Cycle,
             ProjectorDriver::Virtual | ProjectorDriver::External => StepSource::Events { period_px },
         },
-        every: configuration.window_every,
+        window_stride: configuration.window_every,
         // Enough where one message of each channel is taken in turn; the channel lets this service hold these, the images of
         // the present run, and a window that waits for the next stage.
-        waiting: images + WAITING_BEYOND_WINDOW,
+        max_waiting: images + WAITING_BEYOND_WINDOW,
     }
 }

@@ -1,18 +1,18 @@
-//! Two cameras that begin at different times, run free, or hang on one trigger: what is paired, and the skew that is told.
+//! Pairs and skew of two cameras that start at different times, run free, or share a trigger.
 
 use super::*;
 
 const STEPS: usize = 4;
 
-/// Images of camera 1 and 2 in the order of their times, each with the number of its own camera.
+/// Feeds the images of both cameras in the order of their times, each with the number of its own camera.
 fn run(starts_ns: [u64; 2], periods_ns: [u64; 2], images: u64) -> (Synchronizer<u64>, Vec<WindowImages<u64>>) {
     let settings = Settings {
         steps: STEPS,
         images: STEPS,
         frame_period_ns: PERIOD_NS,
         source: StepSource::Cycle,
-        every: 1,
-        waiting: STEPS + 3,
+        window_stride: 1,
+        max_waiting: STEPS + 3,
     };
     let mut sync = Synchronizer::new(settings).unwrap();
     let header = |camera: u32, sequence: u64| {
@@ -34,7 +34,7 @@ fn run(starts_ns: [u64; 2], periods_ns: [u64; 2], images: u64) -> (Synchronizer<
     headers.sort_by_key(|header| header.exposure_start_ns);
     let mut windows = Vec::new();
     for header in headers {
-        sync.frame(header, header.sequence);
+        sync.push_frame(header, header.sequence);
         windows.extend(std::iter::from_fn(|| sync.next_window()));
     }
     sync.end();
@@ -52,10 +52,10 @@ fn the_images_before_the_other_camera_began_have_no_partner() {
     let second_ns = 1_000_000_000;
     let (mut sync, windows) = run([second_ns, second_ns + 7 * PERIOD_NS + 40_000], [PERIOD_NS; 2], 30);
     assert_eq!(dropped(&sync, DropReason::Unpaired), 7);
-    // The last seven images of camera 2 wait for partners that never come.
+    // The last seven images of camera 2 wait for partners that never arrive.
     assert_eq!(dropped(&sync, DropReason::Stopped), 7);
     assert_eq!(windows.len(), 23 - (STEPS - 1));
-    // Each image of camera 1 with that of camera 2 that is seven numbers behind, in the order of the steps.
+    // The partner in camera 2 has a number that is lower by seven.
     assert!(windows.iter().all(|window| window.cam1.iter().zip(&window.cam2).all(|(a, b)| a - b == 7)));
     let skew = sync.take_skew();
     assert_eq!((skew.pairs, skew.mean_ns(), skew.least_ns, skew.greatest_ns), (23, Some(40_000.0), 40_000, 40_000));
@@ -69,11 +69,11 @@ fn cameras_that_run_free_are_paired_until_they_have_drifted_apart() {
     let half_ns = PERIOD_NS as i64 / 2;
     let skew = sync.take_skew();
     assert!(skew.least_ns > -half_ns && skew.greatest_ns < half_ns, "{skew:?}");
-    // At each slip one image of camera 1 is left over, and the pair behind it shows numbers that have moved.
+    // At each slip one image of camera 1 is left over, and the next pair has a new offset of its numbers.
     let slips = 6;
     assert_eq!(dropped(&sync, DropReason::Unpaired), slips);
     assert_eq!(dropped(&sync, DropReason::BadTime), 2 * slips);
-    // Both lie in the gap that begins a new run of pairs, which costs the windows that would cross it.
+    // The gap starts a new run of pairs and costs the windows that would cross it.
     assert_eq!(skew.pairs, 2000 - slips - slips);
     assert_eq!(windows.len() as u64, skew.pairs - (slips + 1) * (STEPS as u64 - 1));
 }

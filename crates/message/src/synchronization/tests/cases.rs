@@ -1,4 +1,4 @@
-//! Single cases by hand.
+//! Single cases, constructed by hand.
 
 use std::rc::Rc;
 
@@ -12,7 +12,14 @@ const START_NS: u64 = 1_000_000_000;
 
 fn settings() -> Settings {
     let source = StepSource::Events { period_px: PERIOD_PX };
-    Settings { steps: STEPS, images: STEPS, frame_period_ns: PERIOD_NS, source, every: 1, waiting: STEPS + 3 }
+    Settings {
+        steps: STEPS,
+        images: STEPS,
+        frame_period_ns: PERIOD_NS,
+        source,
+        window_stride: 1,
+        max_waiting: STEPS + 3,
+    }
 }
 
 fn header(camera: u32, exposure: u64) -> FrameHeader {
@@ -42,13 +49,13 @@ fn event(exposure: u64) -> PatternEvent {
     }
 }
 
-/// Feeds one exposure to all three channels, as `change` leaves it.
+/// Feeds one exposure, changed by `change`, to all three channels.
 fn expose(sync: &mut Synchronizer<u64>, exposure: u64, change: impl Fn(&mut FrameHeader)) {
-    sync.pattern(event(exposure));
+    sync.push_pattern(event(exposure));
     for camera in [1, 2] {
         let mut header = header(camera, exposure);
         change(&mut header);
-        sync.frame(header, exposure);
+        sync.push_frame(header, exposure);
     }
 }
 
@@ -62,7 +69,7 @@ fn dropped<F: Clone>(sync: &Synchronizer<F>, stage: Stage) -> Vec<(DropReason, u
 
 #[test]
 fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once() {
-    let mut sync = Synchronizer::new(Settings { every: STEPS, ..settings() }).unwrap();
+    let mut sync = Synchronizer::new(Settings { window_stride: STEPS, ..settings() }).unwrap();
     (2..12).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
     let windows = take_all(&mut sync);
     let images: Vec<_> = windows.iter().map(|window| window.cam1.clone()).collect();
@@ -100,7 +107,7 @@ fn a_silent_camera_leaves_no_more_images_held_than_may_wait() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     let pixels = Rc::new(());
     for exposure in 0..100 {
-        sync.frame(header(1, exposure), Rc::clone(&pixels));
+        sync.push_frame(header(1, exposure), Rc::clone(&pixels));
         assert!(Rc::strong_count(&pixels) <= 1 + STEPS + 3);
     }
     assert_eq!(dropped(&sync, Stage::Pairing), [(DropReason::Unpaired, 93)]);
@@ -114,7 +121,7 @@ fn a_silent_projector_leaves_pairs_without_pattern() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     let pixels = Rc::new(());
     for exposure in 0..100 {
-        [1, 2].into_iter().for_each(|camera| sync.frame(header(camera, exposure), Rc::clone(&pixels)));
+        [1, 2].into_iter().for_each(|camera| sync.push_frame(header(camera, exposure), Rc::clone(&pixels)));
         assert!(Rc::strong_count(&pixels) <= 1 + 2 * (STEPS + 3));
     }
     assert_eq!(dropped(&sync, Stage::Pairing), [(DropReason::NoPattern, 2 * 93)]);
@@ -123,7 +130,7 @@ fn a_silent_projector_leaves_pairs_without_pattern() {
 #[test]
 fn events_without_images_do_not_pile_up() {
     let mut sync = Synchronizer::<()>::new(settings()).unwrap();
-    (0..1000).for_each(|exposure| sync.pattern(event(exposure)));
+    (0..1000).for_each(|exposure| sync.push_pattern(event(exposure)));
     assert_eq!(dropped(&sync, Stage::Pattern), [(DropReason::Unpaired, 1000 - 64)]);
 }
 
@@ -131,12 +138,12 @@ fn events_without_images_do_not_pile_up() {
 fn images_of_an_ended_session_never_join_the_next() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     (0..4).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
-    let anew = |header: &mut FrameHeader| (header.session, header.sequence) = (50, header.sequence - 4);
-    (4..6).for_each(|exposure| expose(&mut sync, exposure, anew));
-    sync.frame(FrameHeader { published: 6, sequence: 99, ..header(1, 3) }, 3);
+    let restarted = |header: &mut FrameHeader| (header.session, header.sequence) = (50, header.sequence - 4);
+    (4..6).for_each(|exposure| expose(&mut sync, exposure, restarted));
+    sync.push_frame(FrameHeader { published: 6, sequence: 99, ..header(1, 3) }, 3);
     (6..9).for_each(|exposure| {
         expose(&mut sync, exposure, |header| {
-            anew(header);
+            restarted(header);
             header.published += u64::from(header.camera == 1);
         });
     });
@@ -150,7 +157,7 @@ fn images_of_an_ended_session_never_join_the_next() {
 fn a_driver_number_that_contradicts_the_time_costs_its_pair_and_breaks_the_window() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     (0..5).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
-    // From here the driver of camera 1 counts one image too many.
+    // From here on the driver of camera 1 counts one image too many.
     let skipped = |header: &mut FrameHeader| header.sequence += u64::from(header.camera == 1);
     (5..10).for_each(|exposure| expose(&mut sync, exposure, skipped));
     let images: Vec<_> = take_all(&mut sync).into_iter().map(|window| window.cam1).collect();
@@ -173,8 +180,8 @@ fn a_step_out_of_turn_breaks_the_window() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     for exposure in 0..12 {
         let late = u32::from(exposure >= 5);
-        sync.pattern(PatternEvent { step: (event(exposure).step + late) % 4, ..event(exposure) });
-        [1, 2].into_iter().for_each(|camera| sync.frame(header(camera, exposure), exposure));
+        sync.push_pattern(PatternEvent { step: (event(exposure).step + late) % 4, ..event(exposure) });
+        [1, 2].into_iter().for_each(|camera| sync.push_frame(header(camera, exposure), exposure));
     }
     assert_eq!(
         dropped(&sync, Stage::Windowing),
@@ -210,8 +217,8 @@ fn a_restarted_service_counts_what_it_missed() {
 #[test]
 fn a_new_driver_whose_first_events_were_lost_has_them_counted() {
     let mut sync = Synchronizer::<()>::new(settings()).unwrap();
-    sync.pattern(event(100));
-    sync.pattern(PatternEvent { session: 4, sequence: 3, ..event(101) });
+    sync.push_pattern(event(100));
+    sync.push_pattern(PatternEvent { session: 4, sequence: 3, ..event(101) });
     sync.end();
     assert_eq!(dropped(&sync, Stage::Pattern), [(DropReason::Overrun, 3), (DropReason::Stopped, 2)]);
 }
@@ -220,9 +227,9 @@ fn a_new_driver_whose_first_events_were_lost_has_them_counted() {
 fn an_image_of_no_camera_is_malformed_and_an_event_without_use_is_counted() {
     let mut sync = Synchronizer::new(Settings { source: StepSource::Cycle, ..settings() }).unwrap();
     for camera in [0, 3, u32::MAX] {
-        sync.frame(FrameHeader { camera, ..header(1, 0) }, ());
+        sync.push_frame(FrameHeader { camera, ..header(1, 0) }, ());
     }
-    sync.pattern(event(0));
+    sync.push_pattern(event(0));
     assert_eq!(dropped(&sync, Stage::Pairing), [(DropReason::Malformed, 3)]);
     assert_eq!(dropped(&sync, Stage::Pattern), [(DropReason::Unpaired, 1)]);
 }
@@ -237,6 +244,6 @@ fn settings_out_of_range_are_refused() {
     assert_eq!(refused(Settings { frame_period_ns, ..settings() }), SettingsError::FramePeriod { frame_period_ns });
     let source = StepSource::Events { period_px: f64::NAN };
     assert!(matches!(refused(Settings { source, ..settings() }), SettingsError::FringePeriod { .. }));
-    assert_eq!(refused(Settings { every: 0, ..settings() }), SettingsError::Every);
-    assert_eq!(refused(Settings { waiting: 3, ..settings() }), SettingsError::Waiting { waiting: 3 });
+    assert_eq!(refused(Settings { window_stride: 0, ..settings() }), SettingsError::WindowStride);
+    assert_eq!(refused(Settings { max_waiting: 3, ..settings() }), SettingsError::MaxWaiting { max_waiting: 3 });
 }

@@ -1,4 +1,4 @@
-//! Random streams against their truth, and single cases by hand.
+//! Random streams against their truth, and single cases.
 
 mod cameras;
 mod cases;
@@ -12,16 +12,16 @@ use stream::{Message, PERIOD_NS, Plan, Truth, plan};
 
 const STAGES: [Stage; 3] = [Stage::Pattern, Stage::Pairing, Stage::Windowing];
 
-/// What came out, in short: the exposures of each window.
+/// The exposures of a window.
 fn exposures(window: &WindowImages<Truth>) -> Vec<usize> {
     window.cam1.iter().map(|truth| truth.exposure).collect()
 }
 
 fn feed(sync: &mut Synchronizer<Truth>, message: &Message, out: &mut Vec<WindowImages<Truth>>) {
     match message {
-        Message::Frame(header, truth) => sync.frame(*header, *truth),
+        Message::Frame(header, truth) => sync.push_frame(*header, *truth),
         Message::Refused(header) => sync.refuse_frame(header, DropReason::BadImage),
-        Message::Pattern(event) => sync.pattern(*event),
+        Message::Pattern(event) => sync.push_pattern(*event),
     }
     assert!(STAGES.iter().all(|&stage| sync.counts(stage).unwrap().in_work().is_some()), "{:?}", sync.counts);
     out.extend(std::iter::from_fn(|| sync.next_window()));
@@ -35,7 +35,7 @@ fn synchronizer(settings: Settings) -> Synchronizer<Truth> {
     sync
 }
 
-/// Feeds three channels, each in its order, the next channel chosen by `choices`.
+/// Feeds three channels, each in its order. `choices` selects the next channel.
 fn interleave(
     sync: &mut Synchronizer<Truth>,
     channels: &[Vec<Message>; 3],
@@ -54,7 +54,7 @@ fn interleave(
     out
 }
 
-/// Every image is that of its place: the same exposure in both cameras, the step of its place, exposures in a row.
+/// Every image is in its place: the same exposure in both cameras, the step of the place, consecutive exposures.
 fn assert_not_mixed(window: &WindowImages<Truth>, plan: &Plan) {
     let (cam1, cam2) = (&window.cam1, &window.cam2);
     assert_eq!((cam1.len(), cam2.len()), (plan.images, plan.images));
@@ -78,7 +78,7 @@ fn choices() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(0..3_u8, 1..200)
 }
 
-/// Spoils one field of every third exposure at most, so that no spoilt image agrees with a spoilt neighbour.
+/// Spoils one field of at most every third exposure, so that no spoilt image agrees with a spoilt neighbour.
 fn spoil(channels: &mut [Vec<Message>; 3], spoilings: &[(u8, i64)], longest_shift_ns: i64) {
     for (message, &(field, amount)) in channels.iter_mut().flatten().zip(spoilings.iter().cycle()) {
         let shift_ns = amount % longest_shift_ns;
@@ -136,10 +136,10 @@ proptest! {
     #[test]
     fn channels_in_turn_need_no_more_waiting_than_is_held(plan in plan()) {
         let stream = plan.stream();
-        let settings = Settings { waiting: plan.images + 3, ..plan.settings() };
+        let settings = Settings { max_waiting: plan.images + 3, ..plan.settings() };
         let mut sync = synchronizer(settings);
         let mut out = Vec::new();
-        for message in as_they_come(&stream.channels) {
+        for message in in_order_of_arrival(&stream.channels) {
             feed(&mut sync, &message, &mut out);
         }
         let last: Vec<usize> = out.iter().filter_map(|window| exposures(window).into_iter().max()).collect();
@@ -148,11 +148,11 @@ proptest! {
 
     #[test]
     fn spoilt_messages_never_mix_windows(
-        plan in plan(), spoilings in spoilings(), choices in choices(), waiting in 4..12_usize,
+        plan in plan(), spoilings in spoilings(), choices in choices(), max_waiting in 4..12_usize,
     ) {
         let mut stream = plan.stream();
         spoil(&mut stream.channels, &spoilings, i64::MAX);
-        let mut sync = synchronizer(Settings { waiting, ..plan.settings() });
+        let mut sync = synchronizer(Settings { max_waiting, ..plan.settings() });
         let windows = interleave(&mut sync, &stream.channels, &choices);
         windows.iter().for_each(|window| assert_not_mixed(window, &plan));
         assert_nothing_left(&sync);
@@ -173,8 +173,8 @@ proptest! {
     }
 }
 
-/// The messages as they would come: each channel in its order, images a period and a half after their exposure began.
-fn as_they_come(channels: &[Vec<Message>; 3]) -> Vec<Message> {
+/// The messages as they would arrive: each channel in its order, images 1.5 periods after the start of their exposure.
+fn in_order_of_arrival(channels: &[Vec<Message>; 3]) -> Vec<Message> {
     let mut timed = Vec::new();
     for messages in channels {
         let mut newest_ns = 0;

@@ -1,4 +1,4 @@
-//! Random streams of three channels with their truth: what was exposed, what became of it, and which windows follow.
+//! Random streams of three channels with their truth: the exposures, the fate of each, and the expected windows.
 
 use proptest::prelude::*;
 
@@ -10,7 +10,7 @@ pub(super) const PERIOD_NS: u64 = 10_000_000;
 pub(super) const PERIOD_PX: f64 = 16.0;
 const START_NS: u64 = 5_000_000_000;
 
-/// What holds the pixels in these tests: the truth.
+/// The truth about an image, in place of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Truth {
     pub(super) camera: u32,
@@ -25,7 +25,7 @@ pub(super) enum Message {
     Pattern(PatternEvent),
 }
 
-/// What happens to one exposure in one channel.
+/// The fate of one exposure in one channel.
 #[derive(Clone, Debug)]
 pub(super) struct Fate {
     pub(super) kind: Kind,
@@ -35,18 +35,18 @@ pub(super) struct Fate {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Fine,
-    /// The sender lost it; its number is missing.
+    /// Lost by the sender: its number is missing.
     Lost,
-    /// The channel lost it.
+    /// Lost in the channel.
     Overrun,
     Twice,
-    /// It comes behind so many later ones.
+    /// Arrives after this many later ones.
     Behind(usize),
-    /// The sender starts anew with it.
+    /// The first of a restarted sender.
     Restart,
-    /// It comes and is of no use: a damaged image, an event that is no step.
+    /// Arrives and is useless: a damaged image, an event without a valid step.
     Useless(u8),
-    /// An event followed by another of the same exposure that says something else.
+    /// An event followed by one of the same exposure with another content.
     Contradicted,
 }
 
@@ -54,25 +54,26 @@ pub(super) enum Kind {
 pub(super) struct Plan {
     pub(super) steps: usize,
     pub(super) images: usize,
-    pub(super) every: usize,
+    pub(super) window_stride: usize,
     pub(super) cycle: bool,
     pub(super) period_error: f64,
     pub(super) skew_ns: i64,
     pub(super) pauses: Vec<bool>,
-    /// Of camera 1, camera 2 and the projector.
+    /// For camera 1, camera 2 and the projector.
     pub(super) fates: [Vec<Fate>; 3],
 }
 
-/// What is sent in each channel, and what must follow.
+/// The messages of each channel, and the expected result.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stream {
     pub(super) channels: [Vec<Message>; 3],
     /// Exposures that have a pair and a step.
     pub(super) stepped: Vec<usize>,
-    /// The last exposures of the windows wanted.
+    /// The last exposure of each expected window.
     pub(super) windows: Vec<usize>,
-    /// Images and events sent or lost on the way, as far as a later message shows it.
+    /// Images sent, including lost ones that a later message reveals.
     pub(super) images: u64,
+    /// Events, counted in the same way.
     pub(super) events: u64,
 }
 
@@ -89,7 +90,7 @@ fn kind() -> impl Strategy<Value = Kind> {
     ]
 }
 
-/// The last exposures are fine, so that no gap stays open at the end.
+/// Random fates. The last exposures are fine, so that no gap stays open at the end.
 fn fates(exposures: usize) -> impl Strategy<Value = Vec<Fate>> {
     let jitter = -(PERIOD_NS as i64) * 8 / 100..PERIOD_NS as i64 * 8 / 100;
     let fates =
@@ -102,13 +103,13 @@ fn fates(exposures: usize) -> impl Strategy<Value = Vec<Fate>> {
 
 pub(super) fn plan() -> impl Strategy<Value = Plan> {
     (3..6_usize, 0..4_usize, 1..6_usize, prop::bool::weighted(0.2), -0.05..0.05, -0.25..0.25, 20..50_usize)
-        .prop_flat_map(|(steps, extra, every, cycle, period_error, skew, exposures)| {
+        .prop_flat_map(|(steps, extra, window_stride, cycle, period_error, skew, exposures)| {
             let pauses = prop::collection::vec(prop::bool::weighted(0.03), exposures);
             let fates = [fates(exposures), fates(exposures), fates(exposures)];
             (pauses, fates).prop_map(move |(pauses, fates)| Plan {
                 steps,
                 images: steps + extra,
-                every,
+                window_stride,
                 cycle,
                 period_error,
                 skew_ns: (skew * PERIOD_NS as f64) as i64,
@@ -118,13 +119,13 @@ pub(super) fn plan() -> impl Strategy<Value = Plan> {
         })
 }
 
-/// Only what is out of the ordinary.
+/// Shows only what is out of the ordinary.
 impl std::fmt::Debug for Plan {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { steps, images, every, cycle, skew_ns, .. } = self;
+        let Self { steps, images, window_stride, cycle, skew_ns, .. } = self;
         write!(
             f,
-            "{images} images of {steps} steps, every {every}, cycle {cycle}, skew {skew_ns} ns, {} exposures",
+            "{images} images of {steps} steps, stride {window_stride}, cycle {cycle}, skew {skew_ns} ns, {} exposures",
             self.exposures()
         )?;
         for k in (0..self.exposures()).filter(|&k| self.pauses[k]) {
@@ -139,7 +140,7 @@ impl std::fmt::Debug for Plan {
     }
 }
 
-/// One channel on its way: its messages in the order sent, and what of them the receiver must find usable.
+/// One channel: its messages in the order sent, and which of them the receiver must find usable.
 struct Channel {
     messages: Vec<Message>,
     usable: Vec<bool>,
@@ -156,8 +157,8 @@ impl Plan {
             images: self.images,
             frame_period_ns: (PERIOD_NS as f64 * (1.0 + self.period_error)) as u64,
             source: if self.cycle { StepSource::Cycle } else { StepSource::Events { period_px: PERIOD_PX } },
-            every: self.every,
-            waiting: 10_000,
+            window_stride: self.window_stride,
+            max_waiting: 10_000,
         }
     }
 
@@ -178,7 +179,7 @@ impl Plan {
         let (mut run, mut place) = (0, 0);
         for &k in &stepped {
             (run, place) = if run > 0 && together(k) { (run + 1, place + 1) } else { (1, self.step(k)) };
-            if run >= self.images && (place + 1) % self.every == 0 {
+            if run >= self.images && (place + 1) % self.window_stride == 0 {
                 windows.push(k);
             }
         }
@@ -245,16 +246,16 @@ impl Plan {
     fn order_sent(&self, channel: usize, numbers: &[(u64, u64)]) -> Vec<usize> {
         let kind = |k: usize| self.fates[channel][k].kind;
         let mut sent: Vec<usize> = (0..self.exposures()).filter(|&k| kind(k) != Kind::Lost).collect();
-        // Four in a row that come too late would be taken for a new start.
+        // Four late items in a row would be taken for a restart.
         let behind = |k: usize| match kind(k) {
-            Kind::Behind(by) if by < 3 || k.is_multiple_of(5) => 2 * by + 1,
+            Kind::Behind(later) if later < 3 || k.is_multiple_of(5) => 2 * later + 1,
             _ => 0,
         };
         sent.sort_by_key(|&k| (numbers[k].0, 2 * k + behind(k)));
         sent
     }
 
-    /// Whether the message reaches the place where messages are put in order.
+    /// Whether the message reaches the reorder buffer.
     fn is_put_in_order(&self, channel: usize, exposure: usize) -> bool {
         match self.fates[channel][exposure].kind {
             Kind::Lost | Kind::Overrun => false,
@@ -349,7 +350,7 @@ impl Plan {
     }
 }
 
-/// Whether the place of an exposure was still open when it came behind `before`.
+/// Whether an exposure that arrives after `before` is still accepted.
 fn is_in_time(exposure: usize, before: &[usize], numbers: &[(u64, u64)]) -> bool {
     let same_session = || before.iter().filter(|&&k| numbers[k].0 == numbers[exposure].0);
     let later = same_session().filter(|&&k| k > exposure).count();

@@ -1,49 +1,49 @@
-//! The order of one channel: in go images or events as they come, out come the same in the order of their times.
+//! Puts the items of one channel in order: images or events as they arrive, sorted by their times.
 //!
-//! What follows its predecessor by number passes at once. What follows a gap is held until the gap is closed or two more
-//! have come: so two that were swapped on the way are put in place, and after a loss no window waits longer than it
-//! would anyway, since a window has at least three images. Times decide the order; numbers only tell whether something
-//! is missing. Everything here depends on the content of this one channel alone.
+//! An item whose number follows its predecessor passes at once. An item after a gap is held until the gap is closed or two
+//! more items have arrived. So two swapped items are put in order. After a loss no window waits longer than it would anyway,
+//! since a window has at least three images. Times decide the order; numbers only show whether an item is missing. The
+//! result depends on the content of this one channel alone.
 
 use std::collections::VecDeque;
 
 use crate::DropReason;
 
-/// Items held while an earlier one may still come.
-const HOLD: usize = 2;
-/// Places remembered to tell an item that came twice from one that came late.
+/// Items held while an earlier one may still arrive.
+const MAX_HELD: usize = 2;
+/// Places remembered to distinguish a repeated item from a late one.
 const REMEMBERED: usize = 16;
-/// So many rejected items in a row, each later than the one before, are right, and what they were compared with is wrong.
+/// After this many rejected items in a row, each later than the one before, the earlier items must have been wrong.
 const RESTART_AFTER: usize = 4;
 
-/// Where an item belongs.
+/// Position of an item in its channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// Start of the sender.
     pub(super) session: u64,
-    /// Number since then.
+    /// Number in the session.
     pub(super) sequence: u64,
-    /// Start of its exposure.
+    /// Start of the exposure.
     pub(super) time_ns: u64,
 }
 
 /// An item and its place.
 #[derive(Debug)]
 pub(super) struct Placed<T> {
-    /// Where it belongs.
+    /// Position of the item.
     pub(super) place: Place,
     /// The item.
     pub(super) item: T,
 }
 
-/// Items of one channel.
+/// Items of one channel that wait to be taken in order.
 #[derive(Debug)]
-pub(super) struct Lane<T> {
-    /// In order, waiting to be taken.
+pub(super) struct ReorderBuffer<T> {
+    /// Items in order, waiting to be taken.
     ordered: VecDeque<Placed<T>>,
-    /// Behind a gap, in the order of their times.
+    /// Items after a gap, sorted by time.
     held: Vec<Placed<T>>,
-    /// The places put in order last, of this session.
+    /// Places of the last items put in order, of this session.
     recent: VecDeque<Place>,
     last_rejected: Option<Place>,
     rejected_in_a_row: usize,
@@ -51,14 +51,14 @@ pub(super) struct Lane<T> {
 }
 
 enum Verdict {
-    InOrder,
+    Accept,
     NewSession,
-    /// What was before cannot be right.
-    Anew,
-    Dropped(DropReason),
+    /// Times went back for good: the earlier items were wrong.
+    Restart,
+    Drop(DropReason),
 }
 
-impl<T> Lane<T> {
+impl<T> ReorderBuffer<T> {
     pub(super) fn new() -> Self {
         Self {
             ordered: VecDeque::new(),
@@ -70,13 +70,13 @@ impl<T> Lane<T> {
         }
     }
 
-    /// Takes an item; what it pushes out, or itself, is found by [`Self::take_dropped`].
-    pub(super) fn admit(&mut self, placed: Placed<T>) {
+    /// Takes an item. Items dropped because of it are found by [`Self::take_dropped`].
+    pub(super) fn push(&mut self, placed: Placed<T>) {
         match self.verdict(&placed.place) {
-            Verdict::InOrder => {}
+            Verdict::Accept => {}
             Verdict::NewSession => self.end_session(),
-            Verdict::Anew => self.begin_anew(),
-            Verdict::Dropped(reason) => {
+            Verdict::Restart => self.restart(),
+            Verdict::Drop(reason) => {
                 self.dropped.push((placed.item, reason));
                 return;
             }
@@ -87,7 +87,7 @@ impl<T> Lane<T> {
         self.release();
     }
 
-    /// Whether the place is of another session, and not later than what came before.
+    /// Whether the place is of another session without being later than the items so far.
     pub(super) fn is_stale(&self, place: &Place) -> bool {
         let Some(last) = self.recent.back() else { return false };
         let newest = self.held.last().map_or(last, |held| &held.place);
@@ -104,51 +104,52 @@ impl<T> Lane<T> {
         self.ordered.pop_front().map(|placed| placed.item)
     }
 
-    /// Items waiting, those behind a gap included.
+    /// Number of waiting items, including those after a gap.
     pub(super) fn waiting(&self) -> usize {
         self.ordered.len() + self.held.len()
     }
 
-    /// Takes what was dropped, with the reasons.
+    /// Takes the dropped items with the reasons.
     pub(super) fn take_dropped(&mut self) -> std::vec::Drain<'_, (T, DropReason)> {
         self.dropped.drain(..)
     }
 
-    /// Takes everything that waits.
+    /// Takes all waiting items.
     pub(super) fn take_waiting(&mut self) -> impl Iterator<Item = T> + '_ {
         self.ordered.drain(..).chain(self.held.drain(..)).map(|placed| placed.item)
     }
 
     fn verdict(&mut self, place: &Place) -> Verdict {
-        let Some(&last) = self.recent.back() else { return Verdict::InOrder };
+        let Some(&last) = self.recent.back() else { return Verdict::Accept };
         if self.is_stale(place) {
             return self.reject(place, DropReason::NewSession);
         }
         if place.session != last.session {
             return Verdict::NewSession;
         }
-        if self.knows(place) {
-            return Verdict::Dropped(DropReason::Duplicate);
+        if self.is_known(place) {
+            return Verdict::Drop(DropReason::Duplicate);
         }
         if place.time_ns > last.time_ns {
-            return Verdict::InOrder;
+            return Verdict::Accept;
         }
-        let runs_back = place.sequence > last.sequence;
-        self.reject(place, if runs_back { DropReason::BadTime } else { DropReason::Late })
+        // Earlier than the last item: with a later number its time is wrong, else it is late.
+        let is_time_wrong = place.sequence > last.sequence;
+        self.reject(place, if is_time_wrong { DropReason::BadTime } else { DropReason::Late })
     }
 
-    fn knows(&self, place: &Place) -> bool {
+    fn is_known(&self, place: &Place) -> bool {
         let held = self.held.iter().map(|held| &held.place);
         self.recent.iter().chain(held).any(|known| known.sequence == place.sequence || known.time_ns == place.time_ns)
     }
 
     fn reject(&mut self, place: &Place, reason: DropReason) -> Verdict {
-        let goes_on = self.last_rejected.is_some_and(|last| {
+        let is_next = self.last_rejected.is_some_and(|last| {
             place.session == last.session && place.sequence > last.sequence && place.time_ns > last.time_ns
         });
-        self.rejected_in_a_row = if goes_on { self.rejected_in_a_row + 1 } else { 1 };
+        self.rejected_in_a_row = if is_next { self.rejected_in_a_row + 1 } else { 1 };
         self.last_rejected = Some(*place);
-        if self.rejected_in_a_row < RESTART_AFTER { Verdict::Dropped(reason) } else { Verdict::Anew }
+        if self.rejected_in_a_row < RESTART_AFTER { Verdict::Drop(reason) } else { Verdict::Restart }
     }
 
     fn end_session(&mut self) {
@@ -158,15 +159,15 @@ impl<T> Lane<T> {
         self.recent.clear();
     }
 
-    /// Time has gone back: what waits would be later than all that comes.
-    fn begin_anew(&mut self) {
+    /// Drops all waiting items, which would be later than everything that follows.
+    fn restart(&mut self) {
         let waiting = self.ordered.drain(..).chain(self.held.drain(..));
         self.dropped.extend(waiting.map(|placed| (placed.item, DropReason::NewSession)));
         self.recent.clear();
     }
 
     fn release(&mut self) {
-        while self.held.first().is_some_and(|first| self.follows(&first.place)) || self.held.len() > HOLD {
+        while self.held.first().is_some_and(|first| self.follows(&first.place)) || self.held.len() > MAX_HELD {
             self.release_first();
         }
     }
