@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::Value;
 
 use fringeflow_dataset::GreyImage;
-use fringeflow_recording::{Known, Recording};
+use fringeflow_recording::{Recording, WindowPrior};
 
 use super::bench::Bench;
 use super::clock::median;
@@ -130,7 +130,7 @@ fn in_process_ns(recording: &Path) -> Result<f64, String> {
             // The first windows may have begun before the recording.
             let Ok(images) = recording.images(&header.window) else { continue };
             let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
-            let Known::Prior(known) = priors.of(&header.window) else { continue };
+            let WindowPrior::Used(known) = priors.used_by(&header.window) else { continue };
             let start = Instant::now();
             let made = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known);
             taken_ns.push(start.elapsed().as_nanos() as f64);

@@ -257,7 +257,7 @@ fn volume(raw: &RawVolume) -> Result<MeasurementVolume, ConfigurationProblem> {
         value: format!("{:?}", raw.unit),
         expected: "it must be \"mm\" or \"m\"",
     })?;
-    raw.r#box.placed(unit).map_err(ConfigurationProblem::Volume)
+    raw.r#box.to_volume(unit).map_err(ConfigurationProblem::Volume)
 }
 
 #[cfg(test)]

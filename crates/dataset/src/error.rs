@@ -1,4 +1,4 @@
-//! What can be wrong with a dataset folder.
+//! Errors about dataset folders.
 
 use std::path::{Path, PathBuf};
 
@@ -6,21 +6,21 @@ use fringeflow::calibration::CalibrationError;
 use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
 
-/// Why a dataset folder was refused: the file and what is wrong with it.
+/// An error about a dataset folder: the file and its problem.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The calibration.
+    /// The calibration is wrong.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// A calibration or an image that could not be written.
+    /// A calibration or an image could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Any other file or folder.
+    /// Another file or folder is wrong.
     #[error("{}: {problem}", file.display())]
     File {
         /// The file or folder.
         file: PathBuf,
-        /// What is wrong with it.
+        /// Its problem.
         #[source]
         problem: Problem,
     },
@@ -33,10 +33,10 @@ impl DatasetError {
     }
 }
 
-/// What is wrong with a file of a dataset folder.
+/// A problem of a file in a dataset folder.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
-    /// The folder is not there or is a file.
+    /// The folder does not exist or is a file.
     #[error("is not a folder; expected a dataset folder with meta.json, calibration.yml, cam1/ and cam2/")]
     NotAFolder,
     /// The file cannot be read.
@@ -45,7 +45,7 @@ pub enum Problem {
     /// The file cannot be written.
     #[error("cannot be written: {0}")]
     Unwritable(#[source] std::io::Error),
-    /// There is something where a new dataset folder should go.
+    /// The path of a new dataset folder is taken.
     #[error("already exists and is not an empty folder; give another path, or remove it first")]
     TargetExists,
     /// Neither the folder nor the user states a unit.
@@ -54,32 +54,32 @@ pub enum Problem {
     /// `meta.json` is no JSON or lacks a field.
     #[error("is not valid: {0}")]
     Json(String),
-    /// A field has a value that cannot be.
+    /// A field has an invalid value.
     #[error("field {field}: {what}")]
     Field {
         /// Name of the field.
         field: &'static str,
-        /// What is wrong, with value and remedy.
+        /// Value, reason and remedy.
         what: String,
     },
-    /// The measurement volume is none.
+    /// The measurement volume is empty or not finite.
     #[error("field volume: {0}")]
     Volume(#[from] VolumeError),
-    /// An image that `meta.json` promises is not there.
+    /// An image that `meta.json` lists does not exist.
     #[error("is missing; meta.json promises it")]
     MissingImage,
-    /// There are images that `meta.json` does not know.
+    /// There are more images than `meta.json` lists.
     #[error("is one image too many: meta.json promises {promised} images named {kind}_NN.png")]
     ExtraImage {
         /// Prefix of the names.
         kind: String,
-        /// How many there should be.
+        /// Number of images in `meta.json`.
         promised: usize,
     },
     /// The file is no intact PNG.
     #[error("is not an intact PNG image: {0}")]
     Png(String),
-    /// The image has another size.
+    /// The image has the wrong size.
     #[error("is {width} × {height} pixels; expected {expected_width} × {expected_height}")]
     ImageSize {
         /// Width found.
@@ -125,7 +125,7 @@ pub enum Problem {
     /// The image is partly transparent.
     #[error("is transparent in places; save it as grey without transparency")]
     Transparent,
-    /// The truth is no readable NPZ or lacks an array.
+    /// The ground truth is no readable NPZ file or lacks an array.
     #[error("is not a valid truth file: {0}")]
     Truth(String),
 }

@@ -1,4 +1,4 @@
-//! Grey images and the PNG files that hold them.
+//! Grey images and their PNG files.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,14 +18,14 @@ pub struct GreyImage {
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// How a pixel is stored.
+    /// Storage format of a pixel.
     pub format: PixelFormat,
     /// Bytes of `width · height` pixels.
     pub pixels: Vec<u8>,
 }
 
 impl GreyImage {
-    /// Its grey levels.
+    /// The grey levels of the image.
     #[must_use]
     pub fn levels(&self) -> GreyLevels<'_> {
         GreyLevels { format: self.format, bytes: &self.pixels }
@@ -38,11 +38,11 @@ impl GreyImage {
     }
 }
 
-/// Reads a PNG as grey; colour is converted where that loses nothing. Without a format it is that of the file, 8 or 16
-/// bits; with one its values are those of the format, whatever the file could hold.
+/// Reads a PNG as grey. Colour is converted if that loses nothing. Without a format the image has the depth of the file, 8
+/// or 16 bits. With a format the values must fit it.
 ///
 /// # Errors
-/// An unreadable or damaged file, another size than `expected_px`, or content that the format cannot hold.
+/// The file is unreadable or damaged, its size is not `expected_px`, or its values do not fit the format.
 pub fn read_png(
     path: &Path,
     expected_px: Option<[usize; 2]>,
@@ -74,10 +74,10 @@ pub fn read_png(
     if !is_deep && format != PixelFormat::Grey {
         return Err(Problem::Shallow { bits: format.bits() });
     }
-    Ok(GreyImage { width, height, format, pixels: stored(&grey, format, width)? })
+    Ok(GreyImage { width, height, format, pixels: stored_bytes(&grey, format, width)? })
 }
 
-/// The depth that a PNG has room for.
+/// The depth of a PNG file.
 ///
 /// # Errors
 /// The file cannot be read, or is no PNG.
@@ -92,10 +92,10 @@ fn depth_of(depth: png::BitDepth) -> PixelFormat {
     if depth == png::BitDepth::Sixteen { PixelFormat::Y16 } else { PixelFormat::Grey }
 }
 
-/// Writes a grey PNG of 8 bits, or of 16 that hold the values of a deeper image as they are.
+/// Writes a grey PNG: 8 bits, or 16 bits with the unchanged values of a deeper image.
 ///
 /// # Errors
-/// The file cannot be written; whatever stood there stays.
+/// The file cannot be written. An existing file is kept then.
 pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
     let (size, grey) = ([image.width, image.height], png::ColorType::Grayscale);
     write_atomically(path, |out| match image.format {
@@ -107,7 +107,7 @@ pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
     })
 }
 
-/// The one channel of an image of 1 to 4, if its colours are equal and it is opaque.
+/// The grey channel of an image with 1 to 4 channels, if its colours are equal and it is opaque.
 fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -> Result<Vec<u16>, Problem> {
     if channels == 1 {
         return Ok(samples);
@@ -126,8 +126,8 @@ fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -
     Ok(grey)
 }
 
-/// Values as a format stores them.
-fn stored(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
+/// The bytes of values in a format.
+fn stored_bytes(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
     if let Some((i, &value)) = values.iter().enumerate().find(|&(_, &value)| value > format.max_value()) {
         return Err(Problem::Depth { bits: format.bits(), u: i % width, v: i / width, value });
     }
@@ -137,7 +137,7 @@ fn stored(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, 
     })
 }
 
-/// Files `KIND_NN.png` of a folder by their number.
+/// Files `KIND_NN.png` of a folder, by number.
 pub(super) fn numbered(folder: &Path, kind: &str) -> Result<BTreeMap<usize, PathBuf>, DatasetError> {
     let unreadable = |e| DatasetError::new(folder, Problem::Unreadable(e));
     let mut found = BTreeMap::new();
@@ -179,23 +179,23 @@ mod tests {
     fn every_depth_comes_back_as_it_was() {
         for format in PixelFormat::ALL {
             let values = [0, 1, format.max_value() / 3, format.max_value() - 1, format.max_value(), 77];
-            let image = GreyImage { width: 3, height: 2, format, pixels: stored(&values, format, 3).unwrap() };
+            let image = GreyImage { width: 3, height: 2, format, pixels: stored_bytes(&values, format, 3).unwrap() };
             let (_folder, path) = written(&image);
             assert_eq!(read_png(&path, Some([3, 2]), Some(format)).unwrap(), image);
-            // The file itself knows 8 bits and 16.
+            // The file itself has 8 or 16 bits.
             let unknown = if format == PixelFormat::Grey { format } else { PixelFormat::Y16 };
             assert_eq!(read_png(&path, None, None).unwrap(), GreyImage { format: unknown, ..image });
         }
     }
 
     #[test]
-    fn a_depth_that_the_file_does_not_have_is_refused() {
+    fn values_beyond_the_depth_are_refused() {
         let values = [5, 4095, 4096, 9];
         let deep = GreyImage {
             width: 2,
             height: 2,
             format: PixelFormat::Y14,
-            pixels: stored(&values, PixelFormat::Y14, 2).unwrap(),
+            pixels: stored_bytes(&values, PixelFormat::Y14, 2).unwrap(),
         };
         let (_folder, path) = written(&deep);
         let refused = read_png(&path, None, Some(PixelFormat::Y12)).unwrap_err();

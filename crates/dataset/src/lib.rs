@@ -1,14 +1,30 @@
-//! Dataset folders: the images of one fringe sequence, the calibration they belong to, and what is true.
+//! Dataset folders: the images of one fringe sequence, their calibration, and the ground truth.
 //!
 //! ```text
-//! FOLDER/meta.json            unit, image size, pattern, shifts, measurement volume, motion of the object
+//! FOLDER/meta.json            unit, image size, pattern, phase shifts, measurement volume, motion of the object
 //! FOLDER/calibration.yml      OpenCV FileStorage
 //! FOLDER/cam1/, FOLDER/cam2/  phase_00.png …, gray_00.png … (most significant bit first), white.png, black.png;
-//!                             vphase_00.png …, vgray_00.png … where there is a second fringe direction
-//! FOLDER/truth.npz            what is true, where it is known
+//!                             vphase_00.png …, vgray_00.png … for a second fringe direction
+//! FOLDER/truth.npz            ground truth, if it is known
 //! ```
-//! Images have 8 bits, or 16; field `bits` of `meta.json` says how many of the 16 hold the values (10, 12, 14 or 16, the
-//! low ones). Everything is checked on opening; images are read when asked for.
+//!
+//! Images have 8 or 16 bits. With 16 bits, the field `bits` of `meta.json` states how many low bits hold the value: 10, 12,
+//! 14 or 16. Opening a folder checks everything; images are read on request.
+//!
+//! A [`Setup`] is the text of `meta.json` and `calibration.yml`:
+//!
+//! ```
+//! use fringeflow_dataset::{Setup, SetupText};
+//!
+//! let description = r#"{ "unit": "mm", "image_size": [64, 48], "steps": 4, "phase_shift_rad": [0.0, 1.57, 3.14],
+//!                        "period_px": 16.0, "phase_sign": 1.0, "phase_offset_rad": 0.0 }"#;
+//! let text = SetupText { description: description.to_owned(), calibration: "%YAML:1.0".to_owned() };
+//! let error = Setup::parse(text, None).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "meta.json: field steps: is 4; it must lie between 3 and the number of phase_shift_rad, 3"
+//! );
+//! ```
 
 #![forbid(unsafe_code)]
 
@@ -33,12 +49,12 @@ pub use setup::{FringeSequence, Setup, SetupError, SetupText};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 
-/// Which camera of the rig.
+/// A camera of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraId {
-    /// Camera 1, whose pixels get points.
+    /// Camera 1, whose pixels become points.
     Cam1,
-    /// Camera 2, which is searched.
+    /// Camera 2, in which correspondences are searched.
     Cam2,
 }
 
@@ -46,7 +62,7 @@ impl CameraId {
     /// Both cameras, in order.
     pub const BOTH: [Self; 2] = [Self::Cam1, Self::Cam2];
 
-    /// Name of its folder.
+    /// Name of the folder with its images.
     #[must_use]
     pub fn folder(self) -> &'static str {
         match self {
@@ -61,9 +77,9 @@ impl CameraId {
 pub struct Dataset {
     /// The folder.
     pub folder: PathBuf,
-    /// The rig, what it projects and where it measures.
+    /// Rig, fringe pattern and measurement volume.
     pub setup: Setup,
-    /// Depth of all images: what the description states, else that of the file of the first one.
+    /// Depth of all images: as `meta.json` states, or else that of the first file.
     pub pixel_format: PixelFormat,
 }
 
@@ -73,13 +89,13 @@ pub const CALIBRATION_FILE: &str = "calibration.yml";
 pub const EXACT_CALIBRATION_FILE: &str = "calibration_exact.yml";
 /// Name of the description in a dataset folder.
 pub const META_FILE: &str = "meta.json";
-/// Name of the truth in a dataset folder.
+/// Name of the ground truth in a dataset folder.
 pub const TRUTH_FILE: &str = "truth.npz";
 
 impl Dataset {
-    /// Opens a folder: reads and checks `meta.json` and the calibration, and that all images are there.
+    /// Opens a folder: reads and checks `meta.json` and the calibration, and checks that all images exist.
     ///
-    /// `unit` is used where `meta.json` states none.
+    /// `unit` applies if `meta.json` states none.
     ///
     /// # Errors
     /// [`DatasetError`], which names file, field, value and remedy.
@@ -91,14 +107,14 @@ impl Dataset {
             description: read_text(&folder.join(META_FILE))?,
             calibration: calibration::read_calibration_text(&folder.join(CALIBRATION_FILE))?,
         };
-        let mut setup = Setup::parse(text, unit).map_err(|e| e.of_files(folder))?;
+        let mut setup = Setup::parse(text, unit).map_err(|e| e.in_folder(folder))?;
         if setup.name.is_empty() {
             setup.name = folder_name(folder);
         }
         let mut dataset = Self { folder: folder.to_owned(), setup, pixel_format: PixelFormat::Grey };
         dataset.check_images()?;
         let first = folder.join(CameraId::Cam1.folder()).join(ImageKind::Phase(0).file_name());
-        // What is wrong with that file is told when it is read.
+        // An error of that file is reported when the image is read.
         let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
         dataset.pixel_format = stated.unwrap_or_default();
         Ok(dataset)
@@ -107,7 +123,7 @@ impl Dataset {
     /// Reads phase images by number, in the order given.
     ///
     /// # Errors
-    /// An unreadable image, one of another size, or one that is no grey image of the stated depth.
+    /// An image is unreadable, has another size, or is not grey with the stated depth.
     pub fn phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
         self.numbered_images(camera, "phase", numbers)
     }
@@ -120,7 +136,7 @@ impl Dataset {
         self.numbered_images(camera, "vphase", numbers)
     }
 
-    /// Reads all Gray-code images of one direction, most significant first; empty where there are none.
+    /// Reads all Gray-code images of one direction, most significant first; empty if there are none.
     ///
     /// # Errors
     /// As [`Self::phase_images`].
@@ -134,7 +150,7 @@ impl Dataset {
         self.numbered_images(camera, prefix, &(0..count).collect::<Vec<_>>())
     }
 
-    /// Reads the fully lit and the unlit image of a camera; `None` where the folder has not both.
+    /// Reads the fully lit and the unlit image of a camera; `None` unless the folder has both.
     ///
     /// # Errors
     /// As [`Self::phase_images`].
@@ -146,10 +162,10 @@ impl Dataset {
         Ok(Some((self.image(&white)?, self.image(&black)?)))
     }
 
-    /// Reads `truth.npz`; `None` where the folder has none.
+    /// Reads `truth.npz`; `None` if the folder has none.
     ///
     /// # Errors
-    /// An unreadable file or arrays of unexpected names, shapes or types.
+    /// The file is unreadable, or an array has an unexpected name, shape or type.
     pub fn truth(&self) -> Result<Option<Truth>, DatasetError> {
         let path = self.folder.join(TRUTH_FILE);
         if !path.exists() {
@@ -158,10 +174,10 @@ impl Dataset {
         truth::read(&path, self.setup.image_size_px).map(Some).map_err(|p| DatasetError::new(&path, p))
     }
 
-    /// Content of `truth.npz`; `None` where the folder has none.
+    /// Content of `truth.npz`; `None` if the folder has none.
     ///
     /// # Errors
-    /// An unreadable file.
+    /// The file is unreadable.
     pub fn truth_bytes(&self) -> Result<Option<Vec<u8>>, DatasetError> {
         let path = self.folder.join(TRUTH_FILE);
         match std::fs::read(&path) {
@@ -186,7 +202,7 @@ impl Dataset {
         read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)).map_err(|p| DatasetError::new(path, p))
     }
 
-    /// Every sequence must have exactly the images that `meta.json` states.
+    /// Checks that every sequence has exactly the images that `meta.json` states.
     fn check_images(&self) -> Result<(), DatasetError> {
         let directions =
             [(Some(&self.setup.sequence), "phase", "gray"), (self.setup.second_direction.as_ref(), "vphase", "vgray")];

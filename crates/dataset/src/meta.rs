@@ -1,4 +1,4 @@
-//! `meta.json`: raw serde structs, parsed into types that cannot be invalid.
+//! `meta.json`: raw serde structs, parsed into types that are always valid.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -30,7 +30,7 @@ struct RawMeta {
     motion: Option<RawMotion>,
 }
 
-/// What of the sensor's images is used, where it is not all.
+/// Region and binning of the sensor, unless its whole images are used.
 #[derive(Deserialize, Serialize)]
 pub(super) struct RawReadout {
     sensor_size: [usize; 2],
@@ -54,7 +54,7 @@ struct RawGray {
     cell_periods: f64,
 }
 
-/// A measurement volume as files describe it: `x_c1 = R_v·x_v + T_v`, box `min..max`, lengths in the file's unit.
+/// A measurement volume in a file: `x_c1 = R_v·x_v + T_v`, box `min..max`, lengths in the file's unit.
 #[derive(Deserialize, Serialize)]
 pub struct VolumeDescription {
     #[serde(rename = "R_v")]
@@ -70,7 +70,7 @@ pub struct VolumeDescription {
 }
 
 impl RawReadout {
-    /// What is written; nothing of a whole image.
+    /// `None` if the whole sensor is used.
     pub(super) fn from_readout(readout: &Readout) -> Option<Self> {
         let (sensor_size, region, binning) = (readout.sensor_px(), readout.region(), readout.binning());
         (!readout.is_whole()).then_some(Self { sensor_size, region, binning })
@@ -78,10 +78,10 @@ impl RawReadout {
 
     fn checked(&self, image_size_px: [usize; 2]) -> Result<Readout, Problem> {
         let readout = Readout::new(self.sensor_size, Some(self.region), self.binning);
-        let readout = readout.map_err(|problem| field("readout", problem.to_string()))?;
+        let readout = readout.map_err(|problem| field_problem("readout", problem.to_string()))?;
         let [width, height] = readout.image_size_px();
         if [width, height] != image_size_px {
-            return Err(field(
+            return Err(field_problem(
                 "readout",
                 format!("leaves {width} × {height} pixels, and image_size says something else"),
             ));
@@ -103,7 +103,7 @@ impl From<&FringeSequence> for RawSequence {
 }
 
 impl VolumeDescription {
-    /// A volume in `unit`, and its pose in the frame of the truth where that differs.
+    /// Describes a volume in `unit`, and its pose in the frame of the ground truth if that differs.
     pub(super) fn new(volume: &MeasurementVolume, exact: Option<&Pose>, unit: Unit) -> Self {
         let scale = unit.in_metres();
         let (r_v, t_v) = raw_pose(volume.cam1_from_volume(), scale);
@@ -119,14 +119,14 @@ impl VolumeDescription {
     }
 }
 
-/// A pose as files have it: rows of the rotation, and the translation in units of `scale` metres.
+/// A pose in a file: rows of the rotation, and the translation in units of `scale` metres.
 pub(super) fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
     let rotation = pose.rotation.to_rotation_matrix();
     let rows = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
     (rows, (pose.translation.vector / scale).into())
 }
 
-/// What `meta.json` says, checked.
+/// Content of `meta.json`, checked.
 pub(super) struct Meta {
     pub(super) name: Option<String>,
     pub(super) unit: Option<Unit>,
@@ -144,16 +144,16 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
     let raw: RawMeta = serde_json::from_str(text).map_err(|e| Problem::Json(e.to_string()))?;
     let [width, height] = raw.image_size;
     if !(2..=65535).contains(&width) || !(2..=65535).contains(&height) {
-        return Err(field("image_size", format!("is {width} × {height}; both must lie between 2 and 65535")));
+        return Err(field_problem("image_size", format!("is {width} × {height}; both must lie between 2 and 65535")));
     }
-    let sequence = sequence(raw.sequence)?;
+    let sequence = checked_sequence(raw.sequence)?;
     let count = sequence.shifts_rad.len();
     if raw.steps < MIN_STEPS || raw.steps > count {
         let what =
             format!("is {}; it must lie between {MIN_STEPS} and the number of phase_shift_rad, {count}", raw.steps);
-        return Err(field("steps", what));
+        return Err(field_problem("steps", what));
     }
-    let unit = raw.unit.map(|u| u.parse::<Unit>().map_err(|e| field("unit", e.to_string()))).transpose()?;
+    let unit = raw.unit.map(|u| u.parse::<Unit>().map_err(|e| field_problem("unit", e.to_string()))).transpose()?;
     Ok(Meta {
         name: raw.name,
         unit,
@@ -164,14 +164,14 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
         pixel_format: raw.bits.map(pixel_format).transpose()?,
         steps: raw.steps,
         sequence,
-        second_direction: raw.second_direction.map(self::sequence).transpose()?,
+        second_direction: raw.second_direction.map(checked_sequence).transpose()?,
         volume: raw.volume,
         motion: raw.motion,
     })
 }
 
 impl Meta {
-    /// The measurement volume in metres, and its pose in the frame of the truth where that differs.
+    /// The measurement volume in metres, and its pose in the frame of the ground truth if that differs.
     pub(super) fn volume(&self, unit: Unit) -> Result<Option<(MeasurementVolume, Option<Pose>)>, Problem> {
         let Some(raw) = &self.volume else { return Ok(None) };
         let scale = unit.in_metres();
@@ -179,10 +179,10 @@ impl Meta {
             (Some(r), Some(t)) => Some(pose("volume.R_v_exact", r, t, scale)?),
             _ => None,
         };
-        Ok(Some((raw.placed(unit)?, exact)))
+        Ok(Some((raw.to_volume(unit)?, exact)))
     }
 
-    /// How the object moves, if it does.
+    /// Motion of the object, if it moves.
     pub(super) fn motion(&self, unit: Unit) -> Result<Option<Motion>, Problem> {
         let parse = |raw: &RawMotion| raw.parse(self.sequence.shifts_rad.len(), self.volume.is_some(), unit);
         self.motion.as_ref().map(parse).transpose()
@@ -190,11 +190,11 @@ impl Meta {
 }
 
 impl VolumeDescription {
-    /// The volume whose lengths are in `unit`.
+    /// The measurement volume, from lengths in `unit`.
     ///
     /// # Errors
-    /// A matrix that is no rotation, or an empty box.
-    pub fn placed(&self, unit: Unit) -> Result<MeasurementVolume, Problem> {
+    /// The matrix is no rotation, or the box is empty.
+    pub fn to_volume(&self, unit: Unit) -> Result<MeasurementVolume, Problem> {
         let scale = unit.in_metres();
         let cam1_from_volume = pose("volume.R_v", &self.r_v, &self.t_v, scale)?;
         let [min, max] = [self.min, self.max].map(|corner| Point3::from(corner.map(|c| c * scale)));
@@ -202,61 +202,61 @@ impl VolumeDescription {
     }
 }
 
-/// Reads a measurement volume from a JSON file of its own: `R_v`, `T_v`, `min`, `max` in `unit`, as in `meta.json`.
+/// Reads a measurement volume from a separate JSON file: `R_v`, `T_v`, `min`, `max` in `unit`, as in `meta.json`.
 ///
 /// # Errors
-/// An unreadable file, a missing field, a matrix that is no rotation, or an empty box.
+/// The file is unreadable, a field is missing, the matrix is no rotation, or the box is empty.
 pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
     let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
     let raw = text
         .and_then(|text| serde_json::from_str::<VolumeDescription>(&text).map_err(|e| Problem::Json(e.to_string())));
-    raw.and_then(|raw| raw.placed(unit)).map_err(|problem| DatasetError::new(path, problem))
+    raw.and_then(|raw| raw.to_volume(unit)).map_err(|problem| DatasetError::new(path, problem))
 }
 
-fn sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
+fn checked_sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
     if let Some((i, shift)) = raw.phase_shift_rad.iter().enumerate().find(|(_, s)| !s.is_finite()) {
-        return Err(field("phase_shift_rad", format!("value {i} is {shift}; every shift must be a finite number")));
+        return Err(field_problem("phase_shift_rad", format!("value {i} is {shift}; every shift must be a finite number")));
     }
     if !(raw.period_px.is_finite() && raw.period_px >= 2.0) {
-        return Err(field("period_px", format!("is {}; a fringe has at least 2 projector pixels", raw.period_px)));
+        return Err(field_problem("period_px", format!("is {}; a fringe has at least 2 projector pixels", raw.period_px)));
     }
     if raw.phase_sign.abs() != 1.0 {
-        return Err(field("phase_sign", format!("is {}; it must be 1 or -1", raw.phase_sign)));
+        return Err(field_problem("phase_sign", format!("is {}; it must be 1 or -1", raw.phase_sign)));
     }
     if !raw.phase_offset_rad.is_finite() {
-        return Err(field("phase_offset_rad", format!("is {}; it must be a finite number", raw.phase_offset_rad)));
+        return Err(field_problem("phase_offset_rad", format!("is {}; it must be a finite number", raw.phase_offset_rad)));
     }
     let pattern = FringePattern {
         period_px: raw.period_px,
         sign: raw.phase_sign,
         offset_rad: raw.phase_offset_rad.rem_euclid(TAU),
     };
-    Ok(FringeSequence { pattern, shifts_rad: raw.phase_shift_rad, gray: raw.gray.as_ref().map(gray).transpose()? })
+    Ok(FringeSequence { pattern, shifts_rad: raw.phase_shift_rad, gray: raw.gray.as_ref().map(checked_gray).transpose()? })
 }
 
-/// The format of images with so many bits.
+/// The format of images with this number of bits.
 fn pixel_format(bits: u8) -> Result<PixelFormat, Problem> {
     let known = || PixelFormat::ALL.map(PixelFormat::bits);
     PixelFormat::from_bits(bits)
-        .ok_or_else(|| field("bits", format!("is {bits}; images have one of {:?} bits", known())))
+        .ok_or_else(|| field_problem("bits", format!("is {bits}; images have one of {:?} bits", known())))
 }
 
-fn gray(raw: &RawGray) -> Result<GrayCode, Problem> {
+fn checked_gray(raw: &RawGray) -> Result<GrayCode, Problem> {
     if !(1..=16).contains(&raw.images) {
-        return Err(field("gray.images", format!("is {}; a Gray code has 1 to 16 images", raw.images)));
+        return Err(field_problem("gray.images", format!("is {}; a Gray code has 1 to 16 images", raw.images)));
     }
     if raw.cell_periods != 0.5 && raw.cell_periods != 1.0 {
-        return Err(field("gray.cell_periods", format!("is {}; it must be 0.5 or 1", raw.cell_periods)));
+        return Err(field_problem("gray.cell_periods", format!("is {}; it must be 0.5 or 1", raw.cell_periods)));
     }
     Ok(GrayCode { images: raw.images, cell_periods: raw.cell_periods })
 }
 
 fn pose(name: &'static str, r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, Problem> {
-    rigid(r, t, scale).map_err(|what| field(name, what))
+    rigid_pose(r, t, scale).map_err(|what| field_problem(name, what))
 }
 
-/// The pose of a rotation and a translation in units of `scale` metres, or what is wrong with the rotation.
-pub(super) fn rigid(r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, String> {
+/// The pose of a rotation and a translation in units of `scale` metres, or the fault of the rotation.
+pub(super) fn rigid_pose(r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, String> {
     let matrix = Matrix3::from_fn(|i, j| r[i][j]);
     let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
     if deviation.is_nan() || deviation > 1e-5 || matrix.determinant() < 0.0 {
@@ -266,6 +266,6 @@ pub(super) fn rigid(r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose,
     Ok(Pose::from_parts(Translation3::from(Vector3::from(*t) * scale), rotation))
 }
 
-pub(super) fn field(field: &'static str, what: String) -> Problem {
+pub(super) fn field_problem(field: &'static str, what: String) -> Problem {
     Problem::Field { field, what }
 }

@@ -1,7 +1,7 @@
-//! How the object of a dataset moves: field `motion` of `meta.json`.
+//! Motion of the object of a dataset: field `motion` of `meta.json`.
 //!
-//! `x_v(k) = Rm[k]·x_obj + tm[k]`: where a place of the object is in the frame of the measurement volume when phase image
-//! k is taken. At `t_ref`, counted in images, `x_obj = x_v`; there the truth of the dataset holds.
+//! `x_v(k) = Rm[k]·x_obj + tm[k]` is the position of a point of the object at phase image k, in the frame of the measurement
+//! volume. At `t_ref`, counted in images, `x_obj = x_v`. The ground truth of the dataset holds at that time.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,22 +9,22 @@ use fringeflow::calibration::Unit;
 use fringeflow::geometry::{Pose, interpolate_pose};
 
 use super::Problem;
-use super::meta::{field, raw_pose, rigid};
+use super::meta::{field_problem, raw_pose, rigid_pose};
 
-/// Where the object of a dataset is in every phase image, compared with its place where the truth holds.
+/// Pose of the object in every phase image, relative to the time of the ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// When the truth holds, counted in phase images: 1.5 is halfway between the images 1 and 2.
+    /// Time of the ground truth, counted in phase images: 1.5 is halfway between the images 1 and 2.
     pub reference: f64,
     /// Pose in every phase image, frame of the measurement volume, metres.
     pub poses: Vec<Pose>,
 }
 
 impl Motion {
-    /// The pose at a moment, counted in phase images, frame of the measurement volume, metres: between two images the way
-    /// is straight and the turn even, before the first and after the last the object rests. `None` without any image.
+    /// The pose at a time, counted in phase images; frame of the measurement volume, metres. Between two images the object
+    /// moves straight and rotates evenly; before the first and after the last it rests. `None` without any image.
     #[must_use]
-    pub fn at(&self, image: f64) -> Option<Pose> {
+    pub fn pose_at(&self, image: f64) -> Option<Pose> {
         let last = self.poses.len().checked_sub(1)?;
         let image = image.clamp(0.0, last as f64);
         let before = self.poses.get(image.floor() as usize)?;
@@ -32,7 +32,7 @@ impl Motion {
         Some(interpolate_pose(before, after, image.fract()))
     }
 
-    /// So many images, or all, whose middle is nearest to where the truth holds.
+    /// The `count` images (or all) whose middle is nearest to the time of the ground truth.
     pub(super) fn reference_images(&self, count: usize) -> std::ops::Range<usize> {
         let count = count.min(self.poses.len());
         let last = self.poses.len() - count;
@@ -41,7 +41,7 @@ impl Motion {
     }
 }
 
-/// As `meta.json` has it; lengths in its unit.
+/// The motion in `meta.json`, lengths in its unit.
 #[derive(Deserialize, Serialize)]
 pub(super) struct RawMotion {
     t_ref: f64,
@@ -50,13 +50,13 @@ pub(super) struct RawMotion {
     tm: Vec<[f64; 3]>,
 }
 
-/// As it is written: with what readers need not know.
+/// The motion as it is written, with fields that readers ignore.
 #[derive(Serialize)]
 pub(super) struct WrittenMotion {
     model: &'static str,
     #[serde(flatten)]
     motion: RawMotion,
-    /// Mean over the sequence.
+    /// Mean speeds over the sequence.
     mm_per_image: f64,
     deg_per_image: f64,
 }
@@ -65,24 +65,24 @@ const MODEL: &str = "object moves rigidly: x_v(k) = Rm[k] x_obj + tm[k]; image k
                      black at t_ref (x_obj = x_v there)";
 
 impl RawMotion {
-    /// The motion, checked, of a dataset of so many phase images; whether it has a volume decides in which frame it is.
+    /// Checks the motion of a dataset with this number of phase images. The motion needs a volume, whose frame it uses.
     pub(super) fn parse(&self, images: usize, has_volume: bool, unit: Unit) -> Result<Motion, Problem> {
         if !has_volume {
-            return Err(field("motion", "is in the frame of the measurement volume; add field volume".to_owned()));
+            return Err(field_problem("motion", "is in the frame of the measurement volume; add field volume".to_owned()));
         }
         for (name, found) in [("motion.Rm", self.rm.len()), ("motion.tm", self.tm.len())] {
             if found != images {
                 let what = format!("has {found} values; give one for each of the {images} values of phase_shift_rad");
-                return Err(field(name, what));
+                return Err(field_problem(name, what));
             }
         }
         let last = images.saturating_sub(1) as f64;
         if !(0.0..=last).contains(&self.t_ref) {
             let what = format!("is {}; it must lie between the first and the last image, 0 and {last}", self.t_ref);
-            return Err(field("motion.t_ref", what));
+            return Err(field_problem("motion.t_ref", what));
         }
         let pose = |(k, (r, t)): (usize, (&[[f64; 3]; 3], &[f64; 3]))| {
-            rigid(r, t, unit.in_metres()).map_err(|what| field("motion.Rm", format!("value {k} {what}")))
+            rigid_pose(r, t, unit.in_metres()).map_err(|what| field_problem("motion.Rm", format!("value {k} {what}")))
         };
         let poses = self.rm.iter().zip(&self.tm).enumerate().map(pose).collect::<Result<_, _>>()?;
         Ok(Motion { reference: self.t_ref, poses })
@@ -92,8 +92,8 @@ impl RawMotion {
 impl WrittenMotion {
     pub(super) fn new(motion: &Motion, unit: Unit) -> Self {
         let (rm, tm) = motion.poses.iter().map(|pose| raw_pose(pose, unit.in_metres())).unzip();
-        let mean = |of: fn(&Pose, &Pose) -> f64| {
-            let pairs = motion.poses.windows(2).map(|pair| of(&pair[0], &pair[1]));
+        let mean = |amount: fn(&Pose, &Pose) -> f64| {
+            let pairs = motion.poses.windows(2).map(|pair| amount(&pair[0], &pair[1]));
             pairs.sum::<f64>() / motion.poses.len().saturating_sub(1).max(1) as f64
         };
         Self {
@@ -116,7 +116,7 @@ mod tests {
         Motion { reference: 1.5, poses: [-1.5, -0.5, 0.5, 1.5].map(pose).to_vec() }
     }
 
-    /// A description with this motion, changed.
+    /// Parses a description with this motion, changed by `change`.
     fn parsed(change: impl FnOnce(&mut serde_json::Value)) -> Result<Option<Motion>, Problem> {
         let mut meta = serde_json::json!({
             "image_size": [4, 4], "steps": 4, "phase_shift_rad": [0.0, 1.5, 3.0, 4.5],
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_back_as_it_was() {
+    fn it_reads_back_as_written() {
         let (read, written) = (parsed(|_| ()).unwrap().unwrap(), motion());
         assert_eq!(read.reference, 1.5);
         assert_eq!(read.poses.len(), 4);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_says_how_fast_it_is() {
+    fn the_written_motion_states_its_speed() {
         let written = WrittenMotion::new(&motion(), Unit::Metre);
         assert!((written.mm_per_image - 5.25_f64.sqrt()).abs() < 1e-12, "{}", written.mm_per_image);
         let turn = Vector3::new(0.02, 0.1, -0.05).norm().to_degrees();
@@ -152,12 +152,12 @@ mod tests {
     #[test]
     fn between_two_images_it_is_even_and_beyond_them_at_rest() {
         let motion = motion();
-        let middle = motion.at(motion.reference).unwrap();
+        let middle = motion.pose_at(motion.reference).unwrap();
         assert!((middle.to_homogeneous() - Pose::identity().to_homogeneous()).amax() < 1e-12);
-        let quarter = motion.at(0.25).unwrap();
+        let quarter = motion.pose_at(0.25).unwrap();
         assert!((quarter.rotation.scaled_axis() - Vector3::new(0.02, 0.1, -0.05) * -1.25).norm() < 1e-12);
-        assert_eq!((motion.at(-3.0), motion.at(9.0)), (Some(motion.poses[0]), Some(motion.poses[3])));
-        assert_eq!(Motion { reference: 0.0, poses: Vec::new() }.at(0.0), None);
+        assert_eq!((motion.pose_at(-3.0), motion.pose_at(9.0)), (Some(motion.poses[0]), Some(motion.poses[3])));
+        assert_eq!(Motion { reference: 0.0, poses: Vec::new() }.pose_at(0.0), None);
     }
 
     #[test]
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_by_name() {
+    fn invalid_fields_are_refused_by_name() {
         let refused = |change: fn(&mut serde_json::Value)| parsed(change).unwrap_err().to_string();
         let short = refused(|meta| meta["motion"]["Rm"].as_array_mut().unwrap().truncate(3));
         assert!(short.contains("motion.Rm: has 3 values") && short.contains("4 values of phase_shift_rad"), "{short}");

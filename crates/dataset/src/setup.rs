@@ -1,7 +1,7 @@
-//! What a measurement needs to know beside its images: rig, pattern, shifts, measurement volume.
+//! The setup of a measurement: rig, fringe pattern, phase shifts, measurement volume.
 //!
-//! A setup is the text of two files, `meta.json` and `calibration.yml`, and what they say. A recording carries the same
-//! texts, so that a rig has the same numbers to the last bit wherever it is read.
+//! A setup is read from the texts of two files, `meta.json` and `calibration.yml`. A recording contains the same texts, so
+//! that the numbers of a rig are the same to the last bit everywhere.
 
 use std::ops::Range;
 use std::path::Path;
@@ -13,10 +13,10 @@ use fringeflow_base::grey::PixelFormat;
 
 use super::{CALIBRATION_FILE, DatasetError, META_FILE, Motion, Problem, meta};
 
-/// One direction of fringes: the pattern, its shifts, and the Gray code that makes it absolute.
+/// One direction of fringes: pattern, phase shifts, and the Gray code that makes the phase absolute.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FringeSequence {
-    /// Phase against projector column (or row, for the second direction).
+    /// Phase as a function of the projector column (row for the second direction).
     pub pattern: FringePattern,
     /// Phase shift of every phase image, rad.
     pub shifts_rad: Vec<f64>,
@@ -24,7 +24,7 @@ pub struct FringeSequence {
     pub gray: Option<GrayCode>,
 }
 
-/// The texts that a setup is read from.
+/// The texts of a setup.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SetupText {
     /// Content of `meta.json`.
@@ -33,50 +33,50 @@ pub struct SetupText {
     pub calibration: String,
 }
 
-/// A rig, what it projects and where it measures; checked.
+/// A checked setup: rig, fringe pattern, measurement volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// Name of what is measured; empty where none is stated.
+    /// Name of the scene; empty if none is stated.
     pub name: String,
     /// Unit of the calibration file and the volume.
     pub unit: Unit,
     /// Width and height of all images.
     pub image_size_px: [usize; 2],
-    /// What these are of the images of the cameras.
+    /// Region and binning of the sensor behind the images.
     pub readout: Readout,
     /// Depth of all images, if one is stated.
     pub pixel_format: Option<PixelFormat>,
-    /// Length of the shift cycle; there may be more images than that (moving scenes).
+    /// Number of steps of a cycle. Moving scenes may have more images than that.
     pub steps: usize,
-    /// Fringes that run along the projector's columns.
+    /// Fringes along the projector columns.
     pub sequence: FringeSequence,
-    /// Fringes that run along the projector's rows, where there are any.
+    /// Fringes along the projector rows, if there are any.
     pub second_direction: Option<FringeSequence>,
     /// Measurement volume, if one is stated.
     pub volume: Option<MeasurementVolume>,
-    /// Pose of the volume that belongs to the truth, where that differs.
+    /// Pose of the volume in the frame of the ground truth, if it differs.
     pub exact_cam1_from_volume: Option<Pose>,
-    /// Where the object is in every phase image, if it moves.
+    /// Pose of the object in every phase image, if it moves.
     pub motion: Option<Motion>,
     /// The rig of `calibration.yml`.
     pub rig: Rig,
-    /// What all this was read from.
+    /// The texts behind this setup.
     pub text: SetupText,
 }
 
-/// Why the texts of a setup were refused.
+/// Why a setup was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
-    /// The description.
+    /// `meta.json` is wrong.
     #[error("{META_FILE}: {0}")]
     Description(#[source] Problem),
-    /// The calibration.
+    /// The calibration is wrong.
     #[error("{CALIBRATION_FILE}: {0}")]
     Calibration(#[source] CalibrationProblem),
 }
 
 impl Setup {
-    /// Reads and checks both texts; `unit` is used where the description states none.
+    /// Reads and checks both texts. `unit` applies if the description states none.
     ///
     /// # Errors
     /// [`SetupError`], which names file, field, value and remedy.
@@ -114,14 +114,14 @@ impl Setup {
         &self.sequence.shifts_rad[..self.steps.min(self.sequence.shifts_rad.len())]
     }
 
-    /// So many phase images that what is known of the scene belongs to: the first, or where the object moves those about the
-    /// moment of the truth.
+    /// The `count` phase images to compare with the ground truth: the first ones, or for a moving object those around the time
+    /// of the ground truth.
     #[must_use]
     pub fn reference_images(&self, count: usize) -> Range<usize> {
         self.motion.as_ref().map_or(0..count, |motion| motion.reference_images(count))
     }
 
-    /// Pixels of an image.
+    /// Number of pixels of an image.
     #[must_use]
     pub fn image_pixels(&self) -> usize {
         self.image_size_px[0] * self.image_size_px[1]
@@ -130,7 +130,7 @@ impl Setup {
 
 impl SetupError {
     /// The error about the files of a folder.
-    pub(super) fn of_files(self, folder: &Path) -> DatasetError {
+    pub(super) fn in_folder(self, folder: &Path) -> DatasetError {
         match self {
             Self::Description(problem) => DatasetError::new(&folder.join(META_FILE), problem),
             Self::Calibration(problem) => CalibrationError { file: folder.join(CALIBRATION_FILE), problem }.into(),

@@ -1,4 +1,4 @@
-//! `truth.npz`: what is true of a dataset.
+//! `truth.npz`: ground truth of a dataset.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, Write};
@@ -9,21 +9,21 @@ use npyz::{AutoSerialize, WriterBuilder, zip};
 
 use super::Problem;
 
-/// What is true of a dataset.
+/// Ground truth of a dataset.
 #[derive(Clone, Debug)]
 pub enum Truth {
-    /// Rendered: known for every pixel of C1.
+    /// Of a rendered dataset: known for every pixel of C1.
     Rendered(RenderedTruth),
-    /// Captured: what a Gray-code reference found.
+    /// Of a captured dataset: found by a Gray-code reference method.
     Captured(CapturedTruth),
 }
 
-/// Exact truth of a rendered dataset, per pixel of C1, row by row.
+/// Exact ground truth of a rendered dataset, per pixel of C1, row by row.
 #[derive(Clone, Debug)]
 pub struct RenderedTruth {
-    /// Raw sub-pixel point in C2, pixels; NaN where the ray hit nothing.
+    /// Raw sub-pixel point in C2, pixels; NaN if the ray hit nothing.
     pub cam2_px: Vec<[f32; 2]>,
-    /// Point in the frame of the exact C1, in the unit of the dataset; valid where `measurable`.
+    /// Point in the frame of the exact C1, in the unit of the dataset; valid if `measurable`.
     pub point: Vec<[f32; 3]>,
     /// C2 sees the point.
     pub seen_by_cam2: Vec<bool>,
@@ -33,14 +33,13 @@ pub struct RenderedTruth {
     pub in_volume: Vec<bool>,
     /// Hit, seen by C2, lit and in the volume.
     pub measurable: Vec<bool>,
-    /// The paper's reference data RD: `measurable` and found by the Gray-code reference, where there is Gray code.
+    /// Reference data RD of the paper: `measurable` and, with Gray code, found by the Gray-code reference method.
     pub reference: Vec<bool>,
-    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent in sets without Gray
-    /// code and in moving ones.
+    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent without Gray code and for moving objects.
     pub gray_cam2_px: Option<Vec<[f32; 2]>>,
 }
 
-/// Gray-code reference of a captured dataset, one entry a point.
+/// Gray-code reference of a captured dataset, one entry per point.
 #[derive(Clone, Debug)]
 pub struct CapturedTruth {
     /// Sub-pixel point in C1, pixels.
@@ -63,7 +62,7 @@ impl Truth {
     /// Reads the content of a truth file for images of `size_px`.
     ///
     /// # Errors
-    /// Arrays of unexpected names, shapes or types.
+    /// An array has an unexpected name, shape or type.
     pub fn parse(bytes: &[u8], size_px: [usize; 2]) -> Result<Self, Problem> {
         parse(Cursor::new(bytes), size_px)
     }
@@ -75,7 +74,7 @@ fn parse(file: impl Read + Seek, size_px: [usize; 2]) -> Result<Truth, Problem> 
     if arrays.has("gt") { arrays.rendered().map(Truth::Rendered) } else { arrays.captured().map(Truth::Captured) }
 }
 
-/// Writes the truth of a rendered dataset as NumPy arrays; `valid` is where the ray hit something.
+/// Writes the ground truth of a rendered dataset as NumPy arrays. `valid` marks the pixels whose ray hit something.
 pub(super) fn write(path: &Path, truth: &RenderedTruth, size_px: [usize; 2]) -> Result<(), Problem> {
     let mut out = File::create(path).map(BufWriter::new).map_err(Problem::Unwritable)?;
     write_arrays(&mut out, truth, size_px).and_then(|()| out.flush()).map_err(Problem::Unwritable)
@@ -101,7 +100,7 @@ fn write_arrays(out: &mut BufWriter<File>, truth: &RenderedTruth, size_px: [usiz
     if let Some(gray) = &truth.gray_cam2_px {
         write_array(&mut npz, "egc_x2", gray.as_flattened(), &[rows, cols, 2])?;
     }
-    // Dropping the writer would write the directory of the archive too, but swallow its errors.
+    // Dropping the writer would write the directory of the archive too, but ignore its errors.
     npz.zip_writer().finish()?;
     Ok(())
 }
@@ -112,7 +111,7 @@ fn write_array<T: AutoSerialize + Copy>(
     values: &[T],
     shape: &[u64],
 ) -> io::Result<()> {
-    // A fixed time, so that the same truth is the same bytes.
+    // A fixed time, so that the same truth gives the same bytes.
     let options = zip::write::FileOptions::default().last_modified_time(zip::DateTime::default());
     let options = options.compression_method(zip::CompressionMethod::Stored);
     let mut array = npz.array(name, options)?.default_dtype().shape(shape).begin_nd()?;

@@ -1,4 +1,4 @@
-//! Writing a dataset folder, all or not at all: into a folder beside it that takes its name in the end.
+//! Writes a dataset folder as a whole: into a temporary folder that is renamed at the end.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
@@ -19,30 +19,30 @@ use super::{
     Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
 };
 
-/// What `meta.json` is to say.
+/// Content of a new `meta.json`.
 #[derive(Clone, Debug)]
 pub struct DatasetDescription {
     /// Name of the dataset.
     pub name: String,
-    /// Unit of calibration files, volume and truth.
+    /// Unit of calibration files, volume and ground truth.
     pub unit: Unit,
-    /// What all images are of those of the cameras.
+    /// Region and binning of the sensor behind the images.
     pub readout: Readout,
     /// Depth of all images.
     pub pixel_format: PixelFormat,
-    /// Length of the shift cycle.
+    /// Number of steps of a cycle.
     pub steps: usize,
-    /// Fringes along the projector's columns.
+    /// Fringes along the projector columns.
     pub sequence: FringeSequence,
-    /// Fringes along the projector's rows, if there are any.
+    /// Fringes along the projector rows, if there are any.
     pub second_direction: Option<FringeSequence>,
     /// Measurement volume.
     pub volume: MeasurementVolume,
-    /// Pose of the volume in the frame of the truth, where that differs.
+    /// Pose of the volume in the frame of the ground truth, if it differs.
     pub exact_cam1_from_volume: Option<Pose>,
-    /// Where the object is in every phase image, if it moves.
+    /// Pose of the object in every phase image, if it moves.
     pub motion: Option<Motion>,
-    /// Further fields, which readers may ignore.
+    /// Further fields, which readers ignore.
     pub remarks: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -50,7 +50,7 @@ impl DatasetDescription {
     /// The text of `meta.json`.
     ///
     /// # Errors
-    /// A remark that is no JSON.
+    /// A remark is no valid JSON.
     pub fn text(&self) -> serde_json::Result<String> {
         let meta = WrittenMeta {
             name: &self.name,
@@ -70,7 +70,7 @@ impl DatasetDescription {
     }
 }
 
-/// Which image of a camera.
+/// An image of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageKind {
     /// Phase image by number.
@@ -88,7 +88,7 @@ pub enum ImageKind {
 }
 
 impl ImageKind {
-    /// Name of its file.
+    /// File name of the image.
     #[must_use]
     pub fn file_name(self) -> String {
         match self {
@@ -109,7 +109,7 @@ struct WrittenMeta<'a> {
     image_size: [usize; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     readout: Option<RawReadout>,
-    /// 8 bits need no mention.
+    /// Absent for 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     bits: Option<u8>,
     steps: usize,
@@ -125,7 +125,7 @@ struct WrittenMeta<'a> {
     remarks: &'a serde_json::Map<String, serde_json::Value>,
 }
 
-/// A dataset folder in the making; dropped before [`Self::finish`] it leaves nothing.
+/// An unfinished dataset folder. Without [`Self::finish`] it leaves nothing behind.
 #[derive(Debug)]
 pub struct DatasetWriter {
     target: PathBuf,
@@ -137,7 +137,7 @@ impl DatasetWriter {
     /// Starts a folder and writes its `meta.json`.
     ///
     /// # Errors
-    /// There is something at `target` that is no empty folder, or the folder around it cannot be written.
+    /// `target` exists and is no empty folder, or its parent folder cannot be written.
     pub fn create(target: &Path, description: &DatasetDescription) -> Result<Self, DatasetError> {
         let text = description
             .text()
@@ -147,7 +147,7 @@ impl DatasetWriter {
         Ok(writer)
     }
 
-    /// Starts a folder with the texts of a setup as they are.
+    /// Starts a folder with the unchanged texts of a setup.
     ///
     /// # Errors
     /// As [`Self::create`].
@@ -161,14 +161,14 @@ impl DatasetWriter {
     fn create_folders(target: &Path, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
         let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
         check_new(target)?;
-        let around = match target.parent() {
+        let parent = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        // The umask still applies; tempfile's own default would hide the result from everybody else.
+        // The umask still applies. The default of tempfile would deny others access to the result.
         builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
-        let unfinished = builder.tempdir_in(around).map_err(fail)?;
+        let unfinished = builder.tempdir_in(parent).map_err(fail)?;
         for camera in CameraId::BOTH {
             std::fs::create_dir(unfinished.path().join(camera.folder())).map_err(fail)?;
         }
@@ -180,7 +180,7 @@ impl DatasetWriter {
         written.map_err(|e| DatasetError::new(&self.target.join(name), Problem::Unwritable(e)))
     }
 
-    /// Writes the calibration, and the exact one where the dataset is simulated.
+    /// Writes the calibration, and the exact one of a simulated dataset.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -196,46 +196,46 @@ impl DatasetWriter {
     /// Writes one image of a camera.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The image cannot be written.
     pub fn image(&self, camera: CameraId, kind: ImageKind, image: &GreyImage) -> Result<(), DatasetError> {
         let name = Path::new(camera.folder()).join(kind.file_name());
         Ok(write_png(&self.path(&name), image).map_err(|e| self.as_target(&name, e))?)
     }
 
-    /// Writes what is true.
+    /// Writes the ground truth.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn truth(&self, truth: &RenderedTruth) -> Result<(), DatasetError> {
         let written = truth::write(&self.path(TRUTH_FILE), truth, self.image_size_px);
         written.map_err(|p| DatasetError::new(&self.target.join(TRUTH_FILE), p))
     }
 
-    /// Writes the content of a truth file as it is.
+    /// Writes the unchanged content of a truth file.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn truth_bytes(&self, content: &[u8]) -> Result<(), DatasetError> {
         self.file(TRUTH_FILE, content)
     }
 
-    /// Opens what is written so far; images and calibration must be, the truth need not.
+    /// Opens the folder so far. Images and calibration must be complete; the ground truth may be missing.
     ///
     /// # Errors
-    /// As [`Dataset::open`], with paths in the unfinished folder.
+    /// As [`Dataset::open`], with paths in the temporary folder.
     pub fn unfinished(&self) -> Result<Dataset, DatasetError> {
         Dataset::open(self.unfinished.path(), None)
     }
 
-    /// Gives the folder its name.
+    /// Renames the folder to its final name.
     ///
     /// # Errors
-    /// Something has come to stand there in the meantime, or the folder around it cannot be written.
+    /// The name was taken in the meantime, or the parent folder cannot be written.
     pub fn finish(self) -> Result<(), DatasetError> {
         check_new(&self.target)?;
         let renamed = std::fs::rename(self.unfinished.path(), &self.target);
         renamed.map_err(|e| DatasetError::new(&self.target, Problem::Unwritable(e)))?;
-        // Nothing is left to clean up under the old name.
+        // The old name does not exist any more, so there is nothing to clean up.
         let _ = self.unfinished.keep();
         Ok(())
     }
@@ -244,13 +244,13 @@ impl DatasetWriter {
         self.unfinished.path().join(name)
     }
 
-    /// The error with the final name of the file, the one that its user knows.
+    /// The error with the final path of the file, which the user knows.
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
         WriteError { path: self.target.join(name), ..error }
     }
 }
 
-/// Checks that a dataset may be written at `target`, where nothing or an empty folder must be.
+/// Checks that a new dataset can be written at `target`: nothing or an empty folder is there.
 ///
 /// # Errors
 /// [`Problem::TargetExists`].

@@ -1,7 +1,9 @@
-//! Correspondences of all pixels of C1: column of q in the epipolar frame `f32`, modulation `u16`, fringe order `i16`, δ
-//! `i16` (turns · 65536), slope of the phase `i16` (turns · 65536 a column), confidence `u16` (probability · 65535), outcome
-//! `u8`, candidates that passed the test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero where nothing was
-//! found.
+//! Correspondences of all pixels of C1.
+//!
+//! Planes: column of q in the epipolar frame `f32`, modulation `u16`, fringe order `i16`, δ `i16` (turns · 65536), slope of
+//! the phase `i16` (turns · 65536 per column), confidence `u16` (probability · 65535), outcome `u8`, number of candidates
+//! that passed the back-projection test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero for pixels without
+//! a correspondence.
 
 use fringeflow::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
 use fringeflow::phase::Modulation;
@@ -40,7 +42,7 @@ pub fn header(found: &Correspondences, window: &Window, published: u64) -> Corre
     }
 }
 
-/// The counts of δ as a header has them; zero beyond those that there are.
+/// The histogram of δ for a header; missing bins are zero.
 pub(super) fn delta_counts(matches: &Matches) -> [u32; DELTA_PARTS] {
     std::array::from_fn(|part| matches.delta_counts.get(part).copied().unwrap_or(0))
 }
@@ -92,6 +94,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
         passing: next_plane(&mut rest, pixels),
         mean: next_plane(&mut rest, pixels),
     };
+    // A table, since this runs for every pixel.
     let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::from_code(code as u8));
     let outcome = |&code: &u8| known[usize::from(code)];
     if let Some(pixel) = planes.outcome.iter().position(|code| outcome(code).is_none()) {
@@ -168,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read() {
+    fn correspondences_read_back_as_written() {
         let found = found();
         let mut payload = vec![Block([0xff; 64]); blocks(35)];
         write(&found, &mut payload);

@@ -1,17 +1,17 @@
-//! A drift of the calibration as numbers of a header.
+//! A drift of the calibration as the numbers of a header.
 
 use fringeflow::correspondence::KnownDrift;
 use fringeflow_message::{DRIFT_NUMBERS, DriftNumbers};
 
 const _: () = assert!(DRIFT_NUMBERS == KnownDrift::NUMBERS);
 
-/// The numbers of a drift; all 0 for none.
+/// The numbers of a drift; all 0 without one.
 #[must_use]
 pub fn numbers(drift: Option<&KnownDrift>) -> DriftNumbers {
     drift.map_or([0.0; _], KnownDrift::to_numbers)
 }
 
-/// The drift of such numbers; `None` where they are none.
+/// The drift of these numbers; `None` if they are no drift.
 #[must_use]
 pub fn read(numbers: &DriftNumbers) -> Option<KnownDrift> {
     KnownDrift::from_numbers(*numbers)
@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_drift_is_none() {
+    fn invalid_numbers_are_no_drift() {
         let numbers: DriftNumbers = std::array::from_fn(|i| 0.25 * i as f32 + 0.125);
         let drift = read(&numbers).unwrap();
         assert_eq!(super::numbers(Some(&drift)), numbers);

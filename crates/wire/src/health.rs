@@ -1,29 +1,29 @@
-//! What a window tells of the health of the scanner, and the health as a report.
+//! Health of the scanner: the measures of a window, and the health as a report.
 
 use fringeflow::worker::Correspondences;
 use fringeflow_message::{Fit, GAUGES, GaugeReport, HealthReport, MapsHeader};
 use fringeflow_telemetry::health::{Gauge, Health, Measures, Quantity};
 
-/// Each quantity has its place in a report.
+// Each quantity has a place in a report.
 const _: () = assert!(Quantity::ALL.len() <= GAUGES);
 
-/// Motion of the phase, rad an image, beyond which δ tells more of the motion than of the calibration.
-const STEADY_RAD: f64 = 0.4;
+/// Above this motion of the phase, rad per image, the motion dominates δ and hides the calibration.
+const MAX_STEADY_RAD: f64 = 0.4;
 
-/// What a window tells: phase maps with this header, and what was found in them; whether their images are known to be in step, see
-/// [`super::in_step`].
+/// The measures of a window: phase maps with this header, and their correspondences. `is_in_step` says whether the images
+/// are known to show the declared phase shifts, see [`crate::in_step`].
 #[must_use]
-pub fn measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
+pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
     let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
-    // A drift that few pixels agree with tells of the scene.
+    // A drift that few pixels agree with describes the scene.
     let drift = matches.drift.as_ref().filter(|drift| drift.explains_most_pixels());
-    // After a slip the images of a pair are of different moments, and what moves fast is off between the cameras: neither is the
-    // calibration's fault.
-    let motion = cameras.iter().filter_map(|fit| moving(fit)).map(|fit| f64::from(fit.fast_motion_rad));
-    let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= STEADY_RAD;
+    // After a slip the images of a pair show different moments, and fast motion differs between the cameras. Neither is an
+    // error of the calibration.
+    let motion = cameras.iter().filter_map(|fit| with_motion(fit)).map(|fit| f64::from(fit.fast_motion_rad));
+    let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= MAX_STEADY_RAD;
     let drift = drift.filter(|_| is_steady);
-    let fit = |camera: usize, of: fn(&Fit) -> Option<f64>| of(cameras[camera]);
-    let greater = |of: fn(&Fit) -> Option<f64>| Some(of(cameras[0])?.max(of(cameras[1])?));
+    let fit = |camera: usize, value: fn(&Fit) -> Option<f64>| value(cameras[camera]);
+    let greater = |value: fn(&Fit) -> Option<f64>| Some(value(cameras[0])?.max(value(cameras[1])?));
     Quantity::ALL.map(|quantity| match quantity {
         Quantity::Drift => drift.map(|drift| drift.rms_rad),
         Quantity::DeltaSd => is_steady.then_some(matches.delta.sd_rad),
@@ -38,10 +38,10 @@ pub fn measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) ->
         Quantity::DimCam1 => fit(0, |fit| share(fit.dim_pixels, fit.lit_pixels)),
         Quantity::DimCam2 => fit(1, |fit| share(fit.dim_pixels, fit.lit_pixels)),
         Quantity::Skew => Some(maps.skew_ns.unsigned_abs() as f64 * 1e-6),
-        Quantity::Motion => greater(|fit| moving(fit).map(|fit| fit.fast_motion_rad.into())),
-        Quantity::Brightness => greater(|fit| moving(fit).map(|fit| fit.brightness_share.into())),
-        Quantity::OneSurface => greater(|fit| share(moving(fit)?.one_surface_pixels, fit.valid_pixels)),
-        Quantity::Lost => greater(|fit| share(moving(fit)?.lost_pixels, fit.lit_pixels)),
+        Quantity::Motion => greater(|fit| with_motion(fit).map(|fit| fit.fast_motion_rad.into())),
+        Quantity::Brightness => greater(|fit| with_motion(fit).map(|fit| fit.brightness_share.into())),
+        Quantity::OneSurface => greater(|fit| share(with_motion(fit)?.one_surface_pixels, fit.valid_pixels)),
+        Quantity::Lost => greater(|fit| share(with_motion(fit)?.lost_pixels, fit.lit_pixels)),
         Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
         Quantity::Unexplained => matches.drift.as_ref().filter(|_| is_in_step).map(|drift| 1.0 - drift.share),
         Quantity::FalseCandidates => {
@@ -74,14 +74,14 @@ fn residual(fit: &Fit) -> Option<f64> {
     (fit.residual_share >= 0.0).then_some(fit.residual_share.into())
 }
 
-/// Amplitude of all harmonics that the shifts tell.
+/// Amplitude of all harmonics that the phase shifts can show.
 fn harmonics(fit: &Fit) -> Option<f64> {
-    let told = [fit.second_harmonic_share, fit.third_harmonic_share].into_iter().filter(|share| *share >= 0.0);
-    told.map(f64::from).reduce(f64::hypot)
+    let measured = [fit.second_harmonic_share, fit.third_harmonic_share].into_iter().filter(|share| *share >= 0.0);
+    measured.map(f64::from).reduce(f64::hypot)
 }
 
-/// The fit of images that tell of motion.
-fn moving(fit: &Fit) -> Option<&Fit> {
+/// The fit, if motion was measured.
+fn with_motion(fit: &Fit) -> Option<&Fit> {
     (fit.fast_motion_rad >= 0.0).then_some(fit)
 }
 
@@ -118,15 +118,15 @@ mod tests {
     }
 
     #[test]
-    fn each_quantity_is_that_of_its_camera_or_the_greater() {
+    fn each_quantity_is_that_of_its_camera_or_the_greater_of_both() {
         let cam2 = Fit { third_harmonic_share: 0.04, saturated_pixels: 0, fast_motion_rad: 0.375, ..fit() };
         let maps = MapsHeader { cam1: fit(), cam2, skew_ns: -2_500_000, ..MapsHeader::default() };
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.2, 0.01, 0.9));
         (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
         found.matches.delta.mean_periods = 6.0;
-        let told = measures(&maps, &found, true);
-        let of = |quantity: Quantity| (told[quantity as usize].unwrap() * 1e6).round() * 1e-6;
+        let measures = health_measures(&maps, &found, true);
+        let value = |quantity: Quantity| (measures[quantity as usize].unwrap() * 1e6).round() * 1e-6;
         for (quantity, expected) in [
             (Quantity::Drift, 0.2),
             (Quantity::DeltaSd, 0.21),
@@ -146,7 +146,7 @@ mod tests {
             (Quantity::Unexplained, 0.1),
             (Quantity::FalseCandidates, 0.047_746),
         ] {
-            assert!((of(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", of(quantity));
+            assert!((value(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", value(quantity));
         }
     }
 
@@ -154,31 +154,31 @@ mod tests {
     fn slips_and_fast_motion_are_no_drift_of_the_calibration() {
         let of_calibration =
             [Quantity::Drift, Quantity::DeltaSd, Quantity::DeltaNoise, Quantity::DeltaMean, Quantity::FalseCandidates];
-        let told = |fast_motion_rad: f32, slip_steps: [usize; 2]| {
+        let measures = |fast_motion_rad: f32, slip_steps: [usize; 2]| {
             let maps = MapsHeader { cam1: fit(), cam2: Fit { fast_motion_rad, ..fit() }, ..MapsHeader::default() };
             let mut found = Correspondences::default();
             found.matches.drift = Some(drift(0.5, 0.01, 0.9));
             found.matches.slip_steps = slip_steps;
-            let told = measures(&maps, &found, true);
-            assert_eq!(told[Quantity::Slipped as usize], Some(f64::from(u8::from(slip_steps != [0; 2]))));
-            of_calibration.map(|quantity| told[quantity as usize].is_some())
+            let measures = health_measures(&maps, &found, true);
+            assert_eq!(measures[Quantity::Slipped as usize], Some(f64::from(u8::from(slip_steps != [0; 2]))));
+            of_calibration.map(|quantity| measures[quantity as usize].is_some())
         };
-        assert_eq!(told(0.3, [0, 0]), [true; 5]);
-        assert_eq!(told(0.5, [0, 0]), [false; 5]);
-        assert_eq!(told(0.3, [0, 1]), [false; 5]);
-        assert_eq!(told(0.3, [2, 2]), [false; 5]);
+        assert_eq!(measures(0.3, [0, 0]), [true; 5]);
+        assert_eq!(measures(0.5, [0, 0]), [false; 5]);
+        assert_eq!(measures(0.3, [0, 1]), [false; 5]);
+        assert_eq!(measures(0.3, [2, 2]), [false; 5]);
         let found = Correspondences {
             matches: Matches { drift: Some(drift(0.5, 0.01, 0.9)), ..Matches::default() },
             ..Correspondences::default()
         };
-        let out_of_step = measures(&MapsHeader::default(), &found, false);
+        let out_of_step = health_measures(&MapsHeader::default(), &found, false);
         assert!(of_calibration.iter().all(|&quantity| out_of_step[quantity as usize].is_none()));
-        // Images at rest tell nothing of motion.
-        assert_eq!(told(-1.0, [0, 0]), [true; 5]);
+        // Without measured motion the scene is at rest.
+        assert_eq!(measures(-1.0, [0, 0]), [true; 5]);
     }
 
     #[test]
-    fn what_a_window_does_not_tell_is_absent() {
+    fn unmeasured_quantities_are_absent() {
         let silent = Fit {
             residual_share: -1.0,
             second_harmonic_share: -1.0,
@@ -189,8 +189,8 @@ mod tests {
         let maps = MapsHeader { cam1: fit(), cam2: silent, ..MapsHeader::default() };
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.9, 0.01, 0.3));
-        let told = measures(&maps, &found, true);
-        let absent = Quantity::ALL.into_iter().filter(|&quantity| told[quantity as usize].is_none());
+        let measures = health_measures(&maps, &found, true);
+        let absent = Quantity::ALL.into_iter().filter(|&quantity| measures[quantity as usize].is_none());
         let expected = [
             Quantity::Drift,
             Quantity::DeltaNoise,
@@ -207,18 +207,18 @@ mod tests {
     }
 
     #[test]
-    fn a_report_tells_levels_limits_and_states() {
+    fn a_report_has_levels_limits_and_states() {
         let mut health = Health::new(&HealthLimits::default());
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.15, 0.01, 0.9));
         for window in 0..5 {
             let report = health_report(&health);
             assert_eq!(report.gauges[Quantity::Drift as usize].known(), None, "{window}");
-            health.add(100 + window, &measures(&MapsHeader::default(), &found, true));
+            health.add(100 + window, &health_measures(&MapsHeader::default(), &found, true));
         }
-        let told = health_report(&health).gauges[Quantity::Drift as usize];
+        let gauge = health_report(&health).gauges[Quantity::Drift as usize];
         let limits = HealthLimits::default().of(Quantity::Drift);
-        assert_eq!((told.known(), told.warn, told.bad), (Some(0.15), limits.warn, limits.bad));
-        assert_eq!((HealthState::from_code(told.state), told.since_ns), (HealthState::Warn, 104));
+        assert_eq!((gauge.known(), gauge.warn, gauge.bad), (Some(0.15), limits.warn, limits.bad));
+        assert_eq!((HealthState::from_code(gauge.state), gauge.since_ns), (HealthState::Warn, 104));
     }
 }

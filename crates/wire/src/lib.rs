@@ -1,8 +1,31 @@
-//! Phase maps and correspondences as payloads of messages, and back.
+//! Results of the measurement as messages, and back.
 //!
-//! A payload is a row of planes, one value a pixel, row by row; each plane begins at a [`Block`]. The order is that of
-//! the tables in [`maps`] and [`correspondences`]. What comes from another process is checked, never trusted: a payload
-//! of another length or with a value that cannot be is [`WireError`].
+//! ```text
+//!  payload │ plane │ plane │ … │      one value a pixel, row by row
+//!          │←block→│               every plane starts at a Block of 64 bytes
+//! ```
+//!
+//! [`maps`] and [`correspondences`] list their planes in order. A payload from another process is checked: a wrong length or
+//! an invalid value is a [`WireError`].
+//!
+//! ```
+//! use fringeflow::phase::{Modulation, PhaseMap};
+//! use fringeflow::worker::PhasePair;
+//! use fringeflow_message::{Block, Window};
+//! use fringeflow_wire::maps;
+//!
+//! let modulation = vec![Modulation::from_grey(50.0); 2];
+//! let (phase, mean, valid) = (vec![0, 16_384], vec![90, 91], vec![true, false]);
+//! let map = PhaseMap { width: 2, height: 1, phase, modulation, mean, valid, ..PhaseMap::default() };
+//! let sent = PhasePair { cam1: map.clone(), cam2: map, ..PhasePair::default() };
+//! let header = maps::header(&sent, &Window::default(), 0, 1);
+//! let mut payload = vec![Block([0; 64]); maps::blocks(2)];
+//! maps::write(&sent, &mut payload);
+//! let mut received = PhasePair::default();
+//! maps::read(&header, &payload, &mut received)?;
+//! assert_eq!(received, sent);
+//! # Ok::<(), fringeflow_wire::WireError>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
@@ -20,7 +43,7 @@ use fringeflow_message::Block;
 /// Why a payload was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// The payload has another length than its header says.
+    /// The payload does not have the length that its header states.
     #[error("the payload has {found} blocks of 64 bytes; {width_px} × {height_px} pixels need {expected}")]
     Length {
         /// Blocks found.
@@ -32,17 +55,17 @@ pub enum WireError {
         /// Height that the header states, pixels.
         height_px: u32,
     },
-    /// A pixel has an outcome that does not exist.
+    /// A pixel has an unknown outcome.
     #[error("pixel {pixel} has the outcome {code}, which does not exist")]
     Outcome {
         /// Index of the pixel.
         pixel: usize,
-        /// What stands there.
+        /// Its outcome.
         code: u8,
     },
 }
 
-/// Checks the length of a payload; the number of pixels where it is right.
+/// Checks the length of a payload; the number of pixels.
 fn checked_pixels(payload: &[Block], size_px: [u32; 2], blocks: impl Fn(usize) -> usize) -> Result<usize, WireError> {
     let [width_px, height_px] = size_px;
     let pixels = (width_px as usize).checked_mul(height_px as usize).unwrap_or(usize::MAX / 64);

@@ -13,7 +13,7 @@ pub const fn blocks(pixels: usize) -> usize {
     2 * (2 * blocks_of::<u16>(pixels) + 2 * blocks_of::<u8>(pixels))
 }
 
-/// The header of maps made from `window`, in which images of camera 2 begin so much later than those of camera 1.
+/// The header of maps made from `window`. The images of camera 2 started `skew_ns` after those of camera 1.
 #[must_use]
 pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -> MapsHeader {
     MapsHeader {
@@ -29,7 +29,7 @@ pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -
     }
 }
 
-/// Writes maps of equal size into a payload of [`blocks`] blocks.
+/// Writes maps of the same size into a payload of [`blocks`] blocks.
 pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
     for map in [&maps.cam1, &maps.cam2] {
         let pixels = map.phase.len();
@@ -42,7 +42,7 @@ pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
     }
 }
 
-/// The maps of one camera where they lie.
+/// The maps of one camera, borrowed from a payload.
 #[derive(Clone, Copy, Debug)]
 pub struct MapView<'a> {
     /// Wrapped phase, turns · 65536.
@@ -51,11 +51,11 @@ pub struct MapView<'a> {
     pub modulation: &'a [Modulation],
     /// Mean grey level.
     pub mean: &'a [u8],
-    /// 1 where the phase can be trusted, else 0.
+    /// 1 if the phase is valid, else 0.
     pub valid: &'a [u8],
 }
 
-/// The maps of both cameras in a payload.
+/// Borrows the maps of both cameras from a payload.
 ///
 /// # Errors
 /// [`WireError::Length`].
@@ -169,8 +169,8 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read() {
-        // 35 pixels: no plane ends at the end of a block.
+    fn maps_read_back_as_written() {
+        // With 35 pixels no plane ends at the end of a block.
         let maps =
             PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2), known_drift: KnownDrift::from_numbers([0.5; _]) };
         let mut payload = vec![Block([0xff; 64]); blocks(35)];

@@ -1,15 +1,105 @@
-//! What is known of the next windows as a message.
+//! Priors as messages, and the choice of the prior of a window.
+
+use std::collections::VecDeque;
 
 use fringeflow::geometry::Vector3;
-use fringeflow::prior::{Prior, Relief, RigidMotion, WindowTimes};
+use fringeflow::prior::{Moment, Prior, Relief, RigidMotion, WindowTimes};
 use fringeflow_message::{PoseReport, PriorHeader, Window};
 
-use super::drift;
+use crate::drift;
 
-/// The message of what is known after the cloud of a report, with the cells of the relief as its payload in `out`. It tells
-/// nothing where `prior` is `None`.
+/// Priors in the order of their arrival.
+#[derive(Clone, Debug, Default)]
+pub struct Priors {
+    kept: VecDeque<(PriorHeader, Option<Prior>)>,
+}
+
+/// Why a message was not taken as a prior.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PriorError {
+    /// The payload does not have the size of the header, or a number is not finite.
+    #[error("the prior contradicts itself and is ignored")]
+    Contradiction,
+    /// An earlier prior has the same number.
+    #[error("two priors have one number; the second is ignored")]
+    Repeated,
+}
+
+/// The prior that a window was decoded with.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WindowPrior<'a> {
+    /// This prior and its age; `None` if the window was decoded without one.
+    Used(Option<(&'a Prior, Moment)>),
+    /// A prior that is not there.
+    Missing,
+}
+
+impl Priors {
+    /// Takes the message of a prior. Of two priors with the same number the first counts.
+    ///
+    /// # Errors
+    /// [`PriorError`]; the message is ignored then.
+    pub fn push(&mut self, header: &PriorHeader, payload: &[u8]) -> Result<(), PriorError> {
+        if !is_whole(header, payload) {
+            return Err(PriorError::Contradiction);
+        }
+        if self.with_number(header.published).is_some() {
+            return Err(PriorError::Repeated);
+        }
+        self.kept.push_back((*header, decode(header, payload)));
+        Ok(())
+    }
+
+    /// Forgets all but the last `count` priors.
+    pub fn keep_last(&mut self, count: usize) {
+        self.kept.drain(..self.kept.len().saturating_sub(count));
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.kept.is_empty()
+    }
+
+    /// The prior that a window was decoded with.
+    #[must_use]
+    pub fn used_by(&self, window: &Window) -> WindowPrior<'_> {
+        let Some(number) = window.prior_number() else { return WindowPrior::Used(None) };
+        match self.with_number(number) {
+            Some((header, prior)) => WindowPrior::Used(aged(header, prior.as_ref(), &window_times(window))),
+            None => WindowPrior::Missing,
+        }
+    }
+
+    /// Number of the last prior that a window may take if its last image arrived at `received_ns`, and that prior with its
+    /// age, if it says anything. Priors that arrived since do not matter, so a replay chooses the same one.
+    #[must_use]
+    pub fn last_settled(&self, received_ns: u64, times: &WindowTimes) -> Option<(u64, Option<(&Prior, Moment)>)> {
+        let (header, prior) = self.kept.iter().rev().find(|(header, _)| header.is_settled_at(received_ns))?;
+        Some((header.published, aged(header, prior.as_ref(), times)))
+    }
+
+    fn with_number(&self, number: u64) -> Option<&(PriorHeader, Option<Prior>)> {
+        self.kept.iter().find(|(header, _)| header.published == number)
+    }
+}
+
+/// A prior with its age in a window.
+fn aged<'a>(header: &PriorHeader, prior: Option<&'a Prior>, times: &WindowTimes) -> Option<(&'a Prior, Moment)> {
+    prior.map(|prior| (prior, times.moment_after(header.centre_ns)))
+}
+
+/// Times of the images of a window.
 #[must_use]
-pub fn message(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
+pub fn window_times(window: &Window) -> WindowTimes {
+    let exposures_ns = [window.first_exposure_ns, window.last_exposure_ns];
+    WindowTimes { exposures_ns, images: window.images as usize }
+}
+
+/// Makes the message of a prior after the cloud of a report: the header, and the coarse depth as the payload in `out`.
+/// Without a prior the message says nothing.
+#[must_use]
+pub fn encode(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
     out.clear();
     let header = PriorHeader {
         published: report.published,
@@ -32,16 +122,9 @@ pub fn message(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> 
     }
 }
 
-/// When the images of a window were taken.
+/// The prior of a message; `None` if the message says nothing or contradicts itself.
 #[must_use]
-pub fn times(window: &Window) -> WindowTimes {
-    let exposures_ns = [window.first_exposure_ns, window.last_exposure_ns];
-    WindowTimes { exposures_ns, images: window.images as usize }
-}
-
-/// The prior of a message; `None` where it tells nothing, or contradicts itself.
-#[must_use]
-pub fn read(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
+pub fn decode(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
     if !is_whole(header, payload) || payload.is_empty() {
         return None;
     }
@@ -52,7 +135,7 @@ pub fn read(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
     Some(Prior { motion, relief, drift: drift::read(&header.drift) })
 }
 
-/// Whether a payload has as many bytes as its header says, and all numbers are finite.
+/// Whether the payload has the size that the header states, and all numbers are finite.
 #[must_use]
 pub fn is_whole(header: &PriorHeader, payload: &[u8]) -> bool {
     let is_finite = header.velocity_m_s.iter().chain(&header.rate_rad_s).all(|value| value.is_finite());
@@ -64,4 +147,35 @@ pub fn is_whole(header: &PriorHeader, payload: &[u8]) -> bool {
 pub fn payload_bytes(size_px: [usize; 2]) -> usize {
     let [columns, rows] = Relief::cell_counts(size_px);
     columns.saturating_mul(rows).saturating_mul(size_of::<u16>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(published: u64, published_ns: u64) -> PriorHeader {
+        PriorHeader { published, published_ns, ..PriorHeader::default() }
+    }
+
+    #[test]
+    fn a_window_takes_the_last_prior_settled_before_its_last_image() {
+        let mut priors = Priors::default();
+        (0..3).for_each(|number| priors.push(&header(number, 10_000_000 * number), &[]).unwrap());
+        let times = window_times(&Window::default());
+        let number = |received_ns| priors.last_settled(received_ns, &times).map(|(number, _)| number);
+        assert_eq!([999_999, 1_000_000, 20_999_999, 21_000_000].map(number), [None, Some(0), Some(1), Some(2)]);
+    }
+
+    #[test]
+    fn of_two_priors_with_one_number_the_first_counts() {
+        let mut priors = Priors::default();
+        priors.push(&header(4, 0), &[]).unwrap();
+        assert_eq!(priors.push(&header(4, 9), &[]), Err(PriorError::Repeated));
+        assert_eq!(priors.push(&header(5, 9), &[0]), Err(PriorError::Contradiction));
+        let used =
+            |priors: &Priors, prior| priors.used_by(&Window { prior, ..Window::default() }) != WindowPrior::Missing;
+        assert_eq!([0, 4, 5, 6].map(|prior| used(&priors, prior)), [true, false, true, false]);
+        priors.keep_last(0);
+        assert!(priors.is_empty() && !used(&priors, 5));
+    }
 }

@@ -1,4 +1,4 @@
-//! Figures of a window, from what was found in it.
+//! Figures of a window.
 
 use std::f64::consts::TAU;
 
@@ -10,8 +10,8 @@ use fringeflow_telemetry::health::Health;
 use super::correspondences::delta_counts;
 use super::health::health_report;
 
-/// The report on correspondences found in phase maps with this header, number `published` of their channel; `health` has
-/// taken what they tell already.
+/// The report on the correspondences of phase maps with this header. They are number `published` of their channel, and
+/// `health` already includes them.
 #[must_use]
 pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, health: &Health) -> WindowReport {
     let (matches, delta) = (&found.matches, &found.matches.delta);
@@ -52,7 +52,7 @@ fn drift_report(drift: &Drift) -> DriftReport {
 
 /// Median of δ over the chosen candidates, rad; 0 without any.
 fn median_rad(matches: &Matches) -> f64 {
-    // A million of them are counted faster than sorted.
+    // Counting a million values is faster than sorting them.
     let mut counts = vec![0_u32; 1 << u16::BITS];
     let mut found = 0;
     for (outcome, &delta) in matches.outcomes.iter().zip(&matches.chosen.delta) {
@@ -75,8 +75,8 @@ fn median_rad(matches: &Matches) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::health::health_measures;
     use fringeflow::correspondence::{ChosenCandidates, Outcome};
-    use fringeflow_telemetry::health::measures;
     use fringeflow_telemetry::health::{HealthLimits, Quantity};
 
     #[test]
@@ -98,16 +98,16 @@ mod tests {
     }
 
     #[test]
-    fn the_drift_and_the_health_are_told() {
+    fn a_report_has_the_drift_and_the_health() {
         let mut found = Correspondences::default();
         let drift = found.matches.drift.insert(Drift::default());
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
         let (maps, mut health) =
             (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
-        (0..5).for_each(|time_ns| health.add(time_ns, &measures(&maps, &found, true)));
+        (0..5).for_each(|time_ns| health.add(time_ns, &health_measures(&maps, &found, true)));
         let report = window_report(&maps, &found, 0, &health);
-        let told = report.drift.measured().unwrap();
-        assert_eq!([told.rms_rad, told.error_px, told.share, told.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);
+        let drift = report.drift.measured().unwrap();
+        assert_eq!([drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);
         assert_eq!((report.skew_ns, report.health.gauges[Quantity::Drift as usize].known()), (7, Some(0.2)));
     }
 }

@@ -113,7 +113,8 @@ impl ProposedArgs {
         }
         let priors = input.priors()?;
         if !priors.is_empty() {
-            let known = priors.at(input.received_ns(&chosen.numbers), &input.times(&chosen.numbers));
+            let settled = priors.last_settled(input.received_ns(&chosen.numbers), &input.times(&chosen.numbers));
+            let known = settled.and_then(|(_, prior)| prior);
             return try_reconstruct(input, &mut reconstructor, chosen, known);
         }
         let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());

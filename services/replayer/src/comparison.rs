@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use fringeflow_message::{CloudHeader, Window};
-use fringeflow_recording::{Content, Known, Recording, RecordingError, Topic};
+use fringeflow_recording::{Content, Recording, RecordingError, Topic, WindowPrior};
 
 /// Clouds of a recording, by their windows.
 #[derive(Debug, Default)]
@@ -45,7 +45,7 @@ impl Comparison {
         for message in recording.messages_of(Topic::Cloud) {
             if let Content::Cloud(header, records) = message?.content
                 && is_whole(recording, &header.window)
-                && priors.of(&header.window) != Known::Missing
+                && priors.used_by(&header.window) != WindowPrior::Missing
                 && announced_ns.is_none_or(|time_ns| is_announced(&header.window, time_ns))
             {
                 comparison.recorded.insert(key(&header.window), records.to_vec());

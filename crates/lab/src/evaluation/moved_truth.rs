@@ -38,7 +38,7 @@ const MAX_OFF_PX: f64 = 5.0;
 pub(super) fn moved(truth: &RenderedTruth, setup: &Setup, motion: &Motion, image: f64) -> Option<MovedTruth> {
     let volume = setup.volume.as_ref()?;
     let frames = Frames::from_setup(setup);
-    let scene = Scene { truth, setup, frames, motion: motion.at(image)? };
+    let scene = Scene { truth, setup, frames, motion: motion.pose_at(image)? };
     let moved: Vec<Option<Moved>> = (0..truth.cam2_px.len()).map(|i| scene.moved(i)).collect();
     let surface = Surface { moved: &moved, width: setup.image_size_px[0] };
     let box_of_truth = MeasurementVolume::new(frames.exact_cam1_from_volume, *volume.min(), *volume.max()).ok()?;

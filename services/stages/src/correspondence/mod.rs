@@ -10,7 +10,7 @@ use fringeflow_telemetry::health::{Health, HealthState, Quantity};
 use fringeflow_telemetry::{GaugeFigures, HealthFigures};
 use fringeflow_transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
 use fringeflow_wire as wire;
-use fringeflow_wire::health::measures;
+use fringeflow_wire::health::health_measures;
 use fringeflow_wire::in_step::InStep;
 use fringeflow_wire::window_report::window_report;
 
@@ -122,8 +122,8 @@ impl Transform for CorrespondenceStage {
     }
 
     fn tell(&mut self, published: u64) -> Result<(), TransportError> {
-        let is_in_step = self.in_step.take(&self.header, &self.found);
-        self.health.add(self.header.window.received_ns, &measures(&self.header, &self.found, is_in_step));
+        let is_in_step = self.in_step.update(&self.header, &self.found);
+        self.health.add(self.header.window.received_ns, &health_measures(&self.header, &self.found, is_in_step));
         self.tell_slip();
         let report = window_report(&self.header, &self.found, published, &self.health);
         self.tell_health(HealthFigures::from_report(&report).as_ref());

@@ -16,7 +16,7 @@ use fringeflow_wire as wire;
 
 use image::Image;
 use intake::Intake;
-use priors::Priors;
+use priors::PriorInput;
 
 /// Runs the service until it is to end.
 ///
@@ -61,7 +61,7 @@ struct Decoding {
     output: Publisher<MapsHeader, [Block]>,
     worker: PhaseWorker,
     maps: PhasePair,
-    priors: Priors,
+    priors: PriorInput,
     /// The newest window, not decoded yet.
     newest: Option<(WindowImages<Image>, u64)>,
 }
@@ -82,7 +82,7 @@ impl Decoding {
                 host.configuration.measurement.settings.validity,
             ),
             maps: PhasePair::default(),
-            priors: Priors::open(host)?,
+            priors: PriorInput::open(host)?,
             newest: None,
         })
     }
@@ -111,7 +111,7 @@ impl Decoding {
             return Ok(());
         }
         let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
-        let known = self.priors.tell(&mut images.window);
+        let known = self.priors.for_window(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
         if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, known, &mut self.maps) {

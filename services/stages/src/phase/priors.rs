@@ -1,57 +1,44 @@
-//! What windows are told of those before them.
-
-use std::collections::VecDeque;
+//! The priors of the next windows.
 
 use fringeflow::prior::{Moment, Prior};
 use fringeflow_message::{PriorHeader, Window};
 use fringeflow_runtime::{Host, receive};
 use fringeflow_transport::{Subscriber, TRACKING_PRIOR, TransportError};
-use fringeflow_wire as wire;
+use fringeflow_wire::prior::{Priors, window_times};
 
-/// Priors that are kept: a window may have to take one that is not the last.
-const KEPT: usize = 16;
+/// Priors that are kept: a window may have to take an earlier one than the last.
+const MAX_KEPT: usize = 16;
 
-/// The last priors.
-pub(crate) struct Priors {
-    /// `None` where windows are told nothing.
+/// The last priors of the channel.
+pub(crate) struct PriorInput {
+    /// `None` if windows are decoded without priors.
     input: Option<Subscriber<PriorHeader, [u8]>>,
-    kept: VecDeque<(PriorHeader, Option<Prior>)>,
+    priors: Priors,
 }
 
-impl Priors {
+impl PriorInput {
     pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
         let takes = host.configuration.measurement.tracking.takes_priors();
         let open = || Subscriber::open(&host.node, TRACKING_PRIOR, &host.sizes);
-        Ok(Self { input: takes.then(open).transpose()?, kept: VecDeque::with_capacity(KEPT) })
+        Ok(Self { input: takes.then(open).transpose()?, priors: Priors::default() })
     }
 
-    /// What a window is told: the last that was published before its last image came, whatever has come since, so that a replay
-    /// tells it the same. Its number is noted in the window.
-    pub(crate) fn tell(&mut self, window: &mut Window) -> Option<(&Prior, Moment)> {
-        self.take();
-        let (header, prior) = self.kept.iter().rev().find(|(header, _)| header.is_settled_at(window.received_ns))?;
-        window.prior = header.published + 1;
-        let moment = wire::prior::times(window).moment_after(header.centre_ns);
-        prior.as_ref().map(|prior| (prior, moment))
+    /// The prior of a window: the last one that was settled when its last image arrived. Notes its number in the window.
+    pub(crate) fn for_window(&mut self, window: &mut Window) -> Option<(&Prior, Moment)> {
+        self.take_messages();
+        let (number, prior) = self.priors.last_settled(window.received_ns, &window_times(window))?;
+        window.prior = number + 1;
+        prior
     }
 
-    /// Takes what has come.
-    fn take(&mut self) {
+    fn take_messages(&mut self) {
         let Some(input) = &mut self.input else { return };
         while let Some(message) = receive(input) {
-            let (header, relief) = (*message.header(), message.payload());
-            if !wire::prior::is_whole(&header, relief) {
-                tracing::warn!(prior = header.published, "a prior contradicts itself and is ignored");
-                continue;
+            let header = message.header();
+            if let Err(error) = self.priors.push(header, message.payload()) {
+                tracing::warn!(prior = header.published, "{error}");
             }
-            if self.kept.iter().any(|(kept, _)| kept.published == header.published) {
-                tracing::warn!(prior = header.published, "two priors have the same number; the second is ignored");
-                continue;
-            }
-            if self.kept.len() == KEPT {
-                self.kept.pop_front();
-            }
-            self.kept.push_back((header, wire::prior::read(&header, relief)));
+            self.priors.keep_last(MAX_KEPT);
         }
     }
 

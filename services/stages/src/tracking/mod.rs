@@ -153,7 +153,7 @@ impl TrackingStage {
     /// Says what the cloud of a report tells of the windows behind it: nothing where it was lost.
     fn tell_next_windows(&mut self, report: &PoseReport, cloud: &CloudHeader) {
         let Some(Priors { output, relief }) = &mut self.priors else { return };
-        let header = prior::message(self.tracker.prior(drift::read(&cloud.drift)), report, relief);
+        let header = prior::encode(self.tracker.prior(drift::read(&cloud.drift)), report, relief);
         let header = PriorHeader { published_ns: clock::now_ns(), ..header };
         if let Err(error) = output.send(&header, relief) {
             tracing::warn!("{error}");
