@@ -109,7 +109,7 @@ fn a_blurred_image_is_the_mean_of_many_sharp_ones() {
     let dataset = written(&simulation, folder.path());
     let taken = dataset.phase_images(CameraId::Cam1, &[2]).unwrap().remove(0);
     let moments = (0..20).map(|i| 1.5 + (f64::from(i) + 0.5) / 20.0);
-    let views = moments.map(|at| still(rig, Object::Tooth, &motion.at(at).unwrap(), CameraId::Cam1));
+    let views = moments.map(|at| still(rig, Object::Tooth, &motion.pose_at(at).unwrap(), CameraId::Cam1));
     let sharp: Vec<GreyImage> = views.map(|view| picture(rig, &view, 2)).collect();
     let count = taken.pixels.len();
     let mean = |i: usize| sharp.iter().map(|image| f64::from(image.pixels[i])).sum::<f64>() / 20.0;

@@ -215,23 +215,36 @@ pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, Dataset
 
 fn checked_sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
     if let Some((i, shift)) = raw.phase_shift_rad.iter().enumerate().find(|(_, s)| !s.is_finite()) {
-        return Err(field_problem("phase_shift_rad", format!("value {i} is {shift}; every shift must be a finite number")));
+        return Err(field_problem(
+            "phase_shift_rad",
+            format!("value {i} is {shift}; every shift must be a finite number"),
+        ));
     }
     if !(raw.period_px.is_finite() && raw.period_px >= 2.0) {
-        return Err(field_problem("period_px", format!("is {}; a fringe has at least 2 projector pixels", raw.period_px)));
+        return Err(field_problem(
+            "period_px",
+            format!("is {}; a fringe has at least 2 projector pixels", raw.period_px),
+        ));
     }
     if raw.phase_sign.abs() != 1.0 {
         return Err(field_problem("phase_sign", format!("is {}; it must be 1 or -1", raw.phase_sign)));
     }
     if !raw.phase_offset_rad.is_finite() {
-        return Err(field_problem("phase_offset_rad", format!("is {}; it must be a finite number", raw.phase_offset_rad)));
+        return Err(field_problem(
+            "phase_offset_rad",
+            format!("is {}; it must be a finite number", raw.phase_offset_rad),
+        ));
     }
     let pattern = FringePattern {
         period_px: raw.period_px,
         sign: raw.phase_sign,
         offset_rad: raw.phase_offset_rad.rem_euclid(TAU),
     };
-    Ok(FringeSequence { pattern, shifts_rad: raw.phase_shift_rad, gray: raw.gray.as_ref().map(checked_gray).transpose()? })
+    Ok(FringeSequence {
+        pattern,
+        shifts_rad: raw.phase_shift_rad,
+        gray: raw.gray.as_ref().map(checked_gray).transpose()?,
+    })
 }
 
 /// The format of images with this number of bits.

@@ -68,7 +68,10 @@ impl RawMotion {
     /// Checks the motion of a dataset with this number of phase images. The motion needs a volume, whose frame it uses.
     pub(super) fn parse(&self, images: usize, has_volume: bool, unit: Unit) -> Result<Motion, Problem> {
         if !has_volume {
-            return Err(field_problem("motion", "is in the frame of the measurement volume; add field volume".to_owned()));
+            return Err(field_problem(
+                "motion",
+                "is in the frame of the measurement volume; add field volume".to_owned(),
+            ));
         }
         for (name, found) in [("motion.Rm", self.rm.len()), ("motion.tm", self.tm.len())] {
             if found != images {

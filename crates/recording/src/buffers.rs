@@ -1,11 +1,11 @@
-//! What waits for the disk: messages in buffers that are bounded in bytes together, and are used again.
+//! A pool of buffers for the messages that wait for the disk. The total size is bounded; buffers are reused.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::Topic;
-use super::recordable::{Encoded, Times};
+use crate::Topic;
+use crate::recordable::{Encoded, Times};
 
-/// A message on its way to the disk.
+/// A message in the queue to the disk.
 #[derive(Debug)]
 pub(super) struct Item {
     pub(super) topic: Topic,
@@ -13,32 +13,33 @@ pub(super) struct Item {
     pub(super) encoded: Encoded,
 }
 
-/// The buffers of all messages that wait.
+/// The buffers of all waiting messages.
 #[derive(Debug)]
-pub(super) struct Buffers {
+pub(super) struct BufferPool {
     limit_bytes: usize,
     state: Mutex<State>,
 }
 
 #[derive(Debug, Default)]
 struct State {
-    /// Buffers that wait to be used again.
+    /// Buffers that can be reused.
     free: Vec<Encoded>,
-    /// Bytes of buffers, in use or free.
+    /// Bytes of all buffers, used or free.
     bytes: usize,
 }
 
-impl Buffers {
+impl BufferPool {
     pub(super) fn new(limit_bytes: usize) -> Self {
         Self { limit_bytes, state: Mutex::default() }
     }
 
-    /// A buffer for a message of so many bytes; `None` if all together have no room for it.
+    /// A buffer with room for `bytes`; `None` if that exceeds the limit.
     pub(super) fn take(&self, bytes: usize) -> Option<Encoded> {
         let mut state = self.lock();
         if let Some(i) = state.free.iter().rposition(|buffer| buffer.bytes.capacity() >= bytes) {
             return Some(state.free.swap_remove(i));
         }
+        // Free buffers that are too small make room for a larger one.
         while state.bytes.saturating_add(bytes) > self.limit_bytes {
             let freed = state.free.pop()?;
             state.bytes = state.bytes.saturating_sub(freed.bytes.capacity());
@@ -48,19 +49,19 @@ impl Buffers {
         Some(encoded)
     }
 
-    /// Counts what a buffer that had to grow takes more than was reckoned.
-    pub(super) fn count_growth(&self, had_bytes: usize, has_bytes: usize) {
+    /// Counts the growth of a buffer from `old_bytes` to `new_bytes`.
+    pub(super) fn count_growth(&self, old_bytes: usize, new_bytes: usize) {
         let mut state = self.lock();
-        state.bytes = (state.bytes + has_bytes).saturating_sub(had_bytes);
+        state.bytes = (state.bytes + new_bytes).saturating_sub(old_bytes);
     }
 
-    /// Takes a buffer back.
+    /// Returns a buffer to the pool.
     pub(super) fn give_back(&self, buffer: Encoded) {
         self.lock().free.push(buffer);
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        // No code that holds the lock can panic half-way through a change.
+        // No code that holds the lock can panic in the middle of a change, so a poisoned state is valid.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -70,18 +71,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_more_than_all_may_take_are_given_and_a_buffer_given_back_is_used_again() {
-        let buffers = Buffers::new(1000);
+    fn the_total_is_bounded_and_a_returned_buffer_is_reused() {
+        let buffers = BufferPool::new(1000);
         let first = buffers.take(600).unwrap();
         assert!(buffers.take(600).is_none());
-        let at = first.bytes.as_ptr();
+        let address = first.bytes.as_ptr();
         buffers.give_back(first);
-        assert_eq!(buffers.take(600).unwrap().bytes.as_ptr(), at);
+        assert_eq!(buffers.take(600).unwrap().bytes.as_ptr(), address);
     }
 
     #[test]
-    fn free_buffers_that_are_too_small_make_scratch() {
-        let buffers = Buffers::new(1000);
+    fn free_buffers_that_are_too_small_make_room() {
+        let buffers = BufferPool::new(1000);
         let small = buffers.take(600).unwrap();
         buffers.give_back(small);
         assert!(buffers.take(900).is_some());
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_buffer_that_grew_leaves_less_for_others() {
-        let buffers = Buffers::new(1000);
+        let buffers = BufferPool::new(1000);
         let small = buffers.take(100).unwrap();
         buffers.count_growth(small.bytes.capacity(), 800);
         assert!(buffers.take(300).is_none());

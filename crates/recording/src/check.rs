@@ -1,6 +1,6 @@
-//! Checking a recording: every message is read, and compared with what the others say.
+//! Checks a recording: reads every message and compares it with the others.
 //!
-//! Opening compares checksums, counts and pairs of headers and payloads; here the content follows.
+//! Opening has checked checksums, counts and headers already. This checks the content.
 
 use std::collections::BTreeMap;
 
@@ -9,38 +9,36 @@ use serde::Serialize;
 use fringeflow::cloud::{CloudPoint, read_records};
 use fringeflow_message::{CloudHeader, PatternEvent};
 
-use super::content::{Content, Message};
-use super::error::RecordingError;
-use super::{Recording, Topic};
+use crate::{Content, Message, Recording, RecordingError, Topic};
 
-/// Most faults that are described; the rest is counted.
-const MOST_FAULTS: usize = 20;
+/// Maximum number of described faults. Further faults are only counted.
+const MAX_DESCRIBED_FAULTS: usize = 20;
 
-/// What a check found.
+/// Result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Check {
-    /// Messages read, headers not counted.
+    /// Messages, without headers.
     pub messages: u64,
-    /// Images of camera 1 and 2 that are missing between others by the numbers of their driver.
+    /// Gaps in the sequence numbers of camera 1 and 2: missing images.
     pub missing_images: [u64; 2],
-    /// Images of camera 1 and 2 that have the number of another one.
+    /// Images of camera 1 and 2 with a repeated number.
     pub repeated_images: [u64; 2],
-    /// Pattern events that are missing between others.
+    /// Gaps in the numbers of the pattern events: missing events.
     pub missing_patterns: u64,
-    /// Clouds.
+    /// Number of clouds.
     pub clouds: u64,
-    /// Clouds of whose images at least one is not in the recording, though it had begun.
+    /// Clouds with a missing image, although their window began within the recording.
     pub clouds_without_images: u64,
-    /// Messages that the recorder lost; `None` if it did not say.
+    /// Messages that the recorder lost; `None` if unknown.
     pub lost: Option<u64>,
-    /// What cannot be: numbers that are not finite, messages that contradict themselves. Described at most twenty times.
+    /// Faults: numbers that are not finite, messages that contradict themselves. At most twenty are described.
     pub faults: Vec<String>,
     /// Number of faults.
     pub fault_count: u64,
 }
 
 impl Check {
-    /// Whether something is missing that was sent.
+    /// Whether sent messages are missing.
     #[must_use]
     pub fn has_losses(&self) -> bool {
         self.lost != Some(0)
@@ -49,28 +47,28 @@ impl Check {
             || self.clouds_without_images > 0
     }
 
-    fn fault(&mut self, what: String) {
+    fn add_fault(&mut self, what: String) {
         self.fault_count += 1;
-        if self.faults.len() < MOST_FAULTS {
+        if self.faults.len() < MAX_DESCRIBED_FAULTS {
             self.faults.push(what);
         }
     }
 }
 
 impl Recording {
-    /// Reads every message and compares.
+    /// Reads every message and compares. Calls `progress` for each.
     ///
     /// # Errors
-    /// The file cannot be read any more; faults in it are part of the result.
+    /// The file cannot be read any more. Faults in it are part of the result.
     pub fn check(&self, mut progress: impl FnMut()) -> Result<Check, RecordingError> {
-        let mut check = Check { lost: self.lost(), ..Check::default() };
+        let mut check = Check { lost: self.lost_messages(), ..Check::default() };
         let mut patterns: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
         for message in self.messages() {
             progress();
             check.messages += 1;
             match message {
                 Ok(message) => self.check_message(&message, &mut check, &mut patterns),
-                Err(error) if error.problem.is_content() => check.fault(error.problem.to_string()),
+                Err(error) if error.problem.is_content() => check.add_fault(error.problem.to_string()),
                 Err(error) => return Err(error),
             }
         }
@@ -95,7 +93,7 @@ impl Recording {
             Content::Pattern(event) => {
                 patterns.entry(event.session).or_default().push(event.sequence);
                 if let Some(what) = pattern_fault(event) {
-                    check.fault(format!("topic {}, pattern {}: {what}", Topic::Pattern.name(), event.sequence));
+                    check.add_fault(format!("topic {}, pattern {}: {what}", Topic::Pattern.name(), event.sequence));
                 }
             }
             Content::Cloud(header, records) => {
@@ -104,14 +102,14 @@ impl Recording {
                     check.clouds_without_images += 1;
                 }
                 if let Some(what) = cloud_fault(header, records) {
-                    check.fault(format!("topic {}, cloud {}: {what}", Topic::Cloud.name(), header.published));
+                    check.add_fault(format!("topic {}, cloud {}: {what}", Topic::Cloud.name(), header.published));
                 }
             }
             _ => {}
         }
     }
 
-    /// Whether all images of a cloud are there.
+    /// Whether the recording has all images of a cloud.
     fn has_window(&self, header: &CloudHeader) -> bool {
         let window = &header.window;
         window.pairs().all(|[first, second]| {
@@ -137,11 +135,11 @@ fn cloud_fault(header: &CloudHeader, records: &[u8]) -> Option<String> {
         let numbers = [point.cam2_px[0], point.cam2_px[1], point.delta_rad, point.sigma_m, point.confidence];
         point.position_m.iter().chain(&numbers).all(|number| number.is_finite())
     };
-    let place = read_records(records)?.iter().position(|point| !is_finite(point))?;
-    Some(format!("point {place} has a number that is not finite"))
+    let index = read_records(records)?.iter().position(|point| !is_finite(point))?;
+    Some(format!("point {index} has a number that is not finite"))
 }
 
-/// Numbers that are missing between others, and numbers that come again.
+/// Number of gaps in the numbers, and number of repetitions.
 fn gaps(mut numbers: Vec<u64>) -> (u64, u64) {
     numbers.sort_unstable();
     let all = numbers.len() as u64;

@@ -1,5 +1,5 @@
-//! From what a scan finds to an opened recording: headers meet what they describe, and everything that a recording has
-//! must be there.
+//! Collects the finds of a scan to an opened recording. Matches headers with their messages and checks that every required
+//! part exists.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -7,26 +7,25 @@ use std::path::Path;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupText, TRUTH_FILE};
 
-use super::content::Header;
-use super::error::RecordingProblem;
-use super::reader::{Entry, Place, Recording};
-use super::scan::{Found, FoundMessage, Scanned};
-use super::{CONFIGURATION_FILE, FORMAT_VERSION, METADATA, RECORDER_METADATA, Topic};
+use crate::content::Header;
+use crate::reader::{Entry, FileRange};
+use crate::scan::{Found, FoundMessage, Scanned};
+use crate::{CONFIGURATION_FILE, FORMAT_VERSION, METADATA, RECORDER_METADATA, Recording, RecordingProblem, Topic};
 
-/// What a scan has found so far.
+/// The finds of a scan so far.
 #[derive(Default)]
 pub(super) struct Collected {
     texts: BTreeMap<&'static str, String>,
     metadata: Option<BTreeMap<String, String>>,
-    account: Option<BTreeMap<String, String>>,
-    truth: Option<Place>,
+    recorder_account: BTreeMap<String, String>,
+    truth: Option<FileRange>,
     entries: Vec<Entry>,
-    /// Headers whose image or cloud has not come yet.
+    /// Headers whose image or cloud is not found yet.
     headers: BTreeMap<(Topic, u32), (Header, u64)>,
 }
 
 impl Collected {
-    pub(super) fn take(&mut self, found: Found<'_>) -> Result<(), RecordingProblem> {
+    pub(super) fn add(&mut self, found: Found<'_>) -> Result<(), RecordingProblem> {
         match found {
             Found::Message(message) => self.message(&message),
             Found::Attachment { name, data, offset, .. } => self.attachment(name, data, offset),
@@ -36,7 +35,7 @@ impl Collected {
                 Ok(())
             }
             Found::Metadata { name: RECORDER_METADATA, entries } => {
-                self.account = Some(entries);
+                self.recorder_account = entries;
                 Ok(())
             }
             Found::Metadata { .. } => Ok(()),
@@ -45,7 +44,7 @@ impl Collected {
 
     fn attachment(&mut self, name: &str, data: &[u8], offset: u64) -> Result<(), RecordingProblem> {
         if name == TRUTH_FILE {
-            self.truth = Some(Place { offset, bytes: data.len() });
+            self.truth = Some(FileRange { offset, bytes: data.len() });
         }
         let Some(name) = [CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE].into_iter().find(|n| *n == name) else {
             return Ok(());
@@ -58,8 +57,8 @@ impl Collected {
 
     fn message(&mut self, found: &FoundMessage<'_>) -> Result<(), RecordingProblem> {
         let FoundMessage { topic, sequence, times, data, offset } = *found;
-        let place = Place { offset, bytes: data.len() };
-        let mut entry = Entry { topic, sequence, times, place, header: None };
+        let range = FileRange { offset, bytes: data.len() };
+        let mut entry = Entry { topic, sequence, times, range, header: None };
         if topic.is_header() {
             let header = Header::decode(topic, data).map_err(|what| entry.problem(what))?;
             self.headers.insert((topic, sequence), (header, offset));
@@ -73,8 +72,8 @@ impl Collected {
         Ok(())
     }
 
-    /// The recording, once the whole file is scanned.
-    pub(super) fn recording(
+    /// The recording, after the whole file is scanned.
+    pub(super) fn into_recording(
         mut self,
         path: &Path,
         file: File,
@@ -82,7 +81,7 @@ impl Collected {
     ) -> Result<Recording, RecordingProblem> {
         let metadata = self.metadata.ok_or(RecordingProblem::Missing { what: "metadata fringeflow" })?;
         if let Some(((topic, sequence), (_, offset))) = self.headers.pop_first() {
-            let (topic, what) = (topic.name(), "what it describes is missing".to_owned());
+            let (topic, what) = (topic.name(), "the message that it describes is missing".to_owned());
             return Err(RecordingProblem::Message { topic, sequence, offset, what });
         }
         let mut text = |name, what| self.texts.remove(name).ok_or(RecordingProblem::Missing { what });
@@ -90,7 +89,7 @@ impl Collected {
         let description = text(META_FILE, "attachment meta.json")?;
         let configuration = text(CONFIGURATION_FILE, "attachment configuration.toml")?;
         let setup = Setup::parse(SetupText { description, calibration }, None)?;
-        // Stable: what has the same time stays in the order of the file.
+        // A stable sort: messages of the same time stay in the order of the file.
         self.entries.sort_by_key(|entry| entry.times.log_ns);
         let frames = self.entries.iter().enumerate().filter_map(|(i, entry)| match &entry.header {
             Some(Header::Frame(header)) => Some(((header.camera, header.session, header.sequence), i)),
@@ -103,17 +102,17 @@ impl Collected {
             setup,
             configuration,
             metadata,
-            account: self.account.unwrap_or_default(),
+            recorder_account: self.recorder_account,
             truth: self.truth,
             entries: self.entries,
             frames,
-            foreign: scanned.foreign,
+            foreign_messages: scanned.foreign_messages,
             bytes: scanned.bytes,
         })
     }
 }
 
-/// Refuses a newer format before anything in it is misread.
+/// Refuses a newer format, before anything in it is misread.
 pub(super) fn check_version(metadata: &BTreeMap<String, String>) -> Result<(), RecordingProblem> {
     let writer = metadata.get("version").cloned().unwrap_or_default();
     match metadata.get("format").and_then(|format| format.parse::<u64>().ok()) {

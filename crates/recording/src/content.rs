@@ -1,7 +1,6 @@
-//! Messages of a recording, decoded.
+//! Decoded messages of a recording.
 
 use foxglove::messages::{Log, PointCloud, RawImage, log};
-use prost::Message as _;
 use prost::bytes::Bytes;
 
 use fringeflow::cloud::RECORD_BYTES;
@@ -10,24 +9,27 @@ use fringeflow_message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader, StageReport,
     WindowReport,
 };
+use fringeflow_wire::prior::is_whole;
 
-use super::recordable::{least_stride_bytes, raw_encoding};
-use super::{Topic, schema, truth_poses};
+use crate::convert::Convert;
+use crate::recordable::min_stride_bytes;
+use crate::viewers::raw_encoding;
+use crate::{Topic, schema, truth_poses};
 
 /// A message of a recording.
 #[derive(Clone, Debug)]
 pub struct Message {
-    /// Its topic.
+    /// Topic of the message.
     pub topic: Topic,
-    /// When it was received or published.
+    /// Time of receipt or publication.
     pub log_ns: u64,
-    /// Start of its exposure.
+    /// Start of the exposure.
     pub publish_ns: u64,
-    /// What it says.
+    /// Decoded content.
     pub content: Content,
 }
 
-/// What a message says; payloads are those of the channels.
+/// Content of a message. Payloads are those of the channels.
 #[derive(Clone, Debug)]
 pub enum Content {
     /// An image.
@@ -38,23 +40,23 @@ pub enum Content {
     Maps(Box<MapsHeader>, Bytes),
     /// Correspondences.
     Correspondences(Box<CorrespondenceHeader>, Bytes),
-    /// A cloud: its records, lengths in metres.
+    /// A cloud and its records, lengths in metres.
     Cloud(Box<CloudHeader>, Bytes),
     /// Report of a stage.
     Report(Box<StageReport>),
     /// Figures of a window.
     WindowReport(Box<WindowReport>),
-    /// Where the object truly was: its pose in the frame of the exact camera 1, metres.
+    /// True pose of the object in the frame of the exact camera 1, metres.
     TruthPose(Pose),
-    /// Where the scanner was at a cloud.
+    /// Pose of the scanner at a cloud.
     Pose(Box<PoseReport>),
-    /// What is known of the windows behind a cloud: payload of the channel.
+    /// Prior of the windows after a cloud, and payload of the channel.
     Prior(Box<PriorHeader>, Bytes),
-    /// A mark that a person set.
+    /// A mark that a user set.
     Mark(String),
-    /// What the recorder said about its own losses.
+    /// A message of the recorder about its losses.
     Loss(String),
-    /// What says again for viewers what stands elsewhere: calibration, transforms.
+    /// Calibration or transform, repeated for viewers.
     ForViewers,
 }
 
@@ -68,16 +70,16 @@ pub(super) enum Header {
 impl Header {
     /// Decodes a message of a header topic.
     pub(super) fn decode(topic: Topic, data: &[u8]) -> Result<Self, String> {
+        let data = Bytes::copy_from_slice(data);
         let camera = match topic {
             Topic::Cam1Header => 1,
             Topic::Cam2Header => 2,
             _ => {
-                let header = schema::CloudHeader::decode(data).map_err(|e| e.to_string())?;
-                let header = header.to_message().ok_or("field window is missing or contradicts itself")?;
-                return Ok(Self::Cloud(Box::new(header)));
+                let fault = "field window is missing or contradicts itself";
+                return decode_struct::<schema::CloudHeader>(data, fault).map(Self::Cloud);
             }
         };
-        let header = schema::FrameHeader::decode(data).map_err(|e| e.to_string())?.to_message();
+        let header = *decode_struct::<schema::FrameHeader>(data, "")?;
         if header.camera != camera {
             return Err(format!("field camera is {}; expected {camera}", header.camera));
         }
@@ -86,59 +88,59 @@ impl Header {
 }
 
 impl Content {
-    /// Decodes a message; `header` is the one beside it, where its topic has one.
+    /// Decodes a message. `header` describes the message, if its topic has headers.
     pub(super) fn decode(topic: Topic, header: Option<&Header>, data: Bytes) -> Result<Self, String> {
-        match (topic, header) {
-            (Topic::Cam1Frame | Topic::Cam2Frame, Some(Header::Frame(header))) => image(header, data),
-            (Topic::Cloud, Some(Header::Cloud(header))) => cloud(header, data),
-            (Topic::Cam1Frame | Topic::Cam2Frame | Topic::Cloud, _) => Err("its header is missing".to_owned()),
-            (Topic::Pattern, _) => Ok(Self::Pattern(decode::<schema::PatternEvent>(data)?.to_message())),
+        const MAP_FAULT: &str = "field header is missing or contradicts itself";
+        Ok(match (topic, header) {
+            (Topic::Cam1Frame | Topic::Cam2Frame, Some(Header::Frame(header))) => image(header, data)?,
+            (Topic::Cloud, Some(Header::Cloud(header))) => cloud(header, data)?,
+            (Topic::Cam1Frame | Topic::Cam2Frame | Topic::Cloud, _) => return Err("its header is missing".to_owned()),
+            (Topic::Cam1Header | Topic::Cam2Header | Topic::CloudHeader, _) => {
+                return Err("the message that it describes is missing".to_owned());
+            }
+            (Topic::Pattern, _) => Self::Pattern(*decode_struct::<schema::PatternEvent>(data, "")?),
             (Topic::PhaseMaps, _) => {
                 let maps = decode::<schema::PhaseMaps>(data)?;
-                let header = maps.header.and_then(|header| header.to_message());
-                let header = header.ok_or("field header is missing or contradicts itself")?;
-                Ok(Self::Maps(Box::new(header), maps.payload))
+                let header = maps.header.and_then(|header| header.to_struct()).ok_or(MAP_FAULT)?;
+                Self::Maps(Box::new(header), maps.payload)
             }
             (Topic::CorrespondenceMap, _) => {
                 let map = decode::<schema::CorrespondenceMap>(data)?;
-                let header = map.header.and_then(|header| header.to_message());
-                let header = header.ok_or("field header is missing or contradicts itself")?;
-                Ok(Self::Correspondences(Box::new(header), map.payload))
+                let header = map.header.and_then(|header| header.to_struct()).ok_or(MAP_FAULT)?;
+                Self::Correspondences(Box::new(header), map.payload)
             }
             (Topic::Report, _) => {
-                let report = decode::<schema::StageReport>(data)?.to_message();
-                Ok(Self::Report(Box::new(report.ok_or("field stage or dropped has an unknown name")?)))
+                let fault = "field stage, dropped or incidents has an unknown name";
+                Self::Report(decode_struct::<schema::StageReport>(data, fault)?)
             }
             (Topic::WindowReport, _) => {
-                let report = decode::<schema::WindowReport>(data)?.to_message();
-                let report = report.ok_or("field window or outcomes is missing or contradicts itself")?;
-                Ok(Self::WindowReport(Box::new(report)))
+                let fault = "field window or outcomes is missing or contradicts itself";
+                Self::WindowReport(decode_struct::<schema::WindowReport>(data, fault)?)
             }
-            (Topic::TruthPose, _) => Ok(Self::TruthPose(truth_poses::decoded(&decode(data)?)?)),
+            (Topic::TruthPose, _) => Self::TruthPose(truth_poses::decode(&decode(data)?)?),
             (Topic::Pose, _) => {
-                let report = decode::<schema::PoseReport>(data)?.to_message();
-                Ok(Self::Pose(Box::new(
-                    report.ok_or("field window, state, reason or pose is missing or contradicts itself")?,
-                )))
+                let fault = "field window, state, reason or pose is missing or contradicts itself";
+                Self::Pose(decode_struct::<schema::PoseReport>(data, fault)?)
             }
             (Topic::Prior, _) => {
-                let (header, relief) = decode::<schema::Prior>(data)?.into_message();
+                let prior = decode::<schema::Prior>(data)?;
+                let header = prior.to_struct().filter(|header| is_whole(header, &prior.relief));
                 let header = header.ok_or("field velocity_m_s, rate_rad_s or relief contradicts itself")?;
-                Ok(Self::Prior(Box::new(header), relief))
+                Self::Prior(Box::new(header), prior.relief)
             }
             (Topic::Log, _) => {
                 let log = decode::<Log>(data)?;
                 let is_loss = log.level >= i32::from(log::Level::Warning);
-                Ok(if is_loss { Self::Loss(log.message) } else { Self::Mark(log.message) })
+                if is_loss { Self::Loss(log.message) } else { Self::Mark(log.message) }
             }
-            (Topic::Transforms | Topic::Cam1Calibration | Topic::Cam2Calibration | Topic::Model, _) => {
-                Ok(Self::ForViewers)
-            }
-            (Topic::Cam1Header | Topic::Cam2Header | Topic::CloudHeader, _) => {
-                Err("it describes nothing that is there".to_owned())
-            }
-        }
+            (Topic::Transforms | Topic::Cam1Calibration | Topic::Cam2Calibration | Topic::Model, _) => Self::ForViewers,
+        })
     }
+}
+
+/// Decodes a message of the schema to its struct. `fault` is the error for a message that no channel could have carried.
+fn decode_struct<M: Convert + prost::Message + Default>(data: Bytes, fault: &str) -> Result<Box<M::Struct>, String> {
+    decode::<M>(data)?.to_struct().map(Box::new).ok_or_else(|| fault.to_owned())
 }
 
 fn decode<M: prost::Message + Default>(data: Bytes) -> Result<M, String> {
@@ -157,7 +159,7 @@ fn image(header: &FrameHeader, data: Bytes) -> Result<Content, String> {
             image.width, image.height, image.step, image.encoding
         ));
     }
-    if stride < least_stride_bytes(header) || image.data.len() as u64 != u64::from(stride) * u64::from(height) {
+    if stride < min_stride_bytes(header) || image.data.len() as u64 != u64::from(stride) * u64::from(height) {
         return Err(format!("field data has {} bytes; expected {height} rows of {stride}", image.data.len()));
     }
     Ok(Content::Frame(*header, image.data))

@@ -1,22 +1,22 @@
-//! What a recorder took, wrote and lost.
+//! Messages that a recorder took, wrote and lost.
 
 use std::collections::BTreeMap;
 
 use fringeflow_message::{Counts, DropReason};
 
-use super::Topic;
+use crate::Topic;
 
-/// Messages taken, written and lost, by the topic they are counted under.
+/// Messages taken, written and lost, by topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderCounts {
-    /// By topic; an image and its header are one message. Messages that contradict themselves have no topic.
+    /// By topic; an image and its header count as one message. Contradictory messages have no topic.
     pub topics: BTreeMap<Topic, Counts>,
     /// Messages that contradict themselves.
     pub malformed: u64,
 }
 
 impl RecorderCounts {
-    /// Of all topics together.
+    /// The sum over all topics.
     #[must_use]
     pub fn total(&self) -> Counts {
         let mut total = Counts { taken: self.malformed, ..Counts::default() };
@@ -29,17 +29,17 @@ impl RecorderCounts {
         total
     }
 
-    pub(super) fn of(&mut self, topic: Topic) -> &mut Counts {
+    pub(super) fn for_topic(&mut self, topic: Topic) -> &mut Counts {
         self.topics.entry(topic).or_default()
     }
 
-    /// As metadata of a recording that ended for some reason.
-    pub(super) fn metadata(&self, ended: &str) -> BTreeMap<String, String> {
-        let mut entries = BTreeMap::from([("ended".to_owned(), ended.to_owned())]);
+    /// The metadata of a recording that ended for this reason.
+    pub(super) fn metadata(&self, end_reason: &str) -> BTreeMap<String, String> {
+        let mut entries = BTreeMap::from([("ended".to_owned(), end_reason.to_owned())]);
         let total = self.total();
         entries.insert("taken".to_owned(), total.taken.to_string());
         entries.insert("written".to_owned(), total.passed.to_string());
-        // A disk that is full leaves messages in the queue; they are missing as well.
+        // A full disk leaves messages in the queue, which are lost as well.
         if let Some(waiting) = total.in_work().filter(|&waiting| waiting > 0) {
             entries.insert("lost.in_queue".to_owned(), waiting.to_string());
         }

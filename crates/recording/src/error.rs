@@ -1,67 +1,67 @@
-//! What can be wrong with a recording.
+//! Errors about recordings.
 
 use std::path::{Path, PathBuf};
 
 use fringeflow_dataset::{Problem, SetupError};
 
-use super::{FORMAT_VERSION, UNFINISHED};
+use crate::{FORMAT_VERSION, UNFINISHED};
 
-/// Why a recording was not made or not read: the file and what is wrong with it.
+/// An error about a recording: the file and its problem.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", file.display())]
 pub struct RecordingError {
     /// The file.
     pub file: PathBuf,
-    /// What is wrong with it.
+    /// Its problem.
     #[source]
     pub problem: RecordingProblem,
 }
 
-/// What is wrong with a recording.
+/// A problem of a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingProblem {
-    /// There is something already where the recording, or the unfinished file beside it, would go.
+    /// The path of the recording, or of its unfinished file, is taken.
     #[error("already exists; give another name, or remove it first")]
     Exists,
-    /// The file cannot be made or written.
+    /// The file cannot be created or written.
     #[error("cannot be written: {0}")]
     Unwritable(#[source] std::io::Error),
-    /// The disk has less space than is to stay free.
+    /// The disk has less free space than the limit.
     #[error(
-        "cannot be written: {free_bytes} bytes of the disk are free and {min_free_bytes} are to stay so; free some \
+        "cannot be written: {free_bytes} bytes of the disk are free, and {min_free_bytes} must stay free; free some \
          space, or lower the limit in the configuration"
     )]
     NoSpace {
-        /// Bytes that are free.
+        /// Free bytes.
         free_bytes: u64,
-        /// Bytes that are to stay free.
+        /// Bytes that must stay free.
         min_free_bytes: u64,
     },
-    /// Writing failed half-way; what had been written before can be recovered.
-    #[error("could not be finished: {0}; what was written stands in NAME{UNFINISHED}, see `fringeflow recover`")]
+    /// Writing failed. The data written before can be recovered.
+    #[error("could not be finished: {0}; the data written so far is in NAME{UNFINISHED}, see `fringeflow recover`")]
     Unfinishable(String),
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// It is no MCAP file.
-    #[error("is no MCAP file (its first bytes are not those of one)")]
+    /// The file is no MCAP file.
+    #[error("is no MCAP file (its first bytes are wrong)")]
     NotMcap,
-    /// The file ends without its end.
+    /// The file ends before the end of the recording.
     #[error(
-        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` makes a whole file of what is there"
+        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` writes a complete file of the rest"
     )]
     Unfinished {
-        /// Where.
+        /// Length of the file.
         offset: u64,
-        /// Within what.
+        /// Part of the file that is cut.
         within: &'static str,
     },
-    /// A place of the file holds what cannot be.
-    #[error("is damaged at byte {offset}: {what}; `fringeflow recover` makes a whole file of what can still be read")]
+    /// A part of the file is invalid.
+    #[error("is damaged at byte {offset}: {what}; `fringeflow recover` writes a complete file of the readable parts")]
     Damaged {
-        /// Where.
+        /// Start of that part.
         offset: u64,
-        /// What is wrong there.
+        /// Its fault.
         what: String,
     },
     /// A chunk is compressed.
@@ -70,12 +70,12 @@ pub enum RecordingProblem {
          none`"
     )]
     Compressed {
-        /// Where.
+        /// Start of the chunk.
         offset: u64,
-        /// What the chunk says.
+        /// Its compression.
         compression: String,
     },
-    /// A newer version wrote it.
+    /// A newer version wrote the file.
     #[error(
         "has format version {found}, and this fringeflow reads versions up to {FORMAT_VERSION}; update fringeflow \
          (it was written by version {writer})"
@@ -86,25 +86,25 @@ pub enum RecordingProblem {
         /// Version of the fringeflow that wrote it.
         writer: String,
     },
-    /// It lacks what every recording has.
+    /// A required part is missing.
     #[error("has no {what}, so it is no recording of fringeflow, or a part of it was cut out")]
     Missing {
-        /// What it lacks.
+        /// The missing part.
         what: &'static str,
     },
-    /// A message has a value that cannot be.
+    /// A message has an invalid value.
     #[error("topic {topic}, message {sequence} (byte {offset}): {what}")]
     Message {
         /// Name of the topic.
         topic: &'static str,
         /// MCAP sequence number.
         sequence: u32,
-        /// Where its data start.
+        /// Start of its data.
         offset: u64,
-        /// What is wrong with it.
+        /// Its fault.
         what: String,
     },
-    /// An image that is asked for is not there.
+    /// The recording does not have this image.
     #[error("has no image {sequence} of session {session} of camera {camera}; it was lost, or never recorded")]
     NoImage {
         /// 1 or 2.
@@ -114,35 +114,35 @@ pub enum RecordingProblem {
         /// Sequence number of its driver.
         sequence: u64,
     },
-    /// Calibration or description cannot be used.
+    /// Calibration or description is invalid.
     #[error("attachment {0}")]
     Setup(#[from] SetupError),
-    /// The recorded truth cannot be used.
+    /// The recorded ground truth is invalid.
     #[error("attachment truth.npz: {0}")]
     Truth(#[source] Problem),
 }
 
 impl RecordingProblem {
-    /// Whether a message says what cannot be, in a file that is whole.
+    /// Whether a message has an invalid value, in a file that is complete.
     #[must_use]
     pub fn is_content(&self) -> bool {
         matches!(self, Self::Message { .. })
     }
 
-    /// Whether it was a recording once, and is no whole one now.
+    /// Whether the file is an incomplete or damaged recording.
     #[must_use]
     pub fn is_damage(&self) -> bool {
         matches!(self, Self::Unfinished { .. } | Self::Damaged { .. } | Self::Missing { .. } | Self::Message { .. })
     }
 
-    /// Whether a new file could not be made or written.
+    /// Whether a new file could not be created or written.
     #[must_use]
     pub fn is_about_writing(&self) -> bool {
         matches!(self, Self::Exists | Self::Unwritable(_) | Self::NoSpace { .. } | Self::Unfinishable(_))
     }
 
     /// The error about a file.
-    pub(super) fn of(self, file: &Path) -> RecordingError {
+    pub(super) fn in_file(self, file: &Path) -> RecordingError {
         RecordingError { file: file.to_owned(), problem: self }
     }
 }

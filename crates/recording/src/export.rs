@@ -1,7 +1,7 @@
-//! From a recording back to a dataset folder: its images as PNG files, with the texts of the setup.
+//! Exports a recording to a dataset folder: its images as PNG files, with the texts of the setup.
 //!
-//! A folder that was imported comes out as it went in, where it had nothing but phase images and truth. Of any other,
-//! `meta.json` is made to promise what the folder has: these images, their shifts, and no Gray code.
+//! An imported folder with nothing but phase images and ground truth is exported unchanged. For other recordings,
+//! `meta.json` is changed to match the folder: these images, their phase shifts, and no Gray code.
 
 use std::path::Path;
 
@@ -9,8 +9,7 @@ use serde_json::Value;
 
 use fringeflow_dataset::{CameraId, DatasetError, DatasetWriter, ImageKind, Problem, SetupText};
 
-use super::error::{RecordingError, RecordingProblem};
-use super::{ImagePair, Recording};
+use crate::{ImagePair, Recording, RecordingError, RecordingProblem};
 
 /// Why images were not exported.
 #[derive(Debug, thiserror::Error)]
@@ -23,10 +22,10 @@ pub enum ExportError {
     Dataset(#[from] DatasetError),
 }
 
-/// Writes image pairs as a dataset folder, all or not at all; `progress` is called after each pair.
+/// Writes image pairs as a dataset folder, all or none. Calls `progress` after each pair.
 ///
 /// # Errors
-/// [`ExportError`]: an image that cannot be read, a folder that exists or cannot be written.
+/// An image cannot be read, or the folder exists or cannot be written.
 pub fn export_images(
     recording: &Recording,
     pairs: &[ImagePair],
@@ -38,7 +37,7 @@ pub fn export_images(
     let has_more = setup.second_direction.is_some() || setup.sequence.gray.is_some();
     let mut text = setup.text.clone();
     if has_more || shifts != setup.sequence.shifts_rad {
-        text.description = description(&text, &shifts).map_err(|p| p.of(recording.path()))?;
+        text.description = description(&text, &shifts).map_err(|p| p.in_file(recording.path()))?;
     }
     let writer = DatasetWriter::create_from_text(target, &text, setup.image_size_px)?;
     for (number, pair) in pairs.iter().enumerate() {
@@ -55,7 +54,7 @@ pub fn export_images(
     Ok(writer.finish()?)
 }
 
-/// The text of `meta.json` with these shifts and without Gray code; everything else stays.
+/// The text of `meta.json` with these phase shifts and without Gray code.
 fn description(text: &SetupText, shifts: &[f64]) -> Result<String, RecordingProblem> {
     let fail = |e: serde_json::Error| {
         RecordingProblem::Setup(fringeflow_dataset::SetupError::Description(Problem::Json(e.to_string())))

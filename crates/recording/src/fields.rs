@@ -1,11 +1,11 @@
-//! The fields of MCAP records, read from bytes that may be anything.
+//! Fields of MCAP records, read from untrusted bytes.
 //!
-//! Lengths in a file are claims: every read is checked against the bytes that are there before anything is allocated.
-//! (The reader of the `mcap` crate allocates what a record claims, and overflows on chunks that contradict themselves.)
+//! Every length in a file is checked against the available bytes before anything is allocated. (`mcap::parse_record`
+//! panics on an attachment that is shorter than its checksum.)
 
 use std::collections::BTreeMap;
 
-/// What is left of a record; each read takes its bytes, or is `None` where they end.
+/// The rest of a record. Each read takes its bytes, or returns `None` if there are too few.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -45,7 +45,7 @@ impl<'a> Fields<'a> {
         std::str::from_utf8(self.bytes(length)?).ok()
     }
 
-    /// What the next 32-bit length spans, as fields of their own.
+    /// The next part with a 32-bit length, as separate fields.
     fn part(&mut self) -> Option<Self> {
         let length = self.u32()? as usize;
         self.bytes(length).map(Self)
@@ -60,7 +60,7 @@ impl<'a> Fields<'a> {
         Some(map)
     }
 
-    /// Messages by channel, as the statistics have them.
+    /// Messages by channel, as in the statistics record.
     pub(super) fn count_map(&mut self) -> Option<BTreeMap<u16, u64>> {
         let mut part = self.part()?;
         let mut map = BTreeMap::new();

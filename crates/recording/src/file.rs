@@ -1,8 +1,8 @@
-//! The file of a recording in the making: a name that says so, room on the disk, and its final name in the end.
+//! The file of an unfinished recording: its temporary name, its disk space, and its final name.
 //!
-//! While it grows it is called `NAME.mcap.part`, so that no half of a recording is ever called one; what a killed
-//! recorder leaves behind keeps that name, and `fringeflow recover` reads it. Blocks are claimed ahead of what is
-//! written: a disk that runs full says so while there is still room to close the file.
+//! The growing file is called `NAME.mcap.part`, so that a partial recording never has the name of a complete one. A killed
+//! recorder leaves this file, and `fringeflow recover` reads it. Blocks are allocated ahead of the written data. So a full
+//! disk shows while there is still space to close the file.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, IoSlice, Write};
@@ -12,115 +12,116 @@ use std::sync::Arc;
 use rustix::fs::{CWD, FallocateFlags, RenameFlags};
 use rustix::io::Errno;
 
-use super::error::{RecordingError, RecordingProblem};
+use crate::{RecordingError, RecordingProblem};
 
-/// What the name of an unfinished recording ends in.
+/// Suffix of the name of an unfinished recording.
 pub const UNFINISHED: &str = ".part";
-/// The same for one that is being recovered: `NAME.mcap.part` can become `NAME.mcap`.
+/// Suffix during a recovery, so that `NAME.mcap.part` can become `NAME.mcap`.
 pub(super) const UNFINISHED_RECOVERY: &str = ".recovered.part";
-/// Blocks are claimed in steps of so many bytes.
-const CLAIM_BYTES: u64 = 32 << 20;
-/// Scratch for the end of the file: a fixed part, and indexes, of which this share of the file is four times as much as needed.
+/// Bytes allocated at a time.
+const ALLOCATION_BYTES: u64 = 32 << 20;
+/// Space for the end of the file: a fixed part, and 1/4096 of the file for indexes, four times as much as they need.
 const CLOSING_BYTES: u64 = 4 << 20;
 const CLOSING_SHARE: u64 = 4096;
-/// Record and index entry around a message, generously.
+/// Generous estimate of the record and index entry of a message.
 const MESSAGE_OVERHEAD_BYTES: u64 = 256;
 
-/// The growing file, and how much of the disk it may take.
+/// The growing file and its limits.
 #[derive(Debug)]
 pub(super) struct UnfinishedFile {
     target: PathBuf,
     path: PathBuf,
     file: Arc<File>,
     min_free_bytes: u64,
-    planned_bytes: u64,
-    claimed_bytes: u64,
+    reserved_bytes: u64,
+    allocated_bytes: u64,
 }
 
-/// The end of the file that the MCAP writer writes to.
+/// The file as the MCAP writer sees it.
 #[derive(Debug)]
-pub(super) struct FileEnd(Arc<File>);
+pub(super) struct FileWriter(Arc<File>);
 
 impl UnfinishedFile {
-    /// Makes the file beside its final name, to which `suffix` is added until it is finished.
+    /// Creates the file with its final name plus `suffix`.
     pub(super) fn create(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let mut path = target.as_os_str().to_owned();
         path.push(suffix);
         let path = PathBuf::from(path);
         if target.symlink_metadata().is_ok() {
-            return Err(RecordingProblem::Exists.of(target));
+            return Err(RecordingProblem::Exists.in_file(target));
         }
         let opened = OpenOptions::new().read(true).write(true).create_new(true).open(&path);
         let file = opened.map_err(|e| match e.kind() {
-            ErrorKind::AlreadyExists => RecordingProblem::Exists.of(&path),
-            _ => RecordingProblem::Unwritable(e).of(target),
+            ErrorKind::AlreadyExists => RecordingProblem::Exists.in_file(&path),
+            _ => RecordingProblem::Unwritable(e).in_file(target),
         })?;
         let mut unfinished = Self {
             target: target.to_owned(),
             path,
             file: Arc::new(file),
             min_free_bytes,
-            planned_bytes: 0,
-            claimed_bytes: 0,
+            reserved_bytes: 0,
+            allocated_bytes: 0,
         };
-        if unfinished.admits(0) {
+        if unfinished.reserve(0) {
             return Ok(unfinished);
         }
         let problem = RecordingProblem::NoSpace { free_bytes: unfinished.free_bytes(), min_free_bytes };
         unfinished.discard();
-        Err(problem.of(target))
+        Err(problem.in_file(target))
     }
 
-    /// Where the MCAP writer writes to.
-    pub(super) fn end(&self) -> FileEnd {
-        FileEnd(Arc::clone(&self.file))
+    /// The file for the MCAP writer.
+    pub(super) fn writer(&self) -> FileWriter {
+        FileWriter(Arc::clone(&self.file))
     }
 
-    /// Whether the disk takes a message of so many bytes and still has room for the end of the file.
-    pub(super) fn admits(&mut self, message_bytes: usize) -> bool {
-        let planned = self.planned_bytes + message_bytes as u64 + MESSAGE_OVERHEAD_BYTES;
-        let needed = planned + CLOSING_BYTES + planned / CLOSING_SHARE;
-        while self.claimed_bytes < needed {
-            if !self.claim() {
+    /// Reserves space for a message and for the end of the file; `false` if the disk is full.
+    pub(super) fn reserve(&mut self, message_bytes: usize) -> bool {
+        let reserved = self.reserved_bytes + message_bytes as u64 + MESSAGE_OVERHEAD_BYTES;
+        let needed = reserved + CLOSING_BYTES + reserved / CLOSING_SHARE;
+        while self.allocated_bytes < needed {
+            if !self.allocate() {
                 return false;
             }
         }
-        self.planned_bytes = planned;
+        self.reserved_bytes = reserved;
         true
     }
 
-    fn claim(&mut self) -> bool {
-        if self.free_bytes() < self.min_free_bytes.saturating_add(CLAIM_BYTES) {
+    fn allocate(&mut self) -> bool {
+        if self.free_bytes() < self.min_free_bytes.saturating_add(ALLOCATION_BYTES) {
             return false;
         }
-        let claimed = rustix::fs::fallocate(&self.file, FallocateFlags::KEEP_SIZE, self.claimed_bytes, CLAIM_BYTES);
-        // A file system that cannot claim blocks is trusted to have them.
-        let granted = matches!(claimed, Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS));
-        if granted {
-            self.claimed_bytes += CLAIM_BYTES;
+        let result =
+            rustix::fs::fallocate(&self.file, FallocateFlags::KEEP_SIZE, self.allocated_bytes, ALLOCATION_BYTES);
+        // On a file system without allocation the free space must do.
+        let is_allocated = matches!(result, Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS));
+        if is_allocated {
+            self.allocated_bytes += ALLOCATION_BYTES;
         }
-        granted
+        is_allocated
     }
 
-    /// Bytes that are free for us; where the file system does not say, as many as it takes.
+    /// Free bytes of the disk; unlimited if the file system does not report them.
     fn free_bytes(&self) -> u64 {
         rustix::fs::fstatvfs(&self.file).map_or(u64::MAX, |disk| disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
-    /// Has the disk keep what the file holds.
+    /// Synchronizes the file to the disk.
     pub(super) fn sync(&self) -> io::Result<()> {
         self.file.sync_data()
     }
 
-    /// Gives blocks that were not needed back, and the file its final name.
+    /// Releases unused blocks, and renames the file to its final name.
     pub(super) fn finish(self) -> Result<PathBuf, RecordingError> {
-        let fail = |e: io::Error| RecordingProblem::Unfinishable(e.to_string()).of(&self.target);
+        let fail = |e: io::Error| RecordingProblem::Unfinishable(e.to_string()).in_file(&self.target);
         let length = self.file.metadata().map_err(fail)?.len();
         self.file.set_len(length).map_err(fail)?;
         self.file.sync_all().map_err(fail)?;
         match rustix::fs::renameat_with(CWD, &self.path, CWD, &self.target, RenameFlags::NOREPLACE) {
             Ok(()) => Ok(self.target),
-            // Not every file system knows this flag; the name was free when the recording began.
+            // Not every file system supports this flag. The name was free when the recording began.
             Err(Errno::INVAL | Errno::NOSYS) if self.target.symlink_metadata().is_err() => {
                 std::fs::rename(&self.path, &self.target).map_err(fail)?;
                 Ok(self.target)
@@ -131,12 +132,12 @@ impl UnfinishedFile {
 
     /// Removes the file.
     pub(super) fn discard(self) {
-        // Who cannot remove it leaves a file whose name says what it is.
+        // On failure the file stays, and its name marks it as unfinished.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-impl Write for FileEnd {
+impl Write for FileWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         (&*self.0).write(bytes)
     }

@@ -1,30 +1,30 @@
-//! Content that is recorded from where it lies, as an image in shared memory: it is let go when it is in the file.
+//! Content that is recorded without a copy, as an image in shared memory. It is released once it is in the file.
 
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What is held of a message.
-pub(super) struct Held {
+/// Held content of a message.
+pub(super) struct HeldContent {
     content: Box<dyn AsRef<[u8]> + Send>,
-    // Behind the content: only when that is let go another may be held.
-    _place: Place,
+    // Declared after the content, so that the slot is free only after the content is dropped.
+    _slot: HeldSlot,
 }
 
-/// How many may be held at once.
+/// A limited number of slots, one for each held content.
 #[derive(Debug)]
-pub(super) struct Places {
+pub(super) struct HeldSlots {
     taken: Arc<AtomicUsize>,
-    most: usize,
+    limit: usize,
 }
 
-/// One of them.
+/// A slot, free again when dropped.
 #[derive(Debug)]
-pub(super) struct Place(Arc<AtomicUsize>);
+pub(super) struct HeldSlot(Arc<AtomicUsize>);
 
-impl Held {
-    pub(super) fn new(content: impl AsRef<[u8]> + Send + 'static, place: Place) -> Self {
-        Self { content: Box::new(content), _place: place }
+impl HeldContent {
+    pub(super) fn new(content: impl AsRef<[u8]> + Send + 'static, slot: HeldSlot) -> Self {
+        Self { content: Box::new(content), _slot: slot }
     }
 
     pub(super) fn bytes(&self) -> &[u8] {
@@ -32,26 +32,26 @@ impl Held {
     }
 }
 
-impl fmt::Debug for Held {
+impl fmt::Debug for HeldContent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Held").field("bytes", &self.bytes().len()).finish()
+        f.debug_struct("HeldContent").field("bytes", &self.bytes().len()).finish()
     }
 }
 
-impl Places {
-    pub(super) fn new(most: usize) -> Self {
-        Self { taken: Arc::default(), most }
+impl HeldSlots {
+    pub(super) fn new(limit: usize) -> Self {
+        Self { taken: Arc::default(), limit }
     }
 
-    /// A place, if one is left.
-    pub(super) fn take(&self) -> Option<Place> {
-        let place = Place(Arc::clone(&self.taken));
-        // Given back by the drop where it was one too many.
-        (self.taken.fetch_add(1, Ordering::Relaxed) < self.most).then_some(place)
+    /// Takes a slot, if one is free.
+    pub(super) fn take(&self) -> Option<HeldSlot> {
+        let slot = HeldSlot(Arc::clone(&self.taken));
+        // If all were taken, dropping the slot undoes the count.
+        (self.taken.fetch_add(1, Ordering::Relaxed) < self.limit).then_some(slot)
     }
 }
 
-impl Drop for Place {
+impl Drop for HeldSlot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }
@@ -62,12 +62,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_more_are_held_than_may_be() {
-        let places = Places::new(2);
-        let held: Vec<Held> = (0..2).map(|_| Held::new(vec![1, 2, 3], places.take().unwrap())).collect();
-        assert!(places.take().is_none() && places.take().is_none());
+    fn the_number_of_slots_is_limited() {
+        let slots = HeldSlots::new(2);
+        let held: Vec<HeldContent> = (0..2).map(|_| HeldContent::new(vec![1, 2, 3], slots.take().unwrap())).collect();
+        assert!(slots.take().is_none() && slots.take().is_none());
         assert_eq!(held[0].bytes(), [1, 2, 3]);
         drop(held);
-        assert!(places.take().is_some());
+        assert!(slots.take().is_some());
     }
 }

@@ -1,19 +1,15 @@
-//! From a dataset folder to a recording: as if a scanner had taken its phase images at a steady rate.
+//! Imports a dataset folder as a recording, as if a scanner had taken its phase images at a steady rate.
 //!
-//! In: a dataset. Out: a recording with image k of both cameras as driver sequence k, pattern events, the setup, and the
-//! truth where there is one. The same dataset and rate give the same bytes: the times count from one second, and no
-//! host is named.
+//! In: a dataset. Out: a recording with image k of both cameras as sequence number k, pattern events, the setup, and the
+//! ground truth if there is one. The same dataset and rate give the same bytes: the times start at one second, and the
+//! recording names no host.
 
 use std::path::{Path, PathBuf};
 
 use fringeflow_dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
 use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
-use super::counts::RecorderCounts;
-use super::error::{RecordingError, RecordingProblem};
-use super::offline::OfflineRecorder;
-use super::writer::Opening;
-use super::{Origin, Recordable};
+use crate::{OfflineRecorder, Opening, Origin, Recordable, RecorderCounts, RecordingError, RecordingProblem};
 
 /// Start of the first exposure.
 const FIRST_EXPOSURE_NS: u64 = 1_000_000_000;
@@ -29,7 +25,7 @@ pub enum ImportError {
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The shifts do not repeat with the cycle, so that no pattern event could name them.
+    /// The phase shifts do not repeat with the cycle, so a pattern event cannot name them.
     #[error(
         "{}: phase_shift_rad {image} is {shift_rad} and {step} is {first_rad}; a recording needs shifts that repeat \
          every {steps} images", folder.display()
@@ -39,32 +35,32 @@ pub enum ImportError {
         folder: PathBuf,
         /// The image.
         image: usize,
-        /// Its shift.
+        /// Phase shift of the image.
         shift_rad: f64,
         /// The image of the first cycle with the same step.
         step: usize,
-        /// Its shift.
+        /// Phase shift of that image.
         first_rad: f64,
         /// Steps of the cycle.
         steps: usize,
     },
 }
 
-/// How a dataset becomes a recording.
+/// Options of an import.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImportOptions<'a> {
     /// Time from one exposure to the next.
     pub period_ns: u64,
     /// Text of the configuration.
     pub configuration: &'a str,
-    /// Bytes of the disk that are to stay free.
+    /// Bytes of the disk that must stay free.
     pub min_free_bytes: u64,
 }
 
-/// Writes a dataset as a recording; `progress` is called after each image pair.
+/// Writes a dataset as a recording. Calls `progress` after each image pair.
 ///
 /// # Errors
-/// [`ImportError`]: shifts that do not repeat, an unreadable image, a name that is taken, a full disk.
+/// The phase shifts do not repeat, an image is unreadable, the file exists, or the disk is full.
 pub fn import(
     dataset: &Dataset,
     target: &Path,
@@ -83,15 +79,15 @@ pub fn import(
     match write(&mut recorder, dataset, options.period_ns, &mut progress) {
         Ok(()) => Ok(recorder.finish()?),
         Err(Stopped::Dataset(error)) => {
-            // The dataset is still there.
+            // The dataset still exists, so nothing is lost.
             recorder.discard();
             Err(error.into())
         }
-        Err(Stopped::Writing(problem)) => Err(recorder.give_up(problem).into()),
+        Err(Stopped::Writing(problem)) => Err(recorder.abort(problem).into()),
     }
 }
 
-/// A pattern event names a step of the cycle, and the setup the shift of the step.
+/// Checks that all images of a step have one phase shift: a pattern event names only the step.
 fn check_periodic(dataset: &Dataset) -> Result<(), ImportError> {
     let (shifts, steps) = (&dataset.setup.sequence.shifts_rad, dataset.setup.steps);
     let differs = shifts.iter().zip(shifts.iter().cycle().take(steps).cycle()).position(|(a, b)| a != b);

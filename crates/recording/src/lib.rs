@@ -1,30 +1,57 @@
-//! Recordings: MCAP files of what the channels carried, and of all that a measurement needs beside it.
+//! Recordings: MCAP files with the messages of the channels and everything else that a measurement needs.
 //!
-//! | topic | schema | what |
+//! ```text
+//!  channels ─► Recordable ─► queue ─► MCAP writer ─► NAME.mcap ─► scan ─► Recording ─► messages, image pairs, priors
+//!                              └─ full: counted as lost    └─ damaged: recover()
+//! ```
+//!
+//! | topic | schema | content |
 //! |---|---|---|
-//! | `/cam1/frame`, `/cam2/frame` | foxglove.RawImage, mono8 | images |
-//! | `/cam1/header`, `/cam2/header` | fringeflow.FrameHeader | their headers |
-//! | `/projector/pattern` | fringeflow.PatternEvent | what the projector showed |
-//! | `/phase/maps` | fringeflow.PhaseMaps | phase maps, where they are recorded |
-//! | `/correspondence/map` | fringeflow.CorrespondenceMap | correspondences, where they are recorded |
-//! | `/cloud` | foxglove.PointCloud | clouds: the records of the exported fields, lengths in metres |
-//! | `/cloud/header` | fringeflow.CloudHeader | their headers |
-//! | `/report/stage` | fringeflow.StageReport | what the stages did and lost |
-//! | `/report/window` | fringeflow.WindowReport | how well each window was measured |
-//! | `/log` | foxglove.Log | marks, and what the recorder lost |
-//! | `/tracking/pose` | fringeflow.PoseReport | where the scanner was at each cloud that was tracked, or that it was lost |
-//! | `/tracking/prior` | fringeflow.Prior | what each cloud told of the windows behind it: motion and coarse depth |
+//! | `/cam1/frame`, `/cam2/frame` | foxglove.RawImage | images |
+//! | `/cam1/header`, `/cam2/header` | fringeflow.FrameHeader | headers of the images |
+//! | `/projector/pattern` | fringeflow.PatternEvent | patterns of the projector |
+//! | `/phase/maps` | fringeflow.PhaseMaps | phase maps, if they are recorded |
+//! | `/correspondence/map` | fringeflow.CorrespondenceMap | correspondences, if they are recorded |
+//! | `/cloud` | foxglove.PointCloud | clouds: records of the exported fields, lengths in metres |
+//! | `/cloud/header` | fringeflow.CloudHeader | headers of the clouds |
+//! | `/report/stage` | fringeflow.StageReport | work and losses of the stages |
+//! | `/report/window` | fringeflow.WindowReport | quality of each window |
+//! | `/log` | foxglove.Log | marks, and losses of the recorder |
+//! | `/tracking/pose` | fringeflow.PoseReport | pose of the scanner at each tracked cloud, or why it was lost |
+//! | `/tracking/prior` | fringeflow.Prior | prior of the next windows: motion and coarse depth |
 //! | `/tf` | foxglove.FrameTransforms | camera 2, projector and volume in the frame of camera 1, once; `cam1` in `model`, each pose |
 //! | `/truth/pose` | foxglove.FrameTransform | of the virtual scanner: `object` in `cam1_exact`, at every exposure |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
 //!
-//! An image or cloud and its header have the same MCAP sequence number, the header first. `log_time` is when a message
-//! was received or published, `publish_time` the start of its exposure; both are nanoseconds of `CLOCK_MONOTONIC`, and
-//! the metadata `fringeflow` says which wall clock that was. Attachments: `calibration.yml`, `meta.json`,
-//! `configuration.toml` (what the measurement reads, so that a recording has the same numbers as the rig had), and
-//! `truth.npz` where it is known. The metadata `fringeflow.recorder` at the end says what was written and what was lost.
+//! An image or cloud and its header have the same MCAP sequence number; the header comes first. `log_time` is the time of
+//! receipt or publication, `publish_time` the start of the exposure. Both are nanoseconds of `CLOCK_MONOTONIC`; the metadata
+//! `fringeflow` relate them to the wall clock. Attachments: `calibration.yml`, `meta.json` and `configuration.toml`, which the
+//! measurement reads, so that a recording has the same numbers as the rig; and `truth.npz` if there is ground truth. The
+//! metadata `fringeflow.recorder` at the end count written and lost messages.
 //!
 //! The schema of our own messages is `schema/fringeflow.proto`.
+//!
+//! ```
+//! use fringeflow_recording::{Content, OfflineRecorder, Opening, Origin, Recordable, Recording, Topic};
+//! # use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+//! let folder = tempfile::tempdir()?;
+//! # let rig = RigOptions { size_px: [64, 64], period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) };
+//! # let options = SimulationOptions { board: Board::None, rig, gray: false, ..SimulationOptions::usual(Object::Plane) };
+//! # let options = SimulationOptions { steps: 4, noise: NoiseLevel::None, supersampling: 1, ..options };
+//! # Simulation::new(options)?.write(&folder.path().join("plane"), || ())?;
+//! let setup = fringeflow_dataset::Dataset::open(&folder.path().join("plane"), None)?.setup;
+//! let file = folder.path().join("scan.mcap");
+//! let origin = Origin::here();
+//! let opening = Opening { setup: &setup, configuration: "", origin: &origin, min_free_bytes: 0 };
+//! let mut recorder = OfflineRecorder::create(&file, &opening)?;
+//! recorder.put(&Recordable::Mark { time_ns: 5, text: "left side" })?;
+//! recorder.finish()?;
+//!
+//! let recording = Recording::open(&file)?;
+//! let message = recording.messages_of(Topic::Log).next().expect("the mark")?;
+//! assert!(matches!(message.content, Content::Mark(text) if text == "left side"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
@@ -53,8 +80,8 @@ mod scan;
 mod schema;
 mod summary;
 mod topic;
-mod tracking;
 mod truth_poses;
+mod viewers;
 mod writer;
 
 pub use check::Check;
@@ -63,28 +90,29 @@ pub use counts::RecorderCounts;
 pub use error::{RecordingError, RecordingProblem};
 pub use export::{ExportError, export_images};
 pub use file::UNFINISHED;
+pub use fringeflow_wire::prior::{Priors, WindowPrior};
 pub use import::{ImportError, ImportOptions, import};
 pub use offline::OfflineRecorder;
-pub use opening::{Origin, standing_messages};
-pub use pairs::{ImagePair, cycles, windows};
-pub use priors::{Known, Priors};
+pub use opening::Origin;
+pub use pairs::{ImagePair, cycle_starts, window_starts};
 pub use reader::Recording;
 pub use recordable::{Encoded, Recordable};
-pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, MOST_HELD, Recorded, Recorder};
+pub use recorder::{DEFAULT_MIN_FREE_BYTES, DEFAULT_QUEUE_BYTES, MAX_HELD_IMAGES, Recorded, Recorder};
 pub use recover::{Recovered, recover};
 pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
 pub use truth_poses::{TruthPose, TruthPoses};
+pub use viewers::static_messages;
 pub use writer::Opening;
 
 #[cfg(test)]
 mod tests;
 
-/// Version of the format; raised when older readers would misread a recording.
+/// Version of the format. It is raised when older readers would misread a recording.
 pub const FORMAT_VERSION: u64 = 1;
 /// Name of the metadata about origin and setup.
 const METADATA: &str = "fringeflow";
-/// Name of the metadata about what was written and lost.
+/// Name of the metadata about written and lost messages.
 const RECORDER_METADATA: &str = "fringeflow.recorder";
-/// Name of the attachment that holds the configuration.
+/// Name of the attachment with the configuration.
 pub const CONFIGURATION_FILE: &str = "configuration.toml";

@@ -1,23 +1,21 @@
-//! Recording what comes at no rate of its own: every message is written before the next is made, and none is lost.
+//! Recording without real time: every message is written before the next one is made, and none is lost.
 
 use std::path::Path;
 
-use super::Recordable;
-use super::counts::RecorderCounts;
-use super::error::{RecordingError, RecordingProblem};
-use super::writer::{Opening, RecordingWriter};
+use crate::writer::{Opening, RecordingWriter};
+use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem};
 
-/// A recording in the making; it ends with [`Self::finish`] or one of the others that consume it.
+/// An unfinished recording. It ends with [`Self::finish`], [`Self::abort`] or [`Self::discard`].
 pub struct OfflineRecorder {
     writer: RecordingWriter,
     counts: RecorderCounts,
 }
 
 impl OfflineRecorder {
-    /// Makes the file and writes what a recording begins with.
+    /// Creates the file and writes the beginning of a recording.
     ///
     /// # Errors
-    /// The name is taken, or the file cannot be made.
+    /// The file exists, or cannot be created.
     pub fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
         Ok(Self { writer, counts: RecorderCounts::default() })
@@ -28,42 +26,40 @@ impl OfflineRecorder {
         self.writer.attach(name, media_type, data, 0)
     }
 
-    /// Writes a message; one that contradicts itself is left out.
+    /// Writes a message. A message that contradicts itself is left out.
     ///
     /// # Errors
-    /// The disk is full or broken; what is left to do is [`Self::give_up`].
+    /// The disk is full or broken. Call [`Self::abort`] then.
     pub fn put(&mut self, message: &Recordable<'_>) -> Result<(), RecordingProblem> {
         let Some(topic) = message.topic() else { return Ok(()) };
-        let counts = self.counts.of(topic);
+        let counts = self.counts.for_topic(topic);
         counts.taken += 1;
-        // Of several the others are not needed: as many come back as were handed over.
+        // One buffer is enough for one message at a time.
         let mut encoded = self.writer.released().last().unwrap_or_default();
         message.encode(&mut encoded);
-        if !self.writer.admits(encoded.bytes.len()) {
-            return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
-        }
+        self.writer.require_space(encoded.bytes.len())?;
         self.writer.write(topic, message.times(), encoded)?;
         counts.passed += 1;
         Ok(())
     }
 
-    /// Writes the end of the file, and gives it its name.
+    /// Writes the end of the file, and renames it to its final name.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn finish(self) -> Result<RecorderCounts, RecordingError> {
         let metadata = self.counts.metadata("end");
         self.writer.finish(&metadata)?;
         Ok(self.counts)
     }
 
-    /// Removes the file after a message could not be written; the error about it.
+    /// Removes the file after a message could not be written; returns the error.
     #[must_use]
-    pub fn give_up(self, problem: RecordingProblem) -> RecordingError {
-        self.writer.give_up(problem)
+    pub fn abort(self, problem: RecordingProblem) -> RecordingError {
+        self.writer.abort(problem)
     }
 
-    /// Removes the file: half of what was asked for is worth nothing.
+    /// Removes the incomplete file.
     pub fn discard(self) {
         self.writer.discard();
     }

@@ -1,38 +1,40 @@
 //! Image pairs of a recording, in the order of their exposures, each with the step of its pattern.
+//!
+//! The live synchronization (`fringeflow_message::synchronization`) decides with bounded memory and drops what contradicts
+//! itself. Here the whole recording is known, so every pair that has a step is used, also outside complete windows, and a
+//! recording without events counts its pairs instead of trusting sequence numbers.
 
 use fringeflow_dataset::{CameraId, GreyImage};
 use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
-use super::content::Content;
-use super::error::RecordingError;
-use super::{Recording, Topic};
+use crate::{Content, Recording, RecordingError, Topic};
 
-/// Images of both cameras, taken at once.
+/// Images of both cameras of the same exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImagePair {
     /// Image of camera 1.
     pub cam1: FrameHeader,
     /// Image of camera 2.
     pub cam2: FrameHeader,
-    /// Step of the phase shift, from 0; below the steps of the setup.
+    /// Step of the phase shift, from 0, less than the steps of the setup.
     pub step: usize,
 }
 
 impl ImagePair {
-    /// Whether this pair comes right behind another: no image is missing between them, and the steps go on in turn.
+    /// Whether this pair directly follows `before`: no image is missing in between, and the step is the next one.
     #[must_use]
     pub fn follows(&self, before: &Self, steps: usize) -> bool {
         let images = [(before.cam1, self.cam1), (before.cam2, self.cam2)];
-        let in_row = |(a, b): &(FrameHeader, FrameHeader)| {
+        let is_next = |(a, b): &(FrameHeader, FrameHeader)| {
             a.session == b.session && a.sequence.checked_add(1) == Some(b.sequence)
         };
-        images.iter().all(in_row) && self.step == (before.step + 1) % steps.max(1)
+        images.iter().all(is_next) && self.step == (before.step + 1) % steps.max(1)
     }
 }
 
 impl Recording {
-    /// The image pairs that have a step: by the pattern event of their exposure, or, where the recording has no events
-    /// at all, by counting.
+    /// All image pairs with a step. The pattern event of the exposure gives the step; in a recording without any events the
+    /// position of the pair does.
     ///
     /// # Errors
     /// A pattern event cannot be read.
@@ -63,7 +65,7 @@ impl Recording {
         Ok(pairs)
     }
 
-    /// Images of one camera of these pairs.
+    /// The images of one camera of these pairs.
     ///
     /// # Errors
     /// An image cannot be read.
@@ -85,9 +87,8 @@ impl Recording {
     }
 }
 
-/// Numbers of the pairs with which complete windows begin: so many pairs, one step after the other, without a gap between
-/// their images.
-pub fn windows(pairs: &[ImagePair], steps: usize, images: usize) -> impl Iterator<Item = usize> + '_ {
+/// Start indices of complete windows: `images` pairs with consecutive steps and without a missing image.
+pub fn window_starts(pairs: &[ImagePair], steps: usize, images: usize) -> impl Iterator<Item = usize> + '_ {
     let is_window = move |window: &[ImagePair]| {
         let mut neighbours = window.iter().zip(window.iter().skip(1));
         neighbours.all(|(before, pair)| pair.follows(before, steps))
@@ -95,10 +96,9 @@ pub fn windows(pairs: &[ImagePair], steps: usize, images: usize) -> impl Iterato
     pairs.windows(images.max(1)).enumerate().filter(move |(_, window)| is_window(window)).map(|(start, _)| start)
 }
 
-/// Numbers of the pairs with which complete cycles begin: windows whose steps count up from 0, no two of which share an
-/// image.
-pub fn cycles(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
-    windows(pairs, steps, steps).filter(|&start| pairs.get(start).is_some_and(|pair| pair.step == 0))
+/// Start indices of complete cycles: windows of all steps from 0 on. They share no image.
+pub fn cycle_starts(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
+    window_starts(pairs, steps, steps).filter(|&start| pairs.get(start).is_some_and(|pair| pair.step == 0))
 }
 
 fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
@@ -106,7 +106,7 @@ fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
     (event.kind == PATTERN_FRINGES && event.steps as usize == steps && step < steps).then_some(step)
 }
 
-/// Half of the usual time between two exposures.
+/// Half of the median time between two exposures.
 fn half_period_ns(headers: &[FrameHeader]) -> u64 {
     let mut gaps: Vec<u64> =
         headers.iter().zip(headers.iter().skip(1)).map(|(a, b)| b.exposure_start_ns - a.exposure_start_ns).collect();
@@ -114,11 +114,11 @@ fn half_period_ns(headers: &[FrameHeader]) -> u64 {
     gaps.get(gaps.len() / 2).map_or(u64::MAX, |median| median / 2)
 }
 
-/// The place of the time nearest to `time_ns`, if it is no further than `tolerance_ns`.
+/// Index of the time nearest to `time_ns`, at most `tolerance_ns` away.
 fn nearest(sorted: &[u64], time_ns: u64, tolerance_ns: u64) -> Option<usize> {
     let after = sorted.partition_point(|&t| t < time_ns);
-    let places = [after.checked_sub(1), Some(after)].into_iter().flatten();
-    let distances = places.filter_map(|i| Some((sorted.get(i)?.abs_diff(time_ns), i)));
+    let neighbours = [after.checked_sub(1), Some(after)].into_iter().flatten();
+    let distances = neighbours.filter_map(|i| Some((sorted.get(i)?.abs_diff(time_ns), i)));
     distances.min().filter(|(distance, _)| *distance <= tolerance_ns).map(|(_, i)| i)
 }
 
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_time_within_the_tolerance() {
+    fn the_nearest_time_is_within_the_tolerance() {
         let times = [10, 20, 30];
         assert_eq!(nearest(&times, 14, 5), Some(0));
         assert_eq!(nearest(&times, 16, 5), Some(1));
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn a_cycle_has_all_steps_and_no_gap() {
         let whole = [pair(0, 2), pair(1, 0), pair(2, 1), pair(3, 2)];
-        let starts = |pairs: &[ImagePair]| cycles(pairs, 3).collect::<Vec<_>>();
+        let starts = |pairs: &[ImagePair]| cycle_starts(pairs, 3).collect::<Vec<_>>();
         assert_eq!(starts(&whole), [1]);
         let gap = [pair(0, 0), pair(1, 1), pair(3, 2), pair(4, 0), pair(5, 1), pair(6, 2)];
         assert_eq!(starts(&gap), [3]);
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_window_may_begin_with_any_step() {
-        let starts = |pairs: &[ImagePair]| windows(pairs, 3, 3).collect::<Vec<_>>();
+        let starts = |pairs: &[ImagePair]| window_starts(pairs, 3, 3).collect::<Vec<_>>();
         let run: Vec<ImagePair> = (0..5).map(|n| pair(n, (n as usize + 1) % 3)).collect();
         assert_eq!(starts(&run), [0, 1, 2]);
         let missing = [run[0], run[1], run[3], run[4]];

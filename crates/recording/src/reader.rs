@@ -1,4 +1,4 @@
-//! An opened recording: checked from end to end, its messages read when asked for.
+//! An opened recording. Opening checks the whole file; messages are read on request.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -9,13 +9,11 @@ use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_dataset::{GreyImage, Setup, Truth};
 use fringeflow_message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
-use super::Topic;
-use super::collect::Collected;
-use super::content::{Content, Header, Message};
-use super::error::{RecordingError, RecordingProblem};
-use super::opening::Origin;
-use super::recordable::Times;
-use super::scan::{Rigour, scan};
+use crate::collect::Collected;
+use crate::content::Header;
+use crate::recordable::Times;
+use crate::scan::{ScanMode, scan};
+use crate::{Content, Message, Origin, RecordingError, RecordingProblem, Topic};
 
 /// An opened recording.
 #[derive(Debug)]
@@ -25,99 +23,100 @@ pub struct Recording {
     pub(super) setup: Setup,
     pub(super) configuration: String,
     pub(super) metadata: BTreeMap<String, String>,
-    pub(super) account: BTreeMap<String, String>,
-    pub(super) truth: Option<Place>,
+    pub(super) recorder_account: BTreeMap<String, String>,
+    pub(super) truth: Option<FileRange>,
     pub(super) entries: Vec<Entry>,
     /// Entries of images by camera, session and sequence.
     pub(super) frames: BTreeMap<(u32, u64, u64), usize>,
-    pub(super) foreign: BTreeMap<String, u64>,
+    pub(super) foreign_messages: BTreeMap<String, u64>,
     pub(super) bytes: u64,
 }
 
-/// Where something stands in the file.
+/// A part of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct FileRange {
     pub(super) offset: u64,
     pub(super) bytes: usize,
 }
 
-/// A message, not yet read.
+/// A message that is not read yet.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
     pub(super) topic: Topic,
     pub(super) sequence: u32,
     pub(super) times: Times,
-    pub(super) place: Place,
+    pub(super) range: FileRange,
     pub(super) header: Option<Header>,
 }
 
 impl Recording {
-    /// Opens a recording: reads it through, and checks checksums, counts, setup and that headers and payloads pair.
+    /// Opens a recording. Reads the whole file and checks the checksums, the counts, the setup, and that every header has its
+    /// message.
     ///
     /// # Errors
-    /// [`RecordingError`], which names file, place and remedy: no recording, one of a newer version, unfinished or
-    /// damaged.
+    /// The file is no recording, of a newer version, unfinished or damaged. The error names file, offset and remedy.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let unreadable = |e| RecordingProblem::Unreadable(e).of(path);
+        let unreadable = |e| RecordingProblem::Unreadable(e).in_file(path);
         let file = File::open(path).map_err(unreadable)?;
-        let mut found = Collected::default();
-        let scanned = scan(&file, Rigour::Strict, &mut |item| found.take(item)).map_err(|p| p.of(path))?;
-        found.recording(path, file, scanned).map_err(|p| p.of(path))
+        let mut collected = Collected::default();
+        let scanned = scan(&file, ScanMode::Strict, &mut |found| collected.add(found)).map_err(|p| p.in_file(path))?;
+        collected.into_recording(path, file, scanned).map_err(|p| p.in_file(path))
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Rig, pattern and volume.
+    /// Rig, pattern and measurement volume.
     #[must_use]
     pub fn setup(&self) -> &Setup {
         &self.setup
     }
 
-    /// Text of the configuration that was used.
+    /// Text of the configuration of the scan.
     #[must_use]
     pub fn configuration_text(&self) -> &str {
         &self.configuration
     }
 
-    /// Where and when it was begun.
+    /// Machine and time at the start of the recording.
     #[must_use]
     pub fn origin(&self) -> Origin {
         Origin::from_metadata(&self.metadata)
     }
 
-    /// Version of the fringeflow that wrote it.
+    /// Version of fringeflow that wrote the recording.
     #[must_use]
     pub fn writer_version(&self) -> &str {
         self.metadata.get("version").map_or("", String::as_str)
     }
 
-    /// What the recorder said in the end: messages taken, written and lost, by topic and reason.
+    /// Final account of the recorder: messages taken, written and lost, by topic and reason. Empty if the recorder was
+    /// killed.
     #[must_use]
-    pub fn account(&self) -> &BTreeMap<String, String> {
-        &self.account
+    pub fn recorder_account(&self) -> &BTreeMap<String, String> {
+        &self.recorder_account
     }
 
-    /// Messages that the recorder lost; `None` if it did not say.
+    /// Number of messages that the recorder lost; `None` if unknown.
     #[must_use]
-    pub fn lost(&self) -> Option<u64> {
-        let number = |key: &str| self.account.get(key)?.parse::<u64>().ok();
+    pub fn lost_messages(&self) -> Option<u64> {
+        let number = |key: &str| self.recorder_account.get(key)?.parse::<u64>().ok();
         number("taken")?.checked_sub(number("written")?)
     }
 
-    /// Messages of topics that fringeflow does not know, by name.
+    /// Number of messages of unknown topics, by name.
     #[must_use]
-    pub fn foreign(&self) -> &BTreeMap<String, u64> {
-        &self.foreign
+    pub fn foreign_messages(&self) -> &BTreeMap<String, u64> {
+        &self.foreign_messages
     }
 
     /// Number of messages of a topic.
@@ -126,7 +125,7 @@ impl Recording {
         self.entries.iter().filter(|entry| entry.topic == topic).count()
     }
 
-    /// Times of the first and the last message, those for viewers aside.
+    /// Times of the first and the last message, without the messages for viewers.
     #[must_use]
     pub fn span_ns(&self) -> Option<[u64; 2]> {
         let mut times =
@@ -135,7 +134,7 @@ impl Recording {
         Some([first_ns, times.next_back().unwrap_or(first_ns)])
     }
 
-    /// All messages in the order of their times; each is read when its turn comes.
+    /// All messages in the order of their times. Each is read when the iterator reaches it.
     pub fn messages(&self) -> impl Iterator<Item = Result<Message, RecordingError>> + '_ {
         self.entries.iter().map(|entry| self.read(entry))
     }
@@ -153,7 +152,7 @@ impl Recording {
         })
     }
 
-    /// Format of the images: that of the first one.
+    /// Format of the first image.
     #[must_use]
     pub fn pixel_format(&self) -> PixelFormat {
         let first = [1, 2].into_iter().find_map(|camera| self.frame_headers(camera).next());
@@ -173,31 +172,31 @@ impl Recording {
         self.entries.iter().filter(move |entry| entry.topic == topic).map(|entry| entry.times.log_ns)
     }
 
-    /// One image of a camera, without the bytes between its rows.
+    /// Reads one image of a camera, without the padding of its rows.
     ///
     /// # Errors
-    /// It is not in the recording, has not the size of the setup, or cannot be read.
+    /// The image is not in the recording, does not have the size of the setup, or cannot be read.
     pub fn image(&self, camera: u32, session: u64, sequence: u64) -> Result<GreyImage, RecordingError> {
         let entry = self.frames.get(&(camera, session, sequence)).and_then(|&i| self.entries.get(i));
         let missing = RecordingProblem::NoImage { camera, session, sequence };
-        let entry = entry.ok_or_else(|| missing.of(&self.path))?;
+        let entry = entry.ok_or_else(|| missing.in_file(&self.path))?;
         let Content::Frame(header, data) = self.read(entry)?.content else {
-            return Err(entry.problem("is no image".to_owned()).of(&self.path));
+            return Err(entry.problem("is no image".to_owned()).in_file(&self.path));
         };
         let [width, height] = [header.width_px as usize, header.height_px as usize];
         if [width, height] != self.setup.image_size_px {
             let expected = self.setup.image_size_px;
             let what = format!("is {width} × {height} pixels; meta.json says {} × {}", expected[0], expected[1]);
-            return Err(entry.problem(what).of(&self.path));
+            return Err(entry.problem(what).in_file(&self.path));
         }
-        // Decoding has found the format to be known.
+        // Decoding has checked the format.
         let format = PixelFormat::from_code(header.pixel_format).unwrap_or_default();
         let rows = data.chunks_exact((header.stride_bytes as usize).max(1));
         let pixels = rows.flat_map(|row| row.iter().take(width * format.bytes())).copied().collect();
         Ok(GreyImage { width, height, format, pixels })
     }
 
-    /// Images of camera 1 and 2 of a window, in the order of the shifts.
+    /// Reads the images of camera 1 and 2 of a window, in the order of the exposures.
     ///
     /// # Errors
     /// As [`Self::image`].
@@ -210,71 +209,72 @@ impl Recording {
         Ok(images)
     }
 
-    /// Whether a window began before the first image: its own images were taken, but not recorded.
+    /// Whether the recording begins after the start of a window, so that images of the window are not recorded.
     #[must_use]
     pub fn begins_after(&self, window: &Window) -> bool {
         let first = [1, 2].into_iter().filter_map(|camera| self.frame_headers(camera).next());
         first.map(|header| header.exposure_start_ns).max().is_none_or(|first_ns| window.first_exposure_ns < first_ns)
     }
 
-    /// Whether an image is there.
+    /// Whether the recording has an image.
     #[must_use]
     pub fn has_image(&self, camera: u32, session: u64, sequence: u64) -> bool {
         self.frames.contains_key(&(camera, session, sequence))
     }
 
-    /// What is true of the scene, where the recording knows.
+    /// Ground truth of the scene, if the recording has it.
     ///
     /// # Errors
-    /// The attachment is no truth file.
+    /// The attachment is no valid truth file.
     pub fn truth(&self) -> Result<Option<Truth>, RecordingError> {
         let Some(bytes) = self.truth_bytes()? else { return Ok(None) };
         let truth = Truth::parse(&bytes, self.setup.image_size_px);
-        truth.map(Some).map_err(|problem| RecordingProblem::Truth(problem).of(&self.path))
+        truth.map(Some).map_err(|problem| RecordingProblem::Truth(problem).in_file(&self.path))
     }
 
-    /// Content of the attachment `truth.npz`, where there is one.
+    /// Content of the attachment `truth.npz`, if there is one.
     pub(super) fn truth_bytes(&self) -> Result<Option<Vec<u8>>, RecordingError> {
-        self.truth.map(|place| self.bytes_at(place).map_err(|p| p.of(&self.path))).transpose()
+        self.truth.map(|range| self.read_bytes(range).map_err(|p| p.in_file(&self.path))).transpose()
     }
 
-    /// A cloud by its number in the order of time, from 0; `None` beyond the last.
+    /// Reads a cloud by its index in the order of time, from 0; `None` after the last.
     ///
     /// # Errors
-    /// It cannot be read.
-    pub fn cloud(&self, number: usize) -> Result<Option<Cloud>, RecordingError> {
-        let Some(entry) = self.entries.iter().filter(|entry| entry.topic == Topic::Cloud).nth(number) else {
+    /// The cloud cannot be read.
+    pub fn cloud(&self, index: usize) -> Result<Option<Cloud>, RecordingError> {
+        let Some(entry) = self.entries.iter().filter(|entry| entry.topic == Topic::Cloud).nth(index) else {
             return Ok(None);
         };
         let points = match self.read(entry)?.content {
             Content::Cloud(_, records) => read_records(&records),
             _ => None,
         };
-        let points = points.ok_or_else(|| entry.problem("is no cloud".to_owned()).of(&self.path))?;
+        let points = points.ok_or_else(|| entry.problem("is no cloud".to_owned()).in_file(&self.path))?;
         Ok(Some(Cloud { points }))
     }
 
     fn read(&self, entry: &Entry) -> Result<Message, RecordingError> {
-        let data = self.bytes_at(entry.place).map_err(|p| p.of(&self.path))?;
+        let data = self.read_bytes(entry.range).map_err(|p| p.in_file(&self.path))?;
         let content = Content::decode(entry.topic, entry.header.as_ref(), data.into());
         Ok(Message {
             topic: entry.topic,
             log_ns: entry.times.log_ns,
             publish_ns: entry.times.publish_ns,
-            content: content.map_err(|what| entry.problem(what).of(&self.path))?,
+            content: content.map_err(|what| entry.problem(what).in_file(&self.path))?,
         })
     }
 
-    /// The scan has seen these bytes, so there are as many.
-    fn bytes_at(&self, place: Place) -> Result<Vec<u8>, RecordingProblem> {
-        let mut bytes = vec![0; place.bytes];
-        self.file.read_exact_at(&mut bytes, place.offset).map_err(RecordingProblem::Unreadable)?;
+    /// Reads a part of the file that the scan has already seen, so its size is right.
+    fn read_bytes(&self, range: FileRange) -> Result<Vec<u8>, RecordingProblem> {
+        let mut bytes = vec![0; range.bytes];
+        self.file.read_exact_at(&mut bytes, range.offset).map_err(RecordingProblem::Unreadable)?;
         Ok(bytes)
     }
 }
 
 impl Entry {
+    /// The problem of an invalid message.
     pub(super) fn problem(&self, what: String) -> RecordingProblem {
-        RecordingProblem::Message { topic: self.topic.name(), sequence: self.sequence, offset: self.place.offset, what }
+        RecordingProblem::Message { topic: self.topic.name(), sequence: self.sequence, offset: self.range.offset, what }
     }
 }

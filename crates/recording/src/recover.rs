@@ -1,7 +1,7 @@
-//! From a cut, damaged or unfinished recording to a whole one, with all that can still be read.
+//! Recovers a cut, damaged or unfinished recording: writes a complete recording of all readable parts.
 //!
-//! What a checksum vouches for is taken, the rest is left out and named: chunks that are cut or altered, and headers
-//! without what they describe. The new file says that it was recovered, and counts what it holds.
+//! Data with a correct checksum are kept. The rest is left out and reported: cut or altered chunks, and headers without
+//! their message. The new file states that it was recovered, and counts its messages.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -12,37 +12,35 @@ use serde::Serialize;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 
-use super::collect::check_version;
-use super::content::{Content, Header};
-use super::error::{RecordingError, RecordingProblem};
-use super::file::UNFINISHED_RECOVERY;
-use super::recordable::Times;
-use super::scan::{Found, FoundMessage, Rigour, scan};
-use super::writer::RecordingWriter;
-use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic};
+use crate::collect::check_version;
+use crate::content::Header;
+use crate::file::UNFINISHED_RECOVERY;
+use crate::recordable::Times;
+use crate::scan::{Found, FoundMessage, ScanMode, scan};
+use crate::writer::RecordingWriter;
+use crate::{CONFIGURATION_FILE, Content, METADATA, RECORDER_METADATA, RecordingError, RecordingProblem, Topic};
 
-/// What a recovery saved, and what it could not.
+/// Result of a recovery.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Recovered {
-    /// Messages saved, by topic; headers are not counted.
+    /// Recovered messages, by topic, without headers.
     pub messages: BTreeMap<&'static str, u64>,
-    /// Messages left out: a header without what it describes or the reverse, or content that cannot be.
+    /// Messages left out: a header without its message or the reverse, or invalid content.
     pub left_out: u64,
-    /// Messages of topics that fringeflow does not know; left out too.
+    /// Messages of unknown topics, left out as well.
     pub foreign: BTreeMap<String, u64>,
-    /// Attachments and metadata that every recording has and this one lacks; without them nothing can be measured.
+    /// Missing attachments and metadata that a measurement needs.
     pub missing: Vec<&'static str>,
-    /// What was wrong with the file, by place.
+    /// Faults of the file, in the order of their offsets.
     pub faults: Vec<String>,
 }
 
-/// Writes all that can be read of `damaged` to the new recording `target`.
+/// Writes all readable parts of `damaged` to the new recording `target`.
 ///
 /// # Errors
-/// [`RecordingError`]: the file cannot be read, is no MCAP file or one of a newer version, or the new one cannot be
-/// written.
+/// The file cannot be read, is no MCAP file or of a newer version, or the new file cannot be written.
 pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Recovered, RecordingError> {
-    let file = File::open(damaged).map_err(|e| RecordingProblem::Unreadable(e).of(damaged))?;
+    let file = File::open(damaged).map_err(|e| RecordingProblem::Unreadable(e).in_file(damaged))?;
     let mut recovery = Recovery {
         writer: RecordingWriter::create_empty(target, UNFINISHED_RECOVERY, min_free_bytes)?,
         recovered: Recovered::default(),
@@ -51,18 +49,18 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
         written: 0,
         headers: BTreeMap::new(),
     };
-    let scanned = match scan(&file, Rigour::Tolerant, &mut |found| recovery.take(found)) {
+    let scanned = match scan(&file, ScanMode::Tolerant, &mut |found| recovery.add(found)) {
         Ok(scanned) => scanned,
         Err(problem) => {
             let file = if problem.is_about_writing() { target } else { damaged };
             recovery.writer.discard();
-            return Err(problem.of(file));
+            return Err(problem.in_file(file));
         }
     };
     let Recovery { writer, mut recovered, found, mut account, written, headers } = recovery;
     recovered.left_out += headers.len() as u64;
-    recovered.foreign = scanned.foreign;
-    recovered.faults = scanned.faults.iter().map(fault).collect();
+    recovered.foreign = scanned.foreign_messages;
+    recovered.faults = scanned.faults.iter().map(fault_text).collect();
     let needed = [METADATA, CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE];
     recovered.missing = needed.into_iter().filter(|name| !found.iter().any(|f| f == name)).collect();
     account.insert("ended".to_owned(), "recovered".to_owned());
@@ -72,8 +70,8 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
     Ok(recovered)
 }
 
-/// A fault without the remedy, which this is.
-fn fault(problem: &RecordingProblem) -> String {
+/// A fault without its remedy, since this is the remedy.
+fn fault_text(problem: &RecordingProblem) -> String {
     match problem {
         RecordingProblem::Unfinished { offset, within } => format!("the file ends at byte {offset} {within}"),
         RecordingProblem::Damaged { offset, what } => format!("byte {offset}: {what}"),
@@ -84,18 +82,18 @@ fn fault(problem: &RecordingProblem) -> String {
 struct Recovery {
     writer: RecordingWriter,
     recovered: Recovered,
-    /// Names of attachments and metadata that were found.
+    /// Names of the attachments and metadata found.
     found: Vec<String>,
-    /// What the recorder said in the end, if it came so far.
+    /// Final account of the recorder, if the file has one.
     account: BTreeMap<String, String>,
-    /// Messages saved that the recorder had counted.
+    /// Recovered messages that the recorder had counted.
     written: u64,
-    /// Headers whose image or cloud has not come yet.
+    /// Headers whose image or cloud is not found yet.
     headers: BTreeMap<(Topic, u32), (Header, Times, Vec<u8>)>,
 }
 
 impl Recovery {
-    fn take(&mut self, found: Found<'_>) -> Result<(), RecordingProblem> {
+    fn add(&mut self, found: Found<'_>) -> Result<(), RecordingProblem> {
         match found {
             Found::Message(message) => self.message(&message),
             Found::Attachment { name, media_type, data, log_ns, .. } => {
@@ -131,11 +129,9 @@ impl Recovery {
             self.recovered.left_out += 1;
             return Ok(());
         };
-        if !self.writer.admits(data.len()) {
-            return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
-        }
-        if let Some((of, (_, times, bytes))) = topic.header().zip(header) {
-            self.writer.write_numbered(of, sequence, times, &bytes)?;
+        self.writer.require_space(data.len())?;
+        if let Some((header_topic, (_, times, bytes))) = topic.header().zip(header) {
+            self.writer.write_numbered(header_topic, sequence, times, &bytes)?;
         }
         self.writer.write_numbered(topic, sequence, times, data)?;
         self.written += u64::from(!matches!(content, Content::ForViewers | Content::Loss(_)));

@@ -1,4 +1,4 @@
-//! What is in a recording, in figures.
+//! Figures of a recording.
 
 use std::collections::BTreeMap;
 
@@ -6,51 +6,49 @@ use serde::Serialize;
 
 use fringeflow_message::{Stage, StageReport};
 
-use super::content::Content;
-use super::error::RecordingError;
-use super::{Origin, Recording, Topic};
+use crate::{Content, Origin, Recording, RecordingError, Topic};
 
-/// The figures of a recording.
+/// Figures of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Name of what was measured.
+    /// Name of the scene.
     pub name: String,
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// Version of the fringeflow that wrote it.
+    /// Version of fringeflow that wrote the recording.
     pub version: String,
-    /// Where and when it was begun.
+    /// Machine and time at the start of the recording.
     pub origin: Origin,
     /// Width and height of the images, pixels.
     pub image_size_px: [usize; 2],
-    /// Format of the images, by V4L2's name.
+    /// Format of the images, as V4L2 names it.
     pub pixel_format: &'static str,
-    /// Steps of the shift cycle.
+    /// Number of steps of a cycle.
     pub steps: usize,
-    /// From the first message to the last, seconds.
+    /// Time from the first message to the last, seconds.
     pub duration_s: f64,
     /// Messages by topic.
     pub topics: Vec<TopicSummary>,
     /// Points of all clouds.
     pub points: u64,
-    /// Marks that were set.
+    /// Marks of the user.
     pub marks: Vec<Remark>,
-    /// What the recorder said about its losses on the way.
+    /// Messages of the recorder about its losses.
     pub losses: Vec<Remark>,
-    /// Messages that the recorder lost; `None` if it did not say, since it was killed.
+    /// Messages that the recorder lost; `None` if it was killed and could not report them.
     pub lost: Option<u64>,
-    /// What the recorder said in the end.
+    /// Final account of the recorder.
     pub account: BTreeMap<String, String>,
     /// Last report of every stage.
     pub stages: Vec<StageSummary>,
-    /// Messages of topics that fringeflow does not know.
+    /// Messages of unknown topics.
     pub foreign: BTreeMap<String, u64>,
 }
 
 /// Messages of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TopicSummary {
-    /// Its name.
+    /// Name of the topic.
     pub topic: &'static str,
     /// Number of messages.
     pub messages: usize,
@@ -63,14 +61,14 @@ pub struct TopicSummary {
 pub struct Remark {
     /// Seconds since the first message.
     pub time_s: f64,
-    /// What it says.
+    /// The text.
     pub text: String,
 }
 
-/// What a stage did until its last report.
+/// The last report of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageSummary {
-    /// Its name.
+    /// Name of the stage.
     pub stage: &'static str,
     /// Items taken.
     pub taken: u64,
@@ -81,10 +79,10 @@ pub struct StageSummary {
 }
 
 impl Recording {
-    /// What is in it; images are not read.
+    /// The figures of the recording, without reading the images.
     ///
     /// # Errors
-    /// A log message, report or cloud header that cannot be read.
+    /// A log message or report cannot be read.
     pub fn summary(&self) -> Result<Summary, RecordingError> {
         let [first_ns, last_ns] = self.span_ns().unwrap_or_default();
         let (mut marks, mut losses) = (Vec::new(), Vec::new());
@@ -110,10 +108,10 @@ impl Recording {
             points: self.cloud_headers().fold(0, |sum, header| sum.saturating_add(header.points)),
             marks,
             losses,
-            lost: self.lost(),
-            account: self.account().clone(),
+            lost: self.lost_messages(),
+            account: self.recorder_account().clone(),
             stages: self.stage_summaries()?,
-            foreign: self.foreign().clone(),
+            foreign: self.foreign_messages().clone(),
         })
     }
 

@@ -1,22 +1,22 @@
-//! The topics of a recording and the schema of each.
+//! The topics of a recording and their schemas.
 
 use foxglove::messages::{CameraCalibration, FrameTransform, FrameTransforms, Log, PointCloud, RawImage};
 use foxglove::{Encode, Schema};
 
-use super::schema::DESCRIPTOR;
+use crate::schema::DESCRIPTOR;
 
 /// A topic of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Topic {
     /// Images of camera 1.
     Cam1Frame,
-    /// Their headers.
+    /// Headers of the images of camera 1.
     Cam1Header,
     /// Images of camera 2.
     Cam2Frame,
-    /// Their headers.
+    /// Headers of the images of camera 2.
     Cam2Header,
-    /// What the projector showed.
+    /// Pattern events of the projector.
     Pattern,
     /// Phase maps of both cameras.
     PhaseMaps,
@@ -24,13 +24,13 @@ pub enum Topic {
     CorrespondenceMap,
     /// Clouds.
     Cloud,
-    /// Their headers.
+    /// Headers of the clouds.
     CloudHeader,
     /// Reports of the stages.
     Report,
-    /// Marks, and what the recorder lost.
+    /// Marks, and losses of the recorder.
     Log,
-    /// Where cameras, projector and measurement volume are.
+    /// Poses of cameras, projector and measurement volume.
     Transforms,
     /// Calibration of camera 1.
     Cam1Calibration,
@@ -38,13 +38,13 @@ pub enum Topic {
     Cam2Calibration,
     /// Figures of the windows.
     WindowReport,
-    /// Where the object truly is, at every exposure.
+    /// True pose of the object, at every exposure.
     TruthPose,
-    /// Where the scanner is, at every cloud.
+    /// Pose of the scanner, at every cloud.
     Pose,
-    /// The model that grows; live alone, since clouds make it again.
+    /// The growing model. It is only shown live, since the clouds can rebuild it.
     Model,
-    /// What is known of the next windows, after every cloud.
+    /// Prior of the next windows, after every cloud.
     Prior,
 }
 
@@ -72,7 +72,7 @@ impl Topic {
         Self::Prior,
     ];
 
-    /// Its name in the file.
+    /// Name of the topic in the file.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -98,18 +98,18 @@ impl Topic {
         }
     }
 
-    /// The topic of a name; `None` for one that is none of ours.
+    /// The topic of a name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
     }
 
-    /// MCAP channel of the topic, the same in every recording: where the record of a channel is lost, its messages are not.
+    /// MCAP channel of the topic. It is the same in every recording, so that messages survive the loss of the channel record.
     pub(super) fn channel_id(self) -> u16 {
         self as u16 + 1
     }
 
-    /// The topic that holds the headers of this one, if it has one beside it.
+    /// The topic with the headers of this topic, if it has headers.
     #[must_use]
     pub fn header(self) -> Option<Self> {
         match self {
@@ -120,17 +120,17 @@ impl Topic {
         }
     }
 
-    /// Whether it repeats the calibration for viewers.
+    /// Whether the topic only serves viewers.
     pub(super) fn is_for_viewers(self) -> bool {
         matches!(self, Self::Transforms | Self::Cam1Calibration | Self::Cam2Calibration | Self::Model)
     }
 
-    /// Whether it holds headers of another topic.
+    /// Whether the topic has the headers of another topic.
     pub(super) fn is_header(self) -> bool {
         matches!(self, Self::Cam1Header | Self::Cam2Header | Self::CloudHeader)
     }
 
-    /// Schema of its messages.
+    /// Schema of the messages.
     #[must_use]
     pub fn schema(self) -> Option<Schema> {
         let own = |name: &str| Some(Schema::new(format!("fringeflow.{name}"), "protobuf", DESCRIPTOR));

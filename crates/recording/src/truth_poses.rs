@@ -1,18 +1,15 @@
-//! Where the object truly was: poses of a recording of the virtual scanner.
+//! True poses of the object, in recordings of the virtual scanner.
 //!
-//! A pose is that of the object's frame in the frame of the *exact* camera 1, in metres, at the start of an exposure. The
-//! camera frame of a cloud differs from it by the calibration error: through the frame of the measurement volume
-//! (`Setup::volume`, `Setup::exact_cam1_from_volume`) one becomes the other.
+//! A pose gives the frame of the object in the frame of the *exact* camera 1, in metres, at the start of an exposure. The
+//! camera frame of a cloud differs by the calibration error. The frame of the measurement volume converts between both
+//! (`Setup::volume`, `Setup::exact_cam1_from_volume`).
 
 use foxglove::messages::FrameTransform;
 
 use fringeflow::geometry::{Point3, Pose, interpolate_pose};
 
-use super::content::Content;
-use super::error::RecordingError;
-use super::opening::{quaternion, vector};
-use super::recordable::timestamp;
-use super::{Recording, Topic};
+use crate::viewers::transform;
+use crate::{Content, Recording, RecordingError, Topic};
 
 /// Frame of the exact camera 1.
 const PARENT: &str = "cam1_exact";
@@ -43,7 +40,7 @@ impl TruthPoses {
 
     /// The pose at a time, interpolated between exposures; `None` before the first and after the last.
     #[must_use]
-    pub fn at(&self, time_ns: u64) -> Option<Pose> {
+    pub fn pose_at(&self, time_ns: u64) -> Option<Pose> {
         let next = self.poses.partition_point(|pose| pose.exposure_start_ns < time_ns);
         let after = self.poses.get(next)?;
         if after.exposure_start_ns == time_ns {
@@ -56,7 +53,7 @@ impl TruthPoses {
 }
 
 impl Recording {
-    /// Where the object truly was; without any pose where the recording does not know.
+    /// The true poses of the object; empty if the recording has none.
     ///
     /// # Errors
     /// A pose cannot be read.
@@ -73,19 +70,13 @@ impl Recording {
     }
 }
 
-/// As it is recorded.
-pub(super) fn encoded(pose: &TruthPose) -> FrameTransform {
-    FrameTransform {
-        timestamp: timestamp(pose.exposure_start_ns),
-        parent_frame_id: PARENT.to_owned(),
-        child_frame_id: CHILD.to_owned(),
-        translation: Some(vector(&pose.cam1_from_object)),
-        rotation: Some(quaternion(&pose.cam1_from_object)),
-    }
+/// The recorded form of a pose.
+pub(super) fn encode(pose: &TruthPose) -> FrameTransform {
+    transform([PARENT, CHILD], &pose.cam1_from_object, pose.exposure_start_ns)
 }
 
-/// A recorded pose, or what is wrong with it.
-pub(super) fn decoded(transform: &FrameTransform) -> Result<Pose, String> {
+/// The pose of its recorded form, or the fault.
+pub(super) fn decode(transform: &FrameTransform) -> Result<Pose, String> {
     let frames = [transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()];
     if frames != [PARENT, CHILD] {
         return Err(format!("the pose is that of {:?} in {:?}; expected {CHILD} in {PARENT}", frames[1], frames[0]));
@@ -93,13 +84,15 @@ pub(super) fn decoded(transform: &FrameTransform) -> Result<Pose, String> {
     let (Some(t), Some(q)) = (&transform.translation, &transform.rotation) else {
         return Err("field translation or rotation is missing".to_owned());
     };
-    let place = Point3::new(t.x, t.y, t.z);
-    let turn = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
-    let off = (turn.norm() - 1.0).abs();
-    if !(place.coords.norm().is_finite() && off <= 1e-6) {
-        return Err(format!("field translation is {place}, the norm of rotation off 1 by {off}; expected a pose"));
+    let position = Point3::new(t.x, t.y, t.z);
+    let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+    let error = (rotation.norm() - 1.0).abs();
+    if !(position.coords.norm().is_finite() && error <= 1e-6) {
+        return Err(format!(
+            "field translation is {position}, the norm of field rotation differs from 1 by {error}; expected a pose"
+        ));
     }
-    Ok(Pose::from_parts(place.coords.into(), nalgebra::UnitQuaternion::from_quaternion(turn)))
+    Ok(Pose::from_parts(position.coords.into(), nalgebra::UnitQuaternion::from_quaternion(rotation)))
 }
 
 #[cfg(test)]
@@ -117,21 +110,22 @@ mod tests {
     fn between_exposures_poses_are_interpolated_and_beyond_unknown() {
         let poses = TruthPoses { poses: vec![pose(10), pose(20), pose(40)] };
         for time_ns in [10, 13, 20, 33, 40] {
-            let off = poses.at(time_ns).unwrap().to_homogeneous() - pose(time_ns).cam1_from_object.to_homogeneous();
+            let off =
+                poses.pose_at(time_ns).unwrap().to_homogeneous() - pose(time_ns).cam1_from_object.to_homogeneous();
             assert!(off.amax() < 1e-9, "{time_ns}");
         }
-        assert_eq!((poses.at(9), poses.at(41), TruthPoses::default().at(0)), (None, None, None));
+        assert_eq!((poses.pose_at(9), poses.pose_at(41), TruthPoses::default().pose_at(0)), (None, None, None));
     }
 
     #[test]
-    fn a_pose_comes_back_and_what_is_none_is_refused() {
-        let transform = encoded(&pose(7));
-        let off = decoded(&transform).unwrap().to_homogeneous() - pose(7).cam1_from_object.to_homogeneous();
+    fn a_pose_reads_back_and_an_invalid_one_is_refused() {
+        let transform = encode(&pose(7));
+        let off = decode(&transform).unwrap().to_homogeneous() - pose(7).cam1_from_object.to_homogeneous();
         assert!(off.amax() < 1e-12);
         let refused = |change: fn(&mut FrameTransform)| {
-            let mut transform = encoded(&pose(7));
+            let mut transform = encode(&pose(7));
             change(&mut transform);
-            decoded(&transform).unwrap_err()
+            decode(&transform).unwrap_err()
         };
         assert!(refused(|t| t.parent_frame_id = "cam1".to_owned()).contains("expected object in cam1_exact"));
         assert!(refused(|t| t.rotation = None).contains("missing"));

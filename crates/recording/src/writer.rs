@@ -1,7 +1,7 @@
-//! Writing a recording, message by message, in the caller's thread.
+//! Writes a recording, message by message, in the thread of the caller.
 //!
-//! In: a setup, a configuration text, then messages. Out: an uncompressed MCAP file in chunks with CRCs. Fringe images
-//! are noise to a compressor, so compressing them costs ten times the time and saves nothing.
+//! In: a setup, a configuration text, then messages. Out: an uncompressed MCAP file in chunks with checksums. Compression
+//! of fringe images takes ten times the time and saves nothing, because of their noise.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,37 +10,38 @@ use mcap::records::MessageHeader;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup};
 
-use super::error::{RecordingError, RecordingProblem};
-use super::file::{FileEnd, UnfinishedFile};
-use super::mcap_writer::{Attachment, Content, McapWriter, Schema};
-use super::opening::{Origin, standing_messages};
-use super::recordable::{Encoded, Times};
-use super::{CONFIGURATION_FILE, METADATA, RECORDER_METADATA, Topic, UNFINISHED};
+use crate::file::{FileWriter, UnfinishedFile};
+use crate::mcap_writer::{Attachment, Content, McapWriter, Schema};
+use crate::recordable::{Encoded, Times};
+use crate::{
+    CONFIGURATION_FILE, METADATA, Origin, RECORDER_METADATA, RecordingError, RecordingProblem, Topic, UNFINISHED,
+    static_messages,
+};
 
-/// Messages up to this size are copied into the chunk; buffers of larger ones are held until it is in the file.
+/// Messages up to this size are copied into the chunk. Buffers of larger messages are held until the chunk is in the file.
 const COPIED_BYTES: usize = 16 << 10;
 
-/// What a recording begins with.
+/// The beginning of a recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening<'a> {
-    /// Rig, pattern and volume.
+    /// Rig, pattern and measurement volume.
     pub setup: &'a Setup,
-    /// Text of the configuration that is used.
+    /// Text of the configuration of the scan.
     pub configuration: &'a str,
-    /// Where and when it is made.
+    /// Machine and time at the start of the recording.
     pub origin: &'a Origin,
-    /// Bytes of the disk that are to stay free.
+    /// Bytes of the disk that must stay free.
     pub min_free_bytes: u64,
 }
 
-/// A recording in the making.
+/// An unfinished recording.
 pub(super) struct RecordingWriter {
-    mcap: McapWriter<FileEnd>,
+    mcap: McapWriter<FileWriter>,
     file: UnfinishedFile,
     target: PathBuf,
     channels: BTreeMap<Topic, Channel>,
-    /// Buffers of messages that were copied.
-    idle: Vec<Encoded>,
+    /// Buffers of copied messages, free to be reused.
+    free_buffers: Vec<Encoded>,
 }
 
 struct Channel {
@@ -50,29 +51,31 @@ struct Channel {
 }
 
 impl RecordingWriter {
-    /// Makes the file and writes what a recording begins with.
+    /// Creates the file and writes the beginning of a recording.
     pub(super) fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let mut writer = Self::create_empty(target, UNFINISHED, opening.min_free_bytes)?;
-        match writer.open(opening) {
+        match writer.write_opening(opening) {
             Ok(()) => Ok(writer),
-            Err(problem) => Err(writer.give_up(problem)),
+            Err(problem) => Err(writer.abort(problem)),
         }
     }
 
-    /// Makes the file and writes nothing but its header.
+    /// Creates the file and writes nothing but its header.
     pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
         let library = concat!("fringeflow ", env!("CARGO_PKG_VERSION"));
-        match McapWriter::begin(file.end(), "fringeflow", library) {
-            Ok(mcap) => Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new(), idle: Vec::new() }),
+        match McapWriter::begin(file.writer(), "fringeflow", library) {
+            Ok(mcap) => {
+                Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new(), free_buffers: Vec::new() })
+            }
             Err(e) => {
                 file.discard();
-                Err(RecordingProblem::Unwritable(e).of(target))
+                Err(RecordingProblem::Unwritable(e).in_file(target))
             }
         }
     }
 
-    fn open(&mut self, opening: &Opening<'_>) -> Result<(), RecordingProblem> {
+    fn write_opening(&mut self, opening: &Opening<'_>) -> Result<(), RecordingProblem> {
         let Opening { setup, configuration, origin, .. } = *opening;
         let time_ns = origin.started_ns;
         self.metadata(METADATA, &origin.metadata(setup))?;
@@ -80,23 +83,29 @@ impl RecordingWriter {
         self.attach(META_FILE, "application/json", setup.text.description.as_bytes(), time_ns)?;
         self.attach(CONFIGURATION_FILE, "application/toml", configuration.as_bytes(), time_ns)?;
         let times = Times { log_ns: time_ns, publish_ns: time_ns };
-        for (topic, message) in standing_messages(setup, time_ns) {
+        for (topic, message) in static_messages(setup, time_ns) {
             self.write_one(topic, times, &message)?;
         }
         self.flush()
     }
 
-    /// Whether the disk has room for a message of so many bytes.
-    pub(super) fn admits(&mut self, message_bytes: usize) -> bool {
-        self.file.admits(message_bytes)
+    /// Reserves disk space for a message; `false` if the disk is full.
+    pub(super) fn reserve(&mut self, message_bytes: usize) -> bool {
+        self.file.reserve(message_bytes)
     }
 
-    /// Writes a message, and the header before it where its topic has one. The buffer is [`Self::released`] once its content is
-    /// in the file.
+    /// Reserves disk space for a message.
+    pub(super) fn require_space(&mut self, message_bytes: usize) -> Result<(), RecordingProblem> {
+        let has_space = self.reserve(message_bytes);
+        has_space.then_some(()).ok_or_else(|| RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()))
+    }
+
+    /// Writes a message, and its header before it if its topic has one. The buffer is [`Self::released`] once its content is in
+    /// the file.
     pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: Encoded) -> Result<(), RecordingProblem> {
         if encoded.held.is_none() && encoded.len() <= COPIED_BYTES {
             let written = encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data));
-            self.idle.push(encoded);
+            self.free_buffers.push(encoded);
             return written;
         }
         let parts: Vec<_> = encoded.ranges(topic).collect();
@@ -107,9 +116,9 @@ impl RecordingWriter {
         })
     }
 
-    /// Buffers that were handed over and are not needed any more.
+    /// Buffers that are not needed any more.
     pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
-        self.idle.drain(..).chain(self.mcap.released())
+        self.free_buffers.drain(..).chain(self.mcap.released())
     }
 
     /// Writes one message.
@@ -118,7 +127,7 @@ impl RecordingWriter {
         self.message(&header, Content::Copied(data))
     }
 
-    /// Writes one message with a sequence number of its own; later ones count from there.
+    /// Writes one message with this sequence number. Later messages of the topic count on from it.
     pub(super) fn write_numbered(
         &mut self,
         topic: Topic,
@@ -159,9 +168,7 @@ impl RecordingWriter {
         data: &[u8],
         time_ns: u64,
     ) -> Result<(), RecordingProblem> {
-        if !self.admits(data.len()) {
-            return Err(RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()));
-        }
+        self.require_space(data.len())?;
         let attachment = Attachment { time_ns, name, media_type, data };
         self.mcap.attach(&attachment).map_err(RecordingProblem::Unwritable)
     }
@@ -171,27 +178,27 @@ impl RecordingWriter {
         self.mcap.metadata(name, entries).map_err(RecordingProblem::Unwritable)
     }
 
-    /// Closes the chunk and hands everything to the kernel: what is written so far survives the process.
+    /// Closes the chunk and hands everything to the kernel, so that it survives the process.
     pub(super) fn flush(&mut self) -> Result<(), RecordingProblem> {
         self.mcap.close_chunk().map_err(RecordingProblem::Unwritable)
     }
 
-    /// Has the disk keep what was flushed: it survives the machine.
+    /// Synchronizes the flushed data to the disk, so that it survives the machine.
     pub(super) fn sync(&self) -> Result<(), RecordingProblem> {
         self.file.sync().map_err(RecordingProblem::Unwritable)
     }
 
-    /// Writes the recorder's account and the end of the file, and gives the file its name.
+    /// Writes the account of the recorder and the end of the file, and renames the file to its final name.
     pub(super) fn finish(mut self, account: &BTreeMap<String, String>) -> Result<PathBuf, RecordingError> {
         let written = self.metadata(RECORDER_METADATA, account);
         let finished = written.and_then(|()| self.mcap.finish().map_err(RecordingProblem::Unwritable));
-        finished.map_err(|problem| RecordingProblem::Unfinishable(problem.to_string()).of(&self.target))?;
+        finished.map_err(|problem| RecordingProblem::Unfinishable(problem.to_string()).in_file(&self.target))?;
         self.file.finish()
     }
 
-    /// Removes a file of which nothing is worth keeping; the error about it.
-    pub(super) fn give_up(self, problem: RecordingProblem) -> RecordingError {
-        let error = problem.of(&self.target);
+    /// Removes the file after a problem at its beginning; returns the error.
+    pub(super) fn abort(self, problem: RecordingProblem) -> RecordingError {
+        let error = problem.in_file(&self.target);
         self.discard();
         error
     }

@@ -1,8 +1,21 @@
-//! Recordings computed again: every cloud from its images, every pose from its clouds.
+//! Recomputes a recording: every cloud from its images, every pose from its clouds.
 //!
 //! ```text
 //!  recording ─► images, priors ─► Reconstructor ─► cloud ─┐
 //!      └──────────────────────────────► recorded cloud ───┴─► the same bytes?
+//! ```
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use fringeflow_recording::Recording;
+//! use fringeflow_replay::{ReplayError, VerifyOutcome, verify};
+//!
+//! fn is_reproducible(file: &Path) -> Result<bool, ReplayError> {
+//!     let clouds = verify(&Recording::open(file)?, |cloud| println!("{}: {:?}", cloud.published, cloud.outcome))?;
+//!     Ok(clouds.iter().all(|cloud| cloud.outcome == VerifyOutcome::Same))
+//! }
+//! assert!(matches!(is_reproducible(Path::new("no.mcap")), Err(ReplayError::Recording(_))));
 //! ```
 
 #![forbid(unsafe_code)]
@@ -12,7 +25,7 @@ mod tests;
 mod verify;
 mod verify_poses;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::phase::PhaseShifts;
@@ -23,50 +36,51 @@ use fringeflow_recording::{Recording, RecordingError};
 pub use verify::{VerifiedCloud, VerifyOutcome, verify};
 pub use verify_poses::{VerifiedPoses, verify_poses};
 
-/// Why a recording cannot be computed again.
+/// Why a recording cannot be recomputed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The file.
+    /// The file cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The recorded configuration cannot be used.
+    /// The recorded configuration is invalid.
     #[error("{}: attachment configuration.toml: {problem}", file.display())]
     Configuration {
         /// The recording.
         file: PathBuf,
-        /// What is wrong with its configuration.
+        /// Problem of its configuration.
         #[source]
         problem: ConfigurationProblem,
     },
-    /// Setup or configuration can be read, but not measured with.
+    /// Setup and configuration are valid but do not allow a measurement.
     #[error("{}: cannot be measured with: {problem}", file.display())]
     NotMeasurable {
         /// The recording.
         file: PathBuf,
-        /// What is wrong.
+        /// The reason.
         problem: String,
     },
 }
 
-/// The configuration that a recording was made with.
+/// The configuration of a recording.
 ///
 /// # Errors
-/// The text is no configuration.
+/// The configuration is invalid.
 pub fn configuration(recording: &Recording) -> Result<Configuration, ReplayError> {
     Configuration::parse_recorded(recording.configuration_text())
         .map_err(|problem| ReplayError::Configuration { file: recording.path().to_owned(), problem })
 }
 
-/// Turns the images of the windows of a recording into clouds, by the recorded setup and configuration.
+/// A reconstructor with the setup and configuration of a recording.
 ///
 /// # Errors
-/// The configuration cannot be read, or the rig cannot be measured with.
+/// The configuration is invalid, or the rig does not allow a measurement.
 pub fn reconstructor(recording: &Recording) -> Result<Reconstructor, ReplayError> {
     let configuration = configuration(recording)?;
-    measurable(recording, &configuration).map_err(|problem| not_measurable(recording.path(), problem))
+    build_reconstructor(recording, &configuration)
+        .map_err(|problem| ReplayError::NotMeasurable { file: recording.path().to_owned(), problem })
 }
 
-fn measurable(recording: &Recording, configuration: &Configuration) -> Result<Reconstructor, String> {
+fn build_reconstructor(recording: &Recording, configuration: &Configuration) -> Result<Reconstructor, String> {
     let setup = recording.setup();
     let volume = configuration.volume.as_ref().or(setup.volume.as_ref());
     let volume = volume.ok_or("neither meta.json nor configuration.toml states a volume")?;
@@ -74,8 +88,4 @@ fn measurable(recording: &Recording, configuration: &Configuration) -> Result<Re
     let table = SegmentTable::build(&setup.rig, volume, pattern).map_err(|e| e.to_string())?;
     let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| e.to_string())?;
     Reconstructor::new(&setup.rig, pattern, table, &shifts, configuration.settings).map_err(|e| e.to_string())
-}
-
-fn not_measurable(file: &Path, problem: String) -> ReplayError {
-    ReplayError::NotMeasurable { file: file.to_owned(), problem }
 }

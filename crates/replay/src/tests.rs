@@ -1,4 +1,4 @@
-//! What was recorded is compared with what its images make.
+//! Recomputed clouds of small recordings.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -43,7 +43,7 @@ fn imported(folder: &TempDir) -> PathBuf {
     path
 }
 
-/// Records the dataset with the clouds of its windows `steps`, as `alter` leaves them.
+/// Records the dataset with the cloud of its first window, changed by `alter`.
 fn with_cloud(folder: &TempDir, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>)) -> Recording {
     let imported = Recording::open(&imported(folder)).unwrap();
     let mut reconstructor: Reconstructor = reconstructor(&imported).unwrap();

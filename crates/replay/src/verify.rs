@@ -1,7 +1,7 @@
-//! Every recorded cloud is made again of its images and compared byte by byte.
+//! Recomputes every recorded cloud from its images and compares byte by byte.
 //!
-//! In: a recording with images and clouds. Out: what became of each cloud. The images of a cloud are those its window
-//! names; calibration, pattern and settings are the attachments. The result does not depend on the number of threads.
+//! In: a recording with images and clouds. Out: the outcome of each cloud. The window of a cloud names its images; the
+//! attachments have calibration, pattern and settings. The result does not depend on the number of threads.
 
 use serde::Serialize;
 
@@ -9,47 +9,47 @@ use fringeflow::cloud::{Cloud, RECORD_BYTES, write_records};
 use fringeflow::reconstruction::Reconstructor;
 use fringeflow_dataset::GreyImage;
 use fringeflow_message::CloudHeader;
-use fringeflow_recording::{Content, Known, Priors, Recording, RecordingProblem, Topic};
+use fringeflow_recording::{Content, Priors, Recording, RecordingProblem, Topic, WindowPrior};
 
-use super::{ReplayError, reconstructor};
+use crate::{ReplayError, reconstructor};
 
-/// A recorded cloud, made again.
+/// A recomputed cloud.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VerifiedCloud {
-    /// Its number in its channel.
+    /// Number of the cloud in its channel.
     pub published: u64,
-    /// Middle of its exposures.
+    /// Time of the cloud, the midpoint of its exposures.
     pub centre_ns: u64,
     /// Points of the recorded cloud.
     pub points: u64,
-    /// How the new one compares.
+    /// Comparison of both clouds.
     pub outcome: VerifyOutcome,
 }
 
-/// How a recorded cloud compares with the one made of its images.
+/// Comparison of a recorded cloud with the recomputed one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VerifyOutcome {
     /// The same bytes.
     Same,
-    /// Other bytes.
+    /// Different bytes.
     Different {
-        /// Points of the new cloud.
+        /// Points of the recomputed cloud.
         points: u64,
         /// First point that differs.
         first: u64,
     },
-    /// An image of its window is not in the recording.
+    /// An image of the window is not in the recording.
     ImagesMissing,
-    /// The prior that its images were decoded with is not in the recording.
+    /// The prior of the window is not in the recording.
     PriorMissing,
-    /// The recording began in the middle of its window.
+    /// The window began before the recording.
     BeforeRecording,
-    /// Its images yield no cloud; the reason.
+    /// The images give no cloud, for this reason.
     NoCloud(String),
 }
 
-/// Makes every recorded cloud again and compares; `each` is called with every result.
+/// Recomputes every recorded cloud and compares. Calls `each` with every result.
 ///
 /// # Errors
 /// As [`reconstructor`], or the file cannot be read.
@@ -84,8 +84,8 @@ fn verify_cloud(
         Err(error) => return Err(error.into()),
     };
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    let Known::Prior(known) = priors.of(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
-    Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known) {
+    let WindowPrior::Used(prior) = priors.used_by(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
+    Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, prior) {
         Ok(made) => compare(records, &made.cloud),
         Err(error) => VerifyOutcome::NoCloud(error.to_string()),
     })
@@ -93,7 +93,7 @@ fn verify_cloud(
 
 fn compare(records: &[u8], cloud: &Cloud) -> VerifyOutcome {
     let mut made = Vec::with_capacity(cloud.points.len() * RECORD_BYTES);
-    // A vector takes everything.
+    // Writing to a vector cannot fail.
     let _ = write_records(&mut made, &cloud.points, 1.0);
     if made == records {
         return VerifyOutcome::Same;

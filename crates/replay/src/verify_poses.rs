@@ -1,8 +1,7 @@
-//! Verifying poses: every recorded pose is computed again from the recorded clouds, and compared to the last bit.
+//! Recomputes every recorded pose from the recorded clouds and compares to the last bit.
 //!
-//! Which clouds a live scanner tracks depends on how fast the machine is; what follows from them does not. A report names
-//! its cloud and the first one of its model, so the reports of a model are the clouds that went into its tracking, in their
-//! order.
+//! The speed of the machine decides which clouds a live scanner tracks. The poses depend on these clouds alone. A report
+//! names its cloud and the first cloud of its model. Hence the reports of a model list the tracked clouds in order.
 
 use std::collections::HashMap;
 
@@ -13,32 +12,32 @@ use fringeflow_recording::{Content, Recording, Topic};
 use fringeflow_tracking::fusion::Tracker;
 use fringeflow_tracking::messages::pose_report;
 
-use super::{ReplayError, configuration};
+use crate::{ReplayError, configuration};
 
-/// Recorded poses, computed again.
+/// Counts of the recomputed poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct VerifiedPoses {
-    /// Reports, those on lost clouds too.
+    /// Reports, including those on lost clouds.
     pub poses: u64,
     /// The same to the last bit.
     pub same: u64,
-    /// Others.
+    /// Different.
     pub different: u64,
-    /// Not computed again: a cloud that they rest on is not in the recording, which may have begun later.
+    /// Not recomputed: a cloud of the model is not in the recording, which may have started later.
     pub without_clouds: u64,
-    /// Cloud of the first pose that differs.
+    /// Cloud of the first different pose.
     pub first_different: Option<u64>,
 }
 
-/// A model while it is made again.
-struct Remade {
+/// A model that is built again.
+struct RebuiltModel {
     first_cloud: u64,
     tracker: Tracker,
-    /// Number of the report that comes next.
+    /// Number of the next report.
     next: u64,
 }
 
-/// Computes every recorded pose again and compares; `each` is called after every report.
+/// Recomputes every recorded pose and compares. Calls `each` for every report.
 ///
 /// # Errors
 /// The configuration or a message cannot be read.
@@ -47,7 +46,7 @@ pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<Ver
     let places: HashMap<u64, usize> =
         recording.cloud_headers().enumerate().map(|(place, header)| (header.published, place)).collect();
     let mut verified = VerifiedPoses::default();
-    let mut remade: Option<Remade> = None;
+    let mut rebuilt: Option<RebuiltModel> = None;
     let mut reports = Vec::new();
     for message in recording.messages_of(Topic::Pose) {
         if let Content::Pose(report) = message?.content {
@@ -60,13 +59,14 @@ pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<Ver
         verified.poses += 1;
         if report.first_cloud == report.cloud {
             let tracker = Tracker::new(recording.setup().rig.cam1.clone(), settings);
-            remade = Some(Remade { first_cloud: report.cloud, tracker, next: report.published });
+            rebuilt = Some(RebuiltModel { first_cloud: report.cloud, tracker, next: report.published });
         }
         let place = places.get(&report.cloud).copied();
-        remade = remade.filter(|model| model.continues_with(report));
-        let Some((model, place)) = remade.as_mut().zip(place) else {
+        rebuilt = rebuilt.filter(|model| model.continues_with(report));
+        let Some((model, place)) = rebuilt.as_mut().zip(place) else {
             verified.without_clouds += 1;
-            remade = None;
+            // Without one cloud the later poses of the model cannot be the same.
+            rebuilt = None;
             continue;
         };
         if is_same(recording, model, report, place)? {
@@ -79,7 +79,12 @@ pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<Ver
     Ok(verified)
 }
 
-fn is_same(recording: &Recording, model: &mut Remade, report: &PoseReport, place: usize) -> Result<bool, ReplayError> {
+fn is_same(
+    recording: &Recording,
+    model: &mut RebuiltModel,
+    report: &PoseReport,
+    place: usize,
+) -> Result<bool, ReplayError> {
     let Some((header, cloud)) = recording.cloud_headers().nth(place).zip(recording.cloud(place)?) else {
         return Ok(false);
     };
@@ -89,7 +94,7 @@ fn is_same(recording: &Recording, model: &mut Remade, report: &PoseReport, place
     Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..made } == *report)
 }
 
-impl Remade {
+impl RebuiltModel {
     /// Whether a report is the next one of this model.
     fn continues_with(&self, report: &PoseReport) -> bool {
         report.first_cloud == self.first_cloud && report.published == self.next

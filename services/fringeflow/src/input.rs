@@ -7,7 +7,7 @@ use fringeflow::calibration::Unit;
 use fringeflow::prior::WindowTimes;
 use fringeflow_config::Configuration;
 use fringeflow_dataset::{CameraId, Dataset, GreyImage, Setup, Truth};
-use fringeflow_recording::{ImagePair, Priors, Recording, TruthPoses, cycles, windows};
+use fringeflow_recording::{ImagePair, Priors, Recording, TruthPoses, cycle_starts, window_starts};
 
 use crate::failure::Failure;
 
@@ -116,7 +116,7 @@ impl Input {
         let steps = self.setup().steps;
         let starts = match self {
             Self::Folder(_) => vec![0],
-            Self::Recording(_, pairs) => cycles(pairs, steps).collect(),
+            Self::Recording(_, pairs) => cycle_starts(pairs, steps).collect(),
         };
         if starts.is_empty() {
             let what = format!("its {} image pairs hold no complete cycle of {steps} steps", self.available());
@@ -187,7 +187,7 @@ impl Input {
         let Self::Recording(_, pairs) = self else { return vec![within.clone()] };
         let mut next = within.start;
         let mut found = Vec::new();
-        for start in windows(pairs, self.setup().steps, images).filter(|start| start + images <= within.end) {
+        for start in window_starts(pairs, self.setup().steps, images).filter(|start| start + images <= within.end) {
             if start >= next {
                 found.push(start..start + images);
                 next = start + every;

@@ -63,7 +63,7 @@ impl Session {
 
     /// Why nothing more is written; said once.
     pub(crate) fn standstill(&mut self) -> Option<String> {
-        let why = self.recorder.ended()?;
+        let why = self.recorder.end_reason()?;
         let first = !std::mem::replace(&mut self.has_told, true);
         first.then(|| format!("{}: {why}; the scan goes on without a recording", self.file.display()))
     }

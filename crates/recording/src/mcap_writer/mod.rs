@@ -1,9 +1,9 @@
-//! An MCAP file as it is written: uncompressed chunks with checksums, indexes, and a summary at the end (mcap.dev/spec).
+//! Writes MCAP files: uncompressed chunks with checksums, indexes, and a summary at the end (mcap.dev/spec).
 //!
-//! In: messages, each of bytes that are copied, as small ones are, or of a buffer that is handed over. Out: the same bytes that
-//! the crate `mcap` writes, which is what its tests compare them with. The crate copies a message twice, into a chunk and out
-//! of it, and sums it twice; here a buffer that was handed over goes from where it lies to the file, and is summed once.
-//! The file never holds a chunk whose length is not known yet.
+//! In: messages, either as bytes that are copied, or as a buffer that is handed over. Out: the same bytes that the `mcap`
+//! crate writes, as the tests verify. The crate would copy each message twice, into a chunk and out of it, and compute its
+//! checksum twice. Here a buffer is written from where it is, with one checksum. Also, the file never contains a chunk
+//! without its length.
 
 mod chunk;
 mod records;
@@ -17,17 +17,17 @@ use std::io::{self, IoSlice, Write};
 use crc32fast::Hasher;
 use mcap::records::{MessageHeader, op};
 
-use super::recordable::Encoded;
+use crate::recordable::Encoded;
 use chunk::Chunk;
 use records::{push_map, push_record, push_string};
 use summary::Summary;
 
 pub(super) use chunk::Content;
 
-/// Size beyond which a chunk is closed.
+/// A chunk larger than this is closed.
 const CHUNK_BYTES: u64 = 4 << 20;
 
-/// A schema as a channel names it.
+/// Schema of a channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schema<'a> {
     pub(super) name: &'a str,
@@ -35,7 +35,7 @@ pub(super) struct Schema<'a> {
     pub(super) data: &'a [u8],
 }
 
-/// Something that lies beside the messages.
+/// An attachment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attachment<'a> {
     pub(super) time_ns: u64,
@@ -44,11 +44,11 @@ pub(super) struct Attachment<'a> {
     pub(super) data: &'a [u8],
 }
 
-/// A file that is being written. One that could not be written to is not to be used any more.
+/// An unfinished file. It must not be used after an error.
 pub(super) struct McapWriter<W> {
     file: W,
-    /// Bytes written, and the checksum of them.
-    at: u64,
+    /// Number and checksum of the bytes written.
+    offset: u64,
     crc: Hasher,
     chunk: Chunk,
     summary: Summary,
@@ -57,20 +57,20 @@ pub(super) struct McapWriter<W> {
 }
 
 impl<W: Write> McapWriter<W> {
-    /// Begins a file.
+    /// Starts a file.
     pub(super) fn begin(file: W, profile: &str, library: &str) -> io::Result<Self> {
         let (chunk, summary) = (Chunk::default(), Summary::default());
-        let mut writer = Self { file, at: 0, crc: Hasher::new(), chunk, summary, released: Vec::new() };
+        let mut writer = Self { file, offset: 0, crc: Hasher::new(), chunk, summary, released: Vec::new() };
         let mut start = mcap::MAGIC.to_vec();
         push_record(&mut start, op::HEADER, |out| {
             push_string(out, profile);
             push_string(out, library);
         });
-        writer.put(&start)?;
+        writer.write(&start)?;
         Ok(writer)
     }
 
-    /// Adds a channel of protobuf messages, and its schema unless another channel has brought it.
+    /// Adds a channel of protobuf messages, and its schema if it is new.
     pub(super) fn add_channel(&mut self, id: u16, topic: &str, schema: Option<Schema<'_>>) {
         let schema_id = schema.map_or(0, |schema| {
             let (id, is_new) = self.summary.schema_id(schema);
@@ -91,14 +91,14 @@ impl<W: Write> McapWriter<W> {
         self.summary.channels.insert(id, channel);
     }
 
-    /// Takes a buffer over, for messages that name it; it is [`Self::released`] when they are in the file.
+    /// Takes a buffer for the next messages; returns its index. The buffer is [`Self::released`] once they are in the file.
     pub(super) fn hold(&mut self, buffer: Encoded) -> io::Result<usize> {
-        // Both messages of a buffer stand in one chunk, which is the one that holds it.
+        // Both messages of a buffer must be in the chunk that holds it.
         self.close_full_chunk()?;
         Ok(self.chunk.hold(buffer))
     }
 
-    /// Adds a message of a channel that was added.
+    /// Adds a message of an added channel.
     pub(super) fn message(&mut self, header: &MessageHeader, content: Content<'_>) -> io::Result<()> {
         if matches!(content, Content::Copied(_)) {
             self.close_full_chunk()?;
@@ -108,12 +108,12 @@ impl<W: Write> McapWriter<W> {
         Ok(())
     }
 
-    /// Buffers whose content is in the file since this was asked last.
+    /// Buffers whose content was written to the file since the last call.
     pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
         self.released.drain(..)
     }
 
-    /// Adds an attachment, behind what came before.
+    /// Adds an attachment after everything so far.
     pub(super) fn attach(&mut self, attachment: &Attachment<'_>) -> io::Result<()> {
         self.close_chunk()?;
         let mut record = Vec::with_capacity(attachment.data.len() + 256);
@@ -128,11 +128,11 @@ impl<W: Write> McapWriter<W> {
             let crc = crc32fast::hash(&out[start..]);
             out.extend(crc.to_le_bytes());
         });
-        self.summary.add_attachment(attachment, self.at, record.len() as u64);
-        self.put(&record)
+        self.summary.add_attachment(attachment, self.offset, record.len() as u64);
+        self.write(&record)
     }
 
-    /// Adds metadata, behind what came before.
+    /// Adds metadata after everything so far.
     pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> io::Result<()> {
         self.close_chunk()?;
         let mut record = Vec::new();
@@ -140,23 +140,24 @@ impl<W: Write> McapWriter<W> {
             push_string(out, name);
             push_map(out, entries);
         });
-        self.summary.add_metadata(name, self.at, record.len() as u64);
-        self.put(&record)
+        self.summary.add_metadata(name, self.offset, record.len() as u64);
+        self.write(&record)
     }
 
-    /// Closes the chunk: everything is in the file that was added.
+    /// Closes the chunk, so that everything added so far is in the file.
     pub(super) fn close_chunk(&mut self) -> io::Result<()> {
         if self.chunk.is_empty() {
             return Ok(());
         }
+        // The checksum of the records is computed once, for the chunk and for the file.
         let crc = self.chunk.crc();
         let head = self.chunk.head(crc.clone().finalize());
-        let (indexes, offsets) = self.chunk.indexes(self.at + head.len() as u64 + self.chunk.bytes());
-        self.summary.add_chunk(&self.chunk, self.at, head.len() as u64, &offsets, indexes.len() as u64);
+        let (indexes, offsets) = self.chunk.indexes(self.offset + head.len() as u64 + self.chunk.bytes());
+        self.summary.add_chunk(&self.chunk, self.offset, head.len() as u64, &offsets, indexes.len() as u64);
         self.crc.update(&head);
         self.crc.combine(&crc);
         self.crc.update(&indexes);
-        self.at += head.len() as u64 + self.chunk.bytes() + indexes.len() as u64;
+        self.offset += head.len() as u64 + self.chunk.bytes() + indexes.len() as u64;
         let mut pieces = vec![IoSlice::new(&head)];
         pieces.extend(self.chunk.pieces().map(IoSlice::new));
         pieces.push(IoSlice::new(&indexes));
@@ -166,14 +167,14 @@ impl<W: Write> McapWriter<W> {
         written
     }
 
-    /// Writes what a file ends with; the file.
+    /// Writes the end of the file; returns the file.
     pub(super) fn finish(mut self) -> io::Result<W> {
         self.close_chunk()?;
         let crc = self.crc.clone().finalize();
         let mut end = Vec::new();
         push_record(&mut end, op::DATA_END, |out| out.extend(crc.to_le_bytes()));
-        let summary_at = self.at + end.len() as u64;
-        end.extend(self.summary.written(summary_at));
+        let summary_offset = self.offset + end.len() as u64;
+        end.extend(self.summary.encode(summary_offset));
         end.extend(mcap::MAGIC);
         self.file.write_all(&end)?;
         self.file.flush()?;
@@ -184,17 +185,17 @@ impl<W: Write> McapWriter<W> {
         if self.chunk.bytes() > CHUNK_BYTES { self.close_chunk() } else { Ok(()) }
     }
 
-    /// Writes bytes that belong to the data, outside chunks.
-    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+    /// Writes data outside of chunks.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.crc.update(bytes);
-        self.at += bytes.len() as u64;
+        self.offset += bytes.len() as u64;
         self.file.write_all(bytes)
     }
 }
 
-/// Writes all of the pieces, one after the other, with as few calls as the system lets.
+/// Writes all pieces in sequence, with as few system calls as possible.
 fn write_all_vectored(file: &mut impl Write, mut pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
-    // Without those that are empty, of which a write of nothing would look like a full disk.
+    // Skip empty pieces first: writing nothing would look like a full disk.
     IoSlice::advance_slices(&mut pieces, 0);
     while !pieces.is_empty() {
         match file.write_vectored(pieces) {

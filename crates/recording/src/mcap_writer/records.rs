@@ -1,8 +1,8 @@
-//! Parts of records: numbers are little-endian, texts and maps follow their length in bytes.
+//! Parts of records. Numbers are little-endian; texts and maps follow their length in bytes.
 
 use std::collections::BTreeMap;
 
-/// Adds a record: its code, the length of its content, and the content.
+/// Adds a record: opcode, length of the content, content.
 pub(super) fn push_record(out: &mut Vec<u8>, opcode: u8, content: impl FnOnce(&mut Vec<u8>)) {
     out.push(opcode);
     push_counted(out, content, u64::to_le_bytes);
@@ -35,20 +35,20 @@ pub(super) fn push_numbers(out: &mut Vec<u8>, entries: &BTreeMap<u16, u64>) {
     push_counted(out, content, short);
 }
 
-/// Adds content behind its length.
+/// Adds a length and then the content of this length.
 pub(super) fn push_counted<const N: usize>(
     out: &mut Vec<u8>,
     content: impl FnOnce(&mut Vec<u8>),
     length: impl FnOnce(u64) -> [u8; N],
 ) {
-    let at = out.len();
+    let start = out.len();
     out.extend([0; N]);
     content(out);
-    let bytes = length((out.len() - at - N) as u64);
-    out[at..at + N].copy_from_slice(&bytes);
+    let bytes = length((out.len() - start - N) as u64);
+    out[start..start + N].copy_from_slice(&bytes);
 }
 
-/// A length of 32 bits; nothing of a recording that has one comes near them.
+/// A length of 32 bits, enough for every part that has one.
 pub(super) fn short(length: u64) -> [u8; 4] {
     (length as u32).to_le_bytes()
 }

@@ -1,4 +1,4 @@
-//! The summary at the end of a file: what is in it and where.
+//! The summary at the end of a file: its contents and their offsets.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::chunk::Chunk;
 use super::records::{push_numbers, push_record, push_string, short};
 use super::{Attachment, Schema};
 
-/// What the summary will say. Records are kept as they will be written.
+/// The summary so far. Records are kept in their final form.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     schemas: Vec<Vec<u8>>,
@@ -24,7 +24,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// The number of a schema, and whether it is new.
+    /// The id of a schema, and whether the schema is new.
     pub(super) fn schema_id(&mut self, schema: Schema<'_>) -> (u16, bool) {
         let record = |id: u16| {
             let mut record = Vec::new();
@@ -53,17 +53,18 @@ impl Summary {
         self.schemas.last().map_or(&[], Vec::as_slice)
     }
 
+    /// Counts a message.
     pub(super) fn count_message(&mut self, header: &MessageHeader) {
         *self.messages.entry(header.channel_id).or_default() += 1;
         let [first, last] = self.bounds_ns.unwrap_or([header.log_time; 2]);
         self.bounds_ns = Some([first.min(header.log_time), last.max(header.log_time)]);
     }
 
-    /// Takes note of a chunk at `at`, with so many bytes before its records, and of the indexes behind it.
+    /// Adds a chunk at `offset`, with `head_bytes` before its records, and the message indexes after it.
     pub(super) fn add_chunk(
         &mut self,
         chunk: &Chunk,
-        at: u64,
+        offset: u64,
         head_bytes: u64,
         index_offsets: &BTreeMap<u16, u64>,
         index_bytes: u64,
@@ -71,7 +72,7 @@ impl Summary {
         self.chunks += 1;
         push_record(&mut self.chunk_indexes, op::CHUNK_INDEX, |out| {
             out.extend(chunk.bounds_ns().into_iter().flat_map(u64::to_le_bytes));
-            out.extend(at.to_le_bytes());
+            out.extend(offset.to_le_bytes());
             out.extend((head_bytes + chunk.bytes()).to_le_bytes());
             push_numbers(out, index_offsets);
             out.extend(index_bytes.to_le_bytes());
@@ -81,27 +82,29 @@ impl Summary {
         });
     }
 
-    pub(super) fn add_attachment(&mut self, attachment: &Attachment<'_>, at: u64, bytes: u64) {
+    /// Adds an attachment of `bytes` at `offset`.
+    pub(super) fn add_attachment(&mut self, attachment: &Attachment<'_>, offset: u64, bytes: u64) {
         self.attachments += 1;
         push_record(&mut self.attachment_indexes, op::ATTACHMENT_INDEX, |out| {
             let data_bytes = attachment.data.len() as u64;
-            let numbers = [at, bytes, attachment.time_ns, attachment.time_ns, data_bytes];
+            let numbers = [offset, bytes, attachment.time_ns, attachment.time_ns, data_bytes];
             out.extend(numbers.into_iter().flat_map(u64::to_le_bytes));
             push_string(out, attachment.name);
             push_string(out, attachment.media_type);
         });
     }
 
-    pub(super) fn add_metadata(&mut self, name: &str, at: u64, bytes: u64) {
+    /// Adds metadata of `bytes` at `offset`.
+    pub(super) fn add_metadata(&mut self, name: &str, offset: u64, bytes: u64) {
         self.metadata += 1;
         push_record(&mut self.metadata_indexes, op::METADATA_INDEX, |out| {
-            out.extend([at, bytes].into_iter().flat_map(u64::to_le_bytes));
+            out.extend([offset, bytes].into_iter().flat_map(u64::to_le_bytes));
             push_string(out, name);
         });
     }
 
-    /// The summary and the footer, which begin at `at`.
-    pub(super) fn written(&self, at: u64) -> Vec<u8> {
+    /// Encodes the summary and the footer, which start at `offset`.
+    pub(super) fn encode(&self, offset: u64) -> Vec<u8> {
         let groups = [
             (op::SCHEMA, self.schemas.concat()),
             (op::CHANNEL, self.channels.values().flatten().copied().collect()),
@@ -112,19 +115,19 @@ impl Summary {
         ];
         let (mut out, mut offsets) = (Vec::new(), Vec::new());
         for (opcode, records) in groups.into_iter().filter(|(_, records)| !records.is_empty()) {
-            push_record(&mut offsets, op::SUMMARY_OFFSET, |offset| {
-                offset.push(opcode);
-                offset.extend((at + out.len() as u64).to_le_bytes());
-                offset.extend((records.len() as u64).to_le_bytes());
+            push_record(&mut offsets, op::SUMMARY_OFFSET, |record| {
+                record.push(opcode);
+                record.extend((offset + out.len() as u64).to_le_bytes());
+                record.extend((records.len() as u64).to_le_bytes());
             });
             out.extend(records);
         }
-        let offsets_at = at + out.len() as u64;
+        let offsets_start = offset + out.len() as u64;
         out.extend(offsets);
         out.push(op::FOOTER);
-        // The footer without its checksum is part of what it sums.
+        // The checksum covers the footer up to the checksum itself.
         out.extend((8_u64 + 8 + 4).to_le_bytes());
-        out.extend([at, offsets_at].into_iter().flat_map(u64::to_le_bytes));
+        out.extend([offset, offsets_start].into_iter().flat_map(u64::to_le_bytes));
         let crc = crc32fast::hash(&out);
         out.extend(crc.to_le_bytes());
         out

@@ -1,13 +1,13 @@
-//! The crate `mcap` is the oracle: the same messages make the same file, byte for byte.
+//! The `mcap` crate is the oracle: the same messages give the same file, byte for byte.
 
 use std::io::Cursor;
 
 use mcap::WriteOptions;
 
 use super::*;
-use crate::held::{Held, Places};
+use crate::held::{HeldContent, HeldSlots};
 
-/// What a file is made of.
+/// A step of writing a file.
 enum Step {
     Channel(u16, &'static str, Option<&'static str>),
     Message(u16, u64, usize),
@@ -32,7 +32,7 @@ fn entries() -> BTreeMap<String, String> {
     BTreeMap::from([("a".to_owned(), "ö".to_owned()), ("b".to_owned(), String::new())])
 }
 
-fn by_the_crate(steps: &[Step]) -> Vec<u8> {
+fn written_by_crate(steps: &[Step]) -> Vec<u8> {
     let mut out = Vec::new();
     let options = WriteOptions::new().compression(None).chunk_size(Some(CHUNK_BYTES)).disable_seeking(true);
     let mut writer = options.profile("p").library("l").create(Cursor::new(&mut out)).unwrap();
@@ -66,10 +66,10 @@ fn by_the_crate(steps: &[Step]) -> Vec<u8> {
     out
 }
 
-/// Takes a few bytes at a time, as a pipe would.
-struct Reluctant(Vec<u8>);
+/// Accepts a limited number of bytes at a time, as a pipe would.
+struct Pipe(Vec<u8>);
 
-impl Write for Reluctant {
+impl Write for Pipe {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let taken = bytes.len().min(70_001);
         self.0.extend(&bytes[..taken]);
@@ -81,15 +81,15 @@ impl Write for Reluctant {
     }
 }
 
-/// Two messages of which the second is held but for its beginning.
+/// Two messages. Most of the second is held.
 fn half_held(mut bytes: Vec<u8>, split: usize) -> Encoded {
     let content = bytes.split_off(split + (bytes.len() - split) / 3);
-    let place = Places::new(1).take().unwrap();
-    Encoded { bytes, split, held: Some(Held::new(content, place)) }
+    let slot = HeldSlots::new(1).take().unwrap();
+    Encoded { bytes, split, held: Some(HeldContent::new(content, slot)) }
 }
 
-/// The file, and how many buffers came back.
-fn by_ours<W: Write>(steps: &[Step], file: W) -> (W, usize) {
+/// The file, and the number of released buffers.
+fn written_by_us<W: Write>(steps: &[Step], file: W) -> (W, usize) {
     let mut writer = McapWriter::begin(file, "p", "l").unwrap();
     let mut released = 0;
     for step in steps {
@@ -121,8 +121,8 @@ fn by_ours<W: Write>(steps: &[Step], file: W) -> (W, usize) {
 }
 
 fn assert_same(steps: &[Step]) {
-    let expected = by_the_crate(steps);
-    for found in [by_ours(steps, Vec::new()).0, by_ours(steps, Reluctant(Vec::new())).0.0] {
+    let expected = written_by_crate(steps);
+    for found in [written_by_us(steps, Vec::new()).0, written_by_us(steps, Pipe(Vec::new())).0.0] {
         let differs = expected.iter().zip(&found).position(|(a, b)| a != b);
         assert_eq!((expected.len(), differs), (found.len(), None));
     }
@@ -135,7 +135,7 @@ fn a_file_without_messages() {
 }
 
 #[test]
-fn messages_that_are_copied_and_messages_in_buffers() {
+fn copied_and_held_messages() {
     assert_same(&[
         Metadata("m"),
         Attach("a", 1000),
@@ -155,11 +155,11 @@ fn messages_that_are_copied_and_messages_in_buffers() {
 }
 
 #[test]
-fn chunks_that_are_full() {
+fn full_chunks() {
     let mut steps = vec![Channel(1, "/a", Some("A")), Channel(2, "/b", Some("B"))];
     for time_ns in 0..12 {
         steps.push(Message(2, time_ns, 700_000));
-        // Its second message alone would fill a chunk.
+        // This message alone would fill a chunk.
         steps.push(Message(1, time_ns, 100));
         steps.push(Message(2, time_ns, 5 << 20));
     }
@@ -167,11 +167,11 @@ fn chunks_that_are_full() {
 }
 
 #[test]
-fn buffers_come_back_once_they_are_in_the_file() {
+fn buffers_are_released_once_they_are_in_the_file() {
     let mut steps = vec![Channel(1, "/a", None)];
     steps.extend((0..5).map(|time_ns| Pair([1, 1], time_ns, [10, 3 << 20])));
-    // Two fill a chunk, which the next one closes.
-    assert_eq!(by_ours(&steps, Vec::new()).1, 4);
+    // Two pairs fill a chunk, and the next one closes it.
+    assert_eq!(written_by_us(&steps, Vec::new()).1, 4);
     steps.push(Flush);
-    assert_eq!(by_ours(&steps, Vec::new()).1, 5);
+    assert_eq!(written_by_us(&steps, Vec::new()).1, 5);
 }

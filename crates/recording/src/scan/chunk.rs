@@ -1,4 +1,4 @@
-//! Chunks: what is recognized of one, and its records once its checksum is right.
+//! Chunks: recognition, and the records of a chunk with a correct checksum.
 
 use mcap::records::op;
 
@@ -6,10 +6,10 @@ use super::damaged;
 use crate::RecordingProblem;
 use crate::fields::Fields;
 
-/// Fields of a chunk before its records, with no compression named.
+/// Bytes of a chunk before its records, without compression.
 pub(super) const CHUNK_HEAD_BYTES: u64 = 40;
 
-/// Whether these bytes can be the beginning of a chunk: its lengths agree, and it is not compressed.
+/// Whether these bytes can be the start of a chunk: uncompressed, with consistent lengths.
 pub(super) fn looks_like_chunk(bytes: &[u8]) -> bool {
     let mut fields = Fields(bytes);
     let mut lengths = || {
@@ -26,7 +26,7 @@ pub(super) fn looks_like_chunk(bytes: &[u8]) -> bool {
     lengths().unwrap_or(false)
 }
 
-/// The records of a chunk, and whether a checksum vouches for them.
+/// The records of a chunk, and whether it has a checksum.
 pub(super) fn chunk_records(body: &[u8], start: u64) -> Result<(&[u8], bool), RecordingProblem> {
     let mut fields = Fields(body);
     let parts = (|| {

@@ -1,4 +1,4 @@
-//! The end of a file: what it says of itself is compared with what was found.
+//! The end of a file: its statistics and checksums are compared with the contents.
 
 use std::collections::BTreeMap;
 
@@ -11,21 +11,21 @@ use crate::RecordingProblem;
 use crate::fields::Fields;
 
 impl Scan<'_, '_> {
-    /// Compares a checksum; faults that were met before make it wrong, and are known already.
+    /// Compares a checksum. After an earlier fault the checksum is wrong anyway, and is ignored.
     pub(super) fn check_crc(
         &self,
         offset: u64,
         crc: u32,
-        of: crc32fast::Hasher,
+        computed: crc32fast::Hasher,
         what: &str,
     ) -> Result<(), RecordingProblem> {
-        if crc == 0 || !self.scanned.faults.is_empty() || crc == of.finalize() {
+        if crc == 0 || !self.scanned.faults.is_empty() || crc == computed.finalize() {
             return Ok(());
         }
         Err(damaged(offset, format!("the checksum of {what} is wrong")))
     }
 
-    /// A record of the summary: repetitions and indexes, which nobody needs who reads everything, and the statistics.
+    /// Reads a record of the summary. Only the statistics matter; a full scan needs no repetitions and indexes.
     pub(super) fn summary(&mut self, opcode: u8, start: u64, body: &[u8]) -> Result<(), RecordingProblem> {
         match opcode {
             op::STATISTICS => self.statistics(start, body),
@@ -40,7 +40,7 @@ impl Scan<'_, '_> {
         }
     }
 
-    /// Compares what was found with what the file says it holds.
+    /// Compares the statistics with the contents.
     fn statistics(&mut self, start: u64, body: &[u8]) -> Result<(), RecordingProblem> {
         let mut fields = Fields(body);
         let parts = (|| {
@@ -63,22 +63,23 @@ impl Scan<'_, '_> {
             ("metadata records", metadata.into(), found.metadata.into()),
             ("chunks", chunks.into(), found.chunks.into()),
         ];
-        if let Some((what, said, found)) = compared.into_iter().find(|(_, said, found)| said != found) {
-            return Err(damaged(start, format!("the statistics say {said} {what}, and {found} are there")));
+        if let Some((what, stated, found)) = compared.into_iter().find(|(_, stated, found)| stated != found) {
+            return Err(damaged(start, format!("the statistics state {stated} {what}, but the file has {found}")));
         }
         let counts =
             |map: &BTreeMap<u16, u64>| map.iter().filter(|(_, n)| **n > 0).map(|(i, n)| (*i, *n)).collect::<Vec<_>>();
         if counts(&channels) != counts(&found.messages) {
-            return Err(damaged(start, "the statistics count other messages by channel than are there"));
+            return Err(damaged(start, "the statistics differ from the messages by channel"));
         }
         Ok(())
     }
 
+    /// Checks the footer and the checksum of the summary.
     pub(super) fn footer(
         &mut self,
         start: u64,
         body: &[u8],
-        mut crc_of: crc32fast::Hasher,
+        mut computed: crc32fast::Hasher,
     ) -> Result<(), RecordingProblem> {
         let parts = (|| {
             let mut fields = Fields(body);
@@ -87,26 +88,27 @@ impl Scan<'_, '_> {
         })();
         let crc = parts.ok_or_else(|| damaged(start, "the footer is cut short"))?;
         if !self.contents.has_ended {
-            return Err(damaged(start, "the footer stands before the end of the data"));
+            return Err(damaged(start, "the footer is before the end of the data"));
         }
-        // The checksum covers the footer too, up to itself.
-        crc_of.update(&[op::FOOTER]);
-        crc_of.update(&(body.len() as u64).to_le_bytes());
-        crc_of.update(body.get(..16).unwrap_or_default());
-        self.check_crc(start, crc, crc_of, "the summary")?;
+        // The checksum covers the footer up to the checksum itself.
+        computed.update(&[op::FOOTER]);
+        computed.update(&(body.len() as u64).to_le_bytes());
+        computed.update(body.get(..16).unwrap_or_default());
+        self.check_crc(start, crc, computed, "the summary")?;
         if crc != 0 && !self.contents.has_statistics {
             return Err(damaged(start, "the summary has no statistics"));
         }
         Ok(())
     }
 
+    /// Checks the last bytes of the file.
     pub(super) fn end(&self, reader: &mut Reader<'_>) -> Result<(), RecordingProblem> {
-        let start = reader.at;
+        let start = reader.offset;
         let mut magic = [0; MAGIC.len()];
         if !reader.fill(&mut magic)? {
             return Err(RecordingProblem::Unfinished { offset: reader.bytes, within: "within its last bytes" });
         }
-        if magic != *MAGIC || reader.at != reader.bytes {
+        if magic != *MAGIC || reader.offset != reader.bytes {
             return Err(damaged(start, "the last bytes are not those of an MCAP file"));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! The file under a scan: record by record, and, where a fault has hidden where records begin, the next whole chunk.
+//! Reads the file of a scan: record by record, and after a fault the next intact chunk.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -9,41 +9,41 @@ use super::chunk::{CHUNK_HEAD_BYTES, chunk_records, looks_like_chunk};
 use super::{RECORD_HEAD_BYTES, damaged};
 use crate::RecordingProblem;
 
-/// Most bytes of one record.
+/// Maximum size of one record.
 const MAX_RECORD_BYTES: u64 = 1 << 30;
-/// Bytes searched at a time for the next whole chunk.
+/// Bytes searched at a time for the next intact chunk.
 const SEARCH_BYTES: usize = 1 << 20;
 
-/// The file, read forward, with the checksum of the section it is in.
+/// The file, read forward, with the checksum of the current section.
 pub(super) struct Reader<'f> {
     file: BufReader<&'f File>,
     pub(super) bytes: u64,
-    pub(super) at: u64,
+    pub(super) offset: u64,
     pub(super) crc: crc32fast::Hasher,
-    /// Whether the content of the last record was all there.
+    /// Whether the last record was complete.
     pub(super) has_whole_record: bool,
 }
 
 impl<'f> Reader<'f> {
-    /// A reader at the beginning of a file.
+    /// A reader at the start of a file.
     pub(super) fn new(file: &'f File) -> Result<Self, RecordingProblem> {
         let bytes = file.metadata().map_err(RecordingProblem::Unreadable)?.len();
         let file = BufReader::with_capacity(SEARCH_BYTES, file);
-        let mut reader = Self { file, bytes, at: 0, crc: crc32fast::Hasher::new(), has_whole_record: false };
+        let mut reader = Self { file, bytes, offset: 0, crc: crc32fast::Hasher::new(), has_whole_record: false };
         reader.seek(0)?;
         Ok(reader)
     }
 
-    fn seek(&mut self, to: u64) -> Result<(), RecordingProblem> {
-        self.at = to;
-        self.file.seek(SeekFrom::Start(to)).map(drop).map_err(RecordingProblem::Unreadable)
+    fn seek(&mut self, offset: u64) -> Result<(), RecordingProblem> {
+        self.offset = offset;
+        self.file.seek(SeekFrom::Start(offset)).map(drop).map_err(RecordingProblem::Unreadable)
     }
 
-    /// Fills a buffer; false if the file ends before.
+    /// Fills a buffer; `false` if the file ends before.
     pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<bool, RecordingProblem> {
         match self.file.read_exact(buffer) {
             Ok(()) => {
-                self.at += buffer.len() as u64;
+                self.offset += buffer.len() as u64;
                 self.crc.update(buffer);
                 Ok(true)
             }
@@ -54,7 +54,7 @@ impl<'f> Reader<'f> {
 
     /// Opcode and length of the next record.
     pub(super) fn head(&mut self) -> Result<(u8, u64), RecordingProblem> {
-        let start = self.at;
+        let start = self.offset;
         let unfinished = |within| RecordingProblem::Unfinished { offset: self.bytes, within };
         if start == self.bytes {
             return Err(unfinished("after a whole record"));
@@ -65,7 +65,7 @@ impl<'f> Reader<'f> {
         }
         let [opcode, length @ ..] = head;
         let length = u64::from_le_bytes(length);
-        if length > self.bytes - self.at {
+        if length > self.bytes - self.offset {
             return Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" });
         }
         if length > MAX_RECORD_BYTES {
@@ -77,12 +77,12 @@ impl<'f> Reader<'f> {
         Ok((opcode, length))
     }
 
-    /// Content of a record.
+    /// Reads the content of a record.
     pub(super) fn body(&mut self, length: u64, body: &mut Vec<u8>) -> Result<(), RecordingProblem> {
         body.clear();
-        // Grows with what is read, not with what is claimed.
+        // The buffer grows with the bytes read, not with the stated length.
         let read = (&mut self.file).take(length).read_to_end(body).map_err(RecordingProblem::Unreadable)?;
-        self.at += read as u64;
+        self.offset += read as u64;
         self.crc.update(body);
         self.has_whole_record = read as u64 == length;
         if self.has_whole_record {
@@ -91,41 +91,42 @@ impl<'f> Reader<'f> {
         Err(RecordingProblem::Unfinished { offset: self.bytes, within: "within a record" })
     }
 
-    /// Whether the last record was read whole and something that looks like another follows it.
-    pub(super) fn stands_at_record(&mut self) -> Result<bool, RecordingProblem> {
-        let here = self.at;
-        let follows = self.has_whole_record && matches!(self.head(), Ok((op::HEADER..=op::DATA_END, _)));
-        self.seek(here)?;
-        Ok(follows)
+    /// Whether the last record was complete and is followed by a plausible record.
+    pub(super) fn is_at_record(&mut self) -> Result<bool, RecordingProblem> {
+        let offset = self.offset;
+        let is_at_record = self.has_whole_record && matches!(self.head(), Ok((op::HEADER..=op::DATA_END, _)));
+        self.seek(offset)?;
+        Ok(is_at_record)
     }
 
-    /// Goes to the next place from `from` on where a chunk stands whose checksum is right.
+    /// Goes to the next chunk with a correct checksum, from `from` on; `false` if there is none.
     pub(super) fn find_chunk(&mut self, from: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
-        let mut place = from;
+        let mut start = from;
         let mut window = Vec::new();
-        while place + RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES <= self.bytes {
-            self.seek(place)?;
+        while start + RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES <= self.bytes {
+            self.seek(start)?;
             window.clear();
             let mut next = (&mut self.file).take(SEARCH_BYTES as u64);
             next.read_to_end(&mut window).map_err(RecordingProblem::Unreadable)?;
             let head = (RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES) as usize;
             for (i, candidate) in window.windows(head).enumerate() {
-                if looks_like_chunk(candidate) && self.is_whole_chunk(place + i as u64, body)? {
-                    self.seek(place + i as u64)?;
+                if looks_like_chunk(candidate) && self.is_intact_chunk(start + i as u64, body)? {
+                    self.seek(start + i as u64)?;
                     return Ok(true);
                 }
             }
-            place += (window.len().max(head) - head + 1) as u64;
+            // The windows overlap by the head of a chunk, so that none is missed.
+            start += (window.len().max(head) - head + 1) as u64;
         }
         Ok(false)
     }
 
-    fn is_whole_chunk(&mut self, place: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
-        self.seek(place)?;
+    fn is_intact_chunk(&mut self, offset: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
+        self.seek(offset)?;
         let Ok((op::CHUNK, length)) = self.head() else { return Ok(false) };
         match self.body(length, body) {
             Err(problem @ RecordingProblem::Unreadable(_)) => Err(problem),
-            read => Ok(read.is_ok() && chunk_records(body, place).is_ok_and(|(_, is_checked)| is_checked)),
+            read => Ok(read.is_ok() && chunk_records(body, offset).is_ok_and(|(_, is_checked)| is_checked)),
         }
     }
 }

@@ -1,8 +1,10 @@
-//! Reading an MCAP file from its beginning to its end, whatever it holds.
+//! Scans an MCAP file from start to end.
 //!
-//! In: a file. Out: its messages, attachments and metadata, each with its place, and what is wrong with the file. A
-//! strict scan ends at the first fault; a tolerant one goes on at the next chunk whose checksum is right. All checksums
-//! are compared, and what was found with the statistics at the end. Memory: the largest record.
+//! In: a file. Out: its messages, attachments and metadata, each with its offset, and the faults of the file. A strict scan
+//! stops at the first fault. A tolerant scan continues at the next chunk with a correct checksum. The scan checks all
+//! checksums and the statistics at the end. Memory: the largest record.
+//!
+//! The readers of the `mcap` crate stop at the first fault, report no byte offsets, and panic on some damaged records.
 
 mod chunk;
 mod ending;
@@ -14,28 +16,27 @@ use std::fs::File;
 use mcap::MAGIC;
 use mcap::records::op;
 
-use super::Topic;
-use super::error::RecordingProblem;
-use super::fields::Fields;
-use super::recordable::Times;
+use crate::fields::Fields;
+use crate::recordable::Times;
+use crate::{RecordingProblem, Topic};
 use chunk::chunk_records;
 use file::Reader;
 
 /// Opcode and length before each record.
 const RECORD_HEAD_BYTES: u64 = 9;
-/// Opcodes from here on are private: others may have added such records.
+/// First opcode of private records, which other programs may add.
 const PRIVATE: u8 = 0x80;
 
-/// How a scan takes what is wrong.
+/// Reaction of a scan to faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rigour {
-    /// The first fault ends it.
+pub(super) enum ScanMode {
+    /// The first fault ends the scan.
     Strict,
-    /// Faults are noted, and everything else is found.
+    /// Faults are collected, and the scan goes on.
     Tolerant,
 }
 
-/// What a scan finds.
+/// A find of a scan.
 #[derive(Debug)]
 pub(super) enum Found<'a> {
     Message(FoundMessage<'a>),
@@ -50,26 +51,26 @@ pub(super) struct FoundMessage<'a> {
     pub(super) sequence: u32,
     pub(super) times: Times,
     pub(super) data: &'a [u8],
-    /// Where the data start in the file.
+    /// Start of the data in the file.
     pub(super) offset: u64,
 }
 
-/// What a scan yields beside what it finds.
+/// Result of a scan, besides the finds.
 #[derive(Debug, Default)]
 pub(super) struct Scanned {
-    /// What is wrong with the file; empty after a strict scan.
+    /// Faults of the file; empty after a strict scan.
     pub(super) faults: Vec<RecordingProblem>,
-    /// Messages of topics that are none of ours, by name.
-    pub(super) foreign: BTreeMap<String, u64>,
-    /// Bytes of the file.
+    /// Messages of unknown topics, by name.
+    pub(super) foreign_messages: BTreeMap<String, u64>,
+    /// Size of the file, bytes.
     pub(super) bytes: u64,
 }
 
-/// What takes the finds; its error ends the scan.
+/// Takes the finds. An error ends the scan.
 pub(super) type Visit<'v> = dyn FnMut(Found<'_>) -> Result<(), RecordingProblem> + 'v;
 
-/// Scans a file.
-pub(super) fn scan(file: &File, rigour: Rigour, visit: &mut Visit<'_>) -> Result<Scanned, RecordingProblem> {
+/// Scans a file. `visit` takes the finds.
+pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result<Scanned, RecordingProblem> {
     let mut reader = Reader::new(file)?;
     let mut scan =
         Scan { contents: Contents::default(), visit, scanned: Scanned { bytes: reader.bytes, ..Scanned::default() } };
@@ -79,18 +80,19 @@ pub(super) fn scan(file: &File, rigour: Rigour, visit: &mut Visit<'_>) -> Result
     }
     let mut body = Vec::new();
     loop {
-        let start = reader.at;
+        let start = reader.offset;
         reader.has_whole_record = false;
         match scan.step(&mut reader, &mut body) {
             Ok(true) => {}
             Ok(false) => return Ok(scan.scanned),
-            Err(Trouble::Visitor(problem) | Trouble::Fault(problem @ RecordingProblem::Unreadable(_))) => {
+            Err(ScanError::Visitor(problem) | ScanError::Fault(problem @ RecordingProblem::Unreadable(_))) => {
                 return Err(problem);
             }
-            Err(Trouble::Fault(problem)) if rigour == Rigour::Strict => return Err(problem),
-            Err(Trouble::Fault(problem)) => {
+            Err(ScanError::Fault(problem)) if mode == ScanMode::Strict => return Err(problem),
+            Err(ScanError::Fault(problem)) => {
                 scan.scanned.faults.push(problem);
-                if !(reader.stands_at_record()? || reader.find_chunk(start + 1, &mut body)?) {
+                // If the faulty record has a plausible length, the next record follows it. Else search for a chunk.
+                if !(reader.is_at_record()? || reader.find_chunk(start + 1, &mut body)?) {
                     return Ok(scan.scanned);
                 }
             }
@@ -99,14 +101,14 @@ pub(super) fn scan(file: &File, rigour: Rigour, visit: &mut Visit<'_>) -> Result
 }
 
 /// Why a step of a scan failed.
-enum Trouble {
-    /// The file is at fault.
+enum ScanError {
+    /// The file has a fault.
     Fault(RecordingProblem),
-    /// Whoever takes the finds wants no more.
+    /// The visitor ended the scan.
     Visitor(RecordingProblem),
 }
 
-impl From<RecordingProblem> for Trouble {
+impl From<RecordingProblem> for ScanError {
     fn from(problem: RecordingProblem) -> Self {
         Self::Fault(problem)
     }
@@ -116,7 +118,7 @@ fn damaged(offset: u64, what: impl Into<String>) -> RecordingProblem {
     RecordingProblem::Damaged { offset, what: what.into() }
 }
 
-/// What the file has been found to hold, to be compared with what it says of itself at the end.
+/// Contents of the file so far, to be compared with its statistics at the end.
 #[derive(Debug, Default)]
 struct Contents {
     topics: BTreeMap<u16, Option<Topic>>,
@@ -136,23 +138,24 @@ struct Scan<'v, 'w> {
 }
 
 impl Scan<'_, '_> {
-    /// Takes one record; false after the last.
-    fn step(&mut self, reader: &mut Reader<'_>, body: &mut Vec<u8>) -> Result<bool, Trouble> {
-        let start = reader.at;
-        let before = reader.crc.clone();
+    /// Reads one record; `false` after the last.
+    fn step(&mut self, reader: &mut Reader<'_>, body: &mut Vec<u8>) -> Result<bool, ScanError> {
+        let start = reader.offset;
+        // Checksums cover everything before the record that states them.
+        let crc_before = reader.crc.clone();
         let (opcode, length) = reader.head()?;
         reader.body(length, body)?;
         match opcode {
             op::DATA_END => {
                 let crc = Fields(body).u32().ok_or_else(|| damaged(start, "the end of the data is cut short"))?;
-                self.check_crc(start, crc, before, "the data")?;
+                self.check_crc(start, crc, crc_before, "the data")?;
                 self.contents.has_ended = true;
                 reader.crc = crc32fast::Hasher::new();
                 return Ok(true);
             }
             op::FOOTER => {
-                self.footer(start, body, before)?;
-                return self.end(reader).map(|()| false).map_err(Trouble::Fault);
+                self.footer(start, body, crc_before)?;
+                return self.end(reader).map(|()| false).map_err(ScanError::Fault);
             }
             _ if self.contents.has_ended => self.summary(opcode, start, body)?,
             op::CHUNK => self.chunk(start, body)?,
@@ -164,28 +167,28 @@ impl Scan<'_, '_> {
         Ok(true)
     }
 
-    fn chunk(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+    fn chunk(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {
         let (records, _) = chunk_records(body, start)?;
         self.contents.chunks += 1;
-        let first = start + RECORD_HEAD_BYTES + (body.len() - records.len()) as u64;
+        let first_offset = start + RECORD_HEAD_BYTES + (body.len() - records.len()) as u64;
         let mut fields = Fields(records);
         while !fields.0.is_empty() {
-            let place = first + (records.len() - fields.0.len()) as u64;
-            let cut = || damaged(place, "a record in a chunk claims more bytes than the chunk has");
+            let offset = first_offset + (records.len() - fields.0.len()) as u64;
+            let cut = || damaged(offset, "a record in a chunk claims more bytes than the chunk has");
             let opcode = fields.u8().ok_or_else(cut)?;
             let length = fields.length().ok_or_else(cut)?;
             let data = fields.bytes(length).ok_or_else(cut)?;
-            self.record(opcode, place, place + RECORD_HEAD_BYTES, data)?;
+            self.record(opcode, offset, offset + RECORD_HEAD_BYTES, data)?;
         }
         Ok(())
     }
 
-    /// A record that may stand in a chunk or outside.
-    fn record(&mut self, opcode: u8, start: u64, data_at: u64, body: &[u8]) -> Result<(), Trouble> {
+    /// Reads a record inside or outside of a chunk.
+    fn record(&mut self, opcode: u8, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
         match opcode {
             op::SCHEMA => Ok(()),
             op::CHANNEL => Ok(self.channel(body).ok_or_else(|| damaged(start, "a channel is cut short"))?),
-            op::MESSAGE => self.message(start, data_at, body),
+            op::MESSAGE => self.message(start, body_offset, body),
             PRIVATE.. => Ok(()),
             _ => Err(damaged(start, format!("a record has the unknown code {opcode:#04x}")).into()),
         }
@@ -199,32 +202,32 @@ impl Scan<'_, '_> {
         Some(())
     }
 
-    fn message(&mut self, start: u64, data_at: u64, body: &[u8]) -> Result<(), Trouble> {
+    fn message(&mut self, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let head = (|| Some((fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?)))();
         let (id, sequence, log_ns, publish_ns) = head.ok_or_else(|| damaged(start, "a message is cut short"))?;
         *self.contents.messages.entry(id).or_default() += 1;
         let topic = match self.contents.topics.get(&id) {
             Some(topic) => *topic,
-            // Its channel was lost with a damaged chunk.
+            // Its channel record was lost with a damaged chunk, but the channels of our topics are fixed.
             None if !self.scanned.faults.is_empty() => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id),
             None => return Err(damaged(start, format!("a message is of the unknown channel {id}")).into()),
         };
         let Some(topic) = topic else {
             let name = self.contents.names.get(&id).cloned().unwrap_or_else(|| format!("channel {id}"));
-            *self.scanned.foreign.entry(name).or_default() += 1;
+            *self.scanned.foreign_messages.entry(name).or_default() += 1;
             return Ok(());
         };
-        let offset = data_at + (body.len() - fields.0.len()) as u64;
+        let offset = body_offset + (body.len() - fields.0.len()) as u64;
         let times = Times { log_ns, publish_ns };
         self.found(Found::Message(FoundMessage { topic, sequence, times, data: fields.0, offset }))
     }
 
-    fn found(&mut self, found: Found<'_>) -> Result<(), Trouble> {
-        (self.visit)(found).map_err(Trouble::Visitor)
+    fn found(&mut self, found: Found<'_>) -> Result<(), ScanError> {
+        (self.visit)(found).map_err(ScanError::Visitor)
     }
 
-    fn attachment(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+    fn attachment(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let parts = (|| {
             let (log_ns, _created, name, media_type) =
@@ -243,7 +246,7 @@ impl Scan<'_, '_> {
         self.found(Found::Attachment { name, media_type, data, log_ns, offset })
     }
 
-    fn metadata(&mut self, start: u64, body: &[u8]) -> Result<(), Trouble> {
+    fn metadata(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let parts = (|| Some((fields.string()?, fields.text_map()?)))();
         let (name, entries) = parts.ok_or_else(|| damaged(start, "metadata claim more bytes than they have"))?;

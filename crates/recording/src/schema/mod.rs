@@ -1,7 +1,7 @@
-//! Fringeflow's own messages in a recording: the schema `fringeflow.proto`, its descriptor, and the structs made of it.
+//! The schema `fringeflow.proto` of our own messages, its descriptor, and its structs.
 //!
-//! `fringeflow.desc` is what `protoc --descriptor_set_out` makes of the schema and what a recording carries;
-//! `fringeflow.rs` is what `prost-build` makes of that. Both are committed, so that a build needs no `protoc`.
+//! `protoc --descriptor_set_out` made `fringeflow.desc` of the schema; every recording contains it. `prost-build` made
+//! `fringeflow.rs` of the descriptor. Both are committed, so that a build needs no `protoc`.
 
 #[rustfmt::skip]
 #[allow(missing_docs, unreachable_pub)]

@@ -1,4 +1,4 @@
-//! Checking and exporting: what is in a recording is compared with itself.
+//! Check, export and summary of a recording.
 
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow_dataset::Dataset;
@@ -6,7 +6,7 @@ use fringeflow_dataset::Dataset;
 use super::*;
 
 #[test]
-fn numbers_that_are_not_finite_and_gaps_are_found() {
+fn non_finite_numbers_and_gaps_are_found() {
     let folder = Folder::new();
     let recorder =
         Recorder::create(&folder.path("cloud.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();

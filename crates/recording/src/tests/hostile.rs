@@ -1,4 +1,4 @@
-//! Files that are cut, flipped, or lie.
+//! Cut, flipped and forged files.
 
 use std::collections::BTreeMap;
 
@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use fringeflow::cloud::RECORD_BYTES;
 
+use crate::convert::Convert;
 use crate::recordable::Times;
 use crate::schema;
 use crate::writer::RecordingWriter;
@@ -28,7 +29,7 @@ fn small_recording(folder: &Folder) -> Vec<u8> {
     std::fs::read(recorder.finish().unwrap().file).unwrap()
 }
 
-/// Opens it and reads everything in it; true if nothing was found wrong.
+/// Opens a file and reads everything in it; `true` if there was no error.
 fn read_through(path: &Path) -> bool {
     Recording::open(path).is_ok_and(|recording| recording.messages().all(|message| message.is_ok()))
 }
@@ -67,8 +68,8 @@ fn a_cut_file_is_unfinished_wherever_it_is_cut() {
     assert!(matches!(problem(&path), RecordingProblem::Damaged { .. }));
 }
 
-/// A recording that was made otherwise than by us.
-fn made(folder: &Folder, make: impl FnOnce(&mut RecordingWriter)) -> PathBuf {
+/// A recording with unusual content.
+fn recording_of(folder: &Folder, make: impl FnOnce(&mut RecordingWriter)) -> PathBuf {
     let path = folder.path("made.mcap");
     let mut writer = RecordingWriter::create_empty(&path, UNFINISHED, 0).unwrap();
     make(&mut writer);
@@ -82,7 +83,7 @@ fn format(version: &str) -> BTreeMap<String, String> {
 #[test]
 fn a_newer_format_is_refused_before_anything_else() {
     let folder = Folder::new();
-    let path = made(&folder, |writer| writer.metadata(METADATA, &format("2")).unwrap());
+    let path = recording_of(&folder, |writer| writer.metadata(METADATA, &format("2")).unwrap());
     let message = Recording::open(&path).unwrap_err().to_string();
     assert!(message.contains("format version 2") && message.contains("9.9.9"), "{message}");
     assert!(message.contains("update fringeflow"), "{message}");
@@ -92,20 +93,20 @@ fn a_newer_format_is_refused_before_anything_else() {
 }
 
 #[test]
-fn what_every_recording_has_is_asked_for_by_name() {
+fn missing_parts_are_named() {
     let folder = Folder::new();
-    let path = made(&folder, |_| ());
+    let path = recording_of(&folder, |_| ());
     assert!(matches!(problem(&path), RecordingProblem::Missing { what: "metadata fringeflow" }));
     std::fs::remove_file(&path).unwrap();
-    let path = made(&folder, |writer| writer.metadata(METADATA, &format("1")).unwrap());
+    let path = recording_of(&folder, |writer| writer.metadata(METADATA, &format("1")).unwrap());
     assert!(matches!(problem(&path), RecordingProblem::Missing { what: "attachment calibration.yml" }));
 }
 
 #[test]
-fn a_calibration_that_cannot_be_is_named_with_its_field() {
+fn an_invalid_calibration_is_named_with_its_field() {
     let folder = Folder::new();
     let text = &setup().text;
-    let path = made(&folder, |writer| {
+    let path = recording_of(&folder, |writer| {
         writer.metadata(METADATA, &format("1")).unwrap();
         writer.attach("calibration.yml", "", text.calibration.replace("K1", "K9").as_bytes(), 0).unwrap();
         writer.attach("meta.json", "", text.description.as_bytes(), 0).unwrap();
@@ -116,7 +117,7 @@ fn a_calibration_that_cannot_be_is_named_with_its_field() {
 }
 
 #[test]
-fn headers_and_payloads_that_do_not_pair_are_named() {
+fn headers_without_messages_are_named() {
     let folder = Folder::new();
     let write = |writer: &mut RecordingWriter, topic, data: &[u8]| {
         writer.metadata(METADATA, &format("1")).unwrap();
@@ -124,23 +125,24 @@ fn headers_and_payloads_that_do_not_pair_are_named() {
     };
     let lonely = [(Topic::Cam1Frame, "its header is missing"), (Topic::Cam2Header, "camera is 0; expected 2")];
     for (topic, says) in lonely {
-        let path = made(&folder, |writer| write(writer, topic, &[]));
+        let path = recording_of(&folder, |writer| write(writer, topic, &[]));
         let message = Recording::open(&path).unwrap_err().to_string();
         assert!(message.contains(says) && message.contains(topic.name()), "{message}");
         std::fs::remove_file(&path).unwrap();
     }
-    let header = schema::FrameHeader::from_header(&frame(2, 0));
-    let path = made(&folder, |writer| write(writer, Topic::Cam2Header, &prost::Message::encode_to_vec(&header)));
+    let header = schema::FrameHeader::from_struct(&frame(2, 0)).unwrap();
+    let path =
+        recording_of(&folder, |writer| write(writer, Topic::Cam2Header, &prost::Message::encode_to_vec(&header)));
     let message = Recording::open(&path).unwrap_err().to_string();
-    assert!(message.contains("what it describes is missing"), "{message}");
+    assert!(message.contains("the message that it describes is missing"), "{message}");
 }
 
 #[test]
-fn records_that_claim_too_much_are_refused_without_room_for_them() {
+fn too_long_records_are_refused_without_allocation() {
     let folder = Folder::new();
     let intact = small_recording(&folder);
     let path = folder.path("claims.mcap");
-    // The length of the first record after the header's: everything from half the file to all there can be.
+    // Lengths of the first record after the header, from the size of the file to the maximum.
     let first = 8 + 9 + u64::from_le_bytes(intact[9..17].try_into().unwrap()) as usize;
     for claim in [intact.len() as u64, 1 << 31, 1 << 40, u64::MAX - 8, u64::MAX] {
         let mut bytes = intact.clone();
@@ -148,7 +150,7 @@ fn records_that_claim_too_much_are_refused_without_room_for_them() {
         std::fs::write(&path, &bytes).unwrap();
         assert!(matches!(problem(&path), RecordingProblem::Unfinished { .. }), "{claim}");
     }
-    // A file long enough for the claim, with a hole in it.
+    // A sparse file that is long enough for the stated length.
     let mut bytes = intact;
     bytes[first + 1..first + 9].copy_from_slice(&(1_u64 << 40).to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();

@@ -1,4 +1,4 @@
-//! Recordings as a whole: what is written reads back, losses are counted, and no file makes the reader panic.
+//! Whole recordings: messages read back, losses are counted, and no file makes the reader panic.
 
 mod content;
 mod hostile;
@@ -24,7 +24,7 @@ use fringeflow_telemetry::health::{HealthState, Quantity};
 
 use super::*;
 
-/// Width and height of the images, pixels; as small as the virtual scanner takes them.
+/// Width and height of the images, pixels: the minimum of the virtual scanner.
 const SIZE_PX: [usize; 2] = [64, 64];
 
 struct Folder {
@@ -245,7 +245,7 @@ fn window_report() -> WindowReport {
     }
 }
 
-/// Each quantity with numbers of its own, the second of which nothing is known.
+/// Different numbers for each quantity; the second quantity is unknown.
 fn health_report() -> HealthReport {
     let mut report = HealthReport::default();
     for (gauge, n) in report.gauges.iter_mut().take(Quantity::ALL.len()).zip(1_u32..) {
@@ -257,7 +257,7 @@ fn health_report() -> HealthReport {
     report
 }
 
-/// Relief of a prior of images of 40 × 20 pixels.
+/// Coarse depth of a prior for images of 40 × 20 pixels.
 pub(super) const RELIEF: [u8; 12] = [1, 0, 0, 80, 2, 0, 0, 0, 0, 9, 9, 9];
 
 pub(super) fn prior_header() -> PriorHeader {

@@ -1,4 +1,4 @@
-//! The recorder: nothing is lost silently, and no half of a file is called a recording.
+//! The recorder loses nothing silently, and no partial file has the name of a recording.
 
 use fringeflow::cloud::RECORD_BYTES;
 
@@ -9,7 +9,7 @@ fn a_full_queue_loses_messages_and_says_so_in_the_file() {
     let folder = Folder::new();
     let origin = Origin::here();
     let image = frame_bytes(&frame(1, 0));
-    // Scratch for the report, not for an image.
+    // The queue has room for the report, but not for an image.
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), 4096).unwrap();
     recorder.push(&Recordable::Frame { header: &frame(1, 0), image: &image });
     recorder.push(&Recordable::Frame { header: &frame(1, 1), image: &image });
@@ -20,14 +20,14 @@ fn a_full_queue_loses_messages_and_says_so_in_the_file() {
     assert_eq!(recorded.counts.topics[&Topic::Cam1Frame].dropped(DropReason::QueueFull), 2);
     let recording = Recording::open(&recorded.file).unwrap();
     assert_eq!(recording.count(Topic::Cam1Frame), 0);
-    assert_eq!(recording.lost(), Some(2));
-    assert_eq!(recording.account()["lost.queue_full/cam1/frame"], "2");
-    let told: Vec<_> = recording.messages_of(Topic::Log).map(|m| m.unwrap().content).collect();
-    assert!(matches!(&told[..], [Content::Loss(text)] if text.starts_with("2 messages were lost")), "{told:?}");
+    assert_eq!(recording.lost_messages(), Some(2));
+    assert_eq!(recording.recorder_account()["lost.queue_full/cam1/frame"], "2");
+    let log: Vec<_> = recording.messages_of(Topic::Log).map(|m| m.unwrap().content).collect();
+    assert!(matches!(&log[..], [Content::Loss(text)] if text.starts_with("2 messages were lost")), "{log:?}");
 }
 
 #[test]
-fn messages_that_contradict_themselves_are_counted_and_not_written() {
+fn contradictory_messages_are_counted_and_not_written() {
     let folder = Folder::new();
     let origin = Origin::here();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
@@ -49,11 +49,11 @@ fn messages_that_contradict_themselves_are_counted_and_not_written() {
     assert_eq!(recorded.counts.malformed, 8);
     let total = recorded.counts.total();
     assert_eq!((total.taken, total.dropped(DropReason::Malformed), total.in_work()), (8, 8, Some(0)));
-    assert_eq!(Recording::open(&recorded.file).unwrap().lost(), Some(8));
+    assert_eq!(Recording::open(&recorded.file).unwrap().lost_messages(), Some(8));
 }
 
 #[test]
-fn a_name_that_is_taken_is_refused_and_stays() {
+fn an_existing_file_is_refused_and_kept() {
     let folder = Folder::new();
     let origin = Origin::here();
     let path = folder.path("a.mcap");
@@ -69,7 +69,7 @@ fn a_name_that_is_taken_is_refused_and_stays() {
 }
 
 #[test]
-fn a_disk_as_full_as_it_may_be_is_refused() {
+fn a_disk_without_enough_free_space_is_refused() {
     let folder = Folder::new();
     let origin = Origin::here();
     let opening = Opening { min_free_bytes: u64::MAX, ..opening(&origin) };
@@ -92,7 +92,7 @@ fn an_unfinished_recording_has_another_name() {
 }
 
 #[test]
-fn a_name_taken_meanwhile_is_not_overwritten() {
+fn a_file_created_in_the_meantime_is_not_overwritten() {
     let folder = Folder::new();
     let origin = Origin::here();
     let path = folder.path("a.mcap");

@@ -1,4 +1,4 @@
-//! What a killed recorder or a damaged disk leaves is saved as far as a checksum vouches for it, and nothing else.
+//! Recovery saves exactly the data with a correct checksum, after a killed recorder or a damaged disk.
 
 use std::time::{Duration, Instant};
 
@@ -25,8 +25,8 @@ fn chunked_recording(folder: &Folder) -> Vec<u8> {
             message.encode(&mut encoded);
             let topic = message.topic().unwrap();
             writer.write(topic, message.times(), encoded).unwrap();
-            counts.of(topic).taken += 1;
-            counts.of(topic).passed += 1;
+            counts.for_topic(topic).taken += 1;
+            counts.for_topic(topic).passed += 1;
         }
         writer.flush().unwrap();
     }
@@ -34,7 +34,7 @@ fn chunked_recording(folder: &Folder) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-/// Recovers a file of these bytes; `None` where nothing can be.
+/// Recovers a file of these bytes; `None` if that fails.
 fn recovered(folder: &Folder, bytes: &[u8]) -> Option<(Recovered, Result<Recording, RecordingError>)> {
     let (damaged, target) = (folder.path("damaged.mcap"), folder.path("saved.mcap"));
     std::fs::write(&damaged, bytes).unwrap();
@@ -43,8 +43,8 @@ fn recovered(folder: &Folder, bytes: &[u8]) -> Option<(Recovered, Result<Recordi
     Some((recovered, Recording::open(&target)))
 }
 
-/// Every image is one that was recorded; the number of them.
-fn images_are_genuine(recording: &Recording) -> usize {
+/// Asserts that every image was recorded like this; the number of images.
+fn count_genuine_images(recording: &Recording) -> usize {
     let mut count = 0;
     for topic in [Topic::Cam1Frame, Topic::Cam2Frame] {
         for message in recording.messages_of(topic) {
@@ -64,13 +64,13 @@ fn a_whole_file_is_recovered_whole() {
     let (report, recording) = recovered(&folder, &bytes).unwrap();
     assert_eq!((report.faults.len(), report.left_out, report.missing.len()), (0, 0, 0));
     let recording = recording.unwrap();
-    assert_eq!(images_are_genuine(&recording), 2 * PAIRS as usize);
+    assert_eq!(count_genuine_images(&recording), 2 * PAIRS as usize);
     assert_eq!(*recording.setup(), *setup());
-    assert_eq!((recording.lost(), recording.account()["ended"].as_str()), (Some(0), "recovered"));
+    assert_eq!((recording.lost_messages(), recording.recorder_account()["ended"].as_str()), (Some(0), "recovered"));
 }
 
 #[test]
-fn of_a_cut_file_every_whole_chunk_is_saved() {
+fn every_complete_chunk_of_a_cut_file_is_saved() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let mut saved_before = 0;
@@ -85,7 +85,7 @@ fn of_a_cut_file_every_whole_chunk_is_saved() {
             assert!(!report.missing.is_empty(), "cut at {end}");
             continue;
         };
-        let saved = images_are_genuine(&recording);
+        let saved = count_genuine_images(&recording);
         assert!(saved >= saved_before && saved.is_multiple_of(2), "cut at {end}: {saved} images");
         saved_before = saved;
     }
@@ -93,19 +93,19 @@ fn of_a_cut_file_every_whole_chunk_is_saved() {
 }
 
 #[test]
-fn a_damaged_chunk_costs_itself_alone() {
+fn a_damaged_chunk_costs_only_itself() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let chunk = find(&bytes, &frame_bytes(&frame(1, 2))) - 400;
-    // Within its data, and, further below, its code and its length.
+    // In its data first, then in its opcode and its length.
     let (report, recording) = recovered(&folder, &flipped(&bytes, chunk + 600)).unwrap();
     let recording = recording.unwrap();
-    assert_eq!(images_are_genuine(&recording), 2 * (PAIRS - 1) as usize);
-    assert_eq!((report.faults.len(), recording.lost()), (1, Some(2)), "{:?}", report.faults);
+    assert_eq!(count_genuine_images(&recording), 2 * (PAIRS - 1) as usize);
+    assert_eq!((report.faults.len(), recording.lost_messages()), (1, Some(2)), "{:?}", report.faults);
     let head = chunk_head(&bytes, chunk);
     for place in [head, head + 1, head + 5, head + 8] {
         let (report, recording) = recovered(&folder, &flipped(&bytes, place)).unwrap();
-        assert_eq!(images_are_genuine(&recording.unwrap()), 2 * (PAIRS - 1) as usize, "byte {place}");
+        assert_eq!(count_genuine_images(&recording.unwrap()), 2 * (PAIRS - 1) as usize, "byte {place}");
         assert!(!report.faults.is_empty());
     }
 }
@@ -146,14 +146,14 @@ fn nothing_altered_is_saved_and_no_file_makes_it_panic() {
         }
         let Some((report, recording)) = recovered(&folder, &damaged) else { continue };
         match recording {
-            Ok(recording) => drop(images_are_genuine(&recording)),
+            Ok(recording) => drop(count_genuine_images(&recording)),
             Err(error) => assert!(!report.missing.is_empty(), "{error}; {report:?}"),
         }
     }
 }
 
 #[test]
-fn what_a_killed_recorder_had_handed_over_is_saved() {
+fn flushed_messages_of_a_killed_recorder_are_saved() {
     let folder = Folder::new();
     let origin = Origin::here();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
@@ -163,22 +163,22 @@ fn what_a_killed_recorder_had_handed_over_is_saved() {
             recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
         }
     }
-    let begun = Instant::now();
+    let started = Instant::now();
     while recorder.counts().total().in_work() != Some(0) {
-        assert!(begun.elapsed() < Duration::from_secs(60), "nothing was handed over");
+        assert!(started.elapsed() < Duration::from_secs(60), "nothing was flushed");
         std::thread::sleep(Duration::from_millis(10));
     }
-    // What is in the file now is what a kill would leave.
+    // A kill would leave the file as it is now.
     let left = std::fs::read(folder.path("a.mcap.part")).unwrap();
     let (report, recording) = recovered(&folder, &left).unwrap();
     let recording = recording.unwrap();
-    assert_eq!(images_are_genuine(&recording), 2 * PAIRS as usize);
-    assert_eq!((report.left_out, recording.lost()), (0, None));
+    assert_eq!(count_genuine_images(&recording), 2 * PAIRS as usize);
+    assert_eq!((report.left_out, recording.lost_messages()), (0, None));
     assert!(recording.check(|| ()).unwrap().has_losses());
 }
 
 #[test]
-fn an_unfinished_file_can_take_its_name() {
+fn an_unfinished_file_can_be_recovered_to_its_final_name() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let left = folder.path("scan.mcap.part");

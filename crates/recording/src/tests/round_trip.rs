@@ -1,4 +1,4 @@
-//! What goes in comes out, to the last bit.
+//! Everything reads back as it was written, to the last bit.
 
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow_dataset::CameraId;
@@ -6,7 +6,7 @@ use fringeflow_dataset::CameraId;
 use super::*;
 
 #[test]
-fn every_message_reads_back_as_it_was() {
+fn every_message_reads_back_unchanged() {
     let folder = Folder::new();
     let origin = Origin::here();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
@@ -30,37 +30,37 @@ fn every_message_reads_back_as_it_was() {
 
     let recording = Recording::open(&recorded.file).unwrap();
     let read: Vec<Message> = recording.messages().map(Result::unwrap).collect();
-    let of = |topic: Topic| {
+    let the = |topic: Topic| {
         let mut found = read.iter().filter(|message| message.topic == topic);
         let message = found.next().unwrap();
         assert!(found.next().is_none());
         message
     };
-    assert!(matches!(&of(Topic::Cam1Frame).content, Content::Frame(h, b) if *h == first && *b == first_bytes));
-    assert!(matches!(&of(Topic::Cam2Frame).content, Content::Frame(h, b) if *h == second && *b == second_bytes));
-    assert!(matches!(&of(Topic::Pattern).content, Content::Pattern(event) if *event == pattern()));
-    assert!(matches!(&of(Topic::PhaseMaps).content, Content::Maps(h, b) if **h == maps() && *b == payload[..]));
-    let Content::Correspondences(header, bytes) = &of(Topic::CorrespondenceMap).content else { panic!() };
+    assert!(matches!(&the(Topic::Cam1Frame).content, Content::Frame(h, b) if *h == first && *b == first_bytes));
+    assert!(matches!(&the(Topic::Cam2Frame).content, Content::Frame(h, b) if *h == second && *b == second_bytes));
+    assert!(matches!(&the(Topic::Pattern).content, Content::Pattern(event) if *event == pattern()));
+    assert!(matches!(&the(Topic::PhaseMaps).content, Content::Maps(h, b) if **h == maps() && *b == payload[..]));
+    let Content::Correspondences(header, bytes) = &the(Topic::CorrespondenceMap).content else { panic!() };
     assert!(**header == correspondences() && *bytes == payload[..]);
-    assert!(matches!(&of(Topic::Cloud).content, Content::Cloud(h, b) if **h == cloud(3) && *b == records));
-    assert!(matches!(&of(Topic::Report).content, Content::Report(r) if **r == report()));
-    assert!(matches!(&of(Topic::Pose).content, Content::Pose(r) if **r == pose_report()));
-    assert!(matches!(&of(Topic::Prior).content, Content::Prior(h, b) if **h == prior_header() && *b == RELIEF[..]));
-    assert!(matches!(&of(Topic::WindowReport).content, Content::WindowReport(r) if **r == window_report()));
-    assert!(matches!(&of(Topic::Log).content, Content::Mark(text) if text == "here ö"));
-    let times = |topic| (of(topic).log_ns, of(topic).publish_ns);
+    assert!(matches!(&the(Topic::Cloud).content, Content::Cloud(h, b) if **h == cloud(3) && *b == records));
+    assert!(matches!(&the(Topic::Report).content, Content::Report(r) if **r == report()));
+    assert!(matches!(&the(Topic::Pose).content, Content::Pose(r) if **r == pose_report()));
+    assert!(matches!(&the(Topic::Prior).content, Content::Prior(h, b) if **h == prior_header() && *b == RELIEF[..]));
+    assert!(matches!(&the(Topic::WindowReport).content, Content::WindowReport(r) if **r == window_report()));
+    assert!(matches!(&the(Topic::Log).content, Content::Mark(text) if text == "here ö"));
+    let times = |topic| (the(topic).log_ns, the(topic).publish_ns);
     assert_eq!(times(Topic::Cam1Frame), (11_900, 11_000));
     assert_eq!(times(Topic::Cloud), (600, 100));
     assert_eq!(times(Topic::Report), (7000, 7000));
-    assert_eq!((recording.lost(), recording.account()["ended"].as_str()), (Some(0), "end"));
+    assert_eq!((recording.lost_messages(), recording.recorder_account()["ended"].as_str()), (Some(0), "end"));
 }
 
 #[test]
-fn images_that_are_held_make_the_same_file_as_copied_ones() {
+fn held_images_are_recorded_like_copied_ones() {
     let folder = Folder::new();
     let record = |name: &str, is_held: bool| {
         let recorder = Recorder::create(&folder.path(name), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
-        for sequence in 0..3 * MOST_HELD as u64 {
+        for sequence in 0..3 * MAX_HELD_IMAGES as u64 {
             let header = frame(1 + sequence as u32 % 2, sequence);
             let image = frame_bytes(&header);
             if is_held {
@@ -70,17 +70,17 @@ fn images_that_are_held_make_the_same_file_as_copied_ones() {
             }
         }
         let recorded = recorder.finish().unwrap();
-        assert_eq!(recorded.counts.total().passed, 3 * MOST_HELD as u64);
+        assert_eq!(recorded.counts.total().passed, 3 * MAX_HELD_IMAGES as u64);
         let recording = Recording::open(&recorded.file).unwrap();
         let read = recording.messages().map(|message| message.unwrap());
         let images = read.filter(|message| [Topic::Cam1Frame, Topic::Cam2Frame].contains(&message.topic));
         images.map(|message| message.content).collect::<Vec<_>>()
     };
     let (held, copied) = (record("held.mcap", true), record("copied.mcap", false));
-    assert_eq!(held.len(), 3 * MOST_HELD);
+    assert_eq!(held.len(), 3 * MAX_HELD_IMAGES);
     for (held, copied) in held.iter().zip(&copied) {
-        let (Content::Frame(header, image), Content::Frame(of_copy, copy)) = (held, copied) else { panic!() };
-        assert!(header == of_copy && image == copy);
+        let (Content::Frame(header, image), Content::Frame(copied_header, copy)) = (held, copied) else { panic!() };
+        assert!(header == copied_header && image == copy);
     }
 }
 
@@ -112,7 +112,7 @@ fn a_recording_carries_setup_configuration_and_origin() {
 }
 
 #[test]
-fn rows_are_read_without_the_bytes_between_them() {
+fn rows_are_read_without_padding() {
     let folder = Folder::new();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
     let header = frame(1, 11);
@@ -134,7 +134,7 @@ fn deep_images_keep_their_bytes_and_their_format() {
     let header = FrameHeader { pixel_format: PixelFormat::Y12.code(), stride_bytes: 136, ..frame(1, 11) };
     let bytes = frame_bytes(&header);
     recorder.push(&Recordable::Frame { header: &header, image: &bytes });
-    // Rows that would overlap.
+    // Rows would overlap.
     let narrow = FrameHeader { stride_bytes: 127, ..header };
     recorder.push(&Recordable::Frame { header: &narrow, image: &frame_bytes(&narrow) });
     let recorded = recorder.finish().unwrap();
@@ -156,14 +156,14 @@ fn an_imported_dataset_has_its_images_steps_setup_and_truth() {
     assert_eq!(*recording.setup(), *setup());
     let pairs = recording.pairs().unwrap();
     assert_eq!(pairs.iter().map(|pair| pair.step).collect::<Vec<_>>(), [0, 1, 2, 3]);
-    assert_eq!(cycles(&pairs, 4).collect::<Vec<_>>(), [0]);
+    assert_eq!(cycle_starts(&pairs, 4).collect::<Vec<_>>(), [0]);
     assert_eq!(pairs[3].cam2.exposure_start_ns, 1_060_000_000);
     for camera in CameraId::BOTH {
         let images = recording.pair_images(&pairs, camera).unwrap();
         assert_eq!(images, dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
     }
     assert!(recording.truth().unwrap().is_some());
-    assert_eq!(recording.lost(), Some(0));
+    assert_eq!(recording.lost_messages(), Some(0));
 }
 
 #[test]

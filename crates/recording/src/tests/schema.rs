@@ -1,4 +1,4 @@
-//! The committed schema, its descriptor and the structs made of it say the same.
+//! The committed schema, its descriptor and its structs agree.
 
 use std::collections::BTreeMap;
 
@@ -6,6 +6,7 @@ use prost::Message as _;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 
 use super::*;
+use crate::convert::Convert;
 use crate::schema::{self, DESCRIPTOR};
 
 const PROTO: &str = include_str!("../schema/fringeflow.proto");
@@ -17,7 +18,7 @@ fn descriptor() -> BTreeMap<String, DescriptorProto> {
     file.message_type.iter().map(|message| (message.name().to_owned(), message.clone())).collect()
 }
 
-/// Messages of the text with their fields: name and number.
+/// Messages of the schema text, with name and number of each field.
 fn fields_of_text() -> BTreeMap<String, BTreeMap<String, i32>> {
     let mut messages = BTreeMap::new();
     let mut message = String::new();
@@ -36,7 +37,7 @@ fn fields_of_text() -> BTreeMap<String, BTreeMap<String, i32>> {
 }
 
 #[test]
-fn the_text_is_what_the_descriptor_was_made_of() {
+fn the_descriptor_matches_the_schema_text() {
     let text = fields_of_text();
     let descriptor = descriptor();
     assert_eq!(text.keys().collect::<Vec<_>>(), descriptor.keys().collect::<Vec<_>>());
@@ -83,38 +84,40 @@ fn varint(bytes: &mut &[u8]) -> u64 {
     value
 }
 
+fn encoded<M: Convert + prost::Message>(source: &M::Struct) -> Vec<u8> {
+    M::from_struct(source).unwrap().encode_to_vec()
+}
+
 #[test]
 fn the_structs_write_exactly_the_fields_of_the_descriptor() {
-    let header = FrameHeader { flags: 2, ..frame(1, 11) };
-    let maps_message =
-        schema::PhaseMaps { header: Some(schema::MapsHeader::from_header(&maps())), payload: vec![1].into() };
-    let map = schema::CorrespondenceHeader::from_header(&correspondences());
-    let map_message = schema::CorrespondenceMap { header: Some(map.clone()), payload: vec![1].into() };
-    let mut pose = schema::PoseReport::from_report(&pose_report()).unwrap();
+    let maps = schema::MapsHeader::from_struct(&maps()).unwrap();
+    let map = schema::CorrespondenceHeader::from_struct(&correspondences()).unwrap();
+    let window_report = schema::WindowReport::from_struct(&window_report()).unwrap();
+    let mut pose = schema::PoseReport::from_struct(&pose_report()).unwrap();
     pose.reason = "degenerate".to_owned();
-    // None of the fields has its default, so every one is on the wire.
+    let prior = schema::Prior::from_struct(&prior_header()).unwrap();
+    // No field has its default value, so every field is on the wire.
     let written = [
-        ("FrameHeader", schema::FrameHeader::from_header(&header).encode_to_vec()),
-        ("PatternEvent", schema::PatternEvent::from_event(&pattern()).encode_to_vec()),
-        ("Window", schema::Window::from_window(&Window { prior: 6, ..window() }).unwrap().encode_to_vec()),
-        ("Fit", schema::MapsHeader::from_header(&maps()).cam1.unwrap().encode_to_vec()),
-        ("MapsHeader", schema::MapsHeader::from_header(&maps()).encode_to_vec()),
-        ("PhaseMaps", maps_message.encode_to_vec()),
+        ("FrameHeader", encoded::<schema::FrameHeader>(&frame(1, 11))),
+        ("PatternEvent", encoded::<schema::PatternEvent>(&pattern())),
+        ("Window", encoded::<schema::Window>(&Window { prior: 6, ..window() })),
+        ("Fit", maps.cam1.unwrap().encode_to_vec()),
+        ("MapsHeader", maps.encode_to_vec()),
+        ("PhaseMaps", schema::PhaseMaps { header: Some(maps), payload: vec![1].into() }.encode_to_vec()),
         ("CorrespondenceHeader", map.encode_to_vec()),
-        ("CorrespondenceMap", map_message.encode_to_vec()),
-        ("CloudHeader", schema::CloudHeader::from_header(&cloud(3)).encode_to_vec()),
-        ("Drift", schema::WindowReport::from_report(&window_report()).drift.unwrap().encode_to_vec()),
-        ("Gauge", schema::WindowReport::from_report(&window_report()).health[0].encode_to_vec()),
-        ("WindowReport", schema::WindowReport::from_report(&window_report()).encode_to_vec()),
+        ("CorrespondenceMap", schema::CorrespondenceMap { header: Some(map), payload: vec![1].into() }.encode_to_vec()),
+        ("CloudHeader", encoded::<schema::CloudHeader>(&cloud(3))),
+        ("Drift", window_report.drift.unwrap().encode_to_vec()),
+        ("Gauge", window_report.health[0].encode_to_vec()),
+        ("WindowReport", window_report.encode_to_vec()),
         ("TrackedPose", pose.pose.clone().unwrap().encode_to_vec()),
         ("PoseReport", pose.encode_to_vec()),
-        ("Prior", schema::Prior::new(&prior_header(), &RELIEF).encode_to_vec()),
-        ("StageReport", schema::StageReport::from_report(&report()).unwrap().encode_to_vec()),
+        ("Prior", schema::Prior { relief: RELIEF.to_vec().into(), ..prior }.encode_to_vec()),
+        ("StageReport", encoded::<schema::StageReport>(&report())),
     ];
     let written: BTreeMap<&str, Vec<i32>> =
         written.iter().map(|(name, bytes)| (*name, numbers_on_the_wire(bytes))).collect();
     for (name, message) in descriptor() {
-        // The entry of a map, which prost writes by itself.
         let numbers: Vec<i32> = message.field.iter().map(|field| field.number()).collect();
         assert_eq!(written[name.as_str()], numbers, "{name}");
     }

@@ -70,7 +70,7 @@ fn images_and_poses_are_those_of_the_live_scanner() {
             let expected = live.image(camera, number as u64, pair.step as u32).unwrap();
             assert!(image.pixels == expected.bytes, "{camera:?}, image {number}");
         }
-        let off = poses.at(pair.cam1.exposure_start_ns).unwrap().to_homogeneous()
+        let off = poses.pose_at(pair.cam1.exposure_start_ns).unwrap().to_homogeneous()
             - scanner.cam1_from_object(number).to_homogeneous();
         assert!(off.amax() < 1e-12, "pose {number} is {off} off");
     }
@@ -151,7 +151,7 @@ fn faults_happen_as_they_do_live() {
     let poses = recording.truth_poses().unwrap();
     for pair in recording.pairs().unwrap() {
         let number = pair.cam1.sequence as usize;
-        let off = poses.at(pair.cam1.exposure_start_ns).unwrap().to_homogeneous()
+        let off = poses.pose_at(pair.cam1.exposure_start_ns).unwrap().to_homogeneous()
             - scanner.cam1_from_object(number).to_homogeneous();
         assert!(off.amax() < 1e-12 && pair.step == number % 4, "pair {number}");
     }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use foxglove::{ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel};
 
 use fringeflow_dataset::Setup;
-use fringeflow_recording::{Encoded, Recordable, Topic, standing_messages};
+use fringeflow_recording::{Encoded, Recordable, Topic, static_messages};
 
 pub(crate) use front::serve;
 
@@ -87,7 +87,7 @@ impl Viewers {
         self.standing_ns = now_ns;
         if [Topic::Transforms, Topic::Cam1Calibration, Topic::Cam2Calibration].into_iter().any(|topic| self.want(topic))
         {
-            for (topic, bytes) in standing_messages(setup, now_ns) {
+            for (topic, bytes) in static_messages(setup, now_ns) {
                 self.send_bytes(topic, &bytes, now_ns);
             }
         }

@@ -23,7 +23,7 @@ pub(super) fn against_truth(
         _ => Pose::identity(),
     };
     let pair = |looked: &super::scan::Looked| {
-        let (tracked, cam1_from_object) = looked.merged().zip(truth.at(looked.time_ns))?;
+        let (tracked, cam1_from_object) = looked.merged().zip(truth.pose_at(looked.time_ns))?;
         let stated = StatedPose { first_from_cam1: tracked.model_from_cam1, covariance: tracked.covariance.0 };
         Some((stated, cam1_from_object.inverse()))
     };

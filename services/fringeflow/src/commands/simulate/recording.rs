@@ -48,7 +48,7 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     bar.finish_and_clear();
     match ran {
         Ok(()) => {}
-        Err(LiveError::Recording(problem)) => return Err(recorder.give_up(problem).into()),
+        Err(LiveError::Recording(problem)) => return Err(recorder.abort(problem).into()),
         Err(error) => {
             recorder.discard();
             return Err(unusable(&error));
