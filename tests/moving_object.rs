@@ -87,7 +87,7 @@ fn the_motion_is_in_the_description_and_as_fast_as_was_asked_for() {
         assert!(((pair[1].translation.vector - pair[0].translation.vector).norm() * 1e3 - 0.2).abs() < 1e-9);
         assert!((pair[0].rotation.angle_to(&pair[1].rotation).to_degrees() - 0.04).abs() < 1e-9);
     }
-    assert!((read.at(7.5).unwrap().to_homogeneous() - Pose::identity().to_homogeneous()).amax() < 1e-8);
+    assert!((read.pose_at(7.5).unwrap().to_homogeneous() - Pose::identity().to_homogeneous()).amax() < 1e-8);
 }
 
 #[test]

@@ -114,7 +114,7 @@ pub struct Encoded {
 }
 
 impl Encoded {
-    /// The messages with their topics. The whole has `topic`.
+    /// The messages with their topics: the header, if `topic` has headers, and the message of `topic`.
     pub fn parts(&self, topic: Topic) -> impl Iterator<Item = (Topic, &[u8])> {
         self.ranges(topic).map(|(topic, range)| (topic, self.bytes.get(range).unwrap_or_default()))
     }
@@ -135,7 +135,7 @@ impl Encoded {
         [encoded.unwrap_or_default(), held.unwrap_or_default()]
     }
 
-    /// The messages with their topics, as byte ranges.
+    /// The same as byte ranges.
     pub(super) fn ranges(&self, topic: Topic) -> impl Iterator<Item = (Topic, Range<usize>)> + use<> {
         let end = self.len();
         let split = topic.header().map_or(0, |_| self.split.min(end));

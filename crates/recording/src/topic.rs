@@ -5,99 +5,54 @@ use foxglove::{Encode, Schema};
 
 use crate::schema::DESCRIPTOR;
 
-/// A topic of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Topic {
-    /// Images of camera 1.
-    Cam1Frame,
-    /// Headers of the images of camera 1.
-    Cam1Header,
-    /// Images of camera 2.
-    Cam2Frame,
-    /// Headers of the images of camera 2.
-    Cam2Header,
-    /// Pattern events of the projector.
-    Pattern,
-    /// Phase maps of both cameras.
-    PhaseMaps,
-    /// Correspondences.
-    CorrespondenceMap,
-    /// Clouds.
-    Cloud,
-    /// Headers of the clouds.
-    CloudHeader,
-    /// Reports of the stages.
-    Report,
-    /// Marks, and losses of the recorder.
-    Log,
-    /// Poses of cameras, projector and measurement volume.
-    Transforms,
-    /// Calibration of camera 1.
-    Cam1Calibration,
-    /// Calibration of camera 2.
-    Cam2Calibration,
-    /// Figures of the windows.
-    WindowReport,
-    /// True pose of the object, at every exposure.
-    TruthPose,
-    /// Pose of the scanner, at every cloud.
-    Pose,
-    /// The growing model. It is only shown live, since the clouds can rebuild it.
-    Model,
-    /// Prior of the next windows, after every cloud.
-    Prior,
+/// Defines [`Topic`] from a table: name in the file and content of each topic.
+macro_rules! topics {
+    ($($Topic:ident = $name:literal, $content:literal;)*) => {
+        /// A topic of a recording.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Topic {
+            $(#[doc = $content] $Topic,)*
+        }
+
+        impl Topic {
+            /// All topics.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$Topic),*];
+
+            /// Name of the topic in the file.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$Topic => $name,)*
+                }
+            }
+        }
+    };
+}
+
+// The order gives the MCAP channels, so new topics go at the end.
+topics! {
+    Cam1Frame = "/cam1/frame", "Images of camera 1.";
+    Cam1Header = "/cam1/header", "Headers of the images of camera 1.";
+    Cam2Frame = "/cam2/frame", "Images of camera 2.";
+    Cam2Header = "/cam2/header", "Headers of the images of camera 2.";
+    Pattern = "/projector/pattern", "Pattern events of the projector.";
+    PhaseMaps = "/phase/maps", "Phase maps of both cameras.";
+    CorrespondenceMap = "/correspondence/map", "Correspondences.";
+    Cloud = "/cloud", "Clouds.";
+    CloudHeader = "/cloud/header", "Headers of the clouds.";
+    Report = "/report/stage", "Reports of the stages.";
+    Log = "/log", "Marks, and losses of the recorder.";
+    Transforms = "/tf", "Poses of cameras, projector and measurement volume.";
+    Cam1Calibration = "/cam1/calibration", "Calibration of camera 1.";
+    Cam2Calibration = "/cam2/calibration", "Calibration of camera 2.";
+    WindowReport = "/report/window", "Figures of the windows.";
+    TruthPose = "/truth/pose", "True pose of the object, at every exposure.";
+    Pose = "/tracking/pose", "Pose of the scanner, at every cloud.";
+    Model = "/tracking/model", "The growing model. It is only shown live, since the clouds can rebuild it.";
+    Prior = "/tracking/prior", "Prior of the next windows, after every cloud.";
 }
 
 impl Topic {
-    /// All topics.
-    pub const ALL: [Self; 19] = [
-        Self::Cam1Frame,
-        Self::Cam1Header,
-        Self::Cam2Frame,
-        Self::Cam2Header,
-        Self::Pattern,
-        Self::PhaseMaps,
-        Self::CorrespondenceMap,
-        Self::Cloud,
-        Self::CloudHeader,
-        Self::Report,
-        Self::Log,
-        Self::Transforms,
-        Self::Cam1Calibration,
-        Self::Cam2Calibration,
-        Self::WindowReport,
-        Self::TruthPose,
-        Self::Pose,
-        Self::Model,
-        Self::Prior,
-    ];
-
-    /// Name of the topic in the file.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Cam1Frame => "/cam1/frame",
-            Self::Cam1Header => "/cam1/header",
-            Self::Cam2Frame => "/cam2/frame",
-            Self::Cam2Header => "/cam2/header",
-            Self::Pattern => "/projector/pattern",
-            Self::PhaseMaps => "/phase/maps",
-            Self::CorrespondenceMap => "/correspondence/map",
-            Self::Cloud => "/cloud",
-            Self::CloudHeader => "/cloud/header",
-            Self::Report => "/report/stage",
-            Self::Log => "/log",
-            Self::Transforms => "/tf",
-            Self::Cam1Calibration => "/cam1/calibration",
-            Self::Cam2Calibration => "/cam2/calibration",
-            Self::WindowReport => "/report/window",
-            Self::TruthPose => "/truth/pose",
-            Self::Pose => "/tracking/pose",
-            Self::Model => "/tracking/model",
-            Self::Prior => "/tracking/prior",
-        }
-    }
-
     /// The topic of a name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {

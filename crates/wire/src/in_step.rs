@@ -4,7 +4,7 @@
 //! behind, the slip is found and corrected. If one is behind, the slip may be found, or it looks like a drift of the
 //! calibration or like another scene. The beginning of a slip shows, however: in a window whose images show the fault, in a
 //! slip that is found, or in δ that suddenly scatters more than before. From then on δ says nothing about the calibration,
-//! until it is as small again as that of an intact scanner.
+//! until it is as small again as for an intact scanner.
 
 use fringeflow::correspondence::Drift;
 use fringeflow::worker::Correspondences;

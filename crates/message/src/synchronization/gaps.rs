@@ -25,7 +25,7 @@ struct Missing {
     is_counted: bool,
 }
 
-/// The kind of message behind a number.
+/// Whether the message of a number is new.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Arrival {
     /// A new message.
@@ -85,7 +85,7 @@ impl GapCounter {
         // Numbers beyond the memory are lost at once. The others may still arrive.
         let mut lost = gap.saturating_sub(REMEMBERED);
         self.missing.extend((next + lost..number).map(|number| Missing { number, is_counted: false }));
-        // Older numbers leave the memory, and are lost if nobody has counted them yet.
+        // Older numbers leave the memory. They are lost unless they are counted already.
         while self.missing.len() as u64 > REMEMBERED {
             lost += u64::from(self.missing.pop_front().is_some_and(|missing| !missing.is_counted));
         }

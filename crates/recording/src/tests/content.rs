@@ -8,24 +8,22 @@ use super::*;
 #[test]
 fn non_finite_numbers_and_gaps_are_found() {
     let folder = Folder::new();
-    let recorder =
-        Recorder::create(&folder.path("cloud.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "cloud.mcap");
     let mut records = vec![0; RECORD_BYTES];
     records[0..4].copy_from_slice(&f32::NAN.to_le_bytes());
     recorder.push(&Recordable::Cloud { header: &cloud(1), records: &records });
-    let check = Recording::open(&recorder.finish().unwrap().file).unwrap().check(|| ()).unwrap();
+    let check = finished(recorder).check(|| ()).unwrap();
     assert_eq!(check.fault_count, 1);
     assert!(check.faults[0].contains("point 0 has a number that is not finite"), "{:?}", check.faults);
 
-    let recorder =
-        Recorder::create(&folder.path("gaps.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "gaps.mcap");
     for sequence in [3, 4, 7, 7] {
         let header = frame(1, sequence);
         recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
     }
     recorder.push(&Recordable::Pattern(&pattern()));
     recorder.push(&Recordable::Pattern(&PatternEvent { sequence: 35, step: 4, ..pattern() }));
-    let check = Recording::open(&recorder.finish().unwrap().file).unwrap().check(|| ()).unwrap();
+    let check = finished(recorder).check(|| ()).unwrap();
     assert_eq!((check.missing_images, check.repeated_images, check.missing_patterns), ([2, 0], [1, 0], 3));
     assert_eq!(check.fault_count, 1);
     assert!(check.faults[0].contains("step is 4"), "{:?}", check.faults);
@@ -50,14 +48,14 @@ fn an_exported_import_is_the_same_folder() {
 #[test]
 fn a_summary_names_topics_rates_marks_and_losses() {
     let folder = Folder::new();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     for sequence in 0..5 {
         let header = FrameHeader { received_ns: sequence * 20_000_000, ..frame(2, sequence) };
         recorder.push(&Recordable::Frame { header: &header, image: &frame_bytes(&header) });
     }
     recorder.push(&Recordable::Mark { time_ns: 50_000_000, text: "left side" });
     recorder.push(&Recordable::Report(&report()));
-    let summary = Recording::open(&recorder.finish().unwrap().file).unwrap().summary().unwrap();
+    let summary = finished(recorder).summary().unwrap();
     let frames = summary.topics.iter().find(|topic| topic.topic == "/cam2/frame").unwrap();
     assert_eq!(frames.messages, 5);
     assert!((frames.rate_hz.unwrap() - 50.0).abs() < 1e-9);
@@ -69,7 +67,7 @@ fn a_summary_names_topics_rates_marks_and_losses() {
 #[test]
 fn numbers_at_their_limits_are_counted_without_overflow() {
     let folder = Folder::new();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     for session in 0..2 {
         for sequence in [0, u64::MAX] {
             let header = FrameHeader { session, exposure_start_ns: sequence, received_ns: sequence, ..frame(1, 0) };
@@ -78,7 +76,7 @@ fn numbers_at_their_limits_are_counted_without_overflow() {
             recorder.push(&Recordable::Pattern(&PatternEvent { session, sequence, ..pattern() }));
         }
     }
-    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let recording = finished(recorder);
     let check = recording.check(|| ()).unwrap();
     assert_eq!((check.missing_images[0], check.missing_patterns), (u64::MAX, u64::MAX));
     assert!(recording.pairs().unwrap().is_empty());

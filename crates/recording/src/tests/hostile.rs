@@ -15,8 +15,7 @@ use crate::writer::RecordingWriter;
 use super::*;
 
 fn small_recording(folder: &Folder) -> Vec<u8> {
-    let recorder =
-        Recorder::create(&folder.path("small.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(folder, "small.mcap");
     for sequence in 0..3 {
         for camera in [1, 2] {
             let header = frame(camera, sequence);

@@ -77,6 +77,15 @@ fn opening(origin: &Origin) -> Opening<'_> {
     Opening { setup: setup(), configuration: "[phase]\nmin_modulation_grey = 4.0\n", origin, min_free_bytes: 0 }
 }
 
+fn start_recording(folder: &Folder, name: &str) -> Recorder {
+    Recorder::create(&folder.path(name), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap()
+}
+
+/// Ends a recording and opens it.
+fn finished(recorder: Recorder) -> Recording {
+    Recording::open(&recorder.finish().unwrap().file).unwrap()
+}
+
 fn import_options() -> ImportOptions<'static> {
     ImportOptions { period_ns: 20_000_000, configuration: "", min_free_bytes: 0 }
 }

@@ -29,8 +29,7 @@ fn a_full_queue_loses_messages_and_says_so_in_the_file() {
 #[test]
 fn contradictory_messages_are_counted_and_not_written() {
     let folder = Folder::new();
-    let origin = Origin::here();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     let good = frame(1, 0);
     let image = frame_bytes(&good);
     let narrow = FrameHeader { stride_bytes: 1, ..good };
@@ -81,8 +80,7 @@ fn a_disk_without_enough_free_space_is_refused() {
 #[test]
 fn an_unfinished_recording_has_another_name() {
     let folder = Folder::new();
-    let origin = Origin::here();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     assert_eq!(folder.names(), ["a.mcap.part"]);
     let unfinished = problem(&folder.path("a.mcap.part"));
     assert!(matches!(unfinished, RecordingProblem::Unfinished { .. }), "{unfinished}");

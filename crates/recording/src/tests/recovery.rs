@@ -155,8 +155,7 @@ fn nothing_altered_is_saved_and_no_file_makes_it_panic() {
 #[test]
 fn flushed_messages_of_a_killed_recorder_are_saved() {
     let folder = Folder::new();
-    let origin = Origin::here();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     for sequence in 0..PAIRS {
         for camera in [1, 2] {
             let header = frame(camera, sequence);

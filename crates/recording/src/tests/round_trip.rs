@@ -8,8 +8,7 @@ use super::*;
 #[test]
 fn every_message_reads_back_unchanged() {
     let folder = Folder::new();
-    let origin = Origin::here();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     let (first, second) = (frame(1, 11), frame(2, 21));
     let (first_bytes, second_bytes) = (frame_bytes(&first), frame_bytes(&second));
     let records: Vec<u8> = (0..3 * RECORD_BYTES).map(|i| i as u8).collect();
@@ -59,7 +58,7 @@ fn every_message_reads_back_unchanged() {
 fn held_images_are_recorded_like_copied_ones() {
     let folder = Folder::new();
     let record = |name: &str, is_held: bool| {
-        let recorder = Recorder::create(&folder.path(name), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+        let recorder = start_recording(&folder, name);
         for sequence in 0..3 * MAX_HELD_IMAGES as u64 {
             let header = frame(1 + sequence as u32 % 2, sequence);
             let image = frame_bytes(&header);
@@ -87,12 +86,12 @@ fn held_images_are_recorded_like_copied_ones() {
 #[test]
 fn messages_come_in_the_order_of_their_times() {
     let folder = Folder::new();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     for time_ns in [30, 10, 20, 10] {
         recorder.push(&Recordable::Prior { header: &prior_header(), relief: &RELIEF });
         recorder.push(&Recordable::Mark { time_ns, text: "" });
     }
-    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let recording = finished(recorder);
     let times: Vec<u64> = recording.messages_of(Topic::Log).map(|message| message.unwrap().log_ns).collect();
     assert_eq!(times, [10, 10, 20, 30]);
 }
@@ -102,7 +101,7 @@ fn a_recording_carries_setup_configuration_and_origin() {
     let folder = Folder::new();
     let origin = Origin::here();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
-    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let recording = finished(recorder);
     assert_eq!(*recording.setup(), *setup());
     assert_eq!(recording.origin(), origin);
     assert!(origin.started_ns > 0 && !origin.kernel.is_empty());
@@ -114,11 +113,11 @@ fn a_recording_carries_setup_configuration_and_origin() {
 #[test]
 fn rows_are_read_without_padding() {
     let folder = Folder::new();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     let header = frame(1, 11);
     let bytes = frame_bytes(&header);
     recorder.push(&Recordable::Frame { header: &header, image: &bytes });
-    let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+    let recording = finished(recorder);
     let image = recording.image(1, header.session, 11).unwrap();
     assert_eq!([image.width, image.height], SIZE_PX);
     assert_eq!(image.pixels[..64], bytes[..64]);
@@ -130,7 +129,7 @@ fn rows_are_read_without_padding() {
 #[test]
 fn deep_images_keep_their_bytes_and_their_format() {
     let folder = Folder::new();
-    let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap();
+    let recorder = start_recording(&folder, "a.mcap");
     let header = FrameHeader { pixel_format: PixelFormat::Y12.code(), stride_bytes: 136, ..frame(1, 11) };
     let bytes = frame_bytes(&header);
     recorder.push(&Recordable::Frame { header: &header, image: &bytes });
