@@ -1,4 +1,4 @@
-//! Writing files so that a name never stands for half a result: written beside, synchronized, renamed.
+//! Atomic writes: a file is written under a temporary name, synchronized, and renamed.
 
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, PersistError};
 
-/// Why a file could not be written; what stood at its path before is untouched.
+/// Why a file could not be written. A file that stood at the path is untouched.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct WriteError {
     /// The file.
     pub path: PathBuf,
-    /// What was in the way.
+    /// The cause.
     #[source]
     pub problem: WriteProblem,
 }
 
-/// What was in the way of writing a file.
+/// Why a file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteProblem {
-    /// There is something already that must not be replaced.
+    /// A file exists that must not be replaced.
     #[error("already exists; give another name, or remove it first")]
     Exists,
     /// The path is a folder.
@@ -30,22 +30,22 @@ pub enum WriteProblem {
     /// The path is a device, a pipe or a socket, which a file must not replace.
     #[error("is a device or a pipe; give the path of a file")]
     IsSpecial,
-    /// The folder it should go to does not exist.
+    /// The parent folder does not exist.
     #[error("cannot be written: the folder {} does not exist; create it first", .0.display())]
     NoFolder(PathBuf),
-    /// The disk ran full.
+    /// The disk is full.
     #[error("cannot be written: the disk is full; free some space and try again")]
     DiskFull,
-    /// Anything else that the operating system said.
+    /// Any other error of the operating system.
     #[error("cannot be written: {0}")]
     Io(#[source] io::Error),
 }
 
-/// Writes a file through `write`; the path changes only once everything is on the disk.
+/// Writes a file through `write`. The path changes only after all bytes are on the disk.
 ///
 /// # Errors
-/// [`WriteError`]: the path is a folder, its folder is missing or not writable, or the disk is full. Whatever stood at
-/// the path stays as it was.
+/// [`WriteError`]: the path is a folder, its parent folder is missing or not writable, or the disk is full. A file that
+/// stood at the path stays as it was.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -53,7 +53,7 @@ pub fn write_atomically(
     write_and_name(path, write, |temporary| temporary.persist(path))
 }
 
-/// [`write_atomically`] of a file that must not replace another.
+/// [`write_atomically`] for a file that must not replace another.
 ///
 /// # Errors
 /// As [`write_atomically`], and [`WriteProblem::Exists`].
@@ -81,7 +81,7 @@ fn write_and_name(
     write_to_temporary().map_err(|e| fail(problem_of(e)))
 }
 
-/// A file that is written bit by bit; it gets its name when it is finished, and leaves nothing behind if it is not.
+/// A file that is written step by step. [`Self::finish`] gives it its name; dropped before, it leaves nothing behind.
 #[derive(Debug)]
 pub struct PendingFile {
     path: PathBuf,
@@ -100,7 +100,7 @@ impl PendingFile {
         Ok(Self { path: path.to_owned(), out: BufWriter::new(temporary) })
     }
 
-    /// Puts everything on the disk and gives the file its name.
+    /// Synchronizes the file and gives it its name.
     ///
     /// # Errors
     /// As [`write_atomically`].
@@ -115,7 +115,7 @@ impl PendingFile {
         finish().map_err(|e| WriteError { path: path.clone(), problem: problem_of(e) })
     }
 
-    /// What a failed write means for the file.
+    /// The error of a failed write to `path`.
     #[must_use]
     pub fn error(path: &Path, error: io::Error) -> WriteError {
         WriteError { path: path.to_owned(), problem: problem_of(error) }
@@ -134,22 +134,22 @@ impl Write for PendingFile {
 
 fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    // The umask still applies; tempfile's own default would hide the result from everybody else.
+    // The umask still applies. With tempfile's own default, other users could not read the result.
     builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o666));
     builder.tempfile_in(folder)
 }
 
-/// Checks a path that is to be written, before the work whose result goes there.
+/// Checks that a path can be written, before the work that produces its content.
 ///
 /// # Errors
-/// As [`write_atomically`], as far as it can be known before writing.
+/// As [`write_atomically`], as far as they can be known before writing.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let fail = |problem| WriteError { path: path.to_owned(), problem };
     let folder = check_target(path).map_err(fail)?;
     tempfile::tempfile_in(folder).map(drop).map_err(|e| fail(problem_of(e)))
 }
 
-/// The folder that a file will stand in.
+/// The folder of a file to be written.
 fn check_target(path: &Path) -> Result<&Path, WriteProblem> {
     if path.is_dir() {
         return Err(WriteProblem::IsAFolder);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pending_file_has_its_name_at_the_end_alone() {
+    fn a_pending_file_gets_its_name_only_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trace.json");
         let mut pending = PendingFile::begin(&path).unwrap();
@@ -219,7 +219,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let problem = |path: &Path| write_atomically(path, |_| Ok(())).unwrap_err().problem;
         assert!(matches!(problem(folder.path()), WriteProblem::IsAFolder));
-        // Beside others: what replaced it would be missed by everybody.
+        // Replacing a device would harm everybody who uses it.
         assert!(matches!(check_writable(Path::new("/dev/null")).unwrap_err().problem, WriteProblem::IsSpecial));
         assert!(matches!(problem(&folder.path().join("missing/cloud.ply")), WriteProblem::NoFolder(_)));
     }

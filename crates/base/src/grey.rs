@@ -1,9 +1,10 @@
-//! Grey levels: how images store them, and what they count.
+//! Grey levels: storage and unit.
 //!
-//! The unit of grey levels is that of 8-bit images, whatever the depth: a value of b bits counts value · 2^(8 − b) grey
-//! levels. So thresholds, modulation, mean and noise mean the same for every camera, and only their fractions are finer.
+//! The unit of a grey level is that of 8-bit images at every depth: a value of b bits counts value · 2^(8 − b) grey
+//! levels. So thresholds, modulation, mean and noise mean the same for every camera; deeper images only have finer
+//! fractions.
 
-/// Format of the images in the channels: one grey level a pixel, rows without gaps.
+/// Format of the images in the channels: one grey level per pixel, rows without gaps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PixelFormat {
     /// 8 bits.
@@ -47,13 +48,13 @@ impl PixelFormat {
         })
     }
 
-    /// The format of a V4L2 code; `None` for one that is none of these.
+    /// The format with a V4L2 code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 
-    /// The format of values with so many bits; `None` if there is none.
+    /// The format with this number of bits per value; `None` if there is none.
     #[must_use]
     pub fn from_bits(bits: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.bits() == bits)
@@ -77,13 +78,13 @@ impl PixelFormat {
         if self == Self::Grey { 1 } else { 2 }
     }
 
-    /// Grey levels, in the unit of all grey levels, from one value to the next: 2^(8 − bits).
+    /// Grey levels from one value to the next: 2^(8 − bits).
     #[must_use]
     pub fn grey_per_value(self) -> f32 {
         1.0 / (1_u32 << (self.bits() - 8)) as f32
     }
 
-    /// Format of the sums of squares of `binning` pixels a side; of 16 bits, of their means.
+    /// Format of binned images: sums over squares with sides of `binning` pixels; with 16 bits, means.
     #[must_use]
     pub fn binned(self, binning: usize) -> Self {
         match (binning, self) {
@@ -102,10 +103,10 @@ impl PixelFormat {
     }
 }
 
-/// The values of an image, row by row without gaps, as they lie in memory.
+/// The values of an image as they lie in memory, row by row without gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GreyLevels<'a> {
-    /// How they are stored.
+    /// Their format.
     pub format: PixelFormat,
     /// Their bytes.
     pub bytes: &'a [u8],
@@ -142,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grey_level_is_one_of_256_whatever_the_depth() {
+    fn grey_levels_have_the_same_unit_at_every_depth() {
         let grey = |format, bytes: &[u8]| GreyLevels { format, bytes }.grey(0);
         assert_eq!(grey(PixelFormat::Grey, &[200]), 200.0);
         assert_eq!(grey(PixelFormat::Y10, &[0x23, 0x03]), 200.75);

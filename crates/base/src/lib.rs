@@ -1,4 +1,19 @@
-//! What every other crate may name: grey levels, limits, what became of a pixel, atomic files, PNG.
+//! Types that every other crate may use: grey levels, limits, outcomes of pixels, atomic writes, PNG encoding.
+//!
+//! ```text
+//! base ◄── message ◄── transport ◄── services
+//!   ▲── fringeflow (the method), dataset, pixels, recording, lab
+//! ```
+//!
+//! ```
+//! use fringeflow_base::atomic_file::write_atomically;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("cloud.txt");
+//! write_atomically(&path, |out| std::io::Write::write_all(out, b"0 0 0.3\n"))?;
+//! assert_eq!(std::fs::read_to_string(&path)?, "0 0 0.3\n");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![forbid(unsafe_code)]
 

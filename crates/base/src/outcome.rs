@@ -1,8 +1,8 @@
-//! What became of a pixel of C1.
+//! Outcomes of the pixels of C1.
 
 /// How a pixel of C1 got its correspondence, or why it has none.
 ///
-/// The first five yield a point; their codes stand in the exported clouds as `stage`.
+/// The first five yield a point; exported clouds hold their codes as `stage`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Outcome {
@@ -10,11 +10,12 @@ pub enum Outcome {
     GrayCode = 0,
     /// Reference correspondence: one candidate passes the test (paper, 2.2.1), and the whole image agrees.
     Reference = 1,
-    /// One candidate or none that passes the test, admitted by its neighbours (paper, 2.2.2).
+    /// One candidate or none passes the test; its neighbours confirm it (paper, 2.2.2).
     Unique = 2,
     /// One of several candidates, chosen along the epipolar direction by Eq. (2) (paper, 2.2.2).
     AlongEpipolar = 3,
-    /// One of several candidates, chosen with neighbours across the epipolar direction too (paper, 2.2.3), or along all paths.
+    /// One of several candidates, chosen with neighbours across the epipolar direction as well (paper, 2.2.3), or along
+    /// all paths of the semi-global resolution.
     AcrossEpipolar = 4,
     /// No phase: too little modulation, saturated, or no sinusoid.
     Invalid = 16,
@@ -26,7 +27,7 @@ pub enum Outcome {
     RejectedByDelta = 19,
     /// Candidates remain, but nothing decides between them.
     Ambiguous = 20,
-    /// The correspondence contradicts others: monotony, or its point of C2 serves another order.
+    /// Contradicted by other correspondences: monotony, or another fringe order at the same point of C2.
     Contradicted = 21,
 }
 
@@ -46,7 +47,7 @@ impl Outcome {
         Self::Contradicted,
     ];
 
-    /// The outcome with a code; `None` where there is none.
+    /// The outcome with a code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| *outcome as u8 == code)
@@ -78,7 +79,7 @@ impl Outcome {
     }
 }
 
-/// How many pixels of C1 had each outcome; the sum is the number of pixels.
+/// Number of pixels of C1 by outcome; the sum is the number of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OutcomeCounts([u64; Outcome::ALL.len()]);
 
@@ -86,11 +87,12 @@ impl OutcomeCounts {
     /// Counts the outcomes of an image.
     #[must_use]
     pub fn from_outcomes(outcomes: &[Outcome]) -> Self {
-        // Four counters in turn: neighbours are mostly alike, and one counter would wait for itself.
+        // Four sets of counters in turn: neighbours mostly have the same outcome, and increments of one counter would
+        // wait for each other.
         let mut by_code = [[0_u64; 256]; 4];
         let (fours, rest) = outcomes.as_chunks();
-        for of_four in fours.iter().map(<[Outcome; 4]>::as_slice).chain([rest]) {
-            of_four.iter().zip(&mut by_code).for_each(|(&outcome, counts)| counts[outcome as usize] += 1);
+        for four in fours.iter().map(<[Outcome; 4]>::as_slice).chain([rest]) {
+            four.iter().zip(&mut by_code).for_each(|(&outcome, counts)| counts[outcome as usize] += 1);
         }
         Self(Outcome::ALL.map(|o| by_code.iter().map(|counts| counts[o as usize]).sum()))
     }
@@ -101,7 +103,7 @@ impl OutcomeCounts {
         self.iter().find(|&(o, _)| o == outcome).map_or(0, |(_, n)| n)
     }
 
-    /// All outcomes with their numbers.
+    /// All outcomes with their counts.
     pub fn iter(&self) -> impl Iterator<Item = (Outcome, u64)> + '_ {
         Outcome::ALL.into_iter().zip(self.0)
     }

@@ -1,8 +1,8 @@
-//! Encoding pixels as PNG, for every writer of images.
+//! PNG encoding.
 
 use std::io::{self, Write};
 
-/// Writes `width · height` pixels, row by row, each channel of `color` with so many bits; 16 are big endian.
+/// Writes `width · height` pixels, row by row, with `depth` bits per channel of `color`; 16-bit values are big endian.
 pub fn encode(
     out: impl Write,
     [width, height]: [usize; 2],
@@ -19,7 +19,7 @@ pub fn encode(
     writer.finish().map_err(io_error)
 }
 
-/// The error of the operating system as it was, so that a full disk is still recognized.
+/// Keeps the error of the operating system, so that a full disk is still recognized.
 fn io_error(error: png::EncodingError) -> io::Error {
     match error {
         png::EncodingError::IoError(e) => e,

@@ -1,4 +1,4 @@
-//! `[cameras]`: who publishes images, and for V4L2 devices which they are and how they are set.
+//! `[cameras]`: the source of images, and for V4L2 devices their names and settings.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,12 +11,12 @@ use fringeflow_pixels::SourceFormat;
 use super::ConfigurationProblem;
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
 
-/// Least time after which a silent camera counts as stalled unless the configuration says so, milliseconds.
+/// Shortest default time after which a silent camera counts as stalled, milliseconds.
 const TIMEOUT_MS: u64 = 1000;
-/// The same in periods.
+/// The same in frame periods; the longer one applies.
 const TIMEOUT_PERIODS: f64 = 10.0;
 
-/// Who publishes images.
+/// Source of the images.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSource {
     /// The virtual scanner.
@@ -27,66 +27,66 @@ pub enum CameraSource {
     V4l2(Box<[V4l2Camera; 2]>),
 }
 
-/// A V4L2 device and how it is set.
+/// A V4L2 device and its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct V4l2Camera {
     /// The device.
     pub device: DeviceName,
     /// Buffers that driver and service share.
     pub buffers: u32,
-    /// Silence after which a camera that runs free counts as stalled, nanoseconds.
+    /// Silence after which a free-running camera counts as stalled, nanoseconds.
     pub timeout_ns: u64,
-    /// What begins an exposure.
+    /// What starts an exposure.
     pub trigger: Trigger,
-    /// The moment that the driver's time stamps tell.
+    /// The moment that the driver's time stamps mark.
     pub stamp: StampMoment,
-    /// Length of the exposure, nanoseconds; `None`: what the device says.
+    /// Exposure time, nanoseconds; `None`: the value that the device reports.
     pub exposure_ns: Option<u64>,
     /// From the end of the exposure to a time stamp at the end of an image, nanoseconds.
     pub readout_ns: u64,
-    /// Whether the device is told the rate; else it keeps its own.
+    /// Whether the service sets the frame rate of the device.
     pub set_rate: bool,
-    /// Timings of a digital video signal, for grabbers.
+    /// Timings of a digital video signal, for frame grabbers.
     pub video_timings: Option<VideoTimings>,
-    /// Controls by their names, as `v4l2-ctl` writes them.
+    /// Controls by the names that `v4l2-ctl` prints.
     pub controls: BTreeMap<String, ControlValue>,
 }
 
-/// Which device is meant.
+/// How a device is named.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DeviceName {
-    /// The one at a path, which may be a link.
+    /// By path, which may be a link.
     Path(PathBuf),
-    /// The one that V4L2 says sits there: its `bus_info`.
+    /// By its V4L2 `bus_info`.
     Bus(String),
-    /// The one with this serial number on the USB.
+    /// By its USB serial number.
     Serial(String),
 }
 
-/// A name that names no device.
+/// A text that is no device name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{name:?} names no device; write a path (\"/dev/video0\", \"/dev/v4l/by-id/…\"), \"bus:\" and what V4L2 calls \
-     bus_info, or \"serial:\" and a serial number of the USB; `fringeflow cameras` lists them"
+    "{name:?} names no device; write a path (\"/dev/video0\", \"/dev/v4l/by-id/…\"), \"bus:\" and a V4L2 bus_info, \
+     or \"serial:\" and a USB serial number; `fringeflow cameras` lists them"
 )]
 pub struct DeviceNameError {
-    /// The name.
+    /// The text.
     pub name: String,
 }
 
-/// What begins an exposure.
+/// What starts an exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// The camera itself, at its rate.
+    /// The camera itself, at its own rate.
     Free,
-    /// A signal from outside: silence is no fault.
+    /// An external signal: silence is no fault.
     External,
 }
 
-/// The moment that a time stamp tells.
+/// The moment that a time stamp marks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampMoment {
-    /// As the driver says of each image.
+    /// As the driver reports for each image.
     Driver,
     /// Start of exposure.
     Start,
@@ -97,13 +97,13 @@ pub enum StampMoment {
 /// Timings of a digital video signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VideoTimings {
-    /// Those of the signal that the device sees.
+    /// The timings of the signal at the device.
     Detect,
-    /// Those of a signal of this size and rate.
+    /// A signal of this size and rate.
     Signal {
         /// Width and height, pixels.
         size_px: [u32; 2],
-        /// Images a second.
+        /// Images per second.
         rate_hz: f64,
     },
 }
@@ -112,11 +112,11 @@ pub enum VideoTimings {
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(untagged)]
 pub enum ControlValue {
-    /// A number; of a menu, that of an item.
+    /// A number; for a menu, the index of an item.
     Number(i64),
     /// On or off; true presses a button.
     Switch(bool),
-    /// A text; of a menu, the name of an item.
+    /// A text; for a menu, the name of an item.
     Text(String),
 }
 
@@ -165,7 +165,7 @@ impl fmt::Display for ControlValue {
     }
 }
 
-/// Reads who publishes images, at a rate that was checked.
+/// Reads the source of the images; `rate_hz` was checked.
 pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSource, ConfigurationProblem> {
     #[derive(Clone, Copy)]
     enum Source {
@@ -178,7 +178,7 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
         _ => Err(ConfigurationProblem::Value {
             key: "cameras.source",
             value: format!("{:?}", raw.source),
-            expected: "[cameras.cam1] and [cameras.cam2] belong to \"v4l2\" alone: leave them out, or take that source",
+            expected: "[cameras.cam1] and [cameras.cam2] belong to \"v4l2\" alone: leave them out, or use that source",
         }),
     };
     let known = [("virtual", Source::Virtual), ("external", Source::External), ("v4l2", Source::V4l2)];
@@ -189,11 +189,11 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
     }
 }
 
-/// The format of a name.
+/// The source format with this name.
 pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
     let Some(name) = name else { return Ok(SourceFormat::Grey) };
     match source {
-        // They put their images into the channels themselves, in one of the formats that these have.
+        // These sources write their images into the channels themselves, in one of the channels' formats.
         CameraSource::Virtual | CameraSource::External => {
             let formats = PixelFormat::ALL.map(|format| (format.name(), SourceFormat::from(format)));
             one_of("cameras.format", name, &formats)
@@ -208,14 +208,14 @@ pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result
 fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], ConfigurationProblem> {
     let missing = |key| ConfigurationProblem::Missing {
         key,
-        expected: "a table with device says which V4L2 device it is; `fringeflow cameras` lists them",
+        expected: "a table with device names the V4L2 device; `fringeflow cameras` lists them",
     };
-    let of = |camera, raw| {
-        let inside = |problem| ConfigurationProblem::Camera { camera, problem: Box::new(problem) };
-        v4l2_camera(raw, rate_hz).map_err(inside)
+    let camera = |camera, raw| {
+        let in_table = |problem| ConfigurationProblem::Camera { camera, problem: Box::new(problem) };
+        v4l2_camera(raw, rate_hz).map_err(in_table)
     };
-    let cam1 = of("cam1", raw.cam1.as_ref().ok_or_else(|| missing("cameras.cam1"))?)?;
-    let cam2 = of("cam2", raw.cam2.as_ref().ok_or_else(|| missing("cameras.cam2"))?)?;
+    let cam1 = camera("cam1", raw.cam1.as_ref().ok_or_else(|| missing("cameras.cam1"))?)?;
+    let cam2 = camera("cam2", raw.cam2.as_ref().ok_or_else(|| missing("cameras.cam2"))?)?;
     if cam1.device == cam2.device {
         return Err(ConfigurationProblem::Value {
             key: "cameras.cam2.device",
@@ -230,7 +230,7 @@ fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, Configur
     let device = raw.device.parse();
     let device =
         device.map_err(|e: DeviceNameError| ConfigurationProblem::Named { key: "device", problem: e.to_string() })?;
-    let usual_timeout_ms = TIMEOUT_MS.max((TIMEOUT_PERIODS * 1e3 / rate_hz).ceil() as u64);
+    let default_timeout_ms = TIMEOUT_MS.max((TIMEOUT_PERIODS * 1e3 / rate_hz).ceil() as u64);
     Ok(V4l2Camera {
         device,
         buffers: checked(
@@ -241,7 +241,7 @@ fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, Configur
         )?,
         timeout_ns: checked(
             "timeout_ms",
-            raw.timeout_ms.unwrap_or(usual_timeout_ms),
+            raw.timeout_ms.unwrap_or(default_timeout_ms),
             |v| (10..=3_600_000).contains(v),
             "it must lie between 10 ms and an hour",
         )? * 1_000_000,
@@ -263,7 +263,7 @@ fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, Configur
     })
 }
 
-/// A length of time in microseconds.
+/// A duration given in microseconds.
 fn nanoseconds(key: &'static str, us: f64) -> Result<u64, ConfigurationProblem> {
     let us = checked(key, us, |v| (0.0..=1e7).contains(v), "it must lie between 0 and 10000000 µs")?;
     Ok((us * 1e3).round() as u64)
@@ -275,14 +275,14 @@ fn video_timings(word: &str) -> Result<VideoTimings, ConfigurationProblem> {
         let (width, height) = size.split_once('x')?;
         let size_px: [u32; 2] = [width.trim().parse().ok()?, height.trim().parse().ok()?];
         let rate_hz: f64 = rate.trim().parse().ok()?;
-        let is_one = size_px.iter().all(|n| (1..=16384).contains(n)) && (0.1..=1000.0).contains(&rate_hz);
-        is_one.then_some(VideoTimings::Signal { size_px, rate_hz })
+        let is_valid = size_px.iter().all(|n| (1..=16384).contains(n)) && (0.1..=1000.0).contains(&rate_hz);
+        is_valid.then_some(VideoTimings::Signal { size_px, rate_hz })
     };
     let timings = if word == "detect" { Some(VideoTimings::Detect) } else { signal() };
     timings.ok_or_else(|| ConfigurationProblem::Value {
         key: "video_timings",
         value: format!("{word:?}"),
-        expected: "it must be \"detect\", or size and rate of a signal such as \"1280x1024@60\"",
+        expected: "it must be \"detect\", or size and rate of a signal, for example \"1280x1024@60\"",
     })
 }
 
@@ -309,7 +309,7 @@ mod tests {
     const TWO: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                        [cameras.cam2]\ndevice = \"serial:7\"\n";
 
-    /// What the example must say; all else in it are defaults.
+    /// The required keys of the example; all its other keys state defaults.
     const REQUIRED: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 30.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                             [cameras.cam2]\ndevice = \"/dev/video2\"\n[pattern]\nsteps = 4\nperiod_px = 16.0\n[rig]\n\
                             calibration = \"rigs/scanner.yml\"\nunit = \"mm\"\n[measurement_volume]\nunit = \"mm\"\n\
@@ -345,11 +345,11 @@ mod tests {
     }
 
     #[test]
-    fn everything_of_a_camera_is_read() {
-        let more = "buffers = 16\ntimeout_ms = 250\ntrigger = \"external\"\nstamp = \"end\"\nexposure_us = 8333.5\n\
+    fn all_keys_of_a_camera_are_read() {
+        let keys = "buffers = 16\ntimeout_ms = 250\ntrigger = \"external\"\nstamp = \"end\"\nexposure_us = 8333.5\n\
                     readout_us = 20\nset_rate = false\nvideo_timings = \"1280x1024@59.94\"\n[cameras.cam2.controls]\n\
                     gain = 4\nauto_exposure = \"Manual Mode\"\nhorizontal_flip = true\n";
-        let [_, cam2] = cameras(&format!("{TWO}{more}")).unwrap();
+        let [_, cam2] = cameras(&format!("{TWO}{keys}")).unwrap();
         assert_eq!((cam2.buffers, cam2.timeout_ns), (16, 250_000_000));
         assert_eq!((cam2.trigger, cam2.stamp, cam2.set_rate), (Trigger::External, StampMoment::End, false));
         assert_eq!((cam2.exposure_ns, cam2.readout_ns), (Some(8_333_500), 20_000));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named_with_its_camera() {
+    fn invalid_values_are_named_with_their_camera() {
         let with = |line: &str| cameras(&format!("{TWO}{line}\n")).unwrap_err();
         assert_eq!(with("buffers = 1"), "in [cameras.cam2]: key buffers is 1; it must lie between 2 and 32");
         assert!(with("timeout_ms = 1").contains("key timeout_ms is 1;"));
@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn devices_must_be_two_and_named() {
+    fn devices_must_have_two_different_names() {
         let changed = |from: &str, to: &str| cameras(&TWO.replace(from, to)).unwrap_err();
         assert!(changed("serial:7", "serial:").contains("in [cameras.cam2]: key device: \"serial:\" names no device"));
         assert!(changed("serial:7", "video1").contains("\"video1\" names no device"));

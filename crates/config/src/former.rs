@@ -1,10 +1,10 @@
-//! Keys that were called otherwise before: refused in files with the name they have now, and renamed in recordings.
+//! Former names of keys: refused in files with a hint, renamed in recordings.
 
 use toml::{Table, Value};
 
 use super::ConfigurationProblem;
 
-/// Refuses a former key. What is no TOML at all is left to whoever reads it, who says where it is not.
+/// Refuses a former key. Text that is not TOML passes here: the parser reports its position.
 pub(super) fn refuse(text: &str) -> Result<(), ConfigurationProblem> {
     let Ok(table) = text.parse::<Table>() else { return Ok(()) };
     let former = table.get("correspondence").and_then(|section| section.get("drift_alarm_rad"));
@@ -17,11 +17,11 @@ pub(super) fn refuse(text: &str) -> Result<(), ConfigurationProblem> {
     })
 }
 
-/// Gives former keys of a recorded configuration the names that they have now.
+/// Renames the former keys of a recorded configuration.
 pub fn rename_former_keys(recorded: &mut Table) {
     let Some(Value::Table(correspondence)) = recorded.get_mut("correspondence") else { return };
     let Some(warn) = correspondence.remove("drift_alarm_rad") else { return };
-    // The limit of what is bad was none.
+    // The former key had no limit for `bad`.
     let bad = warn.as_float().map_or(Value::Float(1.0), |warn| Value::Float((2.0 * warn).max(0.2)));
     let limits = Table::from_iter([("warn".to_owned(), warn), ("bad".to_owned(), bad)]);
     let health = recorded.entry("health").or_insert_with(|| Value::Table(Table::new()));
@@ -30,7 +30,7 @@ pub fn rename_former_keys(recorded: &mut Table) {
     }
 }
 
-/// The text of a recorded configuration with the names of now.
+/// The text of a recorded configuration with the current names.
 pub(super) fn renamed(recorded: &str) -> Result<String, ConfigurationProblem> {
     let mut table: Table = recorded.parse()?;
     rename_former_keys(&mut table);

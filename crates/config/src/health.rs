@@ -1,24 +1,24 @@
-//! Table `[health]`: limits of what is watched while scanning.
+//! Table `[health]`: limits of the health quantities.
 
 use fringeflow_telemetry::health::{HealthLimits, Limits, Quantity};
 
 use super::ConfigurationProblem;
 use super::raw::{RawHealth, RawLimits, checked};
 
-/// Most windows that a level is made of.
-const MOST_WINDOWS: usize = 1000;
+/// Most windows in a level.
+const MAX_WINDOWS: usize = 1000;
 
 pub(super) fn health(raw: &RawHealth) -> Result<HealthLimits, ConfigurationProblem> {
     let mut limits = HealthLimits::default();
     for quantity in Quantity::ALL {
         if let Some(given) = raw_limits(raw, quantity) {
-            limits.set(quantity.key(), checked_limits(quantity, given, limits.of(quantity))?);
+            limits.set(quantity.key(), checked_limits(quantity, given, limits.limits_of(quantity))?);
         }
     }
     limits.windows = checked(
         "health.windows",
         raw.windows.unwrap_or(limits.windows),
-        |n| (1..=MOST_WINDOWS).contains(n),
+        |n| (1..=MAX_WINDOWS).contains(n),
         "it must lie between 1 and 1000",
     )?;
     limits.fewest_windows = checked(

@@ -1,7 +1,23 @@
 //! Configuration files: TOML, parsed into types that cannot be invalid.
 //!
-//! In: a file such as `configs/reconstruct.toml`. Out: a [`Configuration`]. Every key is optional and has its unit in its
-//! name; unknown keys are refused.
+//! ```text
+//! reconstruct.toml ──► Configuration (phase, correspondence, volume, health, tracking)
+//! scanner.toml     ──► ScannerConfiguration (the same, and rig, cameras, projector, recorder, monitor, processors)
+//! ```
+//!
+//! Keys have their unit in their name. Unknown keys are refused. Every key of a [`Configuration`] is optional; the files in
+//! `configs/` explain all keys and state their defaults.
+//!
+//! ```
+//! use fringeflow_config::Configuration;
+//!
+//! let configuration = Configuration::parse("[phase]\nmin_modulation_grey = 4.5\n")?;
+//! assert_eq!(configuration.settings.validity.min_modulation_grey, 4.5);
+//!
+//! let error = Configuration::parse("[correspondence]\nmin_votes = 0\n").unwrap_err();
+//! assert_eq!(error.to_string(), "key correspondence.min_votes is 0; it must lie between 1 and 32");
+//! # Ok::<(), fringeflow_config::ConfigurationProblem>(())
+//! ```
 
 #![forbid(unsafe_code)]
 
@@ -39,19 +55,19 @@ pub use scanner::{
 pub use tracking::{PriorSource, TrackingConfiguration};
 pub use virtual_scanner::{FaultsTable, SweepTable, VirtualScannerConfiguration, VirtualScannerTable};
 
-/// Most images of a window beyond a cycle: 16 steps and these are the longest window.
+/// Most images of a window beyond a cycle: the longest window has 16 steps and these.
 const MAX_EXTRA_IMAGES: usize = 8;
 
-/// What a configuration file says, with defaults for what it does not.
+/// Contents of a configuration file, with defaults for absent keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration {
-    /// How images become a cloud.
+    /// How images become a point cloud.
     pub settings: Settings,
-    /// Measurement volume that replaces that of the dataset or the recording.
+    /// Measurement volume that replaces the one of the dataset or the recording.
     pub volume: Option<MeasurementVolume>,
-    /// What is as it should be while scanning.
+    /// Limits of the health quantities.
     pub health: HealthLimits,
-    /// How the scanner is tracked live.
+    /// Tracking of the scanner during a scan.
     pub tracking: TrackingConfiguration,
 }
 
@@ -72,64 +88,64 @@ pub enum ConfigurationProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// It is no TOML, or has a key or a type that does not belong there.
+    /// It is not TOML, or has an unknown key or a wrong type.
     #[error("is not a valid configuration: {0}")]
     Toml(String),
-    /// A value that cannot be.
+    /// An invalid value.
     #[error("key {key} is {value}; {expected}")]
     Value {
         /// Name of the key.
         key: &'static str,
         /// The value.
         value: String,
-        /// What belongs there.
+        /// The valid values.
         expected: &'static str,
     },
-    /// A word that is none of those known.
+    /// An unknown word.
     #[error("key {key} is {value:?}; known are {known:?}")]
     Word {
         /// Name of the key.
         key: &'static str,
         /// The word.
         value: String,
-        /// The words known.
+        /// The known words.
         known: Vec<&'static str>,
     },
-    /// A name that nothing has.
+    /// A value that is described by the problem.
     #[error("key {key}: {problem}")]
     Named {
         /// Name of the key.
         key: &'static str,
-        /// What is wrong with the name.
+        /// The problem.
         problem: String,
     },
-    /// A key that is needed is absent.
+    /// A required key is absent.
     #[error("key {key} is missing; {expected}")]
     Missing {
         /// Name of the key.
         key: &'static str,
-        /// What belongs there.
+        /// What the key must hold.
         expected: &'static str,
     },
-    /// Something of one camera.
+    /// A problem in the table of one camera.
     #[error("in [cameras.{camera}]: {problem}")]
     Camera {
         /// `cam1` or `cam2`.
         camera: &'static str,
-        /// What is wrong.
+        /// The problem.
         #[source]
         problem: Box<Self>,
     },
-    /// Something of what one service is given.
+    /// A problem in the table of one service.
     #[error("in [processors.{service}]: {problem}")]
     Service {
         /// Its name.
         service: &'static str,
-        /// What is wrong.
+        /// The problem.
         #[source]
         problem: Box<Self>,
     },
-    /// The volume is none.
+    /// The measurement volume is invalid.
     #[error("key measurement_volume: {0}")]
     Volume(#[source] fringeflow_dataset::Problem),
 }
@@ -280,15 +296,15 @@ mod tests {
     }
 
     #[test]
-    fn a_former_key_is_refused_with_its_name_and_read_from_recordings() {
+    fn a_former_key_is_refused_with_a_hint_and_read_from_recordings() {
         let text = "[correspondence]\ndrift_alarm_rad = 0.05";
         let message = Configuration::parse(text).unwrap_err().to_string();
         assert!(
             message.contains("correspondence.drift_alarm_rad is 0.05") && message.contains("[health]"),
             "{message}"
         );
-        let limits =
-            Configuration::parse_recorded(text).unwrap().health.of(fringeflow_telemetry::health::Quantity::Drift);
+        let health = Configuration::parse_recorded(text).unwrap().health;
+        let limits = health.limits_of(fringeflow_telemetry::health::Quantity::Drift);
         assert_eq!((limits.warn, limits.bad), (0.05, 0.2));
         assert!(Configuration::parse_recorded("[correspondence]\ndrift_alarm = 0.05").is_err());
     }

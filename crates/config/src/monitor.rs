@@ -7,12 +7,12 @@ use super::ConfigurationProblem;
 use super::paths::in_folder;
 use super::raw::RawMonitor;
 
-/// Where the dashboard is by default.
+/// Default address of the dashboard.
 const DASHBOARD: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8780), is_default: true };
-/// Where the viewers' server is by default: the port that they propose.
+/// Default address of the viewers' server: the port that the viewers propose.
 const FOXGLOVE: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8765), is_default: true };
 const LOOPBACK: std::net::IpAddr = std::net::IpAddr::V4(Ipv4Addr::LOCALHOST);
-/// Pages that may connect to the viewers' server by default.
+/// Web pages that may connect to the viewers' server by default.
 const ORIGINS: [&str; 1] = ["https://app.foxglove.dev"];
 
 /// Configuration of the monitor.
@@ -20,15 +20,15 @@ const ORIGINS: [&str; 1] = ["https://app.foxglove.dev"];
 pub struct MonitorConfiguration {
     /// Whether it runs.
     pub is_enabled: bool,
-    /// Where dashboard and metrics are.
+    /// Address of dashboard and metrics.
     pub dashboard: Listen,
-    /// Where Foxglove, Lichtblick and Rerun connect; `None` where they may not.
+    /// Address for Foxglove, Lichtblick and Rerun; `None` switches it off.
     pub foxglove: Option<Listen>,
-    /// File of the token that whoever is not on this machine must show.
+    /// File with the token that clients on other machines must present.
     pub token_file: Option<PathBuf>,
-    /// Names of this machine under which others ask, beside its addresses.
+    /// Host names under which clients may address this machine, besides its IP addresses.
     pub host_names: Vec<String>,
-    /// Origins of pages that may connect as viewers, beside those of this machine.
+    /// Origins of web pages that may connect as viewers, besides this machine's.
     pub foxglove_origins: Vec<String>,
 }
 
@@ -37,7 +37,7 @@ pub struct MonitorConfiguration {
 pub struct Listen {
     /// The address.
     pub address: SocketAddr,
-    /// Nobody asked for it: where its port is taken, as by another instance, any other serves.
+    /// A default address: if its port is taken, for example by another instance, any free port is used.
     pub is_default: bool,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn configuration(raw: &RawMonitor, folder: &Path) -> Result<MonitorCo
     if monitor.is_enabled && is_open && monitor.token_file.is_none() {
         return Err(ConfigurationProblem::Missing {
             key: "monitor.token_file",
-            expected: "others than this machine must show a token: name a file with one, of 16 characters at least",
+            expected: "clients on other machines must present a token: name a file with one of at least 16 characters",
         });
     }
     Ok(monitor)
@@ -77,7 +77,7 @@ fn listen(key: &'static str, address: Option<&str>, default: Listen) -> Result<L
     let parsed = address.parse().map_err(|_| ConfigurationProblem::Value {
         key,
         value: format!("{address:?}"),
-        expected: "it must be an address and a port, as \"127.0.0.1:8780\" or \"[::1]:8780\"; port 0 is any free one",
+        expected: "it must be an address and a port, for example \"127.0.0.1:8780\" or \"[::1]:8780\"; port 0 is any free one",
     })?;
     Ok(Listen { address: parsed, is_default: false })
 }
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn by_default_it_listens_on_this_machine_alone() {
+    fn by_default_it_listens_on_this_machine_only() {
         let monitor = parse("").unwrap();
         assert!(monitor.is_enabled && monitor.listens().count() == 2);
         assert!(monitor.listens().all(|listen| listen.address.ip().is_loopback() && listen.is_default));
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_address_is_named() {
+    fn an_invalid_address_is_named() {
         let refused = parse("address = \"localhost\"").unwrap_err();
         assert!(
             refused.contains("monitor.address is \"localhost\"") && refused.contains("127.0.0.1:8780"),

@@ -1,15 +1,15 @@
-//! `[processors.SERVICE]`: what of the machine a service is given.
+//! `[processors.SERVICE]`: CPUs and memory per service.
 //!
-//! In: tables by the name of a service. Out: per service the CPUs it may run on, its threads, its priority and whether its
-//! memory stays in RAM. What a table does not say is left to the system. Which CPUs there are is not asked here: the same
-//! file may be read on another machine.
+//! In: tables by the name of a service. Out: per service its CPUs, number of threads, priority, and whether its memory
+//! stays in RAM. The operating system decides where a table is silent. The CPU numbers are not compared with this
+//! machine's CPUs, because the same file may be read on another machine.
 
 use std::collections::BTreeMap;
 
 use super::ConfigurationProblem;
 use super::raw::{RawProcessors, checked, one_of};
 
-/// Services that a table may name, as `fringeflow service` does.
+/// Services that a table may name; the names are those of `fringeflow service`.
 pub const SERVICES: [&str; 10] = [
     "virtual-projector",
     "virtual-cameras",
@@ -23,36 +23,36 @@ pub const SERVICES: [&str; 10] = [
     "monitor",
 ];
 
-/// CPUs that the system can count.
-const MOST_CPUS: usize = 1024;
+/// CPU numbers are below this.
+const MAX_CPUS: usize = 1024;
 /// Most threads of a service.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
-/// What services are given, by name.
+/// Settings by the name of the service.
 pub type ProcessorsConfiguration = BTreeMap<&'static str, ServiceProcessors>;
 
-/// What one service is given.
+/// CPUs, threads, priority and memory of one service.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ServiceProcessors {
-    /// CPUs that it may run on, in rising order; all if `None`.
+    /// CPUs that it may run on, in ascending order; `None`: all.
     pub cpus: Option<Vec<usize>>,
-    /// Threads that it computes with; one for each of its CPUs if `None`.
+    /// Threads that it computes with; `None`: one per CPU.
     pub threads: Option<usize>,
-    /// Priority among the real-time tasks of the system, 1 to 99; an ordinary task if `None`.
+    /// Real-time priority, 1 to 99; `None`: an ordinary task.
     pub realtime_priority: Option<u8>,
-    /// What of its memory stays in RAM.
+    /// The memory that stays in RAM.
     pub lock_memory: MemoryLock,
 }
 
-/// What of the memory of a service stays in RAM.
+/// The memory of a service that stays in RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryLock {
-    /// What the system sees fit.
+    /// None: the operating system decides.
     #[default]
     Off,
-    /// Whatever was used once.
+    /// Pages after their first use.
     Used,
-    /// All that it has, used or not: nothing is waited for at the first use either.
+    /// All pages, used or not: the first use causes no page fault either.
     All,
 }
 
@@ -60,16 +60,16 @@ pub(super) fn configuration(
     raw: &BTreeMap<String, RawProcessors>,
 ) -> Result<ProcessorsConfiguration, ConfigurationProblem> {
     let names = SERVICES.map(|name| (name, name));
-    let of_service = |(name, raw): (&String, &RawProcessors)| {
+    let by_service = |(name, raw): (&String, &RawProcessors)| {
         let name = one_of("processors", name, &names)?;
         let problem = |problem| ConfigurationProblem::Service { service: name, problem: Box::new(problem) };
         Ok((name, service(raw).map_err(problem)?))
     };
-    raw.iter().map(of_service).collect()
+    raw.iter().map(by_service).collect()
 }
 
 fn service(raw: &RawProcessors) -> Result<ServiceProcessors, ConfigurationProblem> {
-    let threads = |n| checked("threads", n, |n| (1..=MOST_THREADS).contains(n), "it must lie between 1 and 1024");
+    let threads = |n| checked("threads", n, |n| (1..=MAX_THREADS).contains(n), "it must lie between 1 and 1024");
     let priority = |p| checked("realtime_priority", p, |p| (1..=99).contains(p), "it must lie between 1 and 99");
     let locks = [("off", MemoryLock::Off), ("used", MemoryLock::Used), ("all", MemoryLock::All)];
     Ok(ServiceProcessors {
@@ -84,7 +84,7 @@ fn cpus(raw: &[usize]) -> Result<Vec<usize>, ConfigurationProblem> {
     let mut cpus = raw.to_vec();
     cpus.sort_unstable();
     let is_repeated = cpus.windows(2).any(|pair| pair[0] == pair[1]);
-    if cpus.is_empty() || is_repeated || cpus.iter().any(|&cpu| cpu >= MOST_CPUS) {
+    if cpus.is_empty() || is_repeated || cpus.iter().any(|&cpu| cpu >= MAX_CPUS) {
         return Err(ConfigurationProblem::Value {
             key: "cpus",
             value: format!("{raw:?}"),
@@ -110,19 +110,18 @@ mod tests {
     }
 
     #[test]
-    fn a_service_is_given_what_its_table_says_and_no_more() {
-        let given =
-            parse("[processors.phase]\ncpus = [3, 1]\nthreads = 4\n[processors.camera1]\nrealtime_priority = 20");
-        let given = given.unwrap();
+    fn absent_keys_stay_unset() {
+        let all = parse("[processors.phase]\ncpus = [3, 1]\nthreads = 4\n[processors.camera1]\nrealtime_priority = 20");
+        let all = all.unwrap();
         let phase = ServiceProcessors { cpus: Some(vec![1, 3]), threads: Some(4), ..ServiceProcessors::default() };
-        assert_eq!((given.len(), &given["phase"]), (2, &phase));
-        assert_eq!(given["camera1"].realtime_priority, Some(20));
+        assert_eq!((all.len(), &all["phase"]), (2, &phase));
+        assert_eq!(all["camera1"].realtime_priority, Some(20));
         let locked = parse("[processors.cloud]\nlock_memory = \"used\"").unwrap();
         assert_eq!(locked["cloud"].lock_memory, MemoryLock::Used);
     }
 
     #[test]
-    fn what_cannot_be_is_named_with_its_service() {
+    fn invalid_values_are_named_with_their_service() {
         let refused = |text: &str| parse(&format!("[processors.phase]\n{text}")).unwrap_err();
         assert!(
             refused("cpus = []").starts_with("in [processors.phase]: key cpus is []; it must list at least one CPU")

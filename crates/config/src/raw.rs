@@ -1,4 +1,4 @@
-//! The file as serde reads it: every key optional, unknown ones refused.
+//! The file as serde reads it: all keys that have a default are optional, unknown keys are refused.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -202,7 +202,7 @@ pub(super) struct RawProcessors {
     pub(super) lock_memory: Option<String>,
 }
 
-/// The value that a word stands for.
+/// The value for a word; the error lists the known words.
 pub(super) fn one_of<T: Copy>(
     key: &'static str,
     word: &str,
@@ -216,7 +216,7 @@ pub(super) fn one_of<T: Copy>(
     })
 }
 
-/// The value, or the error that names its key.
+/// The value if it is valid, else an error that names its key.
 pub(super) fn checked<T: std::fmt::Display>(
     key: &'static str,
     value: T,

@@ -1,4 +1,4 @@
-//! What a running instance needs to know: its name, rig, cameras, projector, windows and recorder.
+//! Configuration of a running instance: its name, rig, cameras, projector, windows and recorder.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -23,49 +23,50 @@ use super::{Configuration, ConfigurationError, ConfigurationProblem};
 pub struct ScannerConfiguration {
     /// Name of the instance.
     pub name: String,
-    /// How images become clouds.
+    /// How images become point clouds.
     pub measurement: Configuration,
-    /// Where rig, pattern and volume come from; `None` where the caller has them, as in a replay.
+    /// Source of rig, pattern and volume; `None` where the caller has them, as in a replay.
     pub rig: Option<RigSource>,
-    /// File of the segment table, if it is to be kept.
+    /// File that keeps the segment table, if there is one.
     pub segment_table: Option<PathBuf>,
-    /// Who publishes images.
+    /// Source of the images.
     pub cameras: CameraSource,
-    /// What the cameras send.
+    /// Format that the cameras send.
     pub source_format: SourceFormat,
-    /// What is used of the images.
+    /// The part of the images that is used.
     pub readout: ReadoutConfiguration,
-    /// Images a second and camera.
+    /// Images per second and camera.
     pub rate_hz: f64,
-    /// Who says which pattern an image shows.
+    /// Source of the pattern events.
     pub projector: ProjectorDriver,
-    /// Image pairs from one window to the next.
+    /// Window stride, image pairs.
     pub window_every: usize,
-    /// Whether a stage waits until the next one is free; else it goes on with newer windows, and counts the others.
+    /// Whether a stage waits until the next one is free. Otherwise it continues with newer windows and counts those it
+    /// leaves out.
     pub wait_when_busy: bool,
     /// The recorder.
     pub recorder: RecorderConfiguration,
-    /// Metrics, dashboard, live view.
+    /// Metrics, dashboard and live view.
     pub monitor: MonitorConfiguration,
-    /// What services are given of the machine.
+    /// CPUs and memory per service.
     pub processors: ProcessorsConfiguration,
-    /// The text all this was read from.
+    /// The text of the configuration file.
     pub text: String,
 }
 
-/// What is used of the images; the size of these is that of the calibration.
+/// The part of the images that is used; their whole size is in the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadoutConfiguration {
-    /// Region (x, y, width, height), pixels; `None`: all.
+    /// Region (x, y, width, height), pixels; `None`: the whole image.
     pub region_px: Option<[usize; 4]>,
-    /// Side of the squares of pixels that become one.
+    /// Side of the pixel squares that are averaged to one pixel.
     pub binning: usize,
 }
 
-/// Where rig, pattern and measurement volume come from.
+/// Source of rig, pattern and measurement volume.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RigSource {
-    /// From a calibration file and this configuration.
+    /// A calibration file and this configuration.
     Files {
         /// OpenCV FileStorage YAML.
         calibration: PathBuf,
@@ -74,31 +75,31 @@ pub enum RigSource {
         /// The fringes.
         sequence: FringeSequence,
     },
-    /// From the virtual scanner.
+    /// The virtual scanner.
     Virtual(Box<VirtualScannerConfiguration>),
 }
 
-/// Who says which pattern an image shows.
+/// Source of the pattern events: which phase shift an image shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProjectorDriver {
     /// The virtual projector publishes pattern events.
     Virtual,
     /// Another program publishes them, see `docs/projector-driver.md`.
     External,
-    /// Nobody: the cycle begins with each session of the cameras and goes on image by image.
+    /// No events: the cycle starts with each session of the cameras and advances image by image.
     Cycle,
 }
 
 /// Configuration of the recorder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderConfiguration {
-    /// Folder of recordings that are given no path.
+    /// Folder of recordings without a path.
     pub folder: PathBuf,
-    /// Whether a recording runs from the start.
+    /// Whether a recording begins with the instance.
     pub from_start: bool,
     /// Most bytes that wait for the disk.
     pub queue_bytes: u64,
-    /// Bytes of the disk that stay free.
+    /// Free space to keep on the disk, bytes.
     pub min_free_bytes: u64,
     /// Whether phase maps are recorded; they can be computed again.
     pub phase_maps: bool,
@@ -125,7 +126,7 @@ impl ScannerConfiguration {
         let raw = RawConfiguration::parse(text)?;
         let cameras = raw.cameras.as_ref().ok_or(ConfigurationProblem::Missing {
             key: "cameras",
-            expected: "a table with source and rate_hz says where images come from",
+            expected: "a table with source and rate_hz names the source of the images",
         })?;
         let rate_hz = checked(
             "cameras.rate_hz",
@@ -193,7 +194,7 @@ impl ScannerConfiguration {
         self.source_format.pixel_format().binned(self.readout.binning)
     }
 
-    /// The texts of the setup that [`Self::rig`] describes. Those of a virtual scanner come from the simulation, by
+    /// The texts of the setup that [`Self::rig`] describes. For a virtual scanner, the simulation makes them with
     /// [`Self::setup_text_of`].
     ///
     /// # Errors
@@ -234,11 +235,11 @@ impl ScannerConfiguration {
         self.setup_text_of(description, &rig, Some(calibration))
     }
 
-    /// The texts of what is used of the images, from the description and the rig of whole ones. Where all of them is used, the
-    /// text of the calibration stays as it was read.
+    /// The texts of the used part of the images, from the description and the rig of whole images. Where whole images
+    /// are used, the text of the calibration stays as it was read.
     ///
     /// # Errors
-    /// The part that is to be used does not lie in the images.
+    /// The region does not lie in the images.
     pub fn setup_text_of(
         &self,
         whole: DatasetDescription,
@@ -257,19 +258,19 @@ impl ScannerConfiguration {
 /// Why a configuration yields no setup.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupTextError {
-    /// Nothing says which rig it is.
-    #[error("the configuration names no rig; name a calibration file in [rig], or take cameras.source = \"virtual\"")]
+    /// The configuration names no rig.
+    #[error("the configuration names no rig; name a calibration file in [rig], or set cameras.source = \"virtual\"")]
     NoRig,
-    /// Nothing says where points are looked for.
-    #[error("the configuration has no [measurement_volume]; state the box in which points are looked for")]
+    /// The configuration has no measurement volume.
+    #[error("the configuration has no [measurement_volume]; state the box that holds the object")]
     NoVolume,
-    /// The calibration file.
+    /// The calibration file cannot be read.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// What is used of the images.
+    /// The region or the binning does not fit the images.
     #[error("keys cameras.region_px and cameras.binning: {0}")]
     Readout(#[from] ReadoutError),
-    /// The virtual scanner.
+    /// The virtual scanner refused its table.
     #[error("virtual scanner: {0}")]
     VirtualScanner(String),
     /// The description cannot be written as JSON.
@@ -298,14 +299,17 @@ fn rig_source(
     Ok(Some(RigSource::Files { calibration: in_folder(folder, &rig.calibration), unit, sequence }))
 }
 
-/// What is used of the images of `[cameras]`; whether it lies in them, the calibration tells.
+/// The used part of the images of `[cameras]`. Whether it lies in the images is checked with the calibration.
 fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfiguration, ConfigurationProblem> {
     let binning = raw.binning.unwrap_or(1);
-    let binning =
-        checked("cameras.binning", binning, |v| BINNINGS.contains(v), "1 uses all pixels, 2 makes one of 2 x 2")?;
+    let binning = checked(
+        "cameras.binning",
+        binning,
+        |v| BINNINGS.contains(v),
+        "1 uses all pixels, 2 averages squares of 2 x 2",
+    )?;
     let refused = |key, value| {
-        let expected =
-            "other programs put whole images into the channels; leave it out, or calibrate for what they send";
+        let expected = "other programs put whole images into the channels; leave it out, or calibrate for the images that they send";
         Err(ConfigurationProblem::Value { key, value, expected })
     };
     match (source, raw.region_px) {
@@ -319,7 +323,7 @@ fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfigurati
 fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProblem> {
     let raw = raw.ok_or(ConfigurationProblem::Missing {
         key: "pattern",
-        expected: "a table with steps and period_px says what the projector shows",
+        expected: "a table with steps and period_px describes the projected fringes",
     })?;
     let steps =
         checked("pattern.steps", raw.steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "a cycle has 3 to 16 steps")?;
@@ -344,7 +348,7 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
         return Err(ConfigurationProblem::Value {
             key: "pattern.phase_shift_rad",
             value: format!("{shifts_rad:?}"),
-            expected: "it must hold one finite number a step",
+            expected: "it must hold one finite number per step",
         });
     }
     Ok(FringeSequence { pattern, shifts_rad, gray: None })
@@ -386,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named() {
+    fn invalid_values_are_named() {
         let changed = |from: &str, to: &str| {
             assert!(DEMO.contains(from), "{from}");
             parse(&DEMO.replace(from, to)).unwrap_err().to_string()
@@ -404,7 +408,7 @@ mod tests {
         assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
         assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
-        // What the channels do not carry, nobody can put there.
+        // External programs can only write the formats of the channels.
         let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
         assert!(
             refused.to_string().contains("key cameras.format is \"YUYV\"; known are [\"GREY\", \"Y10\""),
@@ -413,10 +417,10 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_images_may_be_deeper() {
-        let of = |cameras: &str| parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}")));
-        assert_eq!(of("binning = 2").unwrap().pixel_format(), PixelFormat::Y10);
-        assert!(of("binning = 3").unwrap_err().to_string().contains("cameras.binning is 3"));
+    fn binned_images_have_a_deeper_format() {
+        let with = |cameras: &str| parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}")));
+        assert_eq!(with("binning = 2").unwrap().pixel_format(), PixelFormat::Y10);
+        assert!(with("binning = 3").unwrap_err().to_string().contains("cameras.binning is 3"));
         let external = "[cameras]\nsource = \"external\"\nrate_hz = 30.0\nbinning = 2\n";
         assert!(parse(external).unwrap_err().to_string().contains("cameras.binning is 2"));
     }

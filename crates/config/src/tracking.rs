@@ -1,4 +1,4 @@
-//! `[tracking]`: where the scanner stands, and the model that grows.
+//! `[tracking]`: tracking of the scanner, and fusion of the model.
 
 use fringeflow_tracking::fusion::FusionSettings;
 
@@ -8,26 +8,26 @@ use super::raw::{RawTracking, checked, one_of};
 /// Configuration of the tracking.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackingConfiguration {
-    /// Whether clouds are tracked while they are made.
+    /// Whether clouds are tracked during the scan.
     pub is_enabled: bool,
-    /// What windows are told of those before them.
+    /// Source of the depth prior of a window.
     pub prior: PriorSource,
-    /// Tracked clouds of which one goes into the model.
+    /// Stride of the tracked clouds that are merged into the model.
     pub merge_every: u32,
-    /// Most points of the model that are shown.
+    /// Most points of the model in the live view.
     pub shown_points: usize,
-    /// Time from one picture of the model to the next, nanoseconds.
+    /// Time between two views of the model, nanoseconds.
     pub shown_every_ns: u64,
 }
 
-/// Who tells windows of those before them.
+/// Source of the depth prior, which predicts a window from earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorSource {
     /// The tracking, where it is enabled.
     Tracking,
     /// Another program, on the channel `tracking/prior`.
     External,
-    /// Nobody: each window is decoded by itself.
+    /// No prior: each window is decoded on its own.
     Off,
 }
 
@@ -58,25 +58,25 @@ impl Default for TrackingConfiguration {
 }
 
 impl TrackingConfiguration {
-    /// How clouds are tracked and merged.
+    /// Settings for tracking and merging clouds.
     #[must_use]
     pub fn fusion(&self) -> FusionSettings {
         FusionSettings { merge_every: self.merge_every, ..FusionSettings::default() }
     }
 
-    /// Whether the tracking tells the next windows what it knows.
+    /// Whether the tracking sends priors to the correspondence stage.
     #[must_use]
     pub fn makes_priors(&self) -> bool {
         self.is_enabled && self.prior == PriorSource::Tracking
     }
 
-    /// Whether windows may be told of those before them.
+    /// Whether the correspondence stage receives priors.
     #[must_use]
     pub fn takes_priors(&self) -> bool {
         self.makes_priors() || self.prior == PriorSource::External
     }
 
-    /// Points that the channel of the model holds: none where nothing is tracked.
+    /// Points that the channel of the model holds: 0 without tracking.
     #[must_use]
     pub fn channel_points(&self) -> usize {
         if self.is_enabled { self.shown_points } else { 0 }
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_tracked_unless_asked_for() {
+    fn tracking_is_off_by_default() {
         assert_eq!(parse("").unwrap(), TrackingConfiguration::default());
         assert_eq!(parse("").unwrap().channel_points(), 0);
         let on = parse("enabled = true\nmerge_every = 1\nshown_every_s = 0.5").unwrap();
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named() {
+    fn invalid_values_are_named() {
         assert!(parse("merge_every = 0").unwrap_err().contains("tracking.merge_every is 0"));
         assert!(parse("shown_points = 10").unwrap_err().contains("tracking.shown_points is 10"));
         assert!(parse("shown_every_s = nan").unwrap_err().contains("tracking.shown_every_s is NaN"));

@@ -1,6 +1,7 @@
-//! `[virtual_scanner]`: what stands in for cameras and projector.
+//! `[virtual_scanner]`: simulated cameras and projector.
 //!
-//! The table is kept as it is written: the simulation, which stands above, checks its values and makes a scanner of them.
+//! The table is kept as it is written. The simulation, which depends on this crate, checks its values and builds the
+//! scanner.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use fringeflow_dataset::FringeSequence;
 
 use super::paths::in_folder;
 
-/// The table `[virtual_scanner]`; a key that is not given has the default of the simulation.
+/// The table `[virtual_scanner]`; the simulation has the defaults of absent keys.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualScannerTable {
@@ -23,23 +24,23 @@ pub struct VirtualScannerTable {
     pub size_px: Option<[usize; 2]>,
     /// Depth of the measurement volume, millimetres.
     pub depth_mm: Option<f64>,
-    /// Standard deviation of δ by calibration error, rad.
+    /// Standard deviation of δ caused by calibration error, rad.
     pub sd_rad: Option<f64>,
     /// Noise level.
     pub noise: Option<String>,
     /// Exponent of the projector's response.
     pub gamma: Option<f64>,
-    /// Exposure, relative.
+    /// Exposure, relative to the default.
     pub exposure: Option<f64>,
-    /// Rays a side of a pixel.
+    /// Rays per side of a pixel.
     pub supersampling: Option<usize>,
     /// Seed of noise, tremor and faults.
     pub seed: Option<u64>,
-    /// File that keeps the images from one start to the next.
+    /// File that keeps the images between runs.
     pub cache: Option<PathBuf>,
-    /// How the scanner is moved.
+    /// Motion of the scanner.
     pub sweep: SweepTable,
-    /// What goes wrong on purpose.
+    /// Faults to inject.
     pub faults: FaultsTable,
 }
 
@@ -47,17 +48,17 @@ pub struct VirtualScannerTable {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepTable {
-    /// Poses of one round.
+    /// Number of poses in a round.
     pub poses: Option<usize>,
     /// Travel along x, y and z, millimetres.
     pub travel_mm: Option<[f64; 3]>,
-    /// Turn about x, y and z, degrees.
+    /// Rotation about x, y and z, degrees.
     pub turn_deg: Option<[f64; 3]>,
     /// Tremor of the hand, millimetres.
     pub tremor_mm: Option<f64>,
     /// Tremor of the hand, degrees.
     pub tremor_deg: Option<f64>,
-    /// How far the object may leave the measurement volume, millimetres.
+    /// Distance by which the object may leave the measurement volume, millimetres.
     pub outside_mm: Option<f64>,
 }
 
@@ -65,19 +66,19 @@ pub struct SweepTable {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FaultsTable {
-    /// Images lost, with a gap in the numbers.
+    /// Images lost, with a gap in the sequence numbers.
     pub lost: Option<f64>,
     /// Images delivered twice.
     pub duplicated: Option<f64>,
-    /// Images that change places.
+    /// Images that swap places.
     pub swapped: Option<f64>,
-    /// Images that come late.
+    /// Images delivered late.
     pub late: Option<f64>,
-    /// Images lost without a gap in the numbers.
+    /// Images lost without a gap in the sequence numbers.
     pub hidden_lost: Option<f64>,
-    /// Images that show the one before again, under their own number.
+    /// Images that repeat the one before under a number of their own.
     pub hidden_duplicated: Option<f64>,
-    /// Images that change places, under right numbers.
+    /// Images that swap places under correct numbers.
     pub hidden_swapped: Option<f64>,
     /// Pattern events lost.
     pub events_lost: Option<f64>,
@@ -86,15 +87,15 @@ pub struct FaultsTable {
 /// Configuration of the virtual scanner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualScannerConfiguration {
-    /// What the file says.
+    /// The table as written.
     pub table: VirtualScannerTable,
-    /// Phase shifts of the sequence.
+    /// Number of phase shifts in a cycle.
     pub steps: usize,
     /// Period of the fringes, projector pixels.
     pub period_px: f64,
     /// Format of the images.
     pub format: PixelFormat,
-    /// File that keeps its images from one start to the next.
+    /// File that keeps the images between runs.
     pub cache: Option<PathBuf>,
 }
 

@@ -1,6 +1,6 @@
 //! Luma of a JPEG image.
 //!
-//! JPEG has no checksum: damage that leaves the codes of a scan readable is not seen here. Drivers mark such images.
+//! JPEG has no checksum: damage that leaves the codes of a scan readable goes unnoticed here. Drivers mark such images.
 
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -10,12 +10,13 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use super::UnpackError;
 use super::jpeg_structure;
 
-/// Start of an image, and an `AVI1` segment: says to a decoder that tables which are missing are those of the standard.
+/// Start of an image, and an `AVI1` segment: it makes the decoder use the standard tables where tables are missing.
 const START: [u8; 11] = *b"\xff\xd8\xff\xe0\x00\x07AVI1\0";
-/// In the place of the mark of the end. A decoder that meets the mark too early fills up what is missing; without it, it
-/// fails, and no more than what these bytes may mean goes unseen: some blocks. It reads up to eight bytes ahead.
+/// Replaces the marker of the end. A decoder that meets this marker too early fills up the missing part; without it, it
+/// fails. Only damage that these bytes can hide goes unnoticed, a few blocks at most. The decoder reads up to eight
+/// bytes ahead.
 const INSTEAD_OF_END: [u8; 16] = [0; 16];
-/// Bytes of the marks of start and end.
+/// Bytes of the markers of start and end.
 const MARK_BYTES: usize = 2;
 
 /// Decodes the luma of an image of this size into `out`, which holds `width · height` bytes.

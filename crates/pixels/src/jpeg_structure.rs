@@ -1,8 +1,8 @@
-//! Which parts a JPEG image has, found before a decoder sees it.
+//! Checks the structure of a JPEG image before a decoder sees it.
 //!
-//! In: bytes that may be anything. Out: how many of them are the image, and that it is one whole baseline image of the
-//! expected size, in one scan, as cameras send it. So a decoder that fills up what is missing never gets to, and a small
-//! file cannot ask for much memory. What follows the end of the image is padding of the driver.
+//! In: arbitrary bytes. Out: the length of the image, after checking that it is one whole baseline image of the
+//! expected size in one scan, as cameras send it. So no decoder fills up missing parts, and a small file cannot claim
+//! much memory. Padding of the driver may follow the end of the image.
 
 use super::UnpackError;
 
@@ -13,15 +13,15 @@ const START_OF_SCAN: u8 = 0xda;
 const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
 /// All kinds of images: progressive, lossless, arithmetic.
 const FRAMES: std::ops::RangeInclusive<u8> = 0xc0..=0xcf;
-/// Of these, what starts no image: Huffman tables, an extension, conditions of arithmetic coding.
+/// Markers in this range that start no frame: Huffman tables, an extension, arithmetic coding conditioning.
 const NO_FRAMES: [u8; 3] = [0xc4, 0xc8, 0xcc];
-/// Marks within a scan.
+/// Restart markers within a scan.
 const RESTARTS: std::ops::RangeInclusive<u8> = 0xd0..=0xd7;
 
-/// Checks an image that is to have this size; yields its bytes from start to end.
+/// Checks an image of the expected size and returns its length, start to end, in bytes.
 ///
 /// # Errors
-/// [`UnpackError::JpegSize`], or [`UnpackError::Jpeg`] where it is cut, or no image of one scan.
+/// [`UnpackError::JpegSize`], or [`UnpackError::Jpeg`] where the image is truncated or not one scan.
 pub(super) fn check(bytes: &[u8], expected_px: [usize; 2]) -> Result<usize, UnpackError> {
     let mut parts = Parts { rest: bytes };
     if parts.marker()? != START {
@@ -40,7 +40,7 @@ pub(super) fn check(bytes: &[u8], expected_px: [usize; 2]) -> Result<usize, Unpa
                 return Err(UnpackError::Jpeg(format!("it is coded as SOF{}; cameras send SOF0", marker & 0x0f)));
             }
             marker if marker == START || marker == END || RESTARTS.contains(&marker) => {
-                return Err(broken("it has a mark among its tables that belongs elsewhere"));
+                return Err(broken("it has a marker among its tables that belongs elsewhere"));
             }
             _ => drop(parts.segment()?),
         }
@@ -69,22 +69,22 @@ fn frame(segment: &[u8], expected_px: [usize; 2]) -> Result<u8, UnpackError> {
     Ok(components)
 }
 
-/// What is left of an image.
+/// The unread rest of an image.
 struct Parts<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Parts<'a> {
-    /// The next mark; FF may come before it any number of times.
+    /// The next marker; any number of FF bytes may come before it.
     fn marker(&mut self) -> Result<u8, UnpackError> {
-        let after = self.rest.strip_prefix(&[0xff]).ok_or_else(|| broken("a mark is missing"))?;
+        let after = self.rest.strip_prefix(&[0xff]).ok_or_else(|| broken("a marker is missing"))?;
         let fill = after.iter().take_while(|&&byte| byte == 0xff).count();
         let (&marker, rest) = after.get(fill..).and_then(<[u8]>::split_first).ok_or_else(cut)?;
         self.rest = rest;
         Ok(marker)
     }
 
-    /// The segment of the mark just read, without its length.
+    /// The segment of the marker just read, without its length.
     fn segment(&mut self) -> Result<&'a [u8], UnpackError> {
         let (&length, _) = self.rest.split_first_chunk::<2>().ok_or_else(cut)?;
         let (segment, rest) = self.rest.split_at_checked(u16::from_be_bytes(length).into()).ok_or_else(cut)?;
@@ -92,20 +92,20 @@ impl<'a> Parts<'a> {
         segment.get(2..).ok_or_else(|| broken("a segment has no length"))
     }
 
-    /// Passes over the scan, and the mark of the end that must follow it.
+    /// Skips the scan, and the marker of the end that must follow it.
     fn scan(&mut self) -> Result<(), UnpackError> {
         loop {
-            let place = self.rest.iter().position(|&byte| byte == 0xff).ok_or_else(cut)?;
-            let rest = self.rest.get(place..).unwrap_or_default();
+            let start = self.rest.iter().position(|&byte| byte == 0xff).ok_or_else(cut)?;
+            let rest = self.rest.get(start..).unwrap_or_default();
             let &marker = rest.get(1).ok_or_else(cut)?;
-            // FF FF: the second one may begin a mark.
-            let passed = if marker == 0xff { 1 } else { 2 };
-            self.rest = rest.get(passed..).unwrap_or_default();
+            // FF FF: the second one may begin a marker.
+            let skipped = if marker == 0xff { 1 } else { 2 };
+            self.rest = rest.get(skipped..).unwrap_or_default();
             match marker {
                 END => return Ok(()),
                 0 | 0xff => {}
                 marker if RESTARTS.contains(&marker) => {}
-                _ => return Err(broken("it has more than one scan, or a mark that belongs elsewhere")),
+                _ => return Err(broken("it has more than one scan, or a marker that belongs elsewhere")),
             }
         }
     }

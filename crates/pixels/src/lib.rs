@@ -1,12 +1,24 @@
-//! What cameras send, made into the images of the channels.
+//! Conversion of camera images to the grey-level images of the channels.
 //!
-//! In: the bytes of an image as a V4L2 driver delivers them, in a [`SourceFormat`], rows with gaps as they may be. Out:
-//! tight rows of grey levels in a [`PixelFormat`](fringeflow_base::grey::PixelFormat), no bit less deep than the camera sent
-//! them, of the whole image or of what a [`Readout`](fringeflow::geometry::Readout) leaves of it. Of colour formats the luma is
-//! taken, as it is: whether black is 0 or 16 does not matter to a phase.
+//! ```text
+//! V4L2 buffer in a SourceFormat ──► unpack ──► tight rows of a PixelFormat
+//!      rows with gaps                  └──► ImageReader: region and binning of a Readout ──► the same
+//! ```
 //!
-//! Cost: the one copy of an image on its way from the driver's buffer to shared memory. Formats that need no unpacking
-//! cost as much as copying memory.
+//! No bit of depth is lost. Colour formats yield their luma as it is: whether black is 0 or 16 does not matter to a phase.
+//! Cost: the one copy of an image from the driver's buffer to shared memory. Formats that need no unpacking cost as much as
+//! copying memory.
+//!
+//! ```
+//! use fringeflow_pixels::{SourceFormat, unpack};
+//!
+//! // Two rows of two pixels, Y U Y V.
+//! let yuyv = [10, 128, 20, 128, 30, 128, 40, 128];
+//! let mut grey = [0; 4];
+//! unpack(SourceFormat::Yuyv, &yuyv, 4, [2, 2], &mut grey)?;
+//! assert_eq!(grey, [10, 20, 30, 40]);
+//! # Ok::<(), fringeflow_pixels::UnpackError>(())
+//! ```
 
 #![forbid(unsafe_code)]
 

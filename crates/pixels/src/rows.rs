@@ -1,12 +1,12 @@
-//! Rows of each layout, as the kernel's documentation of V4L2 pixel formats draws them.
+//! Rows of each layout, as the V4L2 documentation of the kernel describes them.
 //!
-//! In: a row of the source, at least as long as the format's least stride. Out: a row of the result. Loops over groups of
-//! a fixed number of bytes without a branch, so that the compiler makes vector code of them. Sizes were checked before.
+//! In: a row of the source, at least as long as the format's least stride. Out: a row of the result. Sizes were checked
+//! before. The loops run over groups of a fixed number of bytes without branches, so that the compiler vectorizes them.
 
-/// From a row of the source to a row of the result.
+/// Converts a row of the source to a row of the result.
 pub(super) type Row = fn(&[u8], &mut [u8]);
 
-/// Copies rows of `row_bytes`; all at once where the source has no gaps.
+/// Copies rows of `row_bytes`; all rows at once where the source has no gaps.
 pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8]) {
     if stride_bytes == row_bytes {
         out.copy_from_slice(&source[..out.len()]);
@@ -15,7 +15,7 @@ pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &m
     }
 }
 
-/// Unpacks row by row; `row_bytes` are those of a row of the result.
+/// Unpacks row by row; a row of the result has `row_bytes`.
 pub(super) fn each(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8], unpack: Row) {
     // An image without pixels has no rows either.
     let rows = source.chunks(stride_bytes.max(1));
@@ -25,17 +25,17 @@ pub(super) fn each(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &m
 }
 
 /// `Y16_BE`.
-pub(super) fn swapped(row: &[u8], out: &mut [u8]) {
+pub(super) fn y16_big_endian(row: &[u8], out: &mut [u8]) {
     groups(row, out, |&[high, low]| [u16::from_be_bytes([high, low])]);
 }
 
 /// `Y012`.
-pub(super) fn high_twelve(row: &[u8], out: &mut [u8]) {
+pub(super) fn y012(row: &[u8], out: &mut [u8]) {
     groups(row, out, |&bytes: &[u8; 2]| [u16::from_le_bytes(bytes) >> 4]);
 }
 
 /// `Y10B`.
-pub(super) fn bit_packed_ten(row: &[u8], out: &mut [u8]) {
+pub(super) fn y10_bit_packed(row: &[u8], out: &mut [u8]) {
     groups(row, out, |bytes: &[u8; 5]| {
         let [a, b, c, d, e] = bytes.map(u16::from);
         [a << 2 | b >> 6, (b & 0x3f) << 4 | c >> 4, (c & 0x0f) << 6 | d >> 2, (d & 0x03) << 8 | e]
@@ -43,7 +43,7 @@ pub(super) fn bit_packed_ten(row: &[u8], out: &mut [u8]) {
 }
 
 /// `Y10P`.
-pub(super) fn mipi_ten(row: &[u8], out: &mut [u8]) {
+pub(super) fn y10_mipi(row: &[u8], out: &mut [u8]) {
     groups(row, out, |bytes: &[u8; 5]| {
         let [a, b, c, d, low] = bytes.map(u16::from);
         [a << 2 | low & 3, b << 2 | low >> 2 & 3, c << 2 | low >> 4 & 3, d << 2 | low >> 6]
@@ -51,7 +51,7 @@ pub(super) fn mipi_ten(row: &[u8], out: &mut [u8]) {
 }
 
 /// `Y12P`.
-pub(super) fn mipi_twelve(row: &[u8], out: &mut [u8]) {
+pub(super) fn y12_mipi(row: &[u8], out: &mut [u8]) {
     groups(row, out, |bytes: &[u8; 3]| {
         let [a, b, low] = bytes.map(u16::from);
         [a << 4 | low & 0x0f, b << 4 | low >> 4]
@@ -59,7 +59,7 @@ pub(super) fn mipi_twelve(row: &[u8], out: &mut [u8]) {
 }
 
 /// `Y14P`.
-pub(super) fn mipi_fourteen(row: &[u8], out: &mut [u8]) {
+pub(super) fn y14_mipi(row: &[u8], out: &mut [u8]) {
     groups(row, out, |bytes: &[u8; 7]| {
         let [a, b, c, d, low0, low1, low2] = bytes.map(u16::from);
         [
@@ -72,23 +72,23 @@ pub(super) fn mipi_fourteen(row: &[u8], out: &mut [u8]) {
 }
 
 /// `YUYV` and `YVYU`.
-pub(super) fn first_of_two(row: &[u8], out: &mut [u8]) {
+pub(super) fn luma_first(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| pair as u8);
 }
 
 /// `UYVY` and `VYUY`.
-pub(super) fn second_of_two(row: &[u8], out: &mut [u8]) {
+pub(super) fn luma_second(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| (pair >> 8) as u8);
 }
 
-/// Pairs as numbers of 16 bits, little endian: shifts and casts of these become vector code.
+/// A pair is read as a 16-bit little-endian number: the compiler vectorizes its shifts and casts.
 fn every_second(row: &[u8], out: &mut [u8], luma: impl Fn(u16) -> u8) {
     for (grey, &pair) in out.iter_mut().zip(row.as_chunks::<2>().0) {
         *grey = luma(u16::from_le_bytes(pair));
     }
 }
 
-/// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each; of the last group what the row has place for.
+/// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each; of the last group as many as fit into the row.
 fn groups<const BYTES: usize, const PIXELS: usize>(
     row: &[u8],
     out: &mut [u8],
@@ -105,7 +105,7 @@ fn groups<const BYTES: usize, const PIXELS: usize>(
     }
 }
 
-/// Writes as many of the grey levels as there is place for.
+/// Writes as many grey levels as fit.
 fn put<const PIXELS: usize>(place: &mut [u8], greys: [u16; PIXELS]) {
     for (bytes, grey) in place.as_chunks_mut::<2>().0.iter_mut().zip(greys) {
         *bytes = grey.to_le_bytes();

@@ -1,8 +1,8 @@
-//! Formats in which V4L2 cameras send grey levels, and how many bytes they take.
+//! Formats in which V4L2 cameras send grey levels, and their sizes in bytes.
 
 use fringeflow_base::grey::PixelFormat;
 
-/// A pixel format of V4L2 that holds grey levels, or luma beside colours.
+/// A V4L2 pixel format that holds grey levels, or luma with colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SourceFormat {
     /// 8 bits.
@@ -14,19 +14,19 @@ pub enum SourceFormat {
     Y12,
     /// 14 bits in the low bits of 16, little endian.
     Y14,
-    /// 16 bits, little endian. Some drivers call so what has fewer, in the low bits: the bytes of Y10, Y12 or Y14.
+    /// 16 bits, little endian. Some drivers use this name for fewer bits in the low bits: the bytes of Y10, Y12 or Y14.
     Y16,
     /// 16 bits, big endian.
     Y16BigEndian,
     /// 12 bits in the high bits of 16, little endian.
     Y012,
-    /// 10 bits, one after the other from the high bits on: four pixels in five bytes.
+    /// 10 bits, packed from the high bits on: four pixels in five bytes.
     Y10BitPacked,
-    /// 10 bits as MIPI packs them: the high bits of four pixels, then their low bits in a fifth byte.
+    /// 10 bits in MIPI packing: the high bits of four pixels, then their low bits in a fifth byte.
     Y10Mipi,
-    /// 12 bits as MIPI packs them: the high bits of two pixels, then their low bits in a third byte.
+    /// 12 bits in MIPI packing: the high bits of two pixels, then their low bits in a third byte.
     Y12Mipi,
-    /// 14 bits as MIPI packs them: the high bits of four pixels, then their low bits in three bytes.
+    /// 14 bits in MIPI packing: the high bits of four pixels, then their low bits in three bytes.
     Y14Mipi,
     /// Luma and colours in turn: Y U Y V.
     Yuyv,
@@ -36,25 +36,25 @@ pub enum SourceFormat {
     Uyvy,
     /// Luma and colours in turn: V Y U Y.
     Vyuy,
-    /// Plane of luma, then one of colours at half the width and height.
+    /// A plane of luma, then one of colours at half the width and height.
     Nv12,
     /// As [`Self::Nv12`], colours in the other order.
     Nv21,
-    /// Plane of luma, then one of colours at half the width.
+    /// A plane of luma, then one of colours at half the width.
     Nv16,
     /// As [`Self::Nv16`], colours in the other order.
     Nv61,
-    /// Plane of luma, then two of colours at half the width and height.
+    /// A plane of luma, then two of colours at half the width and height.
     Yuv420,
     /// As [`Self::Yuv420`], colours in the other order.
     Yvu420,
-    /// As [`Self::Nv12`], planes in buffers of their own.
+    /// As [`Self::Nv12`], each plane in its own buffer.
     Nv12Planes,
-    /// As [`Self::Nv21`], planes in buffers of their own.
+    /// As [`Self::Nv21`], each plane in its own buffer.
     Nv21Planes,
-    /// As [`Self::Yuv420`], planes in buffers of their own.
+    /// As [`Self::Yuv420`], each plane in its own buffer.
     Yuv420Planes,
-    /// As [`Self::Yvu420`], planes in buffers of their own.
+    /// As [`Self::Yvu420`], each plane in its own buffer.
     Yvu420Planes,
     /// A JPEG image, perhaps without its Huffman tables.
     Mjpeg,
@@ -62,7 +62,7 @@ pub enum SourceFormat {
     Jpeg,
 }
 
-/// A name that no format has.
+/// An unknown name of a format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{name:?} is no pixel format that can be read; known are {}", known())]
 pub struct UnknownFormat {
@@ -102,7 +102,7 @@ impl SourceFormat {
         Self::Jpeg,
     ];
 
-    /// The four letters of V4L2's code; [`Self::Y16BigEndian`] has those of [`Self::Y16`], and its highest bit is set.
+    /// The four letters of the V4L2 code. [`Self::Y16BigEndian`] has those of [`Self::Y16`], with the highest bit set.
     fn letters(self) -> &'static [u8; 4] {
         match self {
             Self::Grey => b"GREY",
@@ -141,7 +141,7 @@ impl SourceFormat {
         u32::from_le_bytes(*self.letters()) | big_endian
     }
 
-    /// The format of a V4L2 code; `None` for one that is none of these.
+    /// The format with a V4L2 code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
@@ -156,7 +156,7 @@ impl SourceFormat {
         std::str::from_utf8(self.letters()).unwrap_or_default().trim_end()
     }
 
-    /// The name that V4L2's header gives it after `V4L2_PIX_FMT_`, where that differs.
+    /// The name after `V4L2_PIX_FMT_` in the kernel's header, where it differs.
     fn header_name(self) -> Option<&'static str> {
         match self {
             Self::Y10BitPacked => Some("Y10BPACK"),
@@ -171,7 +171,7 @@ impl SourceFormat {
         }
     }
 
-    /// Format of the images that become of it.
+    /// Format of the unpacked images.
     #[must_use]
     pub fn pixel_format(self) -> PixelFormat {
         match self {
@@ -183,13 +183,13 @@ impl SourceFormat {
         }
     }
 
-    /// Whether its images are compressed, so that they have no rows of a known length.
+    /// Whether its images are compressed and so have no rows of a known length.
     #[must_use]
     pub fn is_compressed(self) -> bool {
         matches!(self, Self::Mjpeg | Self::Jpeg)
     }
 
-    /// The smallest group of pixels that fills whole bytes: pixels, bytes.
+    /// The smallest group of pixels that fills whole bytes: [pixels, bytes].
     fn group(self) -> [usize; 2] {
         match self {
             Self::Y10 | Self::Y12 | Self::Y14 | Self::Y16 | Self::Y16BigEndian | Self::Y012 => [1, 2],
@@ -201,15 +201,15 @@ impl SourceFormat {
         }
     }
 
-    /// Bytes of a row without a gap after it; 0 for compressed formats.
+    /// Bytes of a row without a gap; 0 for compressed formats.
     #[must_use]
     pub fn least_stride_bytes(self, width_px: usize) -> usize {
         let [pixels, bytes] = self.group();
         if self.is_compressed() { 0 } else { width_px.div_ceil(pixels).saturating_mul(bytes) }
     }
 
-    /// Bytes that an image has at least: up to the end of its last row of luma, without the gap after it. A compressed
-    /// image has at least a beginning and an end.
+    /// Fewest bytes of an image: up to the end of the last row of luma, without the gap after it. A compressed image
+    /// has at least a start and an end.
     #[must_use]
     pub fn least_bytes(self, [width_px, height_px]: [usize; 2], stride_bytes: usize) -> usize {
         if self.is_compressed() {
@@ -241,7 +241,7 @@ impl std::fmt::Display for SourceFormat {
 impl std::str::FromStr for SourceFormat {
     type Err = UnknownFormat;
 
-    /// Reads a name as `v4l2-ctl` or V4L2's header has it.
+    /// Parses a name of `v4l2-ctl` or of the kernel's header.
     fn from_str(name: &str) -> Result<Self, UnknownFormat> {
         let known = Self::ALL.into_iter().find(|format| format.name() == name || format.header_name() == Some(name));
         known.ok_or_else(|| UnknownFormat { name: name.to_owned() })

@@ -1,4 +1,4 @@
-//! One image: sizes checked, then row by row from the camera's layout to that of the channel.
+//! One image: sizes are checked, then rows converted from the camera's layout to that of the channel.
 
 use fringeflow_base::grey::PixelFormat;
 
@@ -9,7 +9,7 @@ use super::rows::{self, Row};
 /// Why the bytes of a camera are no image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnpackError {
-    /// The image does not reach its end.
+    /// The image is truncated.
     #[error(
         "{format} image of {width_px} × {height_px} pixels has {found} bytes; with rows of {stride_bytes} bytes it has at \
          least {least}"
@@ -23,7 +23,7 @@ pub enum UnpackError {
         height_px: usize,
         /// Bytes from one row to the next.
         stride_bytes: usize,
-        /// Bytes that came.
+        /// Bytes received.
         found: usize,
         /// Bytes needed.
         least: usize,
@@ -40,21 +40,21 @@ pub enum UnpackError {
         /// Bytes needed.
         least: usize,
     },
-    /// The place for the result has another size than the result.
+    /// The output buffer has another size than the image.
     #[error("{format} image of {width_px} × {height_px} pixels does not fill {found} bytes; give {expected}")]
-    Place {
+    Output {
         /// Its format.
         format: SourceFormat,
         /// Width, pixels.
         width_px: usize,
         /// Height, pixels.
         height_px: usize,
-        /// Bytes given.
+        /// Bytes of the buffer.
         found: usize,
-        /// Bytes of the result.
+        /// Bytes of the image.
         expected: usize,
     },
-    /// The JPEG image has another size.
+    /// The JPEG image has another size than expected.
     #[error("JPEG image is {} × {} pixels; expected {} × {}", found_px[0], found_px[1], expected_px[0], expected_px[1])]
     JpegSize {
         /// Width and height found.
@@ -70,11 +70,11 @@ pub enum UnpackError {
 /// Writes the grey levels of an image to `out`, in rows without gaps, in the format's
 /// [`pixel_format`](SourceFormat::pixel_format).
 ///
-/// `source` is what the driver delivered: of formats whose planes lie in buffers of their own, the first one. The stride
-/// of compressed formats means nothing.
+/// `source` is the buffer of the driver; for formats with a buffer per plane, the first one. The stride is ignored for
+/// compressed formats.
 ///
 /// # Errors
-/// [`UnpackError`]; what `out` holds then is no image.
+/// [`UnpackError`]; `out` then holds no image.
 pub fn unpack(
     format: SourceFormat,
     source: &[u8],
@@ -82,42 +82,42 @@ pub fn unpack(
     size_px: [usize; 2],
     out: &mut [u8],
 ) -> Result<(), UnpackError> {
-    check_place(format, size_px, format.pixel_format(), out.len())?;
+    check_output(format, size_px, format.pixel_format(), out.len())?;
     if format.is_compressed() {
         return jpeg::decode(source, size_px, out);
     }
     check_source(format, source.len(), stride_bytes, size_px)?;
     let row_bytes = size_px[0] * format.pixel_format().bytes();
-    match row_of(format) {
+    match row_converter(format) {
         Some(row) => rows::each(source, stride_bytes, row_bytes, out, row),
         None => rows::copy(source, stride_bytes, row_bytes, out),
     }
     Ok(())
 }
 
-/// What turns its rows into those of the channel; `None` where they are the same.
-fn row_of(format: SourceFormat) -> Option<Row> {
+/// Converts a row of this format to one of the channel; `None` where both are the same.
+fn row_converter(format: SourceFormat) -> Option<Row> {
     Some(match format {
-        SourceFormat::Y16BigEndian => rows::swapped,
-        SourceFormat::Y012 => rows::high_twelve,
-        SourceFormat::Y10BitPacked => rows::bit_packed_ten,
-        SourceFormat::Y10Mipi => rows::mipi_ten,
-        SourceFormat::Y12Mipi => rows::mipi_twelve,
-        SourceFormat::Y14Mipi => rows::mipi_fourteen,
-        SourceFormat::Yuyv | SourceFormat::Yvyu => rows::first_of_two,
-        SourceFormat::Uyvy | SourceFormat::Vyuy => rows::second_of_two,
+        SourceFormat::Y16BigEndian => rows::y16_big_endian,
+        SourceFormat::Y012 => rows::y012,
+        SourceFormat::Y10BitPacked => rows::y10_bit_packed,
+        SourceFormat::Y10Mipi => rows::y10_mipi,
+        SourceFormat::Y12Mipi => rows::y12_mipi,
+        SourceFormat::Y14Mipi => rows::y14_mipi,
+        SourceFormat::Yuyv | SourceFormat::Yvyu => rows::luma_first,
+        SourceFormat::Uyvy | SourceFormat::Vyuy => rows::luma_second,
         _ => return None,
     })
 }
 
-pub(super) fn check_place(
+pub(super) fn check_output(
     format: SourceFormat,
     [width_px, height_px]: [usize; 2],
     stored: PixelFormat,
     found: usize,
 ) -> Result<(), UnpackError> {
     let expected = width_px.saturating_mul(height_px).saturating_mul(stored.bytes());
-    if found == expected { Ok(()) } else { Err(UnpackError::Place { format, width_px, height_px, found, expected }) }
+    if found == expected { Ok(()) } else { Err(UnpackError::Output { format, width_px, height_px, found, expected }) }
 }
 
 pub(super) fn check_source(

@@ -335,12 +335,12 @@ fn gauges(report: &HealthReport) -> Vec<Gauge> {
 fn health(gauges: &[Gauge]) -> Option<HealthReport> {
     let mut health = HealthReport::default();
     for gauge in gauges {
-        health.gauges[Quantity::named(&gauge.quantity)? as usize] = GaugeReport {
+        health.gauges[Quantity::from_name(&gauge.quantity)? as usize] = GaugeReport {
             level: gauge.level.unwrap_or(0.0),
             warn: gauge.warn,
             bad: gauge.bad,
             since_ns: gauge.since_ns,
-            state: HealthState::named(&gauge.state)? as u32,
+            state: HealthState::from_name(&gauge.state)? as u32,
             is_known: u32::from(gauge.level.is_some()),
         };
     }

@@ -1,8 +1,8 @@
-//! Lanes as arrays: the reference, which the compiler turns into whatever vectors the level has.
+//! Lanes as arrays: the reference, which the compiler vectorizes for each level.
 
 use super::{COLUMNS, FourWeights, LANES, Lanes};
 
-/// Lanes of every machine.
+/// Lanes for every machine.
 #[derive(Clone, Copy)]
 pub struct Arrays;
 
@@ -59,65 +59,36 @@ impl Lanes for Arrays {
     type Fours = [Words; 4];
     const TWO_AT_ONCE: bool = false;
 
-    #[inline(always)]
-    fn word(self, value: i16) -> Words {
-        [value; LANES]
-    }
-    #[inline(always)]
-    fn words_of_bytes(self, bytes: &[u8; LANES]) -> Words {
-        map(*bytes, i16::from)
-    }
-    #[inline(always)]
-    fn load(self, words: &[u16; LANES]) -> Words {
-        map(*words, |word| word as i16)
-    }
-    #[inline(always)]
-    fn load_signed(self, words: &[i16; LANES]) -> Words {
-        *words
-    }
-    #[inline(always)]
-    fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words {
-        map(*words, i16::from_le_bytes)
-    }
-    #[inline(always)]
-    fn add(self, a: Words, b: Words) -> Words {
-        zip(a, b, i16::wrapping_add)
-    }
-    #[inline(always)]
-    fn sub(self, a: Words, b: Words) -> Words {
-        zip(a, b, i16::wrapping_sub)
-    }
-    #[inline(always)]
-    fn sub_saturating(self, a: Words, b: Words) -> Words {
-        zip(a, b, i16::saturating_sub)
-    }
-    #[inline(always)]
-    fn abs(self, a: Words) -> Words {
-        map(a, i16::wrapping_abs)
-    }
-    #[inline(always)]
-    fn max_unsigned(self, a: Words, b: Words) -> Words {
-        zip(a, b, |a, b| (a as u16).max(b as u16) as i16)
-    }
-    #[inline(always)]
-    fn min_unsigned(self, a: Words, b: Words) -> Words {
-        zip(a, b, |a, b| (a as u16).min(b as u16) as i16)
+    inlined! {
+        fn word(self, value: i16) -> Words { [value; LANES] }
+        fn words_of_bytes(self, bytes: &[u8; LANES]) -> Words { map(*bytes, i16::from) }
+        fn load(self, words: &[u16; LANES]) -> Words { map(*words, |word| word as i16) }
+        fn load_signed(self, words: &[i16; LANES]) -> Words { *words }
+        fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words { map(*words, i16::from_le_bytes) }
+        fn add(self, a: Words, b: Words) -> Words { zip(a, b, i16::wrapping_add) }
+        fn sub(self, a: Words, b: Words) -> Words { zip(a, b, i16::wrapping_sub) }
+        fn sub_saturating(self, a: Words, b: Words) -> Words { zip(a, b, i16::saturating_sub) }
+        fn abs(self, a: Words) -> Words { map(a, i16::wrapping_abs) }
+        fn max_unsigned(self, a: Words, b: Words) -> Words { zip(a, b, |a, b| (a as u16).max(b as u16) as i16) }
+        fn min_unsigned(self, a: Words, b: Words) -> Words { zip(a, b, |a, b| (a as u16).min(b as u16) as i16) }
+        fn times_low(self, a: Words, b: Words) -> Words { zip(a, b, i16::wrapping_mul) }
+        fn half_up(self, a: Words) -> Words { map(a, |a| u32::from(a as u16).div_ceil(2) as i16) }
+        fn is_equal(self, a: Words, b: Words) -> Mask { zip(a, b, |a, b| truth(a == b)) }
+        fn is_greater(self, a: Words, b: Words) -> Mask { zip(a, b, |a, b| truth(a > b)) }
+        fn is_at_least(self, a: Words, b: Words) -> Mask { zip(a, b, |a, b| truth(a as u16 >= b as u16)) }
+        fn and(self, a: Mask, b: Mask) -> Mask { zip(a, b, |a, b| a & b) }
+        fn and_not(self, a: Mask, b: Mask) -> Mask { zip(a, b, |a, b| a & !b) }
+        fn or(self, a: Mask, b: Mask) -> Mask { zip(a, b, |a, b| a | b) }
+        fn any(self, a: Mask) -> bool { a.into_iter().fold(0, |any, a| any | a) != 0 }
+        fn table(self, words: &[u16; COLUMNS]) -> &[u16; COLUMNS] { words }
     }
     #[inline(always)]
     fn times(self, a: Words, b: Words) -> Words {
         zip(a, b, |a, b| ((i32::from(a) * i32::from(b) + (1 << 14)) >> 15) as i16)
     }
     #[inline(always)]
-    fn times_low(self, a: Words, b: Words) -> Words {
-        zip(a, b, i16::wrapping_mul)
-    }
-    #[inline(always)]
     fn times_high(self, a: Words, b: Words) -> Words {
         zip(a, b, |a, b| ((u32::from(a as u16) * u32::from(b as u16)) >> 16) as i16)
-    }
-    #[inline(always)]
-    fn half_up(self, a: Words) -> Words {
-        map(a, |a| u32::from(a as u16).div_ceil(2) as i16)
     }
     #[inline(always)]
     fn share_of_bytes(self, small: Words, large: Words) -> Words {
@@ -132,18 +103,6 @@ impl Lanes for Arrays {
         map(a, |a| (a as u16 >> BITS) as i16)
     }
     #[inline(always)]
-    fn is_equal(self, a: Words, b: Words) -> Mask {
-        zip(a, b, |a, b| truth(a == b))
-    }
-    #[inline(always)]
-    fn is_greater(self, a: Words, b: Words) -> Mask {
-        zip(a, b, |a, b| truth(a > b))
-    }
-    #[inline(always)]
-    fn is_at_least(self, a: Words, b: Words) -> Mask {
-        zip(a, b, |a, b| truth(a as u16 >= b as u16))
-    }
-    #[inline(always)]
     fn select(self, mask: Mask, yes: Words, no: Words) -> Words {
         let mut out = no;
         for i in 0..LANES {
@@ -152,28 +111,8 @@ impl Lanes for Arrays {
         out
     }
     #[inline(always)]
-    fn and(self, a: Mask, b: Mask) -> Mask {
-        zip(a, b, |a, b| a & b)
-    }
-    #[inline(always)]
-    fn and_not(self, a: Mask, b: Mask) -> Mask {
-        zip(a, b, |a, b| a & !b)
-    }
-    #[inline(always)]
-    fn or(self, a: Mask, b: Mask) -> Mask {
-        zip(a, b, |a, b| a | b)
-    }
-    #[inline(always)]
-    fn any(self, a: Mask) -> bool {
-        a.into_iter().fold(0, |any, a| any | a) != 0
-    }
-    #[inline(always)]
     fn least_of(self, some: Mask, a: Words) -> i16 {
         self.select(some, a, [i16::MAX; LANES]).into_iter().fold(i16::MAX, i16::min)
-    }
-    #[inline(always)]
-    fn table(self, words: &[u16; COLUMNS]) -> &[u16; COLUMNS] {
-        words
     }
     #[inline(always)]
     fn look_up(self, table: &[u16; COLUMNS], places: Words) -> Words {
@@ -208,17 +147,10 @@ impl Lanes for Arrays {
         *to = map(mask, |m| m != 0);
     }
 
-    #[inline(always)]
-    fn bytes(self, bytes: &[u8; LANES]) -> [u8; LANES] {
-        *bytes
-    }
-    #[inline(always)]
-    fn max_bytes(self, a: [u8; LANES], b: [u8; LANES]) -> [u8; LANES] {
-        zip(a, b, u8::max)
-    }
-    #[inline(always)]
-    fn widen_bytes(self, a: [u8; LANES]) -> Words {
-        map(a, i16::from)
+    inlined! {
+        fn bytes(self, bytes: &[u8; LANES]) -> [u8; LANES] { *bytes }
+        fn max_bytes(self, a: [u8; LANES], b: [u8; LANES]) -> [u8; LANES] { zip(a, b, u8::max) }
+        fn widen_bytes(self, a: [u8; LANES]) -> Words { map(a, i16::from) }
     }
     #[inline(always)]
     fn fours(self, images: [[u8; LANES]; 4]) -> [Words; 4] {
@@ -247,21 +179,17 @@ impl Lanes for Arrays {
         [self.widen(sum), squares]
     }
 
-    #[inline(always)]
-    fn long(self, value: i32) -> Longs {
-        [value; LANES]
-    }
-    #[inline(always)]
-    fn widen(self, a: Words) -> Longs {
-        map(a, i32::from)
-    }
-    #[inline(always)]
-    fn add_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_add)
-    }
-    #[inline(always)]
-    fn widen_unsigned(self, a: Words) -> Longs {
-        map(a, |a| i32::from(a as u16))
+    inlined! {
+        fn long(self, value: i32) -> Longs { [value; LANES] }
+        fn widen(self, a: Words) -> Longs { map(a, i32::from) }
+        fn add_long(self, a: Longs, b: Longs) -> Longs { zip(a, b, i32::wrapping_add) }
+        fn widen_unsigned(self, a: Words) -> Longs { map(a, |a| i32::from(a as u16)) }
+        fn is_negative(self, a: Longs) -> Mask { map(a, |a| truth(a < 0)) }
+        fn narrow(self, a: Longs) -> Words { map(a, |a| a.clamp(0, 0xffff) as u16 as i16) }
+        fn narrow_signed(self, a: Longs) -> Words { map(a, |a| a.clamp(-0x8000, 0x7fff) as i16) }
+        fn sub_long(self, a: Longs, b: Longs) -> Longs { zip(a, b, i32::wrapping_sub) }
+        fn is_same(self, a: Longs, b: Longs) -> Truths { zip(a, b, |a, b| truth_of_long(a == b)) }
+        fn floats(self, a: Longs) -> Floats { map(a, |a| a as f32) }
     }
     #[inline(always)]
     fn add_weighted(self, sum: Longs, a: Words, b: Words, [of_a, of_b]: [i16; 2]) -> Longs {
@@ -269,28 +197,8 @@ impl Lanes for Arrays {
         zip(sum, weighted, i32::wrapping_add)
     }
     #[inline(always)]
-    fn is_negative(self, a: Longs) -> Mask {
-        map(a, |a| truth(a < 0))
-    }
-    #[inline(always)]
-    fn narrow(self, a: Longs) -> Words {
-        map(a, |a| a.clamp(0, 0xffff) as u16 as i16)
-    }
-    #[inline(always)]
-    fn narrow_signed(self, a: Longs) -> Words {
-        map(a, |a| a.clamp(-0x8000, 0x7fff) as i16)
-    }
-    #[inline(always)]
     fn join(self, high: Words, low: Words) -> Longs {
         zip(high, low, |high, low| i32::from(high) << 16 | i32::from(low as u16))
-    }
-    #[inline(always)]
-    fn sub_long(self, a: Longs, b: Longs) -> Longs {
-        zip(a, b, i32::wrapping_sub)
-    }
-    #[inline(always)]
-    fn is_same(self, a: Longs, b: Longs) -> Truths {
-        zip(a, b, |a, b| truth_of_long(a == b))
     }
     #[inline(always)]
     fn select_long(self, truths: Truths, yes: Longs, no: Longs) -> Longs {
@@ -319,50 +227,19 @@ impl Lanes for Arrays {
     fn store_longs(self, a: Longs, to: &mut [i32; LANES]) {
         *to = a;
     }
-    #[inline(always)]
-    fn floats(self, a: Longs) -> Floats {
-        map(a, |a| a as f32)
-    }
 
-    #[inline(always)]
-    fn float(self, value: f32) -> Floats {
-        [value; LANES]
-    }
-    #[inline(always)]
-    fn abs_float(self, a: Floats) -> Floats {
-        map(a, f32::abs)
-    }
-    #[inline(always)]
-    fn add_float(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub_float(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn times_float(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn over(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn max_float(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn min_float(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn min_amount(self, a: Floats, b: Floats) -> Floats {
-        self.min_float(self.abs_float(a), self.abs_float(b))
-    }
-    #[inline(always)]
-    fn max_amount(self, a: Floats, b: Floats) -> Floats {
-        self.max_float(self.abs_float(a), self.abs_float(b))
+    inlined! {
+        fn float(self, value: f32) -> Floats { [value; LANES] }
+        fn abs_float(self, a: Floats) -> Floats { map(a, f32::abs) }
+        fn add_float(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a + b) }
+        fn sub_float(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a - b) }
+        fn times_float(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a * b) }
+        fn over(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a / b) }
+        fn max_float(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| if a > b { a } else { b }) }
+        fn min_float(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| if a < b { a } else { b }) }
+        fn min_amount(self, a: Floats, b: Floats) -> Floats { self.min_float(self.abs_float(a), self.abs_float(b)) }
+        fn max_amount(self, a: Floats, b: Floats) -> Floats { self.max_float(self.abs_float(a), self.abs_float(b)) }
+        fn is_greater_float(self, a: Floats, b: Floats) -> Mask { zip(a, b, |a, b| truth(a > b)) }
     }
     #[inline(always)]
     fn share(self, small: Floats, large: Floats) -> Words {
@@ -370,79 +247,37 @@ impl Lanes for Arrays {
         self.narrow(self.longs(share))
     }
     #[inline(always)]
-    fn is_greater_float(self, a: Floats, b: Floats) -> Mask {
-        zip(a, b, |a, b| truth(a > b))
-    }
-    #[inline(always)]
     #[allow(unsafe_code, reason = "a saturating conversion is several times slower")]
     fn longs(self, a: Floats) -> Longs {
-        // SAFETY: whoever calls it promises numbers of the range of longs.
+        // SAFETY: the caller guarantees values in the range of `i32`.
         map(a, |a| unsafe { a.to_int_unchecked() })
     }
 
-    #[inline(always)]
-    fn real(self, value: f32) -> Floats {
-        [value; LANES]
-    }
-    #[inline(always)]
-    fn load_reals(self, reals: &[f32; LANES]) -> Floats {
-        *reals
+    inlined! {
+        fn real(self, value: f32) -> Floats { [value; LANES] }
+        fn load_reals(self, reals: &[f32; LANES]) -> Floats { *reals }
+        fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Floats { map(*bytes, f32::from) }
+        fn reals_of_words(self, words: &[u16; LANES]) -> Floats { map(*words, f32::from) }
+        fn abs_real(self, a: Floats) -> Floats { map(a, f32::abs) }
+        fn add_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a + b) }
+        fn sub_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a - b) }
+        fn times_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a * b) }
+        fn over_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| a / b) }
+        fn root_real(self, a: Floats) -> Floats { map(a, f32::sqrt) }
+        fn max_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| if a > b { a } else { b }) }
+        fn min_real(self, a: Floats, b: Floats) -> Floats { zip(a, b, |a, b| if a < b { a } else { b }) }
+        fn is_greater_real(self, a: Floats, b: Floats) -> Mask { zip(a, b, |a, b| truth(a > b)) }
+        fn is_at_least_real(self, a: Floats, b: Floats) -> Mask { zip(a, b, |a, b| truth(a >= b)) }
+        fn truncate(self, a: Floats) -> Floats { self.floats(self.longs(a)) }
+        fn look_up_real(self, table: &[f32], places: Floats) -> Floats { map(places, |place| table[place as usize]) }
     }
     #[inline(always)]
     fn store_reals(self, a: Floats, to: &mut [f32; LANES]) {
         *to = a;
     }
     #[inline(always)]
-    fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Floats {
-        map(*bytes, f32::from)
-    }
-    #[inline(always)]
     fn reals_of_le(self, words: &[[u8; 2]; LANES]) -> Floats {
         map(*words, |word| f32::from(u16::from_le_bytes(word)))
-    }
-    #[inline(always)]
-    fn reals_of_words(self, words: &[u16; LANES]) -> Floats {
-        map(*words, f32::from)
-    }
-    #[inline(always)]
-    fn abs_real(self, a: Floats) -> Floats {
-        map(a, f32::abs)
-    }
-    #[inline(always)]
-    fn add_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn times_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn over_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn root_real(self, a: Floats) -> Floats {
-        map(a, f32::sqrt)
-    }
-    #[inline(always)]
-    fn max_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn min_real(self, a: Floats, b: Floats) -> Floats {
-        zip(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn is_greater_real(self, a: Floats, b: Floats) -> Mask {
-        zip(a, b, |a, b| truth(a > b))
-    }
-    #[inline(always)]
-    fn is_at_least_real(self, a: Floats, b: Floats) -> Mask {
-        zip(a, b, |a, b| truth(a >= b))
     }
     #[inline(always)]
     fn select_real(self, mask: Mask, yes: Floats, no: Floats) -> Floats {
@@ -453,14 +288,6 @@ impl Lanes for Arrays {
         out
     }
     #[inline(always)]
-    fn truncate(self, a: Floats) -> Floats {
-        self.floats(self.longs(a))
-    }
-    #[inline(always)]
-    fn look_up_real(self, table: &[f32], places: Floats) -> Floats {
-        map(places, |place| table[place as usize])
-    }
-    #[inline(always)]
     fn store_real_words(self, a: Floats, to: &mut [u16; LANES]) {
         *to = map(self.longs(a), |a| a as u16);
     }
@@ -469,25 +296,18 @@ impl Lanes for Arrays {
         *to = map(self.longs(a), |a| a as u8);
     }
 
-    #[inline(always)]
-    fn load_floats(self, floats: &[f32; LANES]) -> Floats {
-        *floats
+    inlined! {
+        fn load_floats(self, floats: &[f32; LANES]) -> Floats { *floats }
+        fn with_sign(self, magnitude: Floats, sign: Floats) -> Floats { zip(magnitude, sign, f32::copysign) }
+        fn exceeds(self, a: Floats, b: Floats) -> Truths { zip(a, b, |a, b| truth_of_long(a > b)) }
+        fn reaches(self, a: Floats, b: Floats) -> Truths { zip(a, b, |a, b| truth_of_long(a >= b)) }
+        fn both(self, a: Truths, b: Truths) -> Truths { zip(a, b, |a, b| a & b) }
+        fn truths(self, mask: Mask) -> Truths { map(mask, i32::from) }
+        fn mask_of(self, truths: Truths) -> Mask { map(truths, |truth| truth as i16) }
     }
     #[inline(always)]
     fn store_floats(self, a: Floats, to: &mut [f32; LANES]) {
         *to = a;
-    }
-    #[inline(always)]
-    fn with_sign(self, magnitude: Floats, sign: Floats) -> Floats {
-        zip(magnitude, sign, f32::copysign)
-    }
-    #[inline(always)]
-    fn exceeds(self, a: Floats, b: Floats) -> Truths {
-        zip(a, b, |a, b| truth_of_long(a > b))
-    }
-    #[inline(always)]
-    fn reaches(self, a: Floats, b: Floats) -> Truths {
-        zip(a, b, |a, b| truth_of_long(a >= b))
     }
     #[inline(always)]
     fn select_float(self, truths: Truths, yes: Floats, no: Floats) -> Floats {
@@ -497,21 +317,9 @@ impl Lanes for Arrays {
         }
         out
     }
-    #[inline(always)]
-    fn both(self, a: Truths, b: Truths) -> Truths {
-        zip(a, b, |a, b| a & b)
-    }
-    #[inline(always)]
-    fn truths(self, mask: Mask) -> Truths {
-        map(mask, i32::from)
-    }
-    #[inline(always)]
-    fn mask_of(self, truths: Truths) -> Mask {
-        map(truths, |truth| truth as i16)
-    }
 
     #[inline(always)]
-    fn expect<T>(self, _: &[T]) {}
+    fn prefetch<T>(self, _: &[T]) {}
     #[inline(always)]
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
         let mut bytes = [0; LANES / 4];

@@ -1,4 +1,4 @@
-//! Lanes of AVX-512: 32 words a register; longs and floats are two registers, in the order in which words unpack.
+//! Lanes of AVX-512: 32 words per register. Longs and floats take two registers, in the order in which words unpack.
 #![allow(unsafe_code, reason = "instructions of the level; lanes exist only where the machine has them")]
 
 use std::arch::asm;
@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 
 use super::{COLUMNS, FourWeights, LANES, Lanes, Level};
 
-/// Proof that the machine has AVX-512 with bytes and words.
+/// Proof that the machine has AVX-512.
 #[derive(Clone, Copy)]
 pub struct Avx512(());
 
@@ -20,7 +20,8 @@ impl Avx512 {
 
 type Pair<T> = [T; 2];
 
-/// The same for both registers. No closures: what is not inlined at once would be calls of single instructions.
+/// Applies an instruction to both registers. No closures: those that the compiler does not inline would cost a call per
+/// instruction.
 macro_rules! both {
     ($of:path, $a:expr) => {{
         let [a, b] = $a;
@@ -32,15 +33,15 @@ macro_rules! both {
     }};
 }
 
-/// What `vrangeps` is asked for: the lesser or the greater amount, without sign.
+/// Operand of `vrangeps`: the smaller or the larger absolute value, without sign.
 const MIN_AMOUNT: i32 = 0b1010;
 const MAX_AMOUNT: i32 = 0b1011;
 
-/// Which bits of words the longs of the first register and of the second belong to.
+/// Bits of a word mask that belong to the longs of the first and of the second register.
 const OF_REGISTERS: Pair<u32> = [0x0f0f_0f0f, 0xf0f0_f0f0];
 
-/// Where the bytes of four images lie in two registers, for those of the longs of the first register and of the second: the order
-/// in which words unpack.
+/// Indices of the bytes of four images in two registers, for the longs of the first and of the second register, in the
+/// order in which words unpack.
 const OF_FOURS: Pair<[u8; 2 * LANES]> = [of_fours(0), of_fours(4)];
 
 const fn of_fours(first: usize) -> [u8; 2 * LANES] {
@@ -54,34 +55,34 @@ const fn of_fours(first: usize) -> [u8; 2 * LANES] {
     places
 }
 
-/// Truths of reals, which are in the order of memory already.
+/// The mask of reals, which are in the order of memory already.
 #[inline(always)]
 fn mask_of_reals([a, b]: Pair<__mmask16>) -> __mmask32 {
     u32::from(a) | u32::from(b) << 16
 }
 
-/// Which longs are negative, in the order of words: their signs are left when they are narrowed.
+/// Which longs are negative, in the order of words: narrowing keeps their signs.
 #[inline(always)]
 fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
     // SAFETY: the lanes prove the instructions.
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
 
-/// |a| of signed words. Written out: of the amount of a difference of widened bytes the compiler would make a maximum, a minimum
-/// and another difference.
+/// |a| of signed words. Written as assembly: from the absolute difference of widened bytes, the compiler would make a
+/// maximum, a minimum and another difference.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw")]
 fn amounts(a: __m512i) -> __m512i {
     let amount;
-    // SAFETY: an instruction of the features of this function, of registers alone.
+    // SAFETY: an instruction of this function's features, on registers only.
     unsafe {
         asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags));
     };
     amount
 }
 
-// SAFETY of all blocks below: a value of `Avx512` proves that the machine has the instructions; addresses come from references to
-// arrays of the length that is read or written, and no instruction asks for alignment.
+// SAFETY of all blocks below: a value of `Avx512` proves that the machine has the instructions. Addresses come from
+// references to arrays of the length that is read or written. No instruction requires alignment.
 impl Lanes for Avx512 {
     type Words = __m512i;
     type Longs = Pair<__m512i>;
@@ -94,65 +95,37 @@ impl Lanes for Avx512 {
     type Fours = Pair<__m512i>;
     const TWO_AT_ONCE: bool = true;
 
-    #[inline(always)]
-    fn word(self, value: i16) -> __m512i {
-        unsafe { _mm512_set1_epi16(value) }
+    inlined! {
+        fn word(self, value: i16) -> __m512i { unsafe { _mm512_set1_epi16(value) } }
+        fn load(self, words: &[u16; LANES]) -> __m512i { unsafe { _mm512_loadu_si512(words.as_ptr().cast()) } }
+        fn load_signed(self, words: &[i16; LANES]) -> __m512i { unsafe { _mm512_loadu_si512(words.as_ptr().cast()) } }
+        fn add(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_add_epi16(a, b) } }
+        fn sub(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_sub_epi16(a, b) } }
+        fn sub_saturating(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_subs_epi16(a, b) } }
+        fn abs(self, a: __m512i) -> __m512i { unsafe { amounts(a) } }
+        fn max_unsigned(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_max_epu16(a, b) } }
+        fn min_unsigned(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_min_epu16(a, b) } }
+        fn times(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_mulhrs_epi16(a, b) } }
+        fn times_low(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_mullo_epi16(a, b) } }
+        fn times_high(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_mulhi_epu16(a, b) } }
+        fn half_up(self, a: __m512i) -> __m512i { unsafe { _mm512_avg_epu16(a, _mm512_setzero_si512()) } }
+        fn is_equal(self, a: __m512i, b: __m512i) -> __mmask32 { unsafe { _mm512_cmpeq_epi16_mask(a, b) } }
+        fn is_greater(self, a: __m512i, b: __m512i) -> __mmask32 { unsafe { _mm512_cmpgt_epi16_mask(a, b) } }
+        fn is_at_least(self, a: __m512i, b: __m512i) -> __mmask32 { unsafe { _mm512_cmpge_epu16_mask(a, b) } }
+        fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 { a & b }
+        fn and_not(self, a: __mmask32, b: __mmask32) -> __mmask32 { a & !b }
+        fn or(self, a: __mmask32, b: __mmask32) -> __mmask32 { a | b }
+        fn any(self, a: __mmask32) -> bool { a != 0 }
+        fn mask(self, bits: u32) -> __mmask32 { bits }
+        fn bits(self, mask: __mmask32) -> u32 { mask }
     }
     #[inline(always)]
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> __m512i {
         unsafe { _mm512_cvtepu8_epi16(_mm256_loadu_si256(bytes.as_ptr().cast())) }
     }
     #[inline(always)]
-    fn load(self, words: &[u16; LANES]) -> __m512i {
-        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
-    }
-    #[inline(always)]
-    fn load_signed(self, words: &[i16; LANES]) -> __m512i {
-        unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
-    }
-    #[inline(always)]
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> __m512i {
         unsafe { _mm512_loadu_si512(words.as_ptr().cast()) }
-    }
-    #[inline(always)]
-    fn add(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_add_epi16(a, b) }
-    }
-    #[inline(always)]
-    fn sub(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_sub_epi16(a, b) }
-    }
-    #[inline(always)]
-    fn sub_saturating(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_subs_epi16(a, b) }
-    }
-    #[inline(always)]
-    fn abs(self, a: __m512i) -> __m512i {
-        unsafe { amounts(a) }
-    }
-    #[inline(always)]
-    fn max_unsigned(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_max_epu16(a, b) }
-    }
-    #[inline(always)]
-    fn min_unsigned(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_min_epu16(a, b) }
-    }
-    #[inline(always)]
-    fn times(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_mulhrs_epi16(a, b) }
-    }
-    #[inline(always)]
-    fn times_low(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_mullo_epi16(a, b) }
-    }
-    #[inline(always)]
-    fn times_high(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_mulhi_epu16(a, b) }
-    }
-    #[inline(always)]
-    fn half_up(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_avg_epu16(a, _mm512_setzero_si512()) }
     }
     #[inline(always)]
     fn share_of_bytes(self, small: __m512i, large: __m512i) -> __m512i {
@@ -170,7 +143,7 @@ impl Lanes for Avx512 {
             let products = [_mm512_fmadd_ps(a, whole, taken), _mm512_fmadd_ps(b, whole, taken)];
             let large = [_mm512_castsi512_ps(large[0]), _mm512_castsi512_ps(large[1])];
             let large = self.sub_float(large, self.float(ADDED));
-            // 0/0 is no number, which becomes the least long, and 0.
+            // 0/0 is NaN, which converts to the least long and narrows to 0.
             self.narrow(self.longs(self.add_float(self.over(products, large), self.float(0.5))))
         }
     }
@@ -183,36 +156,8 @@ impl Lanes for Avx512 {
         unsafe { _mm512_srli_epi16::<BITS>(a) }
     }
     #[inline(always)]
-    fn is_equal(self, a: __m512i, b: __m512i) -> __mmask32 {
-        unsafe { _mm512_cmpeq_epi16_mask(a, b) }
-    }
-    #[inline(always)]
-    fn is_greater(self, a: __m512i, b: __m512i) -> __mmask32 {
-        unsafe { _mm512_cmpgt_epi16_mask(a, b) }
-    }
-    #[inline(always)]
-    fn is_at_least(self, a: __m512i, b: __m512i) -> __mmask32 {
-        unsafe { _mm512_cmpge_epu16_mask(a, b) }
-    }
-    #[inline(always)]
     fn select(self, mask: __mmask32, yes: __m512i, no: __m512i) -> __m512i {
         unsafe { _mm512_mask_blend_epi16(mask, no, yes) }
-    }
-    #[inline(always)]
-    fn and(self, a: __mmask32, b: __mmask32) -> __mmask32 {
-        a & b
-    }
-    #[inline(always)]
-    fn and_not(self, a: __mmask32, b: __mmask32) -> __mmask32 {
-        a & !b
-    }
-    #[inline(always)]
-    fn or(self, a: __mmask32, b: __mmask32) -> __mmask32 {
-        a | b
-    }
-    #[inline(always)]
-    fn any(self, a: __mmask32) -> bool {
-        a != 0
     }
     #[inline(always)]
     fn least_of(self, some: __mmask32, a: __m512i) -> i16 {
@@ -233,14 +178,6 @@ impl Lanes for Avx512 {
         unsafe { _mm512_permutex2var_epi16(low, places, high) }
     }
     #[inline(always)]
-    fn mask(self, bits: u32) -> __mmask32 {
-        bits
-    }
-    #[inline(always)]
-    fn bits(self, mask: __mmask32) -> u32 {
-        mask
-    }
-    #[inline(always)]
     fn store(self, a: __m512i, to: &mut [u16; LANES]) {
         unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), a) }
     }
@@ -254,21 +191,14 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn store_mask(self, mask: __mmask32, to: &mut [bool; LANES]) {
-        // Bytes of 0 and 1 are truths.
+        // A `bool` is a byte of 0 or 1.
         unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm256_maskz_set1_epi8(mask, 1)) }
     }
 
-    #[inline(always)]
-    fn bytes(self, bytes: &[u8; LANES]) -> __m256i {
-        unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) }
-    }
-    #[inline(always)]
-    fn max_bytes(self, a: __m256i, b: __m256i) -> __m256i {
-        unsafe { _mm256_max_epu8(a, b) }
-    }
-    #[inline(always)]
-    fn widen_bytes(self, a: __m256i) -> __m512i {
-        unsafe { _mm512_cvtepu8_epi16(a) }
+    inlined! {
+        fn bytes(self, bytes: &[u8; LANES]) -> __m256i { unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) } }
+        fn max_bytes(self, a: __m256i, b: __m256i) -> __m256i { unsafe { _mm256_max_epu8(a, b) } }
+        fn widen_bytes(self, a: __m256i) -> __m512i { unsafe { _mm512_cvtepu8_epi16(a) } }
     }
     #[inline(always)]
     fn fours(self, [a, b, c, d]: [__m256i; 4]) -> Pair<__m512i> {
@@ -307,7 +237,7 @@ impl Lanes for Avx512 {
             let (mut sum, mut products) = (self.long(0), self.long(0));
             for &[a, b] in fours {
                 sum = [_mm512_dpbusd_epi32(sum[0], a, ones), _mm512_dpbusd_epi32(sum[1], b, ones)];
-                // One factor is signed: byte · (byte − 128).
+                // The second factor of the instruction is signed: byte · (byte − 128).
                 let (of_a, of_b) = (_mm512_xor_si512(a, middle), _mm512_xor_si512(b, middle));
                 products = [_mm512_dpbusd_epi32(products[0], a, of_a), _mm512_dpbusd_epi32(products[1], b, of_b)];
             }
@@ -316,9 +246,15 @@ impl Lanes for Avx512 {
         }
     }
 
-    #[inline(always)]
-    fn long(self, value: i32) -> Pair<__m512i> {
-        unsafe { [_mm512_set1_epi32(value); 2] }
+    inlined! {
+        fn long(self, value: i32) -> Pair<__m512i> { unsafe { [_mm512_set1_epi32(value); 2] } }
+        fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> { both!(_mm512_add_epi32, a, b) }
+        fn is_negative(self, a: Pair<__m512i>) -> __mmask32 { signs(a) }
+        fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i { unsafe { _mm512_packus_epi32(a, b) } }
+        fn narrow_signed(self, [a, b]: Pair<__m512i>) -> __m512i { unsafe { _mm512_packs_epi32(a, b) } }
+        fn sub_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> { both!(_mm512_sub_epi32, a, b) }
+        fn is_same(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__mmask16> { both!(_mm512_cmpeq_epi32_mask, a, b) }
+        fn floats(self, a: Pair<__m512i>) -> Pair<__m512> { both!(_mm512_cvtepi32_ps, a) }
     }
     #[inline(always)]
     fn widen(self, a: __m512i) -> Pair<__m512i> {
@@ -326,10 +262,6 @@ impl Lanes for Avx512 {
             let sign = _mm512_srai_epi16::<15>(a);
             [_mm512_unpacklo_epi16(a, sign), _mm512_unpackhi_epi16(a, sign)]
         }
-    }
-    #[inline(always)]
-    fn add_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_add_epi32, a, b)
     }
     #[inline(always)]
     fn widen_unsigned(self, a: __m512i) -> Pair<__m512i> {
@@ -349,28 +281,8 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn is_negative(self, a: Pair<__m512i>) -> __mmask32 {
-        signs(a)
-    }
-    #[inline(always)]
-    fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i {
-        unsafe { _mm512_packus_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn narrow_signed(self, [a, b]: Pair<__m512i>) -> __m512i {
-        unsafe { _mm512_packs_epi32(a, b) }
-    }
-    #[inline(always)]
     fn join(self, high: __m512i, low: __m512i) -> Pair<__m512i> {
         unsafe { [_mm512_unpacklo_epi16(low, high), _mm512_unpackhi_epi16(low, high)] }
-    }
-    #[inline(always)]
-    fn sub_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> {
-        both!(_mm512_sub_epi32, a, b)
-    }
-    #[inline(always)]
-    fn is_same(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__mmask16> {
-        both!(_mm512_cmpeq_epi32_mask, a, b)
     }
     #[inline(always)]
     fn select_long(self, [t0, t1]: Pair<__mmask16>, yes: Pair<__m512i>, no: Pair<__m512i>) -> Pair<__m512i> {
@@ -380,7 +292,7 @@ impl Lanes for Avx512 {
     fn numbers(self, table: &[i32], places: Pair<__m512i>) -> Pair<__m512i> {
         let last = self.long(table.len() as i32 - 1);
         let [a, b] = both!(_mm512_min_epu32, places, last);
-        // Places are no greater than the last one.
+        // Indices are at most the last one.
         unsafe {
             [
                 _mm512_i32gather_epi32::<4>(a, table.as_ptr().cast()),
@@ -393,7 +305,7 @@ impl Lanes for Avx512 {
         assert!(table.len() >= 2);
         let last = self.long(table.len() as i32 - 2);
         let [a, b] = both!(_mm512_min_epu32, places, last);
-        // Places are no greater than that of the last pair.
+        // Indices are at most that of the last pair.
         unsafe {
             let a = _mm512_i32gather_epi32::<2>(a, table.as_ptr().cast());
             let b = _mm512_i32gather_epi32::<2>(b, table.as_ptr().cast());
@@ -413,42 +325,17 @@ impl Lanes for Avx512 {
             _mm512_storeu_si512(to[LANES / 2..].as_mut_ptr().cast(), in_order[1]);
         }
     }
-    #[inline(always)]
-    fn floats(self, a: Pair<__m512i>) -> Pair<__m512> {
-        both!(_mm512_cvtepi32_ps, a)
-    }
 
-    #[inline(always)]
-    fn float(self, value: f32) -> Pair<__m512> {
-        unsafe { [_mm512_set1_ps(value); 2] }
-    }
-    #[inline(always)]
-    fn abs_float(self, a: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_abs_ps, a)
-    }
-    #[inline(always)]
-    fn add_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_add_ps, a, b)
-    }
-    #[inline(always)]
-    fn sub_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_sub_ps, a, b)
-    }
-    #[inline(always)]
-    fn times_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_mul_ps, a, b)
-    }
-    #[inline(always)]
-    fn over(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_div_ps, a, b)
-    }
-    #[inline(always)]
-    fn max_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_max_ps, a, b)
-    }
-    #[inline(always)]
-    fn min_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_min_ps, a, b)
+    inlined! {
+        fn float(self, value: f32) -> Pair<__m512> { unsafe { [_mm512_set1_ps(value); 2] } }
+        fn abs_float(self, a: Pair<__m512>) -> Pair<__m512> { both!(_mm512_abs_ps, a) }
+        fn add_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_add_ps, a, b) }
+        fn sub_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_sub_ps, a, b) }
+        fn times_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_mul_ps, a, b) }
+        fn over(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_div_ps, a, b) }
+        fn max_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_max_ps, a, b) }
+        fn min_float(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_min_ps, a, b) }
+        fn longs(self, a: Pair<__m512>) -> Pair<__m512i> { both!(_mm512_cvttps_epi32, a) }
     }
     #[inline(always)]
     fn min_amount(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
@@ -460,23 +347,28 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn share(self, small: Pair<__m512>, large: Pair<__m512>) -> __m512i {
-        // 0/0 is no number, which becomes the least long, and 0.
+        // 0/0 is NaN, which converts to the least long and narrows to 0.
         let share = self.over(self.times_float(small, self.float(32767.0)), large);
         self.narrow(self.longs(self.add_float(share, self.float(0.5))))
     }
     #[inline(always)]
     fn is_greater_float(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
-        // The sign of the difference, which is no zero where they differ.
+        // The sign of the difference; it is not zero where they differ.
         signs(both!(_mm512_castps_si512, both!(_mm512_sub_ps, b, a)))
     }
-    #[inline(always)]
-    fn longs(self, a: Pair<__m512>) -> Pair<__m512i> {
-        both!(_mm512_cvttps_epi32, a)
-    }
 
-    #[inline(always)]
-    fn real(self, value: f32) -> Pair<__m512> {
-        unsafe { [_mm512_set1_ps(value); 2] }
+    inlined! {
+        fn real(self, value: f32) -> Pair<__m512> { unsafe { [_mm512_set1_ps(value); 2] } }
+        fn reals_of_words(self, words: &[u16; LANES]) -> Pair<__m512> { self.reals_of_le(bytemuck::cast_ref(words)) }
+        fn abs_real(self, a: Pair<__m512>) -> Pair<__m512> { both!(_mm512_abs_ps, a) }
+        fn add_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_add_ps, a, b) }
+        fn sub_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_sub_ps, a, b) }
+        fn times_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_mul_ps, a, b) }
+        fn over_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_div_ps, a, b) }
+        fn root_real(self, a: Pair<__m512>) -> Pair<__m512> { both!(_mm512_sqrt_ps, a) }
+        fn max_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_max_ps, a, b) }
+        fn min_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> { both!(_mm512_min_ps, a, b) }
+        fn truncate(self, a: Pair<__m512>) -> Pair<__m512> { both!(_mm512_cvtepi32_ps, both!(_mm512_cvttps_epi32, a)) }
     }
     #[inline(always)]
     fn load_reals(self, reals: &[f32; LANES]) -> Pair<__m512> {
@@ -506,42 +398,6 @@ impl Lanes for Avx512 {
         both!(_mm512_cvtepi32_ps, both!(_mm512_cvtepu16_epi32, [a, b]))
     }
     #[inline(always)]
-    fn reals_of_words(self, words: &[u16; LANES]) -> Pair<__m512> {
-        self.reals_of_le(bytemuck::cast_ref(words))
-    }
-    #[inline(always)]
-    fn abs_real(self, a: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_abs_ps, a)
-    }
-    #[inline(always)]
-    fn add_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_add_ps, a, b)
-    }
-    #[inline(always)]
-    fn sub_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_sub_ps, a, b)
-    }
-    #[inline(always)]
-    fn times_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_mul_ps, a, b)
-    }
-    #[inline(always)]
-    fn over_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_div_ps, a, b)
-    }
-    #[inline(always)]
-    fn root_real(self, a: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_sqrt_ps, a)
-    }
-    #[inline(always)]
-    fn max_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_max_ps, a, b)
-    }
-    #[inline(always)]
-    fn min_real(self, a: Pair<__m512>, b: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_min_ps, a, b)
-    }
-    #[inline(always)]
     fn is_greater_real(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
         mask_of_reals(both!(_mm512_cmp_ps_mask::<_CMP_GT_OQ>, a, b))
     }
@@ -554,13 +410,9 @@ impl Lanes for Avx512 {
         unsafe { [_mm512_mask_blend_ps(mask as u16, c, a), _mm512_mask_blend_ps((mask >> 16) as u16, d, b)] }
     }
     #[inline(always)]
-    fn truncate(self, a: Pair<__m512>) -> Pair<__m512> {
-        both!(_mm512_cvtepi32_ps, both!(_mm512_cvttps_epi32, a))
-    }
-    #[inline(always)]
     fn look_up_real(self, table: &[f32], places: Pair<__m512>) -> Pair<__m512> {
         assert!(!table.is_empty(), "a table to look up in");
-        // What lies beyond the table must not be read.
+        // Nothing beyond the table may be read.
         let last = unsafe { [_mm512_set1_epi32(table.len() as i32 - 1); 2] };
         let [a, b] = both!(_mm512_min_epu32, both!(_mm512_cvttps_epi32, places), last);
         unsafe {
@@ -586,6 +438,9 @@ impl Lanes for Avx512 {
         }
     }
 
+    inlined! {
+        fn both(self, a: Pair<__mmask16>, b: Pair<__mmask16>) -> Pair<__mmask16> { [a[0] & b[0], a[1] & b[1]] }
+    }
     #[inline(always)]
     fn load_floats(self, floats: &[f32; LANES]) -> Pair<__m512> {
         unsafe {
@@ -621,10 +476,6 @@ impl Lanes for Avx512 {
         unsafe { [_mm512_mask_mov_ps(no[0], t0, yes[0]), _mm512_mask_mov_ps(no[1], t1, yes[1])] }
     }
     #[inline(always)]
-    fn both(self, a: Pair<__mmask16>, b: Pair<__mmask16>) -> Pair<__mmask16> {
-        [a[0] & b[0], a[1] & b[1]]
-    }
-    #[inline(always)]
     fn truths(self, mask: __mmask32) -> Pair<__mmask16> {
         unsafe { [_pext_u32(mask, OF_REGISTERS[0]) as __mmask16, _pext_u32(mask, OF_REGISTERS[1]) as __mmask16] }
     }
@@ -634,7 +485,7 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn expect<T>(self, soon: &[T]) {
+    fn prefetch<T>(self, soon: &[T]) {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(soon.as_ptr().cast()) }
     }
     #[inline(always)]

@@ -1,7 +1,43 @@
-//! The same kernel for every instruction set: written once over `Lanes`, compiled for each [`Level`], chosen at run time.
+//! Kernels for several instruction sets: written once over [`Lanes`], compiled for each [`Level`], chosen at run time.
 //!
-//! All levels compute the same bits: operations are whole numbers, or single additions, multiplications and divisions of
-//! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests hold every kernel of the others to it.
+//! ```text
+//! run(level, kernel) ──► Portable  Kernel::run(Arrays)
+//!                    ├─► Avx2      the same, compiled with AVX2
+//!                    └─► Avx512    Kernel::run(Avx512)
+//! ```
+//!
+//! All levels compute the same bits: operations are on whole numbers, or single additions, multiplications and divisions of
+//! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests compare every kernel at the other levels with it.
+//!
+//! ```
+//! use fringeflow_simd::{Kernel, LANES, Lanes, Level, run};
+//!
+//! struct Sum<'a>(&'a [u8; LANES], &'a [u8; LANES]);
+//!
+//! impl Kernel for Sum<'_> {
+//!     type Output = [u16; LANES];
+//!
+//!     #[inline(always)]
+//!     fn run<L: Lanes>(self, lanes: L) -> [u16; LANES] {
+//!         let mut sum = [0; LANES];
+//!         lanes.store(lanes.add(lanes.words_of_bytes(self.0), lanes.words_of_bytes(self.1)), &mut sum);
+//!         sum
+//!     }
+//! }
+//!
+//! assert!(Level::in_use().is_available());
+//! assert_eq!(run(Level::in_use(), Sum(&[200; LANES], &[100; LANES])), [300; LANES]);
+//! ```
+
+/// Adds `#[inline(always)]` to every function, so that each operation takes one line.
+macro_rules! inlined {
+    ($(fn $name:ident($($argument:tt)*) -> $output:ty $body:block)*) => {
+        $(
+            #[inline(always)]
+            fn $name($($argument)*) -> $output $body
+        )*
+    };
+}
 
 mod arrays;
 #[cfg(target_arch = "x86_64")]
@@ -14,22 +50,22 @@ pub use arrays::Arrays;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 
-/// Pixels that a kernel handles together.
+/// Pixels that a kernel processes together.
 pub const LANES: usize = 32;
-/// Words of a table.
+/// Entries of a table, see [`Lanes::table`].
 pub const COLUMNS: usize = 2 * LANES;
 
-/// Weights of four images, as [`Lanes::weigh`] takes them.
+/// Weights of four images for [`Lanes::weigh`].
 #[derive(Clone, Copy, Default)]
 pub struct FourWeights {
     words: [i16; 4],
-    /// 256·high + low is the weight; bytes of four images, as a long.
+    /// The weight is 256·high + low; each holds the bytes of four images.
     high: i32,
     low: i32,
 }
 
 impl FourWeights {
-    /// Of weights less than 2^15 − 128.
+    /// Weights must be less than 2^15 − 128.
     pub fn new(words: [i16; 4]) -> Self {
         let low = words.map(|word| word as i8);
         let high = std::array::from_fn(|k| ((i32::from(words[k]) - i32::from(low[k])) >> 8) as i8 as u8);
@@ -37,7 +73,7 @@ impl FourWeights {
     }
 }
 
-/// So many values, those behind the last one `other`.
+/// The first `COUNT` values; where there are fewer, the rest is `other`.
 #[inline(always)]
 pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
     match values.first_chunk() {
@@ -50,31 +86,31 @@ pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT]
     }
 }
 
-/// The bits of so many lanes, from the first on; of all where there are more.
+/// The mask bits of the first `count` lanes; all bits where `count` exceeds [`LANES`].
 #[inline(always)]
 pub fn first_lanes(count: usize) -> u32 {
     if count >= LANES { u32::MAX } else { (1 << count) - 1 }
 }
 
-/// Instruction sets that kernels are compiled for, the least first.
+/// Instruction sets that kernels are compiled for, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// What every machine of the architecture has.
+    /// The baseline of the architecture.
     Portable,
-    /// AVX2 and what came with it.
+    /// AVX2, BMI and LZCNT.
     Avx2,
     /// AVX-512 with bytes and words (F, BW, DQ, VL, CD, VBMI, VNNI).
     Avx512,
 }
 
-/// Highest level in use, as number of [`Level::ALL`]; kernels never exceed what the machine has.
+/// Highest level in use, as index into [`Level::ALL`]; kernels never exceed the machine's level.
 static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
 
 impl Level {
-    /// All levels, the least first.
+    /// All levels, the lowest first.
     pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -84,20 +120,20 @@ impl Level {
         }
     }
 
-    /// Whether this machine has it.
+    /// Whether this machine has the level.
     #[must_use]
     pub fn is_available(self) -> bool {
         self <= Self::highest()
     }
 
-    /// The highest level that this machine has and that is not beyond the limit.
+    /// The highest level of this machine within the limit.
     #[must_use]
     pub fn in_use() -> Self {
         let limit = usize::from(LIMIT.load(Ordering::Relaxed)).min(Self::ALL.len() - 1);
         Self::ALL[limit].min(Self::highest())
     }
 
-    /// The highest level that this machine has. It is asked once: kernels of few blocks run a million times a second.
+    /// The highest level of this machine. It is determined once: short kernels run a million times per second.
     fn highest() -> Self {
         static HIGHEST: OnceLock<Level> = OnceLock::new();
         *HIGHEST.get_or_init(|| {
@@ -111,7 +147,7 @@ impl Level {
         })
     }
 
-    /// Lets kernels use no higher level from now on, in the whole process: results are the same, slower.
+    /// Limits the level of all kernels of the process from now on. Results are the same, slower.
     pub fn limit_to(self) {
         LIMIT.store(self as u8, Ordering::Relaxed);
     }
@@ -134,19 +170,19 @@ fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512vnni")
 }
 
-/// Work that is compiled for every level. `run` and all that it calls with lanes must be `#[inline(always)]`: only then does it
-/// become code of the level.
+/// Work that is compiled for every level. `run` and all functions it calls with lanes must be `#[inline(always)]`: only
+/// then are they compiled for the level.
 pub trait Kernel {
-    /// What it yields.
+    /// The result.
     type Output;
 
-    /// The work, with the vectors of a level.
+    /// Runs the work with the vectors of a level.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// Runs a kernel at a level, or at the highest below it that the machine has.
+/// Runs a kernel at a level, or at the machine's level where that is lower.
 #[inline]
-#[allow(unsafe_code, reason = "code of a level that the machine has been asked for")]
+#[allow(unsafe_code, reason = "calls code of a level after checking that the machine has it")]
 pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
@@ -167,61 +203,61 @@ pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
             return unsafe { avx512(kernel, lanes) };
         }
         if level >= Level::Avx2 && Level::Avx2.is_available() {
-            // SAFETY: the machine was asked for these instructions.
+            // SAFETY: the machine was checked for these instructions.
             return unsafe { avx2(kernel) };
         }
     }
     kernel.run(Arrays)
 }
 
-/// Vectors of [`LANES`] numbers, a pixel each, and what can be done with them.
+/// Vectors of [`LANES`] numbers, one per pixel, and their operations.
 ///
-/// *Words* are 16-bit whole numbers, signed or not as the operation says; *longs* 32-bit signed ones; *floats* `f32`. The
-/// order of lanes in longs and floats is that of the level: they are made of words, and become words again. *Reals* are `f32`
-/// in the order of memory, for planes of them.
+/// *Words* are 16-bit whole numbers, signed or unsigned as the operation says. *Longs* are 32-bit signed numbers,
+/// *floats* are `f32`. The lanes of longs and floats are in an order of the level: they are made from words and become
+/// words again. *Reals* are `f32` in the order of memory, for planes of them.
 pub trait Lanes: Copy {
-    /// 16 bits a lane.
+    /// 16 bits per lane.
     type Words: Copy;
-    /// 32 bits a lane, signed.
+    /// 32 bits per lane, signed.
     type Longs: Copy;
-    /// `f32` a lane.
+    /// `f32` per lane.
     type Floats: Copy;
-    /// `f32` a lane, in the order of memory.
+    /// `f32` per lane, in the order of memory.
     type Reals: Copy;
-    /// A truth a lane.
+    /// One boolean per lane.
     type Mask: Copy;
-    /// A truth a long or a float, in their order.
+    /// One boolean per long or float, in their order.
     type Truths: Copy;
-    /// 8 bits a lane.
+    /// 8 bits per lane.
     type Bytes: Copy;
-    /// The bytes of four images a lane.
+    /// The bytes of four images per lane.
     type Fours: Copy;
-    /// Whether the machine does two blocks at once faster than one after the other: it has registers for both.
+    /// Whether two blocks at once are faster than one after the other: the machine has registers for both.
     const TWO_AT_ONCE: bool;
-    /// [`COLUMNS`] words to look up.
+    /// A table of [`COLUMNS`] words.
     type Table<'a>: Copy;
 
     /// The same word in all lanes.
     fn word(self, value: i16) -> Self::Words;
-    /// Bytes, widened.
+    /// Bytes widened to words.
     fn words_of_bytes(self, bytes: &[u8; LANES]) -> Self::Words;
-    /// Words of memory.
+    /// Words from memory.
     fn load(self, words: &[u16; LANES]) -> Self::Words;
-    /// Signed words of memory.
+    /// Signed words from memory.
     fn load_signed(self, words: &[i16; LANES]) -> Self::Words;
-    /// Little-endian words at any address.
+    /// Little-endian words from any address.
     fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Words;
     /// a + b, wrapping.
     fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a − b, wrapping.
     fn sub(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// a − b of signed words, at the ends of their range where it is beyond.
+    /// a − b of signed words, saturating.
     fn sub_saturating(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// |a| of signed words.
     fn abs(self, a: Self::Words) -> Self::Words;
-    /// The greater of unsigned words.
+    /// The larger of unsigned words.
     fn max_unsigned(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// The lesser of unsigned words.
+    /// The smaller of unsigned words.
     fn min_unsigned(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a·b of signed words as fractions of 2^15, rounded.
     fn times(self, a: Self::Words, b: Self::Words) -> Self::Words;
@@ -231,7 +267,8 @@ pub trait Lanes: Copy {
     fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a/2 of unsigned words, rounded up.
     fn half_up(self, a: Self::Words) -> Self::Words;
-    /// small/large of words of 0 to 255, small no greater, as rounded fractions of 2^15 − 1; 0 where both are 0.
+    /// small/large as rounded fractions of 2^15 − 1; 0 where both are 0. Words are 0 to 255, `small` is at most
+    /// `large`.
     fn share_of_bytes(self, small: Self::Words, large: Self::Words) -> Self::Words;
     /// a·2^BITS.
     fn shift_left<const BITS: u32>(self, a: Self::Words) -> Self::Words;
@@ -243,27 +280,28 @@ pub trait Lanes: Copy {
     fn is_greater(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// a ≥ b, unsigned.
     fn is_at_least(self, a: Self::Words, b: Self::Words) -> Self::Mask;
-    /// `yes` where the mask says so, else `no`.
+    /// `yes` where the mask is set, else `no`.
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
-    /// Both.
+    /// a ∧ b.
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// The first and not the second.
+    /// a ∧ ¬b.
     fn and_not(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Either.
+    /// a ∨ b.
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Whether any lane is true.
     fn any(self, a: Self::Mask) -> bool;
-    /// The least of the words of some lanes, of which none is negative.
+    /// The smallest of the words in the lanes of `some`; words must not be negative.
     fn least_of(self, some: Self::Mask, a: Self::Words) -> i16;
-    /// Words to look up.
+    /// A table of words for [`Self::look_up`].
     fn table(self, words: &[u16; COLUMNS]) -> Self::Table<'_>;
-    /// The words of a table in places, which are below [`COLUMNS`] wherever it matters.
+    /// The words of a table at some indices; lanes with an index of [`COLUMNS`] or more are unspecified.
     fn look_up(self, table: Self::Table<'_>, places: Self::Words) -> Self::Words;
-    /// The words of a table in places and those behind them; places are none of negative, those beyond the last pair are its.
+    /// The words of a table at some indices, and the words after them. Indices must not be negative; beyond the last
+    /// pair they yield the last pair.
     fn pairs(self, table: &[u16], places: Self::Longs) -> [Self::Words; 2];
-    /// Lane k is bit k.
+    /// Lane k is set where bit k is.
     fn mask(self, bits: u32) -> Self::Mask;
-    /// Bit k is that of lane k.
+    /// Bit k is set where lane k is.
     fn bits(self, mask: Self::Mask) -> u32;
     /// Stores words.
     fn store(self, a: Self::Words, to: &mut [u16; LANES]);
@@ -271,12 +309,12 @@ pub trait Lanes: Copy {
     fn store_signed(self, a: Self::Words, to: &mut [i16; LANES]);
     /// Stores the low bytes of words.
     fn store_bytes(self, a: Self::Words, to: &mut [u8; LANES]);
-    /// Stores truths.
+    /// Stores a mask.
     fn store_mask(self, mask: Self::Mask, to: &mut [bool; LANES]);
 
-    /// Bytes of memory.
+    /// Bytes from memory.
     fn bytes(self, bytes: &[u8; LANES]) -> Self::Bytes;
-    /// The greater of two.
+    /// The larger of two bytes.
     fn max_bytes(self, a: Self::Bytes, b: Self::Bytes) -> Self::Bytes;
     /// Bytes as words.
     fn widen_bytes(self, a: Self::Bytes) -> Self::Words;
@@ -284,7 +322,7 @@ pub trait Lanes: Copy {
     fn fours(self, images: [Self::Bytes; 4]) -> Self::Fours;
     /// Σ byte·weight of all images.
     fn weigh<const COUNT: usize>(self, fours: &[Self::Fours; COUNT], weights: &[FourWeights; COUNT]) -> Self::Longs;
-    /// Σ byte and Σ byte² of all images, 16 at most.
+    /// Σ byte and Σ byte² of all images, at most 16.
     fn sums_and_squares<const COUNT: usize>(self, fours: &[Self::Fours; COUNT]) -> [Self::Longs; 2];
 
     /// The same long in all lanes.
@@ -299,19 +337,20 @@ pub trait Lanes: Copy {
     fn add_weighted(self, sum: Self::Longs, a: Self::Words, b: Self::Words, weights: [i16; 2]) -> Self::Longs;
     /// Which longs are below zero.
     fn is_negative(self, a: Self::Longs) -> Self::Mask;
-    /// Longs as words, those beyond 0 to 65535 at its ends.
+    /// Longs as words, clamped to 0 … 65535.
     fn narrow(self, a: Self::Longs) -> Self::Words;
-    /// Longs as words, those beyond the signed ones at their ends.
+    /// Longs as words, clamped to the range of signed words.
     fn narrow_signed(self, a: Self::Longs) -> Self::Words;
-    /// Longs of high words and low words.
+    /// Longs from high words and low words.
     fn join(self, high: Self::Words, low: Self::Words) -> Self::Longs;
     /// a − b, wrapping.
     fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
     /// a = b.
     fn is_same(self, a: Self::Longs, b: Self::Longs) -> Self::Truths;
-    /// `yes` where it is true, else `no`.
+    /// `yes` where it is set, else `no`.
     fn select_long(self, truths: Self::Truths, yes: Self::Longs, no: Self::Longs) -> Self::Longs;
-    /// The numbers of a table in places, the last one in places beyond it; none is negative.
+    /// The entries of a table at some indices. Indices must not be negative; beyond the table they yield the last
+    /// entry.
     fn numbers(self, table: &[i32], places: Self::Longs) -> Self::Longs;
     /// Stores longs.
     fn store_longs(self, a: Self::Longs, to: &mut [i32; LANES]);
@@ -330,32 +369,33 @@ pub trait Lanes: Copy {
     fn times_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a / b.
     fn over(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// The greater of two, neither NaN.
+    /// The larger of two, neither NaN.
     fn max_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// The lesser of two, neither NaN.
+    /// The smaller of two, neither NaN.
     fn min_float(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// min(|a|, |b|), neither NaN.
     fn min_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// max(|a|, |b|), neither NaN.
     fn max_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// small/large of whole numbers, neither negative, small no greater, as rounded fractions of 2^15 − 1; 0 where both are 0.
+    /// small/large as rounded fractions of 2^15 − 1; 0 where both are 0. Both are whole numbers, not negative, `small`
+    /// at most `large`.
     fn share(self, small: Self::Floats, large: Self::Floats) -> Self::Words;
     /// a > b of finite floats.
     fn is_greater_float(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
-    /// Floats of the range of longs as longs, rounded towards zero.
+    /// Floats as longs, rounded towards zero; they must be in the range of longs.
     fn longs(self, a: Self::Floats) -> Self::Longs;
 
     /// The same real in all lanes.
     fn real(self, value: f32) -> Self::Reals;
-    /// Reals of memory.
+    /// Reals from memory.
     fn load_reals(self, reals: &[f32; LANES]) -> Self::Reals;
     /// Stores reals.
     fn store_reals(self, a: Self::Reals, to: &mut [f32; LANES]);
     /// Bytes as reals.
     fn reals_of_bytes(self, bytes: &[u8; LANES]) -> Self::Reals;
-    /// Little-endian words at any address as reals.
+    /// Little-endian words from any address as reals.
     fn reals_of_le(self, words: &[[u8; 2]; LANES]) -> Self::Reals;
-    /// Unsigned words of memory as reals.
+    /// Unsigned words from memory as reals.
     fn reals_of_words(self, words: &[u16; LANES]) -> Self::Reals;
     /// |a|.
     fn abs_real(self, a: Self::Reals) -> Self::Reals;
@@ -369,26 +409,26 @@ pub trait Lanes: Copy {
     fn over_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
     /// √a.
     fn root_real(self, a: Self::Reals) -> Self::Reals;
-    /// a where it is greater than b, else b: b where either is NaN.
+    /// a where a > b, else b: b where either is NaN.
     fn max_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
-    /// a where it is less than b, else b: b where either is NaN.
+    /// a where a < b, else b: b where either is NaN.
     fn min_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
-    /// a > b; not where either is NaN.
+    /// a > b; false where either is NaN.
     fn is_greater_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
-    /// a ≥ b; not where either is NaN.
+    /// a ≥ b; false where either is NaN.
     fn is_at_least_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
-    /// `yes` where the mask says so, else `no`.
+    /// `yes` where the mask is set, else `no`.
     fn select_real(self, mask: Self::Mask, yes: Self::Reals, no: Self::Reals) -> Self::Reals;
-    /// Reals of the range of longs, rounded towards zero.
+    /// Reals rounded towards zero; they must be in the range of longs.
     fn truncate(self, a: Self::Reals) -> Self::Reals;
-    /// The entries of a table at the places that reals, whole numbers below its length, say.
+    /// The entries of a table at indices given as reals: whole numbers below its length.
     fn look_up_real(self, table: &[f32], places: Self::Reals) -> Self::Reals;
-    /// Stores the low words of reals of the range of longs, rounded towards zero.
+    /// Stores the low words of reals rounded towards zero; they must be in the range of longs.
     fn store_real_words(self, a: Self::Reals, to: &mut [u16; LANES]);
-    /// Stores reals from 0 to 255, rounded towards zero.
+    /// Stores reals from 0 to 255 as bytes, rounded towards zero.
     fn store_real_bytes(self, a: Self::Reals, to: &mut [u8; LANES]);
 
-    /// Floats of memory.
+    /// Floats from memory.
     fn load_floats(self, floats: &[f32; LANES]) -> Self::Floats;
     /// Stores floats.
     fn store_floats(self, a: Self::Floats, to: &mut [f32; LANES]);
@@ -398,20 +438,20 @@ pub trait Lanes: Copy {
     fn exceeds(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
     /// a ≥ b.
     fn reaches(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
-    /// `yes` where it is true, else `no`.
+    /// `yes` where it is set, else `no`.
     fn select_float(self, truths: Self::Truths, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
-    /// Both.
+    /// a ∧ b.
     fn both(self, a: Self::Truths, b: Self::Truths) -> Self::Truths;
-    /// Truths of words as those of longs.
+    /// The mask of words as one of longs.
     fn truths(self, mask: Self::Mask) -> Self::Truths;
-    /// Truths of longs as those of words.
+    /// The mask of longs as one of words.
     fn mask_of(self, truths: Self::Truths) -> Self::Mask;
 
-    /// Tells the machine that something will be read soon.
-    fn expect<T>(self, soon: &[T]);
-    /// Words below 256 as bytes, the first the lowest.
+    /// Prefetches memory that will be read soon.
+    fn prefetch<T>(self, soon: &[T]);
+    /// Words below 256 as bytes, the first one lowest.
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
-    /// The least of unsigned words, everywhere.
+    /// The smallest of unsigned words, in all places.
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }
 
@@ -419,15 +459,15 @@ pub trait Lanes: Copy {
 mod tests {
     use super::*;
 
-    /// Shares of bytes, weighed bytes of eight images, their sums and sums of squares, at a level.
-    struct OfBytes<'a> {
+    /// Shares of bytes, weighted bytes of eight images, their sums and sums of squares, at a level.
+    struct ByteOperations<'a> {
         small: &'a [u8; LANES],
         large: &'a [u8; LANES],
         images: &'a [[u8; LANES]; 8],
         weights: [[i16; 4]; 2],
     }
 
-    impl Kernel for OfBytes<'_> {
+    impl Kernel for ByteOperations<'_> {
         type Output = ([u16; LANES], [[i32; LANES]; 3]);
 
         #[inline(always)]
@@ -448,13 +488,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_made_of_bytes_is_exact_at_every_level() {
+    fn byte_operations_are_exact_at_every_level() {
         let mut state = 5_u32;
         let mut random = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as u16
         };
-        // All pairs of bytes of which the first is no greater.
+        // All pairs of bytes with small ≤ large.
         for large in 0..=u8::MAX {
             for begin in (0..=large).step_by(LANES) {
                 let small = std::array::from_fn(|k| begin.saturating_add(k as u8).min(large));
@@ -464,13 +504,13 @@ mod tests {
                 let weights = [[0; 4]; 2].map(|four| {
                     four.map(|_: i16| if random() % 4 == 0 { 0x7f7f } else { (random() as i16).min(0x7f7f) })
                 });
-                let of = |k: usize, f: &dyn Fn(i32, i32) -> i32| -> i32 {
+                let sum = |k: usize, f: &dyn Fn(i32, i32) -> i32| -> i32 {
                     images.iter().zip(weights.as_flattened()).map(|(i, &w)| f(i32::from(i[k]), i32::from(w))).sum()
                 };
-                let wanted: [[i32; LANES]; 3] = [
-                    std::array::from_fn(|k| of(k, &|byte, weight| byte * weight)),
-                    std::array::from_fn(|k| of(k, &|byte, _| byte)),
-                    std::array::from_fn(|k| of(k, &|byte, _| byte * byte)),
+                let expected: [[i32; LANES]; 3] = [
+                    std::array::from_fn(|k| sum(k, &|byte, weight| byte * weight)),
+                    std::array::from_fn(|k| sum(k, &|byte, _| byte)),
+                    std::array::from_fn(|k| sum(k, &|byte, _| byte * byte)),
                 ];
                 let share = |small: u8| {
                     let large = u32::from(large.max(1));
@@ -478,9 +518,9 @@ mod tests {
                 };
                 for level in Level::ALL {
                     let (shares, sums) =
-                        run(level, OfBytes { small: &small, large: &[large; LANES], images: &images, weights });
+                        run(level, ByteOperations { small: &small, large: &[large; LANES], images: &images, weights });
                     assert_eq!(shares, small.map(share), "{level:?}, large {large}");
-                    assert!(sums == wanted, "{level:?}");
+                    assert!(sums == expected, "{level:?}");
                 }
             }
         }

@@ -1,17 +1,17 @@
-//! Why a window took long, in words.
+//! Why a window took long, as a sentence for people.
 
 use std::fmt;
 
 use super::Segment;
 
-/// The part of the way that exceeds its own median by most.
+/// The segment whose duration exceeds its median over the run by most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cause {
-    /// The part.
+    /// The segment.
     pub segment: Segment,
-    /// How long it took, milliseconds.
+    /// Duration of the segment in this window, milliseconds.
     pub ms: f64,
-    /// How long it takes in the median of the run, milliseconds.
+    /// Median duration of the segment over the run, milliseconds.
     pub median_ms: f64,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// A duration with the digits that count.
+/// A duration with as many digits as matter.
 struct Milliseconds(f64);
 
 impl fmt::Display for Milliseconds {

@@ -1,10 +1,10 @@
-//! What was dropped, where and why, in the order in which it matters.
+//! What was dropped, where and why, sorted by how much it matters.
 
 use serde::Serialize;
 
 use fringeflow_message::{Counts, Stage};
 
-/// What a stage dropped for one reason, or what happened to it beside its items.
+/// What a stage dropped for one reason, or one kind of incident in it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DropLine {
     /// How much it matters.
@@ -13,35 +13,35 @@ pub struct DropLine {
     pub stage: &'static str,
     /// Name of the reason or the incident.
     pub reason: &'static str,
-    /// What the name means.
+    /// Explanation of the name.
     pub meaning: &'static str,
-    /// How often.
+    /// Number of items or incidents.
     pub count: u64,
 }
 
-/// How much it matters, the most first.
+/// How much a line matters, most important first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DropKind {
     /// Something is missing that should be there.
     Loss,
-    /// Left out on purpose, or there was nothing to see.
+    /// Left out on purpose, or there was nothing to measure.
     Decision,
-    /// It happened, and nothing need be lost by it.
+    /// An incident that need not have cost an item.
     Incident,
 }
 
 impl DropLine {
-    /// Of these stages: losses first, then decisions, then incidents; of each the most frequent first.
+    /// Lines of some stages: losses first, then decisions, then incidents; the most frequent first in each group.
     #[must_use]
-    pub fn all_of(counts: &[(Stage, Counts)]) -> Vec<Self> {
+    pub fn from_counts(counts: &[(Stage, Counts)]) -> Vec<Self> {
         let mut lines: Vec<Self> =
-            counts.iter().flat_map(|(stage, counts)| Self::all_of_stage(stage.name(), counts)).collect();
+            counts.iter().flat_map(|(stage, counts)| Self::lines_of_stage(stage.name(), counts)).collect();
         lines.sort_by(|a, b| a.kind.cmp(&b.kind).then(b.count.cmp(&a.count)));
         lines
     }
 
-    fn all_of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
+    fn lines_of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
         let dropped = counts.reasons().map(move |(reason, count)| Self {
             kind: if reason.is_loss() { DropKind::Loss } else { DropKind::Decision },
             stage,
@@ -49,14 +49,14 @@ impl DropLine {
             meaning: reason.meaning(),
             count,
         });
-        let survived = counts.incidents().map(move |(incident, count)| Self {
+        let incidents = counts.incidents().map(move |(incident, count)| Self {
             kind: DropKind::Incident,
             stage,
             reason: incident.name(),
             meaning: incident.meaning(),
             count,
         });
-        dropped.chain(survived)
+        dropped.chain(incidents)
     }
 }
 
@@ -73,10 +73,10 @@ mod tests {
         let mut camera = Counts::default();
         camera.drop_many(DropReason::CameraLost, 2);
         camera.incidents[Incident::TimeOut as usize] = 30;
-        let lines = DropLine::all_of(&[(Stage::Camera1, camera), (Stage::Cloud, cloud)]);
-        let told: Vec<_> = lines.iter().map(|line| (line.kind, line.stage, line.reason, line.count)).collect();
+        let lines = DropLine::from_counts(&[(Stage::Camera1, camera), (Stage::Cloud, cloud)]);
+        let lines: Vec<_> = lines.iter().map(|line| (line.kind, line.stage, line.reason, line.count)).collect();
         assert_eq!(
-            told,
+            lines,
             [
                 (DropKind::Loss, "camera1", "camera_lost", 2),
                 (DropKind::Loss, "cloud", "overrun", 1),

@@ -1,4 +1,4 @@
-//! The health of the scanner as people and programs read it, as of one window and over a run.
+//! The health of the scanner for people and programs, as of one window and over a run.
 
 use std::fmt;
 
@@ -24,65 +24,68 @@ pub struct GaugeFigures {
     /// The quantity, by its name.
     #[serde(serialize_with = "quantity_name")]
     pub quantity: Quantity,
-    /// What it is, for people.
+    /// Title for people.
     pub title: &'static str,
     /// Unit of level and limits; empty for shares.
     pub unit: &'static str,
     /// Its state.
     #[serde(serialize_with = "by_name")]
     pub state: HealthState,
-    /// Its level; `None` while too few windows have told it.
+    /// Its level; `None` while too few windows had a value.
     pub level: Option<f64>,
-    /// Limit beyond which it is a warning.
+    /// Limit above which it is a warning.
     pub warn: f64,
-    /// Limit beyond which it is bad.
+    /// Limit above which it is bad.
     pub bad: f64,
-    /// When it came to its state; 0 while that is not known.
+    /// Time at which it came to its state; 0 while that is not known.
     pub since_ns: u64,
 }
 
 /// The health over the windows of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct HealthRecord {
-    /// Windows that told of it.
+    /// Windows with a health report.
     windows: u64,
     /// The worst state of all quantities in any window.
     #[serde(serialize_with = "by_name")]
     worst: HealthState,
-    /// All quantities, as they were at their worst.
+    /// All quantities, each in the window in which it was worst.
     quantities: Vec<GaugeRecord>,
 }
 
-/// A quantity at its worst.
+/// A quantity over a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct GaugeRecord {
-    /// In the window in which it was worst: the highest level of its worst state.
+struct GaugeRecord {
+    /// Its figures in the worst window: the highest level of its worst state.
     #[serde(flatten)]
-    pub at_worst: GaugeFigures,
+    at_worst: GaugeFigures,
     /// Windows in which its state was a warning.
-    pub windows_warn: u64,
+    windows_warn: u64,
     /// Windows in which its state was bad.
-    pub windows_bad: u64,
+    windows_bad: u64,
 }
 
 impl HealthFigures {
-    /// The health that a report tells; `None` for one of an older recording.
+    /// The health of a window report; `None` for a report of an older recording.
     #[must_use]
     pub fn from_report(report: &WindowReport) -> Option<Self> {
-        let told = Quantity::ALL.into_iter().zip(&report.health.gauges);
-        let quantities: Vec<_> =
-            told.map(|(quantity, gauge)| GaugeFigures::new(quantity, gauge)).filter(|gauge| gauge.bad > 0.0).collect();
+        let gauges = Quantity::ALL.into_iter().zip(&report.health.gauges);
+        // Limits of 0 mark a gauge that the recording did not know.
+        let quantities: Vec<_> = gauges
+            .map(|(quantity, gauge)| GaugeFigures::new(quantity, gauge))
+            .filter(|gauge| gauge.bad > 0.0)
+            .collect();
         let state = quantities.iter().map(|gauge| gauge.state).max()?;
         Some(Self { state, quantities })
     }
 
-    /// A quantity; `None` where it is not told.
+    /// The figures of a quantity; `None` where the report has none.
     #[must_use]
     pub fn quantity(&self, quantity: Quantity) -> Option<&GaugeFigures> {
         self.quantities.iter().find(|gauge| gauge.quantity == quantity)
     }
 
-    /// The quantities that are not as they should be, the worst first.
+    /// The quantities above their limits, the worst first.
     #[must_use]
     pub fn beyond_limits(&self) -> Vec<&GaugeFigures> {
         let mut beyond: Vec<_> = self.quantities.iter().filter(|gauge| gauge.state >= HealthState::Warn).collect();
@@ -105,15 +108,15 @@ impl GaugeFigures {
         }
     }
 
-    /// For how long it has been in its state, seconds; `None` while that is not known.
+    /// Time in its state, seconds; `None` while the state is not known.
     #[must_use]
-    pub fn for_s(&self, now_ns: u64) -> Option<f64> {
+    pub fn seconds_in_state(&self, now_ns: u64) -> Option<f64> {
         (self.since_ns > 0).then(|| now_ns.saturating_sub(self.since_ns) as f64 * 1e-9)
     }
 
-    /// Whether a change of state is worth telling: not that something is as it should be from the beginning.
+    /// Whether a change of state deserves a log line: one from or to a state above the limits.
     #[must_use]
-    pub fn is_news(before: HealthState, now: HealthState) -> bool {
+    pub fn is_noteworthy_change(before: HealthState, now: HealthState) -> bool {
         before != now && before.max(now) >= HealthState::Warn
     }
 
@@ -126,7 +129,7 @@ impl GaugeFigures {
         }
     }
 
-    /// The level with its unit, or that it is not known.
+    /// The level with its unit, or "not known".
     #[must_use]
     pub fn level_text(&self) -> String {
         self.level.map_or_else(|| HealthState::NotKnown.name().to_owned(), |level| self.with_unit(level))
@@ -134,7 +137,7 @@ impl GaugeFigures {
 }
 
 impl fmt::Display for GaugeFigures {
-    /// For people: how it is, and what to do.
+    /// For people: the state, and the remedy.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (title, level, key) = (self.title, self.level_text(), self.quantity.key());
         let remedy = self.quantity.remedy();
@@ -151,42 +154,35 @@ impl fmt::Display for GaugeFigures {
 }
 
 impl HealthRecord {
-    /// Takes what a window tells.
+    /// Adds the report of a window.
     pub fn add(&mut self, report: &WindowReport) {
         let Some(figures) = HealthFigures::from_report(report) else { return };
         self.windows += 1;
         self.worst = self.worst.max(figures.state);
         for gauge in figures.quantities {
-            let place = self.quantities.iter().position(|record| record.at_worst.quantity == gauge.quantity);
-            let place = place.unwrap_or_else(|| {
+            let same = |record: &GaugeRecord| record.at_worst.quantity == gauge.quantity;
+            let index = self.quantities.iter().position(same).unwrap_or_else(|| {
                 self.quantities.push(GaugeRecord { at_worst: gauge, windows_warn: 0, windows_bad: 0 });
                 self.quantities.len() - 1
             });
-            self.quantities[place].add(gauge);
+            self.quantities[index].add(gauge);
         }
     }
 
-    /// The worst state of all quantities in any window; `None` where no window told of it.
+    /// The worst state of all quantities in any window; `None` without a health report.
     #[must_use]
     pub fn worst(&self) -> Option<HealthState> {
         (self.windows > 0).then_some(self.worst)
     }
 
-    /// Whether any window told of it.
+    /// Whether no window had a health report.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.windows == 0
     }
 
-    /// Windows that told of it.
-    #[must_use]
-    pub fn windows(&self) -> u64 {
-        self.windows
-    }
-
-    /// The quantities that were beyond their limits, the worst first.
-    #[must_use]
-    pub fn beyond_limits(&self) -> Vec<&GaugeRecord> {
+    /// The quantities that were above their limits, the worst first.
+    fn beyond_limits(&self) -> Vec<&GaugeRecord> {
         let mut beyond: Vec<_> =
             self.quantities.iter().filter(|record| record.at_worst.state >= HealthState::Warn).collect();
         beyond.sort_by_key(|record| std::cmp::Reverse(record.at_worst.state));
@@ -206,7 +202,7 @@ impl GaugeRecord {
 }
 
 impl fmt::Display for HealthRecord {
-    /// For people: lines on the worst state, and on what was beyond its limits.
+    /// For people: the worst state, and a line for each quantity that exceeded its limits.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(worst) = self.worst() else { return write!(f, "health: not told") };
         write!(f, "health: {} at worst, over {} windows", worst.name(), self.windows)?;
@@ -239,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_tell_state_limit_and_remedy_and_nothing_of_what_is_not_known() {
+    fn figures_show_state_limit_and_remedy() {
         let figures = HealthFigures::from_report(&report(0.25, HealthState::Bad)).unwrap();
         assert_eq!(figures.state, HealthState::Bad);
         let text = figures.beyond_limits()[0].to_string();
@@ -259,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_told_by_its_worst_window() {
+    fn a_run_is_judged_by_its_worst_window() {
         let mut record = HealthRecord::default();
         assert_eq!((record.worst(), record.to_string().as_str()), (None, "health: not told"));
         for (level, state) in [
@@ -275,7 +271,7 @@ mod tests {
         }
         let [worst] = record.beyond_limits()[..] else { panic!("one quantity") };
         assert_eq!((worst.at_worst.level, worst.windows_warn, worst.windows_bad), (Some(0.25), 1, 3));
-        assert_eq!((record.worst(), record.windows()), (Some(HealthState::Bad), 7));
+        assert_eq!((record.worst(), record.windows), (Some(HealthState::Bad), 7));
         assert!(record.to_string().starts_with("health: bad at worst, over 7 windows\n  drift"), "{record}");
     }
 }

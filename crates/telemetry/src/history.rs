@@ -1,16 +1,16 @@
-//! The time line of a run of any length, in bounded memory.
+//! The timeline of a run of any length, in bounded memory.
 
 use fringeflow_message::{StageReport, WindowReport};
 
 use super::{Interval, Journey, Sample};
 
-/// Most spans that are kept: about 15 MB, with all stages at work in each.
-const MOST: usize = 600;
-/// How long a span is until there are too many, nanoseconds.
+/// Most intervals kept: about 15 MB, with all stages active in each.
+const MAX_INTERVALS: usize = 600;
+/// Length of an interval until there are too many, nanoseconds.
 const FIRST_SPAN_NS: u64 = 1_000_000_000;
 
-/// Spans of equal length without gaps. When there are too many, each two neighbours become one of twice the length: an hour
-/// is told in spans of eight seconds, a day in spans of four minutes.
+/// Intervals of equal length without gaps. When there are too many, two neighbours each become one of twice the length:
+/// an hour has intervals of eight seconds, a day intervals of four minutes.
 #[derive(Clone, Debug)]
 pub struct History {
     span_ns: u64,
@@ -25,23 +25,23 @@ impl Default for History {
 }
 
 impl History {
-    /// Takes a report, and the journey that it ended. It counts in the span of its time; one that comes late, in the present
-    /// span.
+    /// Adds a report, and the journey that it completed. It counts in the interval of its time; a late one counts in
+    /// the last interval.
     pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
-        self.reach(report.time_ns);
+        self.extend_to(report.time_ns);
         if let Some(interval) = self.intervals.last_mut() {
             interval.add(report, journey);
         }
     }
 
-    /// Takes the figures of a window: they tell no time, and count in the present span.
+    /// Adds the figures of a window; they carry no time and count in the last interval.
     pub fn add_window(&mut self, report: &WindowReport) {
         if let Some(interval) = self.intervals.last_mut() {
             interval.add_window(report);
         }
     }
 
-    /// Length of the spans, nanoseconds.
+    /// Length of the intervals, nanoseconds.
     #[must_use]
     pub fn span_ns(&self) -> u64 {
         self.span_ns
@@ -49,24 +49,24 @@ impl History {
 
     /// Times of the first and of the last report, if there was one.
     #[must_use]
-    pub fn ends_ns(&self) -> Option<[u64; 2]> {
+    pub fn bounds_ns(&self) -> Option<[u64; 2]> {
         Some([self.intervals.first()?.begin_ns(), self.last_ns])
     }
 
-    /// The points of the time line; `wall_ms` tells the wall clock, Unix milliseconds, at a time.
+    /// The points of the timeline; `wall_ms` maps a time to the wall clock, Unix milliseconds.
     #[must_use]
     pub fn samples(&self, wall_ms: impl Fn(u64) -> f64) -> Vec<Sample> {
         let mut samples = Vec::with_capacity(self.intervals.len());
         let mut rest = &self.intervals[..];
         while let [interval, next @ ..] = rest {
             let end_ns = next.first().map_or(self.last_ns, Interval::begin_ns);
-            // A rate over the short end of a run would be an accident.
+            // A rate over the short end of a run would be arbitrary: the last two intervals become one point.
             if let [last] = next
                 && self.last_ns.saturating_sub(last.begin_ns()) < self.span_ns / 2
             {
-                let mut both = interval.clone();
-                both.join(last);
-                samples.push(both.sample(self.last_ns, wall_ms(self.last_ns)));
+                let mut merged = interval.clone();
+                merged.merge(last);
+                samples.push(merged.sample(self.last_ns, wall_ms(self.last_ns)));
                 break;
             }
             samples.push(interval.sample(end_ns, wall_ms(end_ns)));
@@ -75,26 +75,26 @@ impl History {
         samples
     }
 
-    /// Makes the last span the one of a time, unless that lies before it.
-    fn reach(&mut self, time_ns: u64) {
+    /// Adds intervals until the last one holds a time; a time before it changes nothing.
+    fn extend_to(&mut self, time_ns: u64) {
         let begin_ns = self.intervals.first().map_or(time_ns, Interval::begin_ns);
         self.last_ns = self.last_ns.max(time_ns);
         let since_ns = time_ns.saturating_sub(begin_ns);
-        while since_ns / self.span_ns >= MOST as u64 {
-            self.halve();
+        while since_ns / self.span_ns >= MAX_INTERVALS as u64 {
+            self.halve_resolution();
         }
         while self.intervals.len() as u64 <= since_ns / self.span_ns {
             let begin_ns = begin_ns + self.intervals.len() as u64 * self.span_ns;
-            self.intervals.push(Interval::begin(begin_ns, self.intervals.last()));
+            self.intervals.push(Interval::new(begin_ns, self.intervals.last()));
         }
     }
 
-    fn halve(&mut self) {
+    fn halve_resolution(&mut self) {
         self.span_ns = self.span_ns.saturating_mul(2);
         let mut intervals = std::mem::take(&mut self.intervals).into_iter();
         while let Some(mut interval) = intervals.next() {
             if let Some(next) = intervals.next() {
-                interval.join(&next);
+                interval.merge(&next);
             }
             self.intervals.push(interval);
         }
@@ -135,21 +135,21 @@ mod tests {
                 assert!((sample.stages["cloud"].unwrap()[0] - 7.0).abs() < 0.5);
             }
             assert!(samples.windows(2).all(|pair| pair[0].wall_ms < pair[1].wall_ms));
-            assert_eq!(history.ends_ns(), Some([5 * SECOND_NS, 5 * SECOND_NS + (10 * seconds - 1) * SECOND_NS / 10]));
+            assert_eq!(history.bounds_ns(), Some([5 * SECOND_NS, 5 * SECOND_NS + (10 * seconds - 1) * SECOND_NS / 10]));
             assert_eq!(samples.last().unwrap().wall_ms, history.last_ns as f64 * 1e-6);
         }
     }
 
     #[test]
-    fn times_that_cannot_be_and_long_silence_keep_it_bounded() {
+    fn impossible_times_and_long_silence_keep_it_bounded() {
         let mut history = history(3);
         history.add(&report(31, 90_000 * SECOND_NS), None);
-        assert!(history.intervals.len() <= MOST);
-        // Late: counted in the present span.
+        assert!(history.intervals.len() <= MAX_INTERVALS);
+        // Late: counted in the last interval.
         history.add(&report(32, 0), None);
         history.add(&report(33, u64::MAX), None);
         history.add(&report(34, u64::MAX), None);
-        assert!(history.intervals.len() <= MOST);
+        assert!(history.intervals.len() <= MAX_INTERVALS);
         let samples = history.samples(|_| 0.0);
         assert_eq!(samples.iter().filter(|sample| sample.stages["cloud"].is_some()).count(), 2);
     }

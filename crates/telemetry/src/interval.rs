@@ -1,4 +1,4 @@
-//! A span of a run: what a time line shows as one point.
+//! One interval of a run: one point of a timeline.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use fringeflow_message::{Counts, Stage, StageReport, WindowReport};
 
 use super::{Journey, Latencies, Latency, Losses, Segment, WindowFigures};
 
-/// Reports of a span.
+/// Reports of an interval.
 #[derive(Clone, Debug, Default)]
 pub struct Interval {
     begin_ns: u64,
@@ -20,37 +20,37 @@ pub struct Interval {
     window: Option<WindowReport>,
 }
 
-/// One stage in a span.
+/// One stage in an interval.
 #[derive(Clone, Debug)]
 struct StageSpan {
-    /// Items put out before the span.
+    /// Items put out before the interval.
     passed_before: u64,
     counts: Counts,
     latencies: Latencies,
 }
 
-/// One point of a time line.
+/// One point of a timeline.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sample {
-    /// End of the span on the wall clock, Unix milliseconds.
+    /// End of the interval on the wall clock, Unix milliseconds.
     pub wall_ms: f64,
     /// Median, 90th and 99th percentile from exposure to cloud, milliseconds.
     pub total: Option<[f64; 3]>,
-    /// The same from taking an item to putting it out, by stage.
+    /// The same percentiles from taking an item to putting it out, by stage.
     pub stages: BTreeMap<&'static str, Option<[f64; 3]>>,
     /// Mean of each [`Segment`] over the windows, milliseconds.
     pub segments: Option<[f64; Segment::ALL.len()]>,
-    /// Items put out in a second, by stage.
+    /// Items put out per second, by stage.
     pub rates: BTreeMap<&'static str, f64>,
     /// Items lost since the start of the instance, by stage.
     pub dropped: BTreeMap<&'static str, u64>,
-    /// Images lost at their source, and clouds that are missing, since the start of the instance.
+    /// Losses since the start of the instance, each counted once.
     pub lost: Losses,
     /// The last window.
     pub window: Option<WindowSample>,
 }
 
-/// The figures of a window that a time line shows; shares in percent.
+/// The figures of a window in a timeline; shares in percent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowSample {
     /// Standard deviation of δ.
@@ -61,9 +61,9 @@ pub struct WindowSample {
     pub efc: f64,
     /// Drift of the calibration, root mean square; `None` where the resolution measures none.
     pub drift_rms_rad: Option<f64>,
-    /// Standard deviation of δ about it.
+    /// Standard deviation of δ about the drift.
     pub residual_sd_rad: Option<f64>,
-    /// Decided by one candidate.
+    /// Pixels with one candidate.
     pub unique: f64,
     /// Not decided.
     pub undecided: f64,
@@ -75,27 +75,27 @@ pub struct WindowSample {
     pub residual: [Option<f32>; 2],
     /// Pixels with a correspondence.
     pub points: u64,
-    /// Phase moved from image to image that a pixel in twenty exceeds, of both cameras.
+    /// Phase motion from image to image that 5 % of the pixels exceed, of both cameras.
     pub fast_motion_rad: [Option<f32>; 2],
     /// Worst state of the scanner's health.
     pub health: Option<&'static str>,
 }
 
 impl Interval {
-    /// A span that begins at a time; the stages go on from what they had put out `before`.
+    /// An interval that begins at a time; the counts of the stages continue those of the interval `before`.
     #[must_use]
-    pub fn begin(begin_ns: u64, before: Option<&Self>) -> Self {
+    pub fn new(begin_ns: u64, before: Option<&Self>) -> Self {
         let stages = before.map(|before| before.stages.iter().map(|(&stage, span)| (stage, span.next())).collect());
         Self { begin_ns, total: Latencies::coarse(), stages: stages.unwrap_or_default(), ..Self::default() }
     }
 
-    /// When it began.
+    /// Time at which it begins.
     #[must_use]
     pub fn begin_ns(&self) -> u64 {
         self.begin_ns
     }
 
-    /// Takes a report, and the journey that it ended.
+    /// Adds a report, and the journey that it completed.
     pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
         let Some(stage) = Stage::from_code(report.stage) else { return };
         let span = self.stages.entry(stage).or_insert_with(|| StageSpan::new(report.counts.passed));
@@ -114,25 +114,25 @@ impl Interval {
         }
     }
 
-    /// Takes the figures of a window.
+    /// Adds the figures of a window.
     pub fn add_window(&mut self, report: &WindowReport) {
         self.window = Some(*report);
     }
 
-    /// Takes the span right behind this one, which began with this one `before` it: both are one then.
-    pub fn join(&mut self, next: &Self) {
-        self.total.join(&next.total);
+    /// Merges the interval that follows directly and that was made with this one as `before`.
+    pub fn merge(&mut self, next: &Self) {
+        self.total.merge(&next.total);
         for (&stage, span) in &next.stages {
-            self.stages.entry(stage).and_modify(|own| own.join(span)).or_insert_with(|| span.clone());
+            self.stages.entry(stage).and_modify(|own| own.merge(span)).or_insert_with(|| span.clone());
         }
-        for (sum_ns, more_ns) in self.segments_ns.iter_mut().zip(next.segments_ns) {
-            *sum_ns += more_ns;
+        for (sum_ns, next_ns) in self.segments_ns.iter_mut().zip(next.segments_ns) {
+            *sum_ns += next_ns;
         }
         self.journeys += next.journeys;
         self.window = next.window.or(self.window);
     }
 
-    /// The point of the time line, for a span that ends at these times.
+    /// The point of the timeline for an interval that ends at this time.
     #[must_use]
     pub fn sample(&self, end_ns: u64, wall_ms: f64) -> Sample {
         let span_s = (end_ns.saturating_sub(self.begin_ns) as f64 * 1e-9).max(1e-3);
@@ -158,14 +158,14 @@ impl StageSpan {
         Self { passed_before, counts: Counts::default(), latencies: Latencies::coarse() }
     }
 
-    /// The span behind this one, in which nothing has happened yet.
+    /// The following interval of the stage, still empty.
     fn next(&self) -> Self {
         Self { passed_before: self.counts.passed, counts: self.counts, latencies: Latencies::coarse() }
     }
 
-    fn join(&mut self, next: &Self) {
+    fn merge(&mut self, next: &Self) {
         self.counts = next.counts;
-        self.latencies.join(&next.latencies);
+        self.latencies.merge(&next.latencies);
     }
 }
 
@@ -213,14 +213,14 @@ mod tests {
     }
 
     #[test]
-    fn rates_count_what_came_in_the_span() {
-        let mut first = Interval::begin(0, None);
+    fn rates_count_the_items_of_the_interval() {
+        let mut first = Interval::new(0, None);
         for n in 1..=10 {
             first.add(&cloud(n, 0, 5_000_000), None);
         }
         // The first report already counts one.
         assert_eq!(first.sample(SECOND_NS, 0.0).rates["cloud"], 9.0);
-        let mut second = Interval::begin(SECOND_NS, Some(&first));
+        let mut second = Interval::new(SECOND_NS, Some(&first));
         assert_eq!(second.sample(3 * SECOND_NS, 0.0).rates["cloud"], 0.0);
         second.add(&cloud(30, 0, 5_000_000), None);
         let sample = second.sample(3 * SECOND_NS, 7.0);
@@ -229,8 +229,8 @@ mod tests {
     }
 
     #[test]
-    fn joined_spans_are_those_recorded_together() {
-        let (mut first, mut both) = (Interval::begin(0, None), Interval::begin(0, None));
+    fn merged_intervals_equal_those_recorded_together() {
+        let (mut first, mut both) = (Interval::new(0, None), Interval::new(0, None));
         let journey = |ns: u64| Journey { exposure_start_ns: 0, ends_ns: [ns; 7] };
         let window = |published| WindowReport { published, ..WindowReport::default() };
         for n in 1..=10 {
@@ -238,7 +238,7 @@ mod tests {
             both.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
         }
         first.add_window(&window(1));
-        let mut second = Interval::begin(SECOND_NS, Some(&first));
+        let mut second = Interval::new(SECOND_NS, Some(&first));
         for n in 11..=30 {
             second.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
             both.add(&cloud(n, 0, n * 1_000_000), Some(&journey(n)));
@@ -247,16 +247,16 @@ mod tests {
         second.add(&phase, None);
         both.add(&phase, None);
         both.add_window(&window(1));
-        first.join(&second);
+        first.merge(&second);
         assert_eq!(first.sample(2 * SECOND_NS, 7.0), both.sample(2 * SECOND_NS, 7.0));
         second.add_window(&window(2));
-        first.join(&second);
+        first.merge(&second);
         assert_eq!(first.window.unwrap().published, 2);
     }
 
     #[test]
     fn segments_are_means_over_the_windows() {
-        let mut interval = Interval::begin(0, None);
+        let mut interval = Interval::new(0, None);
         for end_ns in [2_000_000, 4_000_000] {
             interval.add(&cloud(1, 0, 1), Some(&Journey { exposure_start_ns: 0, ends_ns: [end_ns; 7] }));
         }

@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use fringeflow_message::{Stage, StageReport};
 
-/// Windows that may be under way at once; older ones were dropped.
-const UNDER_WAY: usize = 64;
+/// Most windows in progress at once; older ones were dropped.
+const MAX_UNDER_WAY: usize = 64;
 
-/// A part of the way from exposure to cloud; together they are the whole.
+/// A part of the time from exposure to cloud; together they are the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(usize)]
 pub enum Segment {
-    /// From the start of the last exposure until its images had reached the machine.
+    /// From the start of the last exposure until its images reached the machine.
     Camera = 0,
-    /// Until the window was complete: the other camera, the pattern event.
+    /// Until the window was complete: waiting for the other camera or the pattern event.
     Pairing = 1,
-    /// Decoding, the wait for the next stage to be free among it.
+    /// Decoding, including the wait for the next stage to be free.
     Phase = 2,
     /// Waiting for the correspondence stage.
     CorrespondenceQueue = 3,
@@ -32,7 +32,7 @@ pub enum Segment {
 pub struct Journey {
     /// Start of the last exposure.
     pub exposure_start_ns: u64,
-    /// When each segment ended, by [`Segment`]; it began when the one before ended.
+    /// End of each segment, indexed by [`Segment`]; a segment begins where the one before ended.
     pub ends_ns: [u64; Segment::ALL.len()],
 }
 
@@ -64,7 +64,7 @@ impl Segment {
 }
 
 impl Journey {
-    /// From reports of the three working stages on the same window.
+    /// A journey from reports of the three working stages on the same window.
     fn new(phase: &StageReport, correspondence: &StageReport, cloud: &StageReport) -> Self {
         let ends_ns = [
             phase.received_ns,
@@ -75,7 +75,8 @@ impl Journey {
             cloud.taken_ns,
             cloud.passed_ns,
         ];
-        // A stage may take what the one before is still noting as put out; no segment runs back for that.
+        // The next stage may take an item before its predecessor has noted it as put out. Clamped, no segment has a
+        // negative duration.
         let mut latest_ns = cloud.exposure_start_ns;
         let ends_ns = ends_ns.map(|end_ns| {
             latest_ns = latest_ns.max(end_ns).min(cloud.passed_ns.max(latest_ns));
@@ -96,9 +97,9 @@ impl Journey {
         self.segments().find(|(s, ..)| *s == segment).map_or(0, |(_, begin, end)| end - begin)
     }
 
-    /// The same from the moment at which its window was complete; its exposure and all before are forgotten.
+    /// The journey from the moment at which its window was complete; the time before is dropped.
     #[must_use]
-    pub fn from_window(&self) -> Self {
+    pub fn since_window_complete(&self) -> Self {
         let complete_ns = self.ends_ns[Segment::Pairing as usize];
         Self { exposure_start_ns: complete_ns, ends_ns: self.ends_ns.map(|end_ns| end_ns.max(complete_ns)) }
     }
@@ -110,31 +111,31 @@ impl Journey {
     }
 }
 
-/// Puts reports on the same window together.
+/// Matches reports on the same window.
 #[derive(Debug, Default)]
 pub(super) struct Journeys {
-    /// Reports of the phase, the correspondence and the cloud stage, by exposure.
+    /// Reports of the phase, the correspondence and the cloud stage, by start of exposure.
     under_way: BTreeMap<u64, [Option<StageReport>; 3]>,
 }
 
 impl Journeys {
-    /// Takes a report; the journey of a window whose last report it is. That need not be the one of the cloud: a stage puts
-    /// out first and reports then, and the next one may be faster.
+    /// Adds a report, and returns the journey of a window whose last report it is. That need not be the report of the
+    /// cloud stage: a stage puts out first and reports afterwards, and the next stage may be faster.
     pub(super) fn add(&mut self, report: &StageReport) -> Option<Journey> {
-        let place = match Stage::from_code(report.stage).filter(|_| report.of_item != 0)? {
+        let index = match Stage::from_code(report.stage).filter(|_| report.of_item != 0)? {
             Stage::Phase => 0,
             Stage::Correspondence => 1,
             Stage::Cloud => 2,
             _ => return None,
         };
         let reports = self.under_way.entry(report.exposure_start_ns).or_default();
-        reports[place] = Some(*report);
+        reports[index] = Some(*report);
         if let [Some(phase), Some(correspondence), Some(cloud)] = reports {
             let journey = Journey::new(phase, correspondence, cloud);
             self.under_way.remove(&report.exposure_start_ns);
             return Some(journey);
         }
-        if self.under_way.len() > UNDER_WAY {
+        if self.under_way.len() > MAX_UNDER_WAY {
             self.under_way.pop_first();
         }
         None
@@ -168,9 +169,9 @@ mod tests {
         let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| journey.duration_ns(segment)).collect();
         assert_eq!(durations, [30, 10, 15, 0, 45, 10, 40]);
         assert_eq!((durations.iter().sum::<u64>(), journey.total_ns()), (150, 150));
-        let from_window = journey.from_window();
-        let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| from_window.duration_ns(segment)).collect();
-        assert_eq!((durations, from_window.total_ns()), (vec![0, 0, 15, 0, 45, 10, 40], 110));
+        let complete = journey.since_window_complete();
+        let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| complete.duration_ns(segment)).collect();
+        assert_eq!((durations, complete.total_ns()), (vec![0, 0, 15, 0, 45, 10, 40], 110));
     }
 
     #[test]
@@ -204,11 +205,11 @@ mod tests {
         for exposure_start_ns in 0..1000 {
             journeys.add(&StageReport { exposure_start_ns, ..report(Stage::Phase, 1, 2) });
         }
-        assert_eq!(journeys.under_way.len(), UNDER_WAY);
+        assert_eq!(journeys.under_way.len(), MAX_UNDER_WAY);
     }
 
     #[test]
-    fn times_that_cannot_be_never_run_back() {
+    fn impossible_times_give_no_negative_segment() {
         let mut journeys = Journeys::default();
         journeys.add(&report(Stage::Phase, u64::MAX, 5));
         journeys.add(&report(Stage::Correspondence, 7, u64::MAX));

@@ -3,23 +3,23 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// Longest latency that is told apart, nanoseconds; longer ones count as this.
+/// Longest latency that is resolved, nanoseconds; longer ones count as this.
 const LONGEST_NS: u64 = 60_000_000_000;
-/// Shortest, nanoseconds.
+/// Shortest latency that is resolved, nanoseconds.
 const SHORTEST_NS: u64 = 1_000;
-/// Significant digits of a latency over a whole run, and over a short span.
+/// Significant digits of a latency over a whole run, and over a short interval.
 const DIGITS: u8 = 2;
 const COARSE_DIGITS: u8 = 1;
 
-/// Upper bounds of the buckets that metrics tell, nanoseconds: six a decade from 0.1 ms to 7 s, and 10 s.
+/// Upper bounds of the histogram buckets in metrics, nanoseconds: six per decade from 0.1 ms to 7 s, and 10 s.
 pub const BUCKETS_NS: [u64; 31] = buckets_ns();
 
 const fn buckets_ns() -> [u64; 31] {
-    const OF_A_DECADE: [u64; 6] = [10, 15, 20, 30, 50, 70];
+    const PER_DECADE: [u64; 6] = [10, 15, 20, 30, 50, 70];
     let mut bounds = [10_000_000_000; 31];
     let (mut place, mut unit) = (0, 10_000);
     while place < 30 {
-        bounds[place] = OF_A_DECADE[place % 6] * unit;
+        bounds[place] = PER_DECADE[place % 6] * unit;
         place += 1;
         if place.is_multiple_of(6) {
             unit *= 10;
@@ -28,18 +28,18 @@ const fn buckets_ns() -> [u64; 31] {
     bounds
 }
 
-/// Latencies of items.
+/// Distribution of the latencies of items.
 #[derive(Clone, Debug)]
 pub struct Latencies {
     digits: u8,
-    /// Made with the first latency: most stages of a short span have none.
+    /// Created with the first latency: most stages have none in a short interval.
     histogram: Option<Histogram<u32>>,
-    /// Numbers by bucket; the last is beyond all bounds.
+    /// Counts by bucket; the last bucket is above all bounds.
     buckets: [u64; BUCKETS_NS.len() + 1],
     sum_ns: u64,
 }
 
-/// A latency distribution in brief.
+/// Summary of a latency distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Latency {
     /// Number of items.
@@ -61,7 +61,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Latencies of a short span, in less memory: percentiles are right to 6 %.
+    /// Latencies of a short interval, in less memory: percentiles are accurate to 6 %.
     #[must_use]
     pub fn coarse() -> Self {
         Self::with_digits(COARSE_DIGITS)
@@ -71,11 +71,11 @@ impl Latencies {
         Self { digits, histogram: None, buckets: [0; BUCKETS_NS.len() + 1], sum_ns: 0 }
     }
 
-    /// Takes a latency; one that ends before it begins counts as none at all.
+    /// Records a latency; one that ends before it begins counts as 0.
     pub fn record(&mut self, from_ns: u64, to_ns: u64) {
         let latency_ns = to_ns.saturating_sub(from_ns);
         if self.histogram.is_none() {
-            // The bounds are valid, so there always is a histogram.
+            // The bounds are valid, so creating the histogram does not fail.
             self.histogram = Histogram::new_with_bounds(SHORTEST_NS, LONGEST_NS, self.digits).ok();
         }
         if let Some(histogram) = &mut self.histogram {
@@ -85,16 +85,16 @@ impl Latencies {
         self.sum_ns = self.sum_ns.saturating_add(latency_ns);
     }
 
-    /// Takes all latencies of another distribution.
-    pub fn join(&mut self, other: &Self) {
+    /// Adds all latencies of another distribution.
+    pub fn merge(&mut self, other: &Self) {
         match (&mut self.histogram, &other.histogram) {
-            // Both have the same bounds.
-            (Some(histogram), Some(more)) => drop(histogram.add(more)),
-            (None, Some(more)) => self.histogram = Some(more.clone()),
+            // Both have the same bounds, so adding does not fail.
+            (Some(histogram), Some(other)) => drop(histogram.add(other)),
+            (None, Some(other)) => self.histogram = Some(other.clone()),
             (_, None) => {}
         }
-        for (count, more) in self.buckets.iter_mut().zip(&other.buckets) {
-            *count += more;
+        for (count, other) in self.buckets.iter_mut().zip(&other.buckets) {
+            *count += other;
         }
         self.sum_ns = self.sum_ns.saturating_add(other.sum_ns);
     }
@@ -125,7 +125,7 @@ impl Latencies {
         self.sum_ns
     }
 
-    /// Numbers of latencies by bucket of [`BUCKETS_NS`], not summed up; the last is beyond all bounds.
+    /// Counts by bucket of [`BUCKETS_NS`], not cumulative; the last bucket is above all bounds.
     #[must_use]
     pub fn buckets(&self) -> &[u64; BUCKETS_NS.len() + 1] {
         &self.buckets
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_long_or_runs_back_is_counted_at_the_ends() {
+    fn latencies_too_long_or_negative_count_at_the_ends() {
         let mut latencies = Latencies::default();
         latencies.record(9, 5);
         latencies.record(0, 3_600_000 * MS);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn joined_latencies_are_those_recorded_together() {
+    fn merged_latencies_equal_those_recorded_together() {
         let (mut one, mut two, mut both) = (Latencies::coarse(), Latencies::coarse(), Latencies::coarse());
         for ms in 1..50 {
             for (latencies, ns) in [(&mut one, ms * MS), (&mut two, 3 * ms * MS)] {
@@ -184,10 +184,10 @@ mod tests {
                 both.record(0, ns);
             }
         }
-        let mut joined = Latencies::coarse();
-        joined.join(&one);
-        joined.join(&two);
-        assert_eq!((joined.brief(), joined.buckets(), joined.sum_ns()), (both.brief(), both.buckets(), both.sum_ns()));
+        let mut merged = Latencies::coarse();
+        merged.merge(&one);
+        merged.merge(&two);
+        assert_eq!((merged.brief(), merged.buckets(), merged.sum_ns()), (both.brief(), both.buckets(), both.sum_ns()));
         assert_eq!(Latencies::default().brief(), None);
     }
 }

@@ -1,9 +1,28 @@
-//! What the stages report, gathered: counts, rates, latencies, where the time of each window went.
+//! Statistics of a run from the reports of its stages: counts, rates, latencies, and the time of each window.
 //!
-//! In: [`StageReport`](fringeflow_message::StageReport)s and [`WindowReport`](fringeflow_message::WindowReport)s in the order they
-//! came, live or from a recording. Out: a [`Tally`] over the whole run, [`Sample`]s of equal spans of it, [`Journey`]s of the
-//! windows, and the [`TraceWriter`]'s file for trace viewers; a [`RunReport`] is all of it but the trace, in bounded memory.
-//! Nothing here reads a clock: the same reports give the same figures wherever they are asked for.
+//! ```text
+//! StageReport, WindowReport ──► RunReport ──► Tally (whole run), History (timeline), WorstWindows
+//!   (live or from a recording)           └──► HealthRecord
+//! ```
+//!
+//! [`Tally`] holds totals by stage, [`History`] the timeline in [`Sample`]s of equal intervals, [`Journey`] the times of one
+//! window. [`RunReport`] combines them in bounded memory; [`TraceWriter`] writes a file for trace viewers. Nothing here reads
+//! a clock: the same reports give the same figures, live or later.
+//!
+//! ```
+//! use fringeflow_message::{Counts, Stage, StageReport};
+//! use fringeflow_telemetry::{Exposures, RunReport, WORST_WINDOWS};
+//!
+//! let mut run = RunReport::new(Exposures::Live, WORST_WINDOWS);
+//! for window in 1..=2 {
+//!     let (exposure_start_ns, passed_ns) = (window * 1_000_000_000, window * 1_000_000_000 + 40_000_000);
+//!     let counts = Counts { taken: window, passed: window, ..Counts::default() };
+//!     let report = StageReport { stage: Stage::Cloud as u32, of_item: 1, counts, ..StageReport::default() };
+//!     run.add(&StageReport { exposure_start_ns, passed_ns, time_ns: passed_ns, ..report });
+//! }
+//! assert_eq!(run.cloud_rate_hz(), Some(1.0));
+//! assert_eq!(run.tally().total().count(), 2);
+//! ```
 
 #![forbid(unsafe_code)]
 
@@ -27,7 +46,7 @@ mod worst_windows;
 
 pub use cause::Cause;
 pub use drop_lines::{DropKind, DropLine};
-pub use health_figures::{GaugeFigures, GaugeRecord, HealthFigures, HealthRecord};
+pub use health_figures::{GaugeFigures, HealthFigures, HealthRecord};
 pub use history::History;
 pub use interval::{Interval, Sample, WindowSample};
 pub use journey::{Journey, Segment};

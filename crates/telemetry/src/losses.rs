@@ -1,7 +1,8 @@
-//! What was lost, each loss told once: images at their source, and what that cost.
+//! Losses of a run, each counted once: images lost at their source, and the clouds that they cost.
 //!
-//! The accounts of the stages hold a lost image more than once: as lost by its camera, as an image of the other one that has no
-//! partner, as pairs that complete no window. That is right for a balance, and too much for a person who asks what went wrong.
+//! The counts of the stages hold a lost image several times: as lost by its camera, as an image of the other camera
+//! without a partner, as pairs that complete no window. A balance needs this; a person who asks what went wrong needs
+//! one number.
 
 use std::fmt;
 
@@ -9,57 +10,58 @@ use serde::Serialize;
 
 use fringeflow_message::{Counts, DropReason, Stage};
 
-/// What was lost since the start.
+/// Losses since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Losses {
-    /// Images that a camera, its driver or its channel lost, or that were damaged; of a camera that tells nothing, the images of the
-    /// other one without partner.
+    /// Images that a camera, its driver or its channel lost or damaged. For a camera that reports nothing, the other
+    /// camera's images without a partner.
     pub images: u64,
-    /// Pattern events that were lost; of a projector that tells nothing, the image pairs without pattern.
+    /// Lost pattern events. For a projector that reports nothing, the image pairs without a pattern.
     pub events: u64,
-    /// Windows whose images tell of a fault that no number told.
+    /// Windows whose images show a fault that no sequence number showed.
     pub refused_windows: u64,
-    /// Messages that are missing in recordings.
+    /// Messages missing in recordings.
     pub messages: u64,
-    /// Clouds that are missing for all this: of windows that are not complete, were refused, or were lost on their way.
+    /// Clouds missing because of these losses: of windows that were incomplete, refused, or lost in a later stage.
     pub clouds: u64,
 }
 
-/// Losses of pairing and pattern events that follow from others.
+/// Losses in pairing and pattern events that follow from other losses.
 const FOLLOWING: [DropReason; 4] =
     [DropReason::Unpaired, DropReason::NoPattern, DropReason::PatternConflict, DropReason::NewSession];
 
 impl Losses {
-    /// The losses in these accounts.
+    /// The losses in the counts of the stages.
     #[must_use]
     pub fn from_counts(counts: &[(Stage, Counts)]) -> Self {
-        let of =
-            |stage: Stage| counts.iter().find(|(of, _)| *of == stage).map(|(_, counts)| *counts).unwrap_or_default();
-        let lost = |stage: Stage| of(stage).losses().map(|(_, n)| n).sum::<u64>();
-        let cameras = [Stage::Camera1, Stage::Camera2].map(lost);
-        let (pairing, windowing) = (of(Stage::Pairing), of(Stage::Windowing));
-        let own = |stage: Stage| -> u64 {
-            of(stage).losses().filter(|(reason, _)| !FOLLOWING.contains(reason)).map(|(_, n)| n).sum()
+        let counts_of = |stage: Stage| {
+            counts.iter().find(|(other, _)| *other == stage).map(|(_, counts)| *counts).unwrap_or_default()
         };
-        let on_the_way = own(Stage::Pairing);
+        let lost_in = |stage: Stage| counts_of(stage).losses().map(|(_, n)| n).sum::<u64>();
+        let first_lost_in = |stage: Stage| -> u64 {
+            counts_of(stage).losses().filter(|(reason, _)| !FOLLOWING.contains(reason)).map(|(_, n)| n).sum()
+        };
+        let (pairing, windowing) = (counts_of(Stage::Pairing), counts_of(Stage::Windowing));
+        let cameras = [Stage::Camera1, Stage::Camera2].map(lost_in);
+        let in_pairing = first_lost_in(Stage::Pairing);
         let unpaired = pairing.dropped(DropReason::Unpaired);
-        let told = cameras.iter().sum::<u64>() + on_the_way;
+        let reported = cameras.iter().sum::<u64>() + in_pairing;
         // Both images of a pair are without pattern.
-        let unlit = pairing.dropped(DropReason::NoPattern).div_ceil(2);
-        let refused_windows = of(Stage::Phase).dropped_for_images();
-        let later = [Stage::Phase, Stage::Correspondence, Stage::Cloud].map(lost).iter().sum::<u64>();
-        let missing_pairs = unpaired.max(cameras[0]).max(cameras[1]).max(on_the_way.div_ceil(2));
+        let pairs_without_pattern = pairing.dropped(DropReason::NoPattern).div_ceil(2);
+        let refused_windows = counts_of(Stage::Phase).dropped_for_images();
+        let later = [Stage::Phase, Stage::Correspondence, Stage::Cloud].map(lost_in).iter().sum::<u64>();
+        let missing_pairs = unpaired.max(cameras[0]).max(cameras[1]).max(in_pairing.div_ceil(2));
         let conflicts = pairing.dropped(DropReason::PatternConflict).div_ceil(2);
         let broken = windowing.dropped(DropReason::Incomplete) + windowing.losses().map(|(_, n)| n).sum::<u64>();
-        let no_window = missing_pairs + unlit + conflicts + broken;
-        // Not every pair completes a window that is wanted.
+        let no_window = missing_pairs + pairs_without_pattern + conflicts + broken;
+        // With a stride, only some of the pairs complete a window that is wanted.
         let (wanted, unwanted) = (windowing.passed, windowing.dropped(DropReason::BetweenWindows));
         let windows = (no_window * wanted.max(1)).div_ceil((wanted + unwanted).max(1));
         Self {
-            images: told.max(unpaired),
-            events: (lost(Stage::Projector) + own(Stage::Pattern)).max(unlit),
+            images: reported.max(unpaired),
+            events: (lost_in(Stage::Projector) + first_lost_in(Stage::Pattern)).max(pairs_without_pattern),
             refused_windows,
-            messages: lost(Stage::Recorder),
+            messages: lost_in(Stage::Recorder),
             clouds: windows + later,
         }
     }
@@ -105,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_image_is_one_however_many_stages_tell_of_it() {
+    fn a_lost_image_counts_once_however_many_stages_report_it() {
         // Windows of six, one for every pair: each lost image costs its own window and five more.
         let lost = [
             (Stage::Camera1, counts(594, &[(DropReason::CameraLost, 6)])),
@@ -121,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_tells_nothing_is_seen_by_the_other_one() {
+    fn a_silent_camera_is_judged_by_the_other_one() {
         let silent = [
             (Stage::Pairing, counts(40, &[(DropReason::Unpaired, 30)])),
             (Stage::Windowing, counts(4, &[(DropReason::Beginning, 5), (DropReason::BetweenWindows, 12)])),
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_images_tell_is_no_count_of_images() {
+    fn faults_in_images_are_refused_windows_and_not_lost_images() {
         let hidden = [(Stage::Phase, counts(100, &[(DropReason::HiddenLoss, 9), (DropReason::NextStageBusy, 50)]))];
         let losses = Losses::from_counts(&hidden);
         assert_eq!((losses.images, losses.refused_windows, losses.clouds), (0, 9, 9));

@@ -1,4 +1,4 @@
-//! How many clouds a second the machine makes, where windows are left out for lack of time.
+//! Clouds per second that the machine can make, where it leaves out windows for lack of time.
 
 use std::fmt;
 
@@ -8,14 +8,14 @@ use fringeflow_message::{Counts, DropReason, Stage};
 
 use super::Tally;
 
-/// Windows that come, and clouds that are made of them.
+/// Rate of the windows, and of the clouds made from them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pace {
-    /// Complete windows a second.
+    /// Complete windows per second.
     pub windows_hz: f64,
-    /// Clouds a second.
+    /// Clouds per second.
     pub clouds_hz: f64,
-    /// How many times as large a key `window.every` would leave out no window by chance.
+    /// Factor for the key `window.every` with which no window is left out for lack of time.
     pub every_times: u32,
 }
 
@@ -23,8 +23,8 @@ pub struct Pace {
 const SLACK: f64 = 0.05;
 
 impl Pace {
-    /// The pace of so many clouds a second, by what the stage of the phases counted since the start; `None` where hardly a window was
-    /// left out because the next stage was busy.
+    /// The pace at `clouds_hz` clouds per second, given the counts of the phase stage since the start; `None` where
+    /// next to no window was left out because the following stage was busy.
     #[must_use]
     pub fn new(clouds_hz: f64, phase: &Counts) -> Option<Self> {
         let (made, left_out) = (phase.passed as f64, phase.dropped(DropReason::NextStageBusy) as f64);
@@ -34,7 +34,7 @@ impl Pace {
         (is_known && every_times > 1).then_some(Self { windows_hz: clouds_hz * times, clouds_hz, every_times })
     }
 
-    /// The pace of an instance that runs, by the reports of its stages.
+    /// The pace of a running instance, from the reports of its stages.
     #[must_use]
     pub fn from_tally(tally: &Tally) -> Option<Self> {
         Self::new(tally.stage(Stage::Cloud)?.rate_hz, &tally.stage(Stage::Phase)?.counts)
@@ -57,19 +57,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_setting_is_that_which_the_machine_holds() {
-        let of = |clouds_hz, passed, left_out| {
+    fn the_proposed_stride_is_one_that_the_machine_holds() {
+        let pace = |clouds_hz, passed, left_out| {
             let mut counts = Counts { passed, ..Counts::default() };
             counts.drop_many(DropReason::NextStageBusy, left_out);
             Pace::new(clouds_hz, &counts)
         };
-        let times = |passed, left_out| of(10.0, passed, left_out).map(|pace| pace.every_times);
+        let times = |passed, left_out| pace(10.0, passed, left_out).map(|pace| pace.every_times);
         assert_eq!(times(160, 140), Some(2));
         assert_eq!(times(149, 151), Some(2));
         assert_eq!(times(160, 440), Some(4));
         // A few windows at the start, none, or no cloud at all.
         assert_eq!([times(290, 10), times(300, 0), times(0, 300)], [None; 3]);
-        assert_eq!(of(0.0, 160, 140), None);
-        assert!(of(16.0, 160, 140).unwrap().to_string().contains("16.0 clouds a second of 30.0 windows"));
+        assert_eq!(pace(0.0, 160, 140), None);
+        assert!(pace(16.0, 160, 140).unwrap().to_string().contains("16.0 clouds a second of 30.0 windows"));
     }
 }

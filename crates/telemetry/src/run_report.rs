@@ -1,23 +1,23 @@
-//! A whole run, gathered from its reports in bounded memory: the same type live and for a recording.
+//! A whole run from its reports, in bounded memory: the same type live and for a recording.
 
 use fringeflow_message::{Stage, StageReport, WindowReport};
 
 use super::{Cause, HealthRecord, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
 
-/// How many of the windows that took longest a report on a run tells of.
+/// Number of slowest windows in a report on a run.
 pub const WORST_WINDOWS: usize = 20;
 
-/// What the times of exposures are worth.
+/// Whether exposure times belong to this run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposures {
-    /// They were just then.
+    /// The exposures took place during the run.
     #[default]
     Live,
-    /// They were long before: what a replay worked on. Nothing before the window was complete can be told.
+    /// The exposures come from a recording that is replayed. Durations before the window was complete are unknown.
     Replayed,
 }
 
-/// The reports of a run: totals, time line, and the windows that took longest.
+/// The reports of a run: totals, timeline, and the slowest windows.
 #[derive(Debug)]
 pub struct RunReport {
     exposures: Exposures,
@@ -26,12 +26,12 @@ pub struct RunReport {
     worst: WorstWindows,
     window: Option<WindowFigures>,
     health: HealthRecord,
-    /// When the first and the last cloud came.
+    /// Times of the first and of the last cloud.
     clouds_ns: Option<[u64; 2]>,
 }
 
 impl RunReport {
-    /// Nothing yet; keeps the `most` windows that take longest.
+    /// An empty run that keeps the `most` slowest windows.
     #[must_use]
     pub fn new(exposures: Exposures, most: usize) -> Self {
         Self {
@@ -45,9 +45,9 @@ impl RunReport {
         }
     }
 
-    /// Takes a report.
+    /// Adds a report.
     pub fn add(&mut self, report: &StageReport) {
-        let journey = self.tally.add(report).map(|journey| self.trusted(journey));
+        let journey = self.tally.add(report).map(|journey| self.without_unknown_times(journey));
         self.history.add(report, journey.as_ref());
         if let Some(journey) = &journey {
             self.worst.add(journey);
@@ -58,14 +58,14 @@ impl RunReport {
         }
     }
 
-    /// Takes the figures of a window.
+    /// Adds the figures of a window.
     pub fn add_window(&mut self, report: &WindowReport) {
         self.history.add_window(report);
         self.health.add(report);
         self.window = Some(WindowFigures::from_report(report));
     }
 
-    /// What the times of exposures are worth.
+    /// Whether exposure times belong to this run.
     #[must_use]
     pub fn exposures(&self) -> Exposures {
         self.exposures
@@ -77,13 +77,13 @@ impl RunReport {
         &self.tally
     }
 
-    /// The time line.
+    /// The timeline.
     #[must_use]
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The points of the time line, without what cannot be told; `wall_ms` as for [`History::samples`].
+    /// The points of the timeline, without unknown durations; `wall_ms` as for [`History::samples`].
     #[must_use]
     pub fn samples(&self, wall_ms: impl Fn(u64) -> f64) -> Vec<Sample> {
         let mut samples = self.history.samples(wall_ms);
@@ -111,13 +111,13 @@ impl RunReport {
         self.tally.segment(Segment::Cloud).count()
     }
 
-    /// Clouds of windows that lack the report of an earlier stage: they are in the latencies of the stages alone.
+    /// Clouds of windows that lack the report of an earlier stage: they count in the latencies of the stages only.
     #[must_use]
     pub fn incomplete(&self) -> u64 {
         self.tally.total().count().saturating_sub(self.windows())
     }
 
-    /// Clouds a second, from the first to the last; `None` for fewer than two.
+    /// Clouds per second, from the first to the last; `None` for fewer than two.
     #[must_use]
     pub fn cloud_rate_hz(&self) -> Option<f64> {
         let [first_ns, last_ns] = self.clouds_ns?;
@@ -125,29 +125,29 @@ impl RunReport {
         Some((self.tally.total().count() - 1) as f64 / (span_ns as f64 * 1e-9))
     }
 
-    /// From the start of the last exposure to the published cloud; `None` where that cannot be told.
+    /// Latencies from the start of the last exposure to the published cloud; `None` in a replay.
     #[must_use]
     pub fn exposure_to_cloud(&self) -> Option<&Latencies> {
         (self.exposures == Exposures::Live).then(|| self.tally.total())
     }
 
-    /// The parts of the way that can be told, in their order.
+    /// The segments whose durations are known, in their order.
     pub fn segments(&self) -> impl Iterator<Item = (Segment, &Latencies)> + '_ {
         let first = match self.exposures {
             Exposures::Live => Segment::Camera,
             Exposures::Replayed => Segment::Phase,
         };
-        let told = Segment::ALL.into_iter().filter(move |&segment| segment >= first);
-        told.map(|segment| (segment, self.tally.segment(segment)))
+        let known = Segment::ALL.into_iter().filter(move |&segment| segment >= first);
+        known.map(|segment| (segment, self.tally.segment(segment)))
     }
 
-    /// The windows that took longest, the longest first, as far as their way can be told.
+    /// The slowest windows, the slowest first, by their known durations.
     #[must_use]
     pub fn worst(&self) -> &[Journey] {
         self.worst.journeys()
     }
 
-    /// Why a window took long; `None` where no part took longer than usual.
+    /// Why a window took long; `None` where no segment took longer than its median.
     #[must_use]
     pub fn cause(&self, journey: &Journey) -> Option<Cause> {
         let causes = self.segments().filter_map(|(segment, latencies)| {
@@ -158,10 +158,10 @@ impl RunReport {
         causes.filter(|cause| excess(cause) > 0.0).max_by(|a, b| excess(a).total_cmp(&excess(b)))
     }
 
-    fn trusted(&self, journey: Journey) -> Journey {
+    fn without_unknown_times(&self, journey: Journey) -> Journey {
         match self.exposures {
             Exposures::Live => journey,
-            Exposures::Replayed => journey.from_window(),
+            Exposures::Replayed => journey.since_window_complete(),
         }
     }
 }
@@ -172,8 +172,8 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Reports of the three working stages on a window that takes 10 ms in the camera, waits for `queue_ms` and is searched
-    /// for `search_ms`.
+    /// Adds the reports of the three working stages on a window that takes 10 ms in the camera, waits for `queue_ms`
+    /// and takes `search_ms` in the correspondence stage.
     fn window(run: &mut RunReport, exposure_ms: u64, queue_ms: u64, search_ms: u64) {
         let received_ms = exposure_ms + 10;
         let phase_ms = received_ms + 4;
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_replay_tells_nothing_of_what_came_before_the_window() {
+    fn a_replay_knows_nothing_before_the_window_was_complete() {
         let run = run(Exposures::Replayed);
         assert!(run.exposure_to_cloud().is_none() && run.samples(|_| 0.0).iter().all(|sample| sample.total.is_none()));
         assert_eq!(run.segments().next().unwrap().0, Segment::Phase);

@@ -1,4 +1,4 @@
-//! What a stage has done, in figures, as they are told everywhere.
+//! Figures of a stage, the same in all outputs.
 
 use std::collections::BTreeMap;
 
@@ -19,16 +19,16 @@ pub struct StageFigures {
     pub passed: u64,
     /// Items that it dropped, by the name of the reason.
     pub dropped: BTreeMap<&'static str, u64>,
-    /// What happened beside the items.
+    /// Incidents by name; they need not have cost an item.
     pub incidents: BTreeMap<&'static str, u64>,
-    /// From taking an item to putting it out; `None` where there is none.
+    /// From taking an item to putting it out; `None` where nothing was put out.
     pub latency: Option<Latency>,
-    /// Of the images that it paired, if it pairs.
+    /// Skew of the image pairs, for the stage that pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skew: Option<SkewFigures>,
 }
 
-/// By how much images of camera 2 begin later than those of camera 1, milliseconds.
+/// Start of the images of camera 2 relative to those of camera 1, milliseconds.
 #[derive(Clone, Debug, Serialize)]
 pub struct SkewFigures {
     /// Mean.
@@ -40,7 +40,7 @@ pub struct SkewFigures {
 }
 
 impl StageFigures {
-    /// Of a stage with these counts; `tally` is what it reported, if it did.
+    /// Figures of a stage with these counts; `tally` holds its reports, if it sent any.
     #[must_use]
     pub fn new(stage: Stage, counts: &Counts, tally: Option<&StageTally>) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! The reports of a run, gathered by stage.
+//! The reports of a run, by stage.
 
 use std::collections::BTreeMap;
 
@@ -7,9 +7,9 @@ use fringeflow_message::{Counts, Skew, Stage, StageReport};
 use super::journey::Journeys;
 use super::{Journey, Latencies, Segment};
 
-/// A stage that gives no sign of life for this long is silent, nanoseconds.
+/// A stage without a report for longer than this is silent, nanoseconds.
 const SILENT_NS: u64 = 3_000_000_000;
-/// Span over which rates are taken, nanoseconds.
+/// Time over which rates are measured, nanoseconds.
 const RATE_SPAN_NS: u64 = 1_000_000_000;
 
 /// Reports of all stages.
@@ -28,21 +28,23 @@ pub struct StageTally {
     pub counts: Counts,
     /// Process that reported last.
     pub pid: u32,
-    /// Starts of the service after the first.
+    /// Restarts of the service.
     pub restarts: u32,
-    /// Items put out in a second.
+    /// Items put out per second.
     pub rate_hz: f64,
     /// Time of the last report.
     pub time_ns: u64,
-    /// By how much images of camera 2 begin later, where the stage pairs them.
+    /// Start of the images of camera 2 relative to camera 1, for the stage that pairs them.
     pub skew: Skew,
     /// From taking an item to putting it out.
     pub latencies: Latencies,
+    /// Time and count of passed items where the measurement of the rate began.
     rate_from: (u64, u64),
 }
 
 impl Tally {
-    /// Takes a report; one of a stage that does not exist is passed over. The journey of a window whose last report it is.
+    /// Adds a report and returns the journey of a window whose last report it is. A report of an unknown stage is
+    /// ignored.
     pub fn add(&mut self, report: &StageReport) -> Option<Journey> {
         let stage = Stage::from_code(report.stage)?;
         let tally = self.stages.entry(stage).or_insert_with(|| StageTally::new(report));
@@ -68,13 +70,13 @@ impl Tally {
         self.stages.get(&stage)
     }
 
-    /// From the start of the last exposure to the published cloud.
+    /// Latencies from the start of the last exposure to the published cloud.
     #[must_use]
     pub fn total(&self) -> &Latencies {
         &self.total
     }
 
-    /// Of one segment of the way from exposure to cloud.
+    /// Latencies of one segment of the time from exposure to cloud.
     #[must_use]
     pub fn segment(&self, segment: Segment) -> &Latencies {
         &self.segments[segment as usize]
@@ -112,7 +114,7 @@ impl StageTally {
         }
     }
 
-    /// Whether it has given no sign of life for long.
+    /// Whether it has not reported for three seconds.
     #[must_use]
     pub fn is_silent(&self, now_ns: u64) -> bool {
         now_ns.saturating_sub(self.time_ns) > SILENT_NS

@@ -1,7 +1,7 @@
-//! A run as trace viewers show it: Perfetto, `chrome://tracing`.
+//! A run as a file for trace viewers: Perfetto, `chrome://tracing`.
 //!
-//! Chrome's trace event format, JSON: a process for each service, a thread for each stage, a slice for each item from taking
-//! to putting it out. Arrows lead from the stages of one window to the next. Times are microseconds of `CLOCK_MONOTONIC`.
+//! Chrome's trace event format, JSON: a process for each service, a thread for each stage, a slice for each item from
+//! taking it to putting it out. Arrows connect the stages of one window. Times are microseconds of `CLOCK_MONOTONIC`.
 
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ const ARROW: &str = "window";
 #[derive(Debug)]
 pub struct TraceWriter<W: Write> {
     out: W,
-    /// Stages by process that were named already.
+    /// Stages by process that have a name in the file already.
     named: BTreeSet<(u32, Stage)>,
     is_first: bool,
 }
@@ -26,20 +26,20 @@ impl<W: Write> TraceWriter<W> {
     /// Begins a trace.
     ///
     /// # Errors
-    /// What the writer says.
-    pub fn begin(mut out: W) -> io::Result<Self> {
+    /// Errors of the writer.
+    pub fn new(mut out: W) -> io::Result<Self> {
         out.write_all(b"{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
         Ok(Self { out, named: BTreeSet::new(), is_first: true })
     }
 
-    /// Takes a report; signs of life, and reports of stages that do not exist, leave no trace.
+    /// Adds a report; keep-alive reports and reports of unknown stages are ignored.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn add(&mut self, report: &StageReport) -> io::Result<()> {
         let Some(stage) = Stage::from_code(report.stage).filter(|_| report.of_item != 0) else { return Ok(()) };
         if self.named.insert((report.pid, stage)) {
-            self.name(report.pid, stage)?;
+            self.write_names(report.pid, stage)?;
         }
         let duration_ns = report.passed_ns.saturating_sub(report.taken_ns);
         self.event(&json!({
@@ -55,24 +55,24 @@ impl<W: Write> TraceWriter<W> {
         }
     }
 
-    /// Ends the trace, which is no JSON before.
+    /// Ends the trace; the file is no valid JSON before.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn finish(mut self) -> io::Result<W> {
         self.out.write_all(b"\n]}\n")?;
         self.out.flush()?;
         Ok(self.out)
     }
 
-    fn name(&mut self, pid: u32, stage: Stage) -> io::Result<()> {
+    fn write_names(&mut self, pid: u32, stage: Stage) -> io::Result<()> {
         let (tid, name) = (stage as u32, stage.name());
         self.event(&json!({"ph": "M", "name": "thread_name", "pid": pid, "tid": tid, "args": {"name": name}}))?;
         self.event(&json!({"ph": "M", "name": "process_name", "pid": pid, "args": {"name": process(stage)}}))?;
         self.event(&json!({"ph": "M", "name": "process_sort_index", "pid": pid, "args": {"sort_index": tid}}))
     }
 
-    /// One end of an arrow between the stages of a window; it is bound to the slice around its time.
+    /// One end of an arrow between the stages of a window; the viewer binds it to the slice around its time.
     fn arrow(&mut self, phase: &str, report: &StageReport, stage: Stage) -> io::Result<()> {
         let middle_ns = report.taken_ns.midpoint(report.passed_ns.max(report.taken_ns));
         self.event(&json!({
@@ -87,7 +87,7 @@ impl<W: Write> TraceWriter<W> {
     }
 }
 
-/// What the process of a stage is called.
+/// Name of the process of a stage.
 fn process(stage: Stage) -> &'static str {
     match stage {
         Stage::Camera1 | Stage::Camera2 => "cameras",
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_window_is_three_slices_joined_by_arrows() {
-        let mut trace = TraceWriter::begin(Vec::new()).unwrap();
+        let mut trace = TraceWriter::new(Vec::new()).unwrap();
         for (stage, pid, taken_ns) in
             [(Stage::Phase, 5, 1_000), (Stage::Correspondence, 6, 4_000), (Stage::Cloud, 7, 8_000)]
         {
@@ -133,15 +133,16 @@ mod tests {
         trace.add(&StageReport { stage: 99, ..report(Stage::Cloud, 7, 9_000) }).unwrap();
         let trace: Value = serde_json::from_slice(&trace.finish().unwrap()).unwrap();
         let events = trace["traceEvents"].as_array().unwrap();
-        let of = |phase: &str| events.iter().filter(|event| event["ph"] == phase).collect::<Vec<_>>();
-        assert_eq!((of("X").len(), of("M").len(), of("s").len(), of("t").len(), of("f").len()), (3, 9, 1, 1, 1));
-        assert_eq!((of("X")[1]["ts"].as_f64(), of("X")[1]["dur"].as_f64()), (Some(4.0), Some(2.0)));
-        assert_eq!(of("f")[0]["id"], 77);
+        let with_phase = |phase: &str| events.iter().filter(|event| event["ph"] == phase).collect::<Vec<_>>();
+        assert_eq!(["X", "M", "s", "t", "f"].map(|phase| with_phase(phase).len()), [3, 9, 1, 1, 1]);
+        let second = with_phase("X")[1];
+        assert_eq!((second["ts"].as_f64(), second["dur"].as_f64()), (Some(4.0), Some(2.0)));
+        assert_eq!(with_phase("f")[0]["id"], 77);
     }
 
     #[test]
     fn an_empty_trace_is_one() {
-        let trace = TraceWriter::begin(Vec::new()).unwrap().finish().unwrap();
+        let trace = TraceWriter::new(Vec::new()).unwrap().finish().unwrap();
         assert_eq!(serde_json::from_slice::<Value>(&trace).unwrap()["traceEvents"], json!([]));
     }
 }

@@ -1,4 +1,4 @@
-//! Where the scanner stands, in figures: by the last reports on its clouds.
+//! Figures of the tracking, from the last reports on the poses of the clouds.
 
 use std::fmt;
 
@@ -6,54 +6,54 @@ use serde::Serialize;
 
 use fringeflow_message::{Counts, LostReason, PoseReport};
 
-/// Time without a report after which nothing is known any more, nanoseconds.
+/// Time without a report after which the state is `no_cloud`, nanoseconds.
 const SILENT_NS: u64 = 2_000_000_000;
 
-/// The reports on the poses of a scanner, as they come.
+/// The last reports on the poses of a scanner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackingWatch {
     last: Option<PoseReport>,
-    /// The last that has a pose.
-    found: Option<PoseReport>,
+    /// The last report that has a pose.
+    with_pose: Option<PoseReport>,
 }
 
-/// How the tracking fares. Lengths in millimetres, angles in degrees, shares in percent.
+/// State of the tracking. Lengths in millimetres, angles in degrees, shares in percent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrackingFigures {
     /// `tracked`, `lost`, or `no_cloud` where no cloud has come for two seconds.
     pub state: &'static str,
-    /// Why the last cloud was lost.
+    /// Why the last cloud has no pose.
     pub reason: Option<&'static str>,
-    /// Root mean square of the distances of the last cloud to the model; of the last that was found.
+    /// Root mean square distance to the model, of the last cloud that has a pose.
     pub rms_mm: f64,
-    /// Share of its points with a partner in the model.
+    /// Share of that cloud's points with a partner in the model.
     pub inliers: f64,
-    /// Standard deviation of where its pose puts the middle of the model.
+    /// Standard deviation of its position at the middle of the model.
     pub sd_mm: f64,
-    /// Standard deviation of its turn.
+    /// Standard deviation of its rotation.
     pub sd_deg: f64,
     /// Points of the model.
     pub model_points: u64,
-    /// Clouds that it is made of.
+    /// Clouds fused into the model.
     pub model_clouds: u64,
     /// Share of all clouds that have a pose.
     pub clouds_tracked: f64,
 }
 
 impl TrackingWatch {
-    /// Takes the next report.
+    /// Adds the next report.
     pub fn add(&mut self, report: &PoseReport) {
         self.last = Some(*report);
         if report.has_pose() {
-            self.found = Some(*report);
+            self.with_pose = Some(*report);
         }
     }
 
-    /// How things stand at a time, with the counts of the stage; `None` before the first report.
+    /// The figures at a time, with the counts of the stage; `None` before the first report.
     #[must_use]
     pub fn figures(&self, counts: &Counts, now_ns: u64) -> Option<TrackingFigures> {
         let last = self.last?;
-        let found = self.found.unwrap_or_default();
+        let with_pose = self.with_pose.unwrap_or_default();
         let state = match last.has_pose() {
             _ if now_ns.saturating_sub(last.published_ns) > SILENT_NS => "no_cloud",
             true => "tracked",
@@ -62,10 +62,10 @@ impl TrackingWatch {
         Some(TrackingFigures {
             state,
             reason: last.reason().map(LostReason::name),
-            rms_mm: found.rms_m * 1e3,
-            inliers: found.share * 100.0,
-            sd_mm: found.sd_m * 1e3,
-            sd_deg: found.sd_rad.to_degrees(),
+            rms_mm: with_pose.rms_m * 1e3,
+            inliers: with_pose.share * 100.0,
+            sd_mm: with_pose.sd_m * 1e3,
+            sd_deg: with_pose.sd_rad.to_degrees(),
             model_points: last.model_points,
             model_clouds: last.model_clouds,
             clouds_tracked: 100.0 * counts.passed as f64 / counts.taken.max(1) as f64,
@@ -94,7 +94,7 @@ mod tests {
     use fringeflow_message::TrackingState;
 
     #[test]
-    fn what_was_found_last_stays_while_the_scanner_is_lost() {
+    fn figures_of_the_last_pose_stay_while_the_scanner_is_lost() {
         let mut watch = TrackingWatch::default();
         let counts = Counts { taken: 8, passed: 6, ..Counts::default() };
         assert_eq!(watch.figures(&counts, 0), None);

@@ -1,4 +1,4 @@
-//! The figures of a window as people and programs read them.
+//! The figures of a window for people and programs.
 
 use std::f64::consts::PI;
 
@@ -14,80 +14,80 @@ use super::HealthFigures;
 pub struct WindowFigures {
     /// Standard deviation sd of δ.
     pub sd_rad: f64,
-    /// Part of it that noise makes.
+    /// Part of it that noise causes.
     pub noise_sd_rad: f64,
     /// Threshold thr of δ about its mean.
     pub thr_rad: f64,
     /// Mean number n of fringe periods on a segment.
     pub n: f64,
-    /// Expected false candidates a true one (paper, Eq. 1).
+    /// Expected false candidates for each true one (paper, Eq. 1).
     pub efc: f64,
     /// Drift of the calibration; `None` where the resolution measures none.
     pub drift: Option<DriftFigures>,
-    /// What became of the pixels.
+    /// Outcomes of the pixels.
     pub outcomes: Shares,
     /// Mean of δ.
     pub delta_mean_rad: f64,
     /// Median of δ over the chosen candidates.
     pub delta_median_rad: f64,
-    /// Fit residual ÷ modulation of both cameras; `None` where three steps leave none.
+    /// Fit residual ÷ modulation of both cameras; `None` with three steps, which leave no residual.
     pub residual: [Option<f32>; 2],
     /// Percent of the pixels of either camera with a valid phase.
     pub valid: [f64; 2],
-    /// Light, fringes and motion as either camera saw them.
+    /// Light, fringes and motion in each camera.
     pub cameras: [CameraFigures; 2],
-    /// By how much images of camera 2 begin later, mean over the pairs, milliseconds.
+    /// Start of the images of camera 2 relative to camera 1, mean over the pairs, milliseconds.
     pub skew_ms: f64,
-    /// Steps by which the pattern of camera 1 and camera 2 was ahead of what was said of it.
+    /// Steps by which the images of camera 1 and camera 2 were ahead of the declared phase shifts.
     pub slip_steps: [i32; 2],
     /// Health of the scanner; `None` in older recordings.
     pub health: Option<HealthFigures>,
     /// Pixels with a correspondence.
     pub points: u64,
-    /// δ of all candidates of some pixels.
+    /// Histogram of δ of all candidates of a sample of pixels.
     pub delta_histogram: DeltaCounts,
 }
 
-/// Light, fringes and motion as a camera saw them.
+/// Light, fringes and motion in one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CameraFigures {
     /// Percent of the lit pixels with saturated samples; `None` where nothing is lit.
     pub saturated: Option<f64>,
     /// Percent of the lit pixels that are barely lit.
     pub dim: Option<f64>,
-    /// Amplitude of the second harmonic of the fringes ÷ modulation; `None` where the shifts do not tell.
+    /// Amplitude of the second harmonic of the fringes ÷ modulation; `None` where the phase shifts cannot show it.
     pub second_harmonic: Option<f32>,
-    /// Of the third.
+    /// The same for the third harmonic.
     pub third_harmonic: Option<f32>,
-    /// How the scene moved; `None` where a cycle alone was decoded.
+    /// Motion of the scene; `None` where only one cycle was decoded.
     pub motion: Option<MotionFigures>,
 }
 
-/// How the scene moved.
+/// Motion of the scene during a window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MotionFigures {
-    /// Median phase moved from image to image.
+    /// Median phase motion from image to image.
     pub median_rad: f32,
-    /// What its amount exceeds at one pixel in twenty.
+    /// Absolute phase motion that 5 % of the pixels exceed.
     pub fast_rad: f32,
-    /// Greatest departure of the brightness of an image from the mean, percent.
+    /// Greatest deviation of an image's brightness from the mean, percent.
     pub brightness: f32,
     /// Pixels decoded from part of their images.
     pub one_surface_pixels: u64,
-    /// Pixels left out.
+    /// Pixels left out because of motion.
     pub lost_pixels: u64,
 }
 
-/// What the error of the calibration amounts to.
+/// Size of the calibration error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DriftFigures {
-    /// Root mean square over the measurement volume of δ that it causes.
+    /// Root mean square over the measurement volume of the δ that it causes.
     pub rms_rad: f64,
-    /// Errors of the parameters that explain it, pixels at the border of an image, root of the sum of their squares.
+    /// Errors of the parameters that explain it, in pixels at the border of an image, root of the sum of their squares.
     pub error_px: f64,
-    /// Percent of the pixels with a candidate that agrees with it.
+    /// Percent of the pixels with a candidate that agrees with the drift.
     pub agreeing: f64,
-    /// Standard deviation of δ about it: what is left for noise.
+    /// Standard deviation of δ about the drift: the part left for noise.
     pub residual_sd_rad: f64,
 }
 
@@ -106,14 +106,14 @@ pub struct Shares {
     pub nothing: f64,
 }
 
-/// Numbers of δ in equal parts of a range.
+/// Histogram of δ with bins of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DeltaCounts {
-    /// Where the first part begins.
+    /// Lower bound of the first bin.
     pub first_rad: f64,
-    /// Where the last one ends.
+    /// Upper bound of the last bin.
     pub last_rad: f64,
-    /// The numbers.
+    /// Counts by bin.
     pub counts: Vec<u32>,
 }
 
@@ -182,13 +182,13 @@ impl DriftFigures {
 }
 
 impl Shares {
-    /// Before there is a window.
+    /// The shares before there is a window.
     pub const NOT_A_NUMBER: Self =
         Self { unique: f64::NAN, decided: f64::NAN, undecided: f64::NAN, rejected: f64::NAN, nothing: f64::NAN };
 
-    /// The groups with their names.
+    /// The shares with their names.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, f64); 5] {
+    pub fn with_names(&self) -> [(&'static str, f64); 5] {
         [
             ("unique", self.unique),
             ("decided", self.decided),

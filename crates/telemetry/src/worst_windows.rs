@@ -1,8 +1,8 @@
-//! The windows that took longest.
+//! The slowest windows of a run.
 
 use super::Journey;
 
-/// So many of the longest journeys, the longest first; of equal ones those that came first.
+/// The slowest journeys, the slowest first; of equal ones those that came first.
 #[derive(Clone, Debug)]
 pub struct WorstWindows {
     most: usize,
@@ -10,13 +10,13 @@ pub struct WorstWindows {
 }
 
 impl WorstWindows {
-    /// None yet, and never more than `most`.
+    /// An empty list of at most `most` journeys.
     #[must_use]
     pub fn new(most: usize) -> Self {
         Self { most, journeys: Vec::new() }
     }
 
-    /// Takes a journey.
+    /// Adds a journey.
     pub fn add(&mut self, journey: &Journey) {
         let place = self.journeys.partition_point(|other| other.total_ns() >= journey.total_ns());
         if place < self.most {

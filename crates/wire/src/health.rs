@@ -1,8 +1,8 @@
 //! Health of the scanner: the measures of a window, and the health as a report.
 
 use fringeflow::worker::Correspondences;
-use fringeflow_message::{Fit, GAUGES, GaugeReport, HealthReport, MapsHeader};
-use fringeflow_telemetry::health::{Gauge, Health, Measures, Quantity};
+use fringeflow_message::{Fit, GAUGES, HealthReport, MapsHeader};
+use fringeflow_telemetry::health::{Health, Measures, Quantity};
 
 // Each quantity has a place in a report.
 const _: () = assert!(Quantity::ALL.len() <= GAUGES);
@@ -55,19 +55,8 @@ pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: b
 #[must_use]
 pub fn health_report(health: &Health) -> HealthReport {
     let mut report = HealthReport::default();
-    report.gauges.iter_mut().zip(health.gauges()).for_each(|(entry, gauge)| *entry = gauge_report(gauge));
+    report.gauges.iter_mut().zip(health.gauges()).for_each(|(entry, gauge)| *entry = gauge.report());
     report
-}
-
-fn gauge_report(gauge: &Gauge) -> GaugeReport {
-    GaugeReport {
-        level: gauge.level().unwrap_or(0.0),
-        warn: gauge.limits().warn,
-        bad: gauge.limits().bad,
-        since_ns: gauge.since_ns(),
-        state: gauge.state() as u32,
-        is_known: u32::from(gauge.level().is_some()),
-    }
 }
 
 fn residual(fit: &Fit) -> Option<f64> {
@@ -217,7 +206,7 @@ mod tests {
             health.add(100 + window, &health_measures(&MapsHeader::default(), &found, true));
         }
         let gauge = health_report(&health).gauges[Quantity::Drift as usize];
-        let limits = HealthLimits::default().of(Quantity::Drift);
+        let limits = HealthLimits::default().limits_of(Quantity::Drift);
         assert_eq!((gauge.known(), gauge.warn, gauge.bad), (Some(0.15), limits.warn, limits.bad));
         assert_eq!((HealthState::from_code(gauge.state), gauge.since_ns), (HealthState::Warn, 104));
     }

@@ -183,7 +183,7 @@ fn send(
         Ok(FrameHeader { published, ..*header })
     };
     // Rows that go out as they came are copied as one, into memory that nobody has cleared before.
-    if let Some(pixels) = bytes.get(..len).filter(|_| reader.is_plain(stride_bytes)) {
+    if let Some(pixels) = bytes.get(..len).filter(|_| reader.is_passthrough(stride_bytes)) {
         let header = numbered(account)?;
         return output.send(&header, pixels).map_err(Unsent::Transport);
     }

@@ -89,7 +89,7 @@ impl Board {
             skew_span: Skew::default(),
             skew: Skew::default(),
             room: Room::of(&configuration.recorder.folder),
-            interval: Interval::begin(now_ns, None),
+            interval: Interval::new(now_ns, None),
             history: VecDeque::new(),
             statuses: services.statuses(),
             services,
@@ -130,7 +130,7 @@ impl Board {
         self.room = Room::of(&self.recordings);
         self.skew = std::mem::take(&mut self.skew_span);
         let sample = self.interval.sample(now_ns, wall_ms);
-        self.interval = Interval::begin(now_ns, Some(&self.interval));
+        self.interval = Interval::new(now_ns, Some(&self.interval));
         let figures = self.figures(&sample, clients, now_ns).to_string();
         self.history.push_back(sample);
         if self.history.len() > HISTORY {
@@ -189,7 +189,7 @@ impl Board {
             "services": self.statuses,
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
-            "drops": DropLine::all_of(&counts),
+            "drops": DropLine::from_counts(&counts),
             "losses": Losses::from_counts(&counts).to_string(),
             "pace": Pace::from_tally(&self.tally).map(|pace| pace.to_string()),
             "skew": SkewFigures::from_skew(&self.skew),
@@ -205,7 +205,7 @@ impl Board {
     fn health_for_s(&self, now_ns: u64) -> BTreeMap<&'static str, f64> {
         let health = self.window.as_ref().and_then(|window| window.health.as_ref());
         let quantities = health.into_iter().flat_map(|health| &health.quantities);
-        quantities.filter_map(|gauge| Some((gauge.quantity.name(), gauge.for_s(now_ns)?))).collect()
+        quantities.filter_map(|gauge| Some((gauge.quantity.name(), gauge.seconds_in_state(now_ns)?))).collect()
     }
 
     fn stage_entry(&self, stage: Stage) -> Option<StageEntry> {

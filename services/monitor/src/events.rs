@@ -67,7 +67,7 @@ impl EventLog {
                 HealthState::Warn => Level::Warning,
                 HealthState::Ok | HealthState::NotKnown => Level::Info,
             };
-            if GaugeFigures::is_news(before, gauge.state) {
+            if GaugeFigures::is_noteworthy_change(before, gauge.state) {
                 self.tell(wall_ms, level, "health", gauge.to_string());
             }
         }

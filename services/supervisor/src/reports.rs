@@ -53,7 +53,7 @@ impl Reports {
 
 impl Trace {
     fn begin(path: &Path) -> Result<Self, WriteError> {
-        let writer = TraceWriter::begin(PendingFile::begin(path)?).map_err(|e| PendingFile::error(path, e))?;
+        let writer = TraceWriter::new(PendingFile::begin(path)?).map_err(|e| PendingFile::error(path, e))?;
         Ok(Self { path: path.to_owned(), writer })
     }
 

@@ -1,4 +1,4 @@
-//! JPEG images, made by libjpeg at quality 95 of the luma below, and what can happen to them.
+//! JPEG images, made by libjpeg at quality 95 from the luma below, and damaged ones.
 
 use proptest::prelude::*;
 
@@ -16,7 +16,7 @@ fn luma() -> impl Iterator<Item = u8> {
     (0..SIZE_PX[1]).flat_map(|v| (0..SIZE_PX[0]).map(move |u| (20 + 2 * u + v) as u8))
 }
 
-/// Decodes over what was there before, which must not show.
+/// Decodes twice, into zeros and into ones: all bytes must be written.
 fn decoded(source: &[u8], size_px: [usize; 2]) -> Result<Vec<u8>, UnpackError> {
     let [one, other] = [0, 255].map(|before| {
         let mut out = vec![before; size_px[0] * size_px[1]];
@@ -50,7 +50,7 @@ fn a_cut_image_is_refused() {
         for length in 0..image.len() {
             assert!(decoded(&image[..length], SIZE_PX).is_err(), "{length} of {} bytes", image.len());
         }
-        // Most of the scan is missing, but not the end.
+        // Most of the scan is missing, the end is there.
         let scan = image.len() - image.windows(2).rev().position(|mark| mark == [0xff, 0xda]).unwrap();
         let some = [&image[..scan + 20], &[0xff, 0xd9]].concat();
         assert!(decoded(&some, SIZE_PX).is_err());
@@ -58,24 +58,24 @@ fn a_cut_image_is_refused() {
 }
 
 #[test]
-fn what_cameras_do_not_send_is_refused() {
+fn other_kinds_of_images_are_refused() {
     let message = |image: &[u8]| decoded(image, SIZE_PX).unwrap_err().to_string();
     assert!(message(PROGRESSIVE).contains("it is coded as SOF2"), "{}", message(PROGRESSIVE));
-    assert!(message(b"GIF89a").contains("a mark is missing"), "{}", message(b"GIF89a"));
+    assert!(message(b"GIF89a").contains("a marker is missing"), "{}", message(b"GIF89a"));
     let twice = [&GREY[..GREY.len() - 2], &GREY[2..]].concat();
     assert!(message(&twice).contains("more than one scan"), "{}", message(&twice));
 }
 
 proptest! {
     #[test]
-    fn no_change_of_a_byte_brings_it_down(
+    fn no_changed_byte_causes_a_panic(
         which in 0..3_usize,
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let mut image = [GREY, COLOUR, WITHOUT_TABLES][which].to_vec();
-        for (place, byte) in changes {
-            let place = place.index(image.len());
-            image[place] = byte;
+        for (index, byte) in changes {
+            let index = index.index(image.len());
+            image[index] = byte;
         }
         let _ = decoded(&image, SIZE_PX);
     }

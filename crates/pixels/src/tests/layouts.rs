@@ -1,4 +1,4 @@
-//! Bytes as the kernel's documentation draws them, and as a packer of our own packs them.
+//! Examples of the kernel's documentation, and round trips through a packer.
 
 use proptest::prelude::*;
 
@@ -15,7 +15,7 @@ fn greys(format: SourceFormat, row: &[u8], width_px: usize) -> Vec<u16> {
 
 fn unpacked(format: SourceFormat, source: &[u8], stride_bytes: usize, size_px: [usize; 2]) -> Vec<u16> {
     let bytes = format.pixel_format().bytes();
-    // What is there before must not matter.
+    // Previous content must not show.
     let [zeros, ones] = [0, 0xff].map(|before| {
         let mut out = vec![before; size_px[0] * size_px[1] * bytes];
         unpack(format, source, stride_bytes, size_px, &mut out).unwrap();
@@ -30,7 +30,7 @@ fn unpacked(format: SourceFormat, source: &[u8], stride_bytes: usize, size_px: [
 
 #[test]
 fn layouts_of_the_documentation() {
-    // Each bit of every grey level that the documentation names, by hand.
+    // Each bit of every grey level in the documentation, by hand.
     let cases: &[(&str, &[u8], &[u16])] = &[
         ("GREY", &[1, 2, 255], &[1, 2, 255]),
         ("Y10", &[0x34, 0x02, 0xff, 0x03], &[0x234, 0x3ff]),
@@ -65,7 +65,7 @@ fn layouts_of_the_documentation() {
 
 #[test]
 fn luma_is_the_first_plane() {
-    // 4 × 2 pixels of luma in rows of 6 bytes; what follows is colour.
+    // 4 × 2 pixels of luma in rows of 6 bytes; colours follow.
     let source = [1, 2, 3, 4, 90, 91, 5, 6, 7, 8, 92, 93, 94, 95, 96, 97, 98, 99];
     for name in ["NV12", "NV21", "NV16", "NV61", "YU12", "YV12", "NM12", "NM21", "YM12", "YM21"] {
         let format: SourceFormat = name.parse().unwrap();
@@ -74,7 +74,7 @@ fn luma_is_the_first_plane() {
     }
 }
 
-/// A row in the layout of a format, padded to whole groups with ones.
+/// A row in the layout of a format, padded with ones to whole groups.
 fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
     let mut greys = greys.to_vec();
     greys.resize(greys.len().next_multiple_of(4), u16::MAX >> (16 - format.pixel_format().bits()));
@@ -104,7 +104,7 @@ fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
 
 proptest! {
     #[test]
-    fn what_is_packed_comes_out_again(
+    fn packed_values_are_unpacked_again(
         width_px in 1..70_usize,
         height_px in 1..5_usize,
         gap_bytes in prop_oneof![Just(0_usize), 1..40_usize],

@@ -1,4 +1,4 @@
-//! Parts of images, pixel by pixel.
+//! Regions and binning, pixel by pixel.
 
 use fringeflow::geometry::Readout;
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
@@ -9,7 +9,7 @@ use crate::{ImageReader, SourceFormat};
 use super::raw_formats;
 
 const SENSOR_PX: [usize; 2] = [72, 50];
-/// A region that begins at odd places, and the whole image.
+/// A region with odd corners, and the whole image.
 const REGIONS: [Option<[usize; 4]>; 2] = [Some([11, 7, 52, 38]), None];
 
 /// The bytes of an image, with rows that have gaps.
@@ -17,7 +17,7 @@ fn source(format: SourceFormat) -> (Vec<u8>, usize) {
     let stride_bytes = format.least_stride_bytes(SENSOR_PX[0]) + 10;
     let len = format.least_bytes(SENSOR_PX, stride_bytes);
     let mut bytes: Vec<u8> = (0..len).map(|i| (i * i / 7 + i * 31) as u8).collect();
-    // No camera sets bits that its values have not.
+    // No camera sets bits beyond its depth.
     if format.pixel_format().bytes() == 2 && format == format.pixel_format().into() {
         for value in bytes.as_chunks_mut::<2>().0 {
             *value = (u16::from_le_bytes(*value) & format.pixel_format().max_value()).to_le_bytes();
@@ -47,12 +47,12 @@ fn each_pixel_is_the_mean_of_its_square() {
             let (found, [width, height]) = (greys(reader.pixel_format(), &out), readout.image_size_px());
             let [x, y, ..] = readout.region();
             for (v, u) in (0..height).flat_map(|v| (0..width).map(move |u| (v, u))) {
-                let of = |dv: usize, du: usize| whole[(y + v * binning + dv) * SENSOR_PX[0] + x + u * binning + du];
+                let at = |dv: usize, du: usize| whole[(y + v * binning + dv) * SENSOR_PX[0] + x + u * binning + du];
                 let mean = match binning {
-                    1 => of(0, 0),
-                    _ => (of(0, 0) + of(0, 1) + of(1, 0) + of(1, 1)) / 4.0,
+                    1 => at(0, 0),
+                    _ => (at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1)) / 4.0,
                 };
-                // Nothing is rounded but means of 16 bits.
+                // Only means of 16 bits are rounded.
                 let off = (found[v * width + u] - mean).abs();
                 let most = if reader.pixel_format() == PixelFormat::Y16 { 0.5 / 256.0 } else { 0.0 };
                 assert!(off <= most, "{format}, {region:?} / {binning}, {u}, {v}: {off} off");
@@ -62,7 +62,7 @@ fn each_pixel_is_the_mean_of_its_square() {
 }
 
 #[test]
-fn what_is_too_short_is_refused() {
+fn short_buffers_are_refused() {
     let readout = Readout::new(SENSOR_PX, REGIONS[0], 2).unwrap();
     for format in raw_formats() {
         let (bytes, stride_bytes) = source(format);

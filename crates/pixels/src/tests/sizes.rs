@@ -41,7 +41,7 @@ fn an_image_has_the_bytes_of_its_rows() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_the_numbers() {
+fn sizes_that_do_not_fit_are_refused_with_the_numbers() {
     let refused = |source: usize, stride_bytes, out: usize| {
         unpack(SourceFormat::Y10Mipi, &vec![0; source], stride_bytes, [8, 3], &mut vec![0; out]).unwrap_err()
     };
@@ -52,7 +52,7 @@ fn what_does_not_fit_is_refused_with_the_numbers() {
     for found in [47, 49, 24] {
         assert_eq!(
             refused(42, 16, found),
-            UnpackError::Place { format, width_px: 8, height_px: 3, found, expected: 48 }
+            UnpackError::Output { format, width_px: 8, height_px: 3, found, expected: 48 }
         );
     }
     assert!(unpack(format, &[0; 42], 16, [8, 3], &mut [0; 48]).is_ok());
@@ -60,7 +60,7 @@ fn what_does_not_fit_is_refused_with_the_numbers() {
 
 proptest! {
     #[test]
-    fn no_size_and_no_bytes_bring_it_down(
+    fn no_size_and_no_bytes_cause_a_panic(
         source in prop::collection::vec(any::<u8>(), 0..200),
         stride_bytes in prop_oneof![0..40_usize, any::<usize>()],
         width_px in prop_oneof![0..12_usize, any::<usize>()],

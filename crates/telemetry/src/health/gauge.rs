@@ -1,97 +1,79 @@
-//! One quantity over the last windows.
+//! One health quantity over the last windows.
 
 use std::collections::VecDeque;
 
-use super::{HealthLimits, HealthState, Level, Limits, Quantity};
+use fringeflow_message::GaugeReport;
+
+use super::{Averaging, HealthLimits, HealthState, Limits, Quantity};
 
 /// A quantity with its level over the last windows, and its state.
 ///
-/// The state rises as soon as the level exceeds a limit, and falls when it is below a share of it: neither a single window nor a
-/// level about a limit makes it flicker. Before there are enough windows it is not known.
+/// The state rises as soon as the level exceeds a limit. It falls when the level is below `release_share` of that limit, so
+/// neither a single window nor a level near a limit makes it flicker. It is not known before there are enough windows.
 #[derive(Clone, Debug)]
 pub struct Gauge {
     quantity: Quantity,
-    limits: Limits,
-    windows: usize,
-    fewest_windows: usize,
-    release_share: f64,
+    /// Values of the last windows, the newest last.
     recent: VecDeque<f64>,
-    state: HealthState,
-    since_ns: u64,
+    report: GaugeReport,
 }
 
 impl Gauge {
-    /// A quantity of which nothing is known.
+    /// A gauge without any window.
     #[must_use]
     pub fn new(quantity: Quantity, limits: &HealthLimits) -> Self {
+        let Limits { warn, bad } = limits.limits_of(quantity);
         Self {
             quantity,
-            limits: limits.of(quantity),
-            windows: limits.windows,
-            fewest_windows: limits.fewest_windows,
-            release_share: limits.release_share,
             recent: VecDeque::with_capacity(limits.windows),
-            state: HealthState::NotKnown,
-            since_ns: 0,
+            report: GaugeReport { warn, bad, ..GaugeReport::default() },
         }
     }
 
-    /// Takes what the next window says, at a time, nanoseconds.
-    pub fn add(&mut self, time_ns: u64, value: f64) {
-        if self.recent.len() == self.windows {
+    /// Adds the value of the next window, which was measured at a time in nanoseconds.
+    pub fn add(&mut self, time_ns: u64, value: f64, limits: &HealthLimits) {
+        if self.recent.len() == limits.windows {
             self.recent.pop_front();
         }
         self.recent.push_back(value);
+        if self.recent.len() < limits.fewest_windows {
+            return;
+        }
         let Some(level) = self.level() else { return };
-        let state = self.judge(level);
-        if state != self.state {
-            (self.state, self.since_ns) = (state, time_ns);
+        (self.report.level, self.report.is_known) = (level, 1);
+        let state = self.state_at(level, limits.release_share) as u32;
+        if state != self.report.state {
+            (self.report.state, self.report.since_ns) = (state, time_ns);
         }
     }
 
-    /// The quantity.
+    /// Its level, limits and state.
     #[must_use]
-    pub fn quantity(&self) -> Quantity {
-        self.quantity
-    }
-
-    /// Its limits.
-    #[must_use]
-    pub fn limits(&self) -> Limits {
-        self.limits
-    }
-
-    /// Its level over the last windows; `None` before there are enough.
-    #[must_use]
-    pub fn level(&self) -> Option<f64> {
-        if self.recent.len() < self.fewest_windows {
-            return None;
-        }
-        match self.quantity.level() {
-            Level::Median => median(self.recent.iter().copied()),
-            Level::Mean => Some(self.recent.iter().sum::<f64>() / self.recent.len().max(1) as f64),
-        }
+    pub fn report(&self) -> GaugeReport {
+        self.report
     }
 
     /// Its state.
     #[must_use]
     pub fn state(&self) -> HealthState {
-        self.state
+        HealthState::from_code(self.report.state)
     }
 
-    /// When it came to that state, nanoseconds; 0 while it is not known.
-    #[must_use]
-    pub fn since_ns(&self) -> u64 {
-        self.since_ns
+    /// Level over the last windows.
+    fn level(&self) -> Option<f64> {
+        match self.quantity.averaging() {
+            Averaging::Median => median(self.recent.iter().copied()),
+            Averaging::Mean => Some(self.recent.iter().sum::<f64>() / self.recent.len().max(1) as f64),
+        }
     }
 
-    fn judge(&self, level: f64) -> HealthState {
-        let stands = |state: HealthState, limit: f64| {
-            level > limit || (self.state >= state && level >= self.release_share * limit)
-        };
-        if stands(HealthState::Bad, self.limits.bad) {
+    fn state_at(&self, level: f64, release_share: f64) -> HealthState {
+        // A state that holds already ends only below a share of its limit.
+        let holds =
+            |state: HealthState, limit: f64| level > limit || (self.state() >= state && level >= release_share * limit);
+        if holds(HealthState::Bad, self.report.bad) {
             HealthState::Bad
-        } else if stands(HealthState::Warn, self.limits.warn) {
+        } else if holds(HealthState::Warn, self.report.warn) {
             HealthState::Warn
         } else {
             HealthState::Ok
@@ -99,7 +81,7 @@ impl Gauge {
     }
 }
 
-/// The middle one of some values, of two the lower; `None` without any.
+/// The median of some values, the lower of the two middle ones; `None` without any.
 #[must_use]
 pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = values.collect();
@@ -112,16 +94,16 @@ mod tests {
     use super::*;
     use HealthState::{Bad, NotKnown, Ok, Warn};
 
-    fn gauge(quantity: Quantity) -> Gauge {
+    fn gauge(quantity: Quantity) -> (Gauge, HealthLimits) {
         let mut limits = HealthLimits::default();
         limits.set(quantity.key(), Limits { warn: 0.1, bad: 0.3 });
-        Gauge::new(quantity, &limits)
+        (Gauge::new(quantity, &limits), limits)
     }
 
     /// The state after each of some windows.
-    fn course(gauge: &mut Gauge, values: &[f64]) -> Vec<HealthState> {
+    fn course((gauge, limits): &mut (Gauge, HealthLimits), values: &[f64]) -> Vec<HealthState> {
         let mut add = |&value: &f64| {
-            gauge.add(7, value);
+            gauge.add(7, value, limits);
             gauge.state()
         };
         values.iter().map(&mut add).collect()
@@ -133,7 +115,7 @@ mod tests {
         let mut spiked = gauge(Quantity::Drift);
         let spikes = [0.04, 0.5, 0.04, 0.5, 0.04, 0.5, 0.04, 0.5, 0.04, 0.04, 0.5, 0.04];
         assert!(course(&mut spiked, &spikes)[4..].iter().all(|&state| state == Ok));
-        assert_eq!(spiked.level(), Some(0.04));
+        assert_eq!(spiked.0.report().known(), Some(0.04));
     }
 
     #[test]
@@ -158,10 +140,10 @@ mod tests {
     }
 
     #[test]
-    fn it_tells_since_when() {
-        let mut gauge = gauge(Quantity::Drift);
-        (0..20).for_each(|time_ns| gauge.add(time_ns, if time_ns < 10 { 0.0 } else { 0.2 }));
-        assert_eq!((gauge.state(), gauge.since_ns()), (Warn, 14));
+    fn it_reports_since_when() {
+        let (mut gauge, limits) = gauge(Quantity::Drift);
+        (0..20).for_each(|time_ns| gauge.add(time_ns, if time_ns < 10 { 0.0 } else { 0.2 }, &limits));
+        assert_eq!((gauge.state(), gauge.report().since_ns), (Warn, 14));
     }
 
     #[test]

@@ -1,34 +1,34 @@
-//! What is as it should be.
+//! Limits of the health quantities.
 
 use super::Quantity;
 
-/// Levels beyond which a quantity is no longer as it should be; `warn` below `bad`.
+/// Levels above which a quantity is out of order; `warn` is below `bad`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Beyond it is [`super::HealthState::Warn`].
+    /// A level above is [`super::HealthState::Warn`].
     pub warn: f64,
-    /// Beyond it is [`super::HealthState::Bad`].
+    /// A level above is [`super::HealthState::Bad`].
     pub bad: f64,
 }
 
 /// Limits of all quantities, and how levels and states follow from windows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HealthLimits {
-    /// Limits by [`Quantity::ALL`].
+    /// Limits, in the order of [`Quantity::ALL`].
     limits: [Limits; Quantity::ALL.len()],
-    /// Last windows that a level is made of.
+    /// Number of last windows in a level.
     pub windows: usize,
-    /// Fewest windows that make one.
+    /// Fewest windows for a level.
     pub fewest_windows: usize,
-    /// Share of a limit that the level must fall below before its state ends.
+    /// A state ends when the level falls below this share of its limit.
     pub release_share: f64,
 }
 
 impl Default for HealthLimits {
-    /// What `configs/reconstruct.toml` explains.
+    /// The values that `configs/reconstruct.toml` explains.
     fn default() -> Self {
         let limits = |[warn, bad]: [f64; 2]| Limits { warn, bad };
-        let of = |quantity: Quantity| match quantity {
+        let defaults = |quantity: Quantity| match quantity {
             Quantity::Drift => [0.1, 0.2],
             Quantity::DeltaSd => [0.1, 0.2],
             Quantity::DeltaNoise => [0.03, 0.06],
@@ -47,7 +47,7 @@ impl Default for HealthLimits {
             Quantity::FalseCandidates => [1.5, 3.0],
         };
         Self {
-            limits: Quantity::ALL.map(|quantity| limits(of(quantity))),
+            limits: Quantity::ALL.map(|quantity| limits(defaults(quantity))),
             windows: 9,
             fewest_windows: 5,
             release_share: 0.8,
@@ -58,11 +58,11 @@ impl Default for HealthLimits {
 impl HealthLimits {
     /// Limits of a quantity.
     #[must_use]
-    pub fn of(&self, quantity: Quantity) -> Limits {
+    pub fn limits_of(&self, quantity: Quantity) -> Limits {
         self.limits[quantity as usize]
     }
 
-    /// Sets the limits of all quantities that share a key.
+    /// Sets the limits of all quantities that share a configuration key.
     pub fn set(&mut self, key: &str, limits: Limits) {
         for quantity in Quantity::ALL.into_iter().filter(|quantity| quantity.key() == key) {
             self.limits[quantity as usize] = limits;

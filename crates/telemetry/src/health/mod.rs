@@ -1,9 +1,10 @@
 //! Whether the scanner measures as it should, watched from window to window.
 //!
-//! In: what each window tells ([`Measures`], one number a [`Quantity`] or none) and when. Out: for every quantity a [`Gauge`]
-//! with its level over the last windows, and a [`HealthState`] that does not flicker; the worst is that of the scanner. It is a
-//! function of that sequence alone: no clock, no log. Cost: nothing beside a window.
+//! In: one value or none for each [`Quantity`] of a window ([`Measures`]), and the time. Out: a [`Gauge`] for every
+//! quantity with its level over the last windows, and a [`HealthState`] that does not flicker. The worst state is the
+//! scanner's. The result depends on that sequence alone: no clock, no log. The cost is negligible beside a window.
 
+mod advice;
 mod gauge;
 mod limits;
 mod quantity;
@@ -11,41 +12,42 @@ mod state;
 
 pub use gauge::{Gauge, median};
 pub use limits::{HealthLimits, Limits};
-pub use quantity::{Level, Quantity};
+pub use quantity::{Averaging, Quantity};
 pub use state::HealthState;
 
-/// What a window tells of each quantity, by [`Quantity::ALL`]; `None` where it tells nothing.
+/// Values of a window, in the order of [`Quantity::ALL`]; `None` where the window has no value.
 pub type Measures = [Option<f64>; Quantity::ALL.len()];
 
 /// The health of a scanner.
 #[derive(Clone, Debug)]
 pub struct Health {
     gauges: [Gauge; Quantity::ALL.len()],
+    limits: HealthLimits,
 }
 
 impl Health {
-    /// Nothing known yet.
+    /// A health without any window.
     #[must_use]
     pub fn new(limits: &HealthLimits) -> Self {
-        Self { gauges: Quantity::ALL.map(|quantity| Gauge::new(quantity, limits)) }
+        Self { gauges: Quantity::ALL.map(|quantity| Gauge::new(quantity, limits)), limits: limits.clone() }
     }
 
-    /// Takes what a window tells, at a time, nanoseconds.
+    /// Adds the values of a window that was measured at a time in nanoseconds.
     pub fn add(&mut self, time_ns: u64, measures: &Measures) {
         for (gauge, measure) in self.gauges.iter_mut().zip(measures) {
             if let Some(value) = measure.filter(|value| value.is_finite()) {
-                gauge.add(time_ns, value);
+                gauge.add(time_ns, value, &self.limits);
             }
         }
     }
 
-    /// All quantities.
+    /// The gauges of all quantities, in the order of [`Quantity::ALL`].
     #[must_use]
     pub fn gauges(&self) -> &[Gauge] {
         &self.gauges
     }
 
-    /// The worst state of all quantities; not known before any is.
+    /// The worst state of all quantities; not known before any quantity is known.
     #[must_use]
     pub fn state(&self) -> HealthState {
         self.gauges.iter().map(Gauge::state).max().unwrap_or_default()
@@ -57,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_quantity_is_the_state_and_what_is_not_told_counts_nowhere() {
+    fn the_worst_quantity_is_the_state_and_missing_values_do_not_count() {
         let mut health = Health::new(&HealthLimits::default());
         assert_eq!(health.state(), HealthState::NotKnown);
         let mut measures: Measures = [None; Quantity::ALL.len()];
@@ -68,10 +70,11 @@ mod tests {
         measures[Quantity::SaturatedCam1 as usize] = Some(0.9);
         (9..18).for_each(|time_ns| health.add(time_ns, &measures));
         assert_eq!(health.state(), HealthState::Bad);
-        let told = |quantity: Quantity| {
-            (health.gauges()[quantity as usize].level(), health.gauges()[quantity as usize].state())
+        let level_and_state = |quantity: Quantity| {
+            let gauge = &health.gauges()[quantity as usize];
+            (gauge.report().known(), gauge.state())
         };
-        assert_eq!(told(Quantity::Drift), (Some(0.04), HealthState::Ok));
-        assert_eq!(told(Quantity::HarmonicsCam2), (None, HealthState::NotKnown));
+        assert_eq!(level_and_state(Quantity::Drift), (Some(0.04), HealthState::Ok));
+        assert_eq!(level_and_state(Quantity::HarmonicsCam2), (None, HealthState::NotKnown));
     }
 }

@@ -1,6 +1,6 @@
-//! What is watched.
+//! The health quantities.
 
-/// A quantity that tells how well the scanner measures; the more of it, the worse.
+/// A quantity that shows how well the scanner measures; the higher, the worse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(usize)]
 pub enum Quantity {
@@ -8,9 +8,9 @@ pub enum Quantity {
     Drift = 0,
     /// Standard deviation of δ about its mean.
     DeltaSd,
-    /// Standard deviation of δ about the drift: what is left for noise.
+    /// Standard deviation of δ about the drift: the part left for noise.
     DeltaNoise,
-    /// Amount of the mean of δ: what the projector's phase is off.
+    /// Absolute mean of δ: the offset of the projector's phase.
     DeltaMean,
     /// Fit residual ÷ modulation of camera 1.
     ResidualCam1,
@@ -28,19 +28,19 @@ pub enum Quantity {
     DimCam1,
     /// The same of camera 2.
     DimCam2,
-    /// By how much images of camera 2 begin later or earlier than those of camera 1, mean of the window.
+    /// Start of an image of camera 2 relative to camera 1, mean absolute value of the window.
     Skew,
-    /// Phase moved from image to image that a pixel in twenty exceeds, the greater of both cameras.
+    /// Phase motion from image to image that 5 % of the pixels exceed, the greater of both cameras.
     Motion,
-    /// Greatest departure of the brightness of an image from the mean, of both cameras.
+    /// Greatest deviation of an image's brightness from the mean, of both cameras.
     Brightness,
     /// Share of the valid pixels decoded from part of their images, the greater of both cameras.
     OneSurface,
-    /// Share of the lit pixels left out for their motion, the greater of both cameras.
+    /// Share of the lit pixels left out because of motion, the greater of both cameras.
     Lost,
-    /// Windows whose pattern was steps ahead of what was said of it.
+    /// Windows whose images were ahead of the declared phase shifts.
     Slipped,
-    /// Share of the pixels of which no candidate agrees with the drift, in the measurement volume or beyond it.
+    /// Share of the pixels without a candidate that agrees with the drift, inside the measurement volume or outside.
     Unexplained,
     /// Expected false candidates for each true one about the drift: efc of Eq. (1).
     FalseCandidates,
@@ -48,15 +48,15 @@ pub enum Quantity {
 
 /// How the level of a quantity follows from its last windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    /// The middle one: single windows mean nothing.
+pub enum Averaging {
+    /// Their median: single windows do not matter.
     Median,
     /// Their mean: each window counts.
     Mean,
 }
 
 impl Quantity {
-    /// All quantities, each at its place.
+    /// All quantities, each at the index of its discriminant.
     pub const ALL: [Self; 20] = [
         Self::Drift,
         Self::DeltaSd,
@@ -80,7 +80,7 @@ impl Quantity {
         Self::FalseCandidates,
     ];
 
-    /// Its name in messages, metrics and recordings.
+    /// Name in messages, metrics and recordings.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -107,7 +107,7 @@ impl Quantity {
         }
     }
 
-    /// Key of its limits in a configuration; both cameras share one.
+    /// Configuration key of its limits; both cameras share one.
     #[must_use]
     pub fn key(self) -> &'static str {
         match self {
@@ -130,14 +130,14 @@ impl Quantity {
         }
     }
 
-    /// Unit of its values, by its end in [`Self::key`]; empty for shares.
+    /// Unit of its values, taken from the end of [`Self::key`]; empty for shares.
     #[must_use]
     pub fn unit(self) -> &'static str {
         let key = self.key();
         ["rad", "ms"].into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default()
     }
 
-    /// What it is, for people.
+    /// Title for people.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
@@ -164,40 +164,15 @@ impl Quantity {
         }
     }
 
-    /// What to do about it.
-    #[must_use]
-    pub fn remedy(self) -> &'static str {
-        match self {
-            Self::Drift => "calibrate again; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
-            Self::DeltaSd => "calibration and images may not belong together, or the scanner moves too fast",
-            Self::DeltaNoise => "more light, slower motion, or a linear projector",
-            Self::DeltaMean => "set pattern.phase_offset_rad, or see whether projector and cameras are in step",
-            Self::ResidualCam1 | Self::ResidualCam2 => {
-                "check exposure and gamma, move more slowly, and check that each image shows its declared step"
-            }
-            Self::HarmonicsCam1 | Self::HarmonicsCam2 => "make the projector linear (its gamma), or lower the exposure",
-            Self::SaturatedCam1 | Self::SaturatedCam2 => "lower the exposure, the gain or the light",
-            Self::DimCam1 | Self::DimCam2 => "raise the exposure or the light, or come nearer",
-            Self::Skew => "trigger both cameras together",
-            Self::Motion | Self::OneSurface | Self::Lost => "move more slowly, or take images faster",
-            Self::Brightness => "keep exposure and light constant, and other light out",
-            Self::Slipped => "see to the trigger between projector and cameras",
-            Self::Unexplained => {
-                "calibration and images may not belong together, or most of what is seen lies far outside the measurement volume"
-            }
-            Self::FalseCandidates => "calibrate again, or use a shallower volume or fewer fringes",
-        }
-    }
-
     /// How its level follows from its last windows.
     #[must_use]
-    pub fn level(self) -> Level {
-        if self == Self::Slipped { Level::Mean } else { Level::Median }
+    pub fn averaging(self) -> Averaging {
+        if self == Self::Slipped { Averaging::Mean } else { Averaging::Median }
     }
 
-    /// The quantity of a name; `None` for one that is none.
+    /// The quantity with this name; `None` for an unknown name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|quantity| quantity.name() == name)
     }
 }
@@ -207,10 +182,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_stands_at_its_place_under_a_name_of_its_own() {
-        for (place, quantity) in Quantity::ALL.into_iter().enumerate() {
-            assert_eq!(quantity as usize, place);
-            assert_eq!(Quantity::named(quantity.name()), Some(quantity));
+    fn each_stands_at_its_index_under_a_unique_name() {
+        for (index, quantity) in Quantity::ALL.into_iter().enumerate() {
+            assert_eq!(quantity as usize, index);
+            assert_eq!(Quantity::from_name(quantity.name()), Some(quantity));
         }
         assert_eq!([Quantity::Drift, Quantity::Skew, Quantity::Lost].map(Quantity::unit), ["rad", "ms", ""]);
     }

@@ -1,17 +1,17 @@
-//! How good something is.
+//! States of health.
 
 /// State of a quantity or of the scanner, the better first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
 pub enum HealthState {
-    /// Too few windows have told anything of it.
+    /// Too few windows had a value.
     #[default]
     NotKnown = 0,
-    /// As it should be.
+    /// Within its limits.
     Ok = 1,
-    /// Beyond what it should be; results still hold.
+    /// Above the warning limit; results still hold.
     Warn = 2,
-    /// So far beyond that results are not what they claim.
+    /// Above the bad limit: results are less accurate than they claim.
     Bad = 3,
 }
 
@@ -19,13 +19,13 @@ impl HealthState {
     /// All states.
     pub const ALL: [Self; 4] = [Self::NotKnown, Self::Ok, Self::Warn, Self::Bad];
 
-    /// The state of a code in a message; not known for a code that is none.
+    /// The state of a code in a message; not known for an unknown code.
     #[must_use]
     pub fn from_code(code: u32) -> Self {
         Self::ALL.into_iter().find(|state| *state as u32 == code).unwrap_or_default()
     }
 
-    /// Its word for people, files and recordings.
+    /// Name for people, files and recordings.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -36,9 +36,9 @@ impl HealthState {
         }
     }
 
-    /// The state of a word; `None` for one that is none.
+    /// The state with this name; `None` for an unknown name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.name() == name)
     }
 }

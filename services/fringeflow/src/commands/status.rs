@@ -154,7 +154,7 @@ fn losses(tally: &Tally) -> Losses {
 
 impl Health {
     fn of(health: &HealthFigures, now_ns: u64) -> Self {
-        let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: figures.for_s(now_ns) };
+        let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: figures.seconds_in_state(now_ns) };
         Self { state: health.state.name(), quantities: health.quantities.iter().map(quantity).collect() }
     }
 }
@@ -167,7 +167,7 @@ fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u6
     writeln!(out, "health: {}", health.state.name())?;
     for gauge in &health.quantities {
         let limits = format!("warn {}, bad {}", gauge.with_unit(gauge.warn), gauge.with_unit(gauge.bad));
-        let since = gauge.for_s(now_ns).map_or_else(String::new, |for_s| format!("  for {for_s:.0} s"));
+        let since = gauge.seconds_in_state(now_ns).map_or_else(String::new, |for_s| format!("  for {for_s:.0} s"));
         let (state, level) = (gauge.state.name(), gauge.level_text());
         writeln!(out, "  {:<9} {:<35}{level:>11}  ({limits}){since}", state, gauge.title)?;
     }

@@ -87,7 +87,7 @@ pub(crate) struct WindowLine {
 impl<'a> RunFigures<'a> {
     /// The figures of a run whose stages ended with these counts.
     pub(crate) fn of(about: About<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
-        let [first_ns, last_ns] = run.history().ends_ns().unwrap_or_default();
+        let [first_ns, last_ns] = run.history().bounds_ns().unwrap_or_default();
         let wall_ms = |time_ns| about.origin.unix_ms(time_ns);
         let stage = |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, run.tally().stage(*stage));
         let time_line = run.samples(wall_ms);
@@ -102,7 +102,7 @@ impl<'a> RunFigures<'a> {
             stages: counts.iter().map(stage).collect(),
             segments: segment_lines(run),
             worst: run.worst().iter().map(|journey| WindowLine::of(journey, run, wall_ms, first_ns)).collect(),
-            drops: DropLine::all_of(counts),
+            drops: DropLine::from_counts(counts),
             last_window: run.window(),
             health: run.health(),
             segment_names: Segment::ALL.map(Segment::name),

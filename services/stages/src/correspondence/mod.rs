@@ -58,7 +58,7 @@ impl CorrespondenceStage {
     fn tell_health(&mut self, health: Option<&HealthFigures>) {
         for gauge in health.into_iter().flat_map(|health| &health.quantities) {
             let told = std::mem::replace(&mut self.states[gauge.quantity as usize], gauge.state);
-            if GaugeFigures::is_news(told, gauge.state) {
+            if GaugeFigures::is_noteworthy_change(told, gauge.state) {
                 if gauge.state > told { tracing::warn!("{gauge}") } else { tracing::info!("{gauge}") }
             }
         }

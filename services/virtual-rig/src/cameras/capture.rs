@@ -71,9 +71,9 @@ impl Capture {
     /// Sends the image of a shot; darkness where the projector shows what is not simulated.
     fn send(&mut self, header: &FrameHeader, shot: &Shot, images: &ImageLoop) -> Result<(), TransportError> {
         let Self { reader, output, .. } = self;
-        let (len, row_bytes) = (reader.image_bytes(), reader.plain_row_bytes());
+        let (len, row_bytes) = (reader.image_bytes(), reader.whole_row_bytes());
         match shot.step.and_then(|step| images.image(self.id, shot.number, step)) {
-            Some(image) if reader.is_plain(row_bytes) => output.send(header, image.bytes),
+            Some(image) if reader.is_passthrough(row_bytes) => output.send(header, image.bytes),
             Some(image) => output.send_filled(header, len, |pixels| {
                 if let Err(error) = reader.read(image.bytes, row_bytes, pixels) {
                     tracing::warn!("{error}");

@@ -81,7 +81,7 @@ impl Visit for Decide<'_> {
 
     #[inline(always)]
     fn prefetch<L: Lanes>(&self, level: L, place: usize) {
-        level.expect(&self.sums[place * self.lanes..]);
+        level.prefetch(&self.sums[place * self.lanes..]);
     }
 
     #[inline(always)]

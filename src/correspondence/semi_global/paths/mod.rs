@@ -343,7 +343,7 @@ impl<'a> Sweep<'a, '_> {
                 continue;
             }
             for u in 8 * i..8 * i + 8 {
-                level.expect(&self.evidence.costs[(first + u) * lanes..]);
+                level.prefetch(&self.evidence.costs[(first + u) * lanes..]);
                 expect(u);
             }
         }

@@ -92,7 +92,7 @@ impl Args {
         // Read before anything is written: what is wrong with a recording is no fault of the trace.
         let reports: Vec<StageReport> = reports(recording).collect::<Result<_, _>>()?;
         write_atomically(path, |out| {
-            let mut trace = TraceWriter::begin(out)?;
+            let mut trace = TraceWriter::new(out)?;
             reports.iter().try_for_each(|report| trace.add(report))?;
             trace.finish().map(drop)
         })?;

@@ -123,8 +123,8 @@ impl<'a> LiveScanner<'a> {
 
     /// What is used of the images of an exposure.
     fn read_out(&mut self, mut images: [GreyImage; 2]) -> Result<[GreyImage; 2], LiveError> {
-        let row_bytes = self.reader.plain_row_bytes();
-        if !self.reader.is_plain(row_bytes) {
+        let row_bytes = self.reader.whole_row_bytes();
+        if !self.reader.is_passthrough(row_bytes) {
             let ([width, height], format) = (self.reader.image_size_px(), self.reader.pixel_format());
             for image in &mut images {
                 let mut pixels = vec![0; self.reader.image_bytes()];

@@ -1,0 +1,31 @@
+//! Advice to the operator for each health quantity.
+
+use super::Quantity;
+
+impl Quantity {
+    /// What to do when the quantity is above its limits.
+    #[must_use]
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::Drift => "calibrate anew; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
+            Self::DeltaSd => "calibration and images may not belong together, or the scanner moves too fast",
+            Self::DeltaNoise => "more light, slower motion, or a linear projector",
+            Self::DeltaMean => "set pattern.phase_offset_rad, or check that projector and cameras are in step",
+            Self::ResidualCam1 | Self::ResidualCam2 => {
+                "check exposure and gamma, move more slowly, and check that each image shows its declared phase shift"
+            }
+            Self::HarmonicsCam1 | Self::HarmonicsCam2 => "make the projector linear (its gamma), or lower the exposure",
+            Self::SaturatedCam1 | Self::SaturatedCam2 => "lower the exposure, the gain or the light",
+            Self::DimCam1 | Self::DimCam2 => "raise the exposure or the light, or come nearer",
+            Self::Skew => "trigger both cameras together",
+            Self::Motion | Self::OneSurface | Self::Lost => "move more slowly, or take images faster",
+            Self::Brightness => "keep exposure and light constant, and other light out",
+            Self::Slipped => "check the trigger between projector and cameras",
+            Self::Unexplained => {
+                "calibration and images may not belong together, or most of the scene lies far outside the measurement \
+                 volume"
+            }
+            Self::FalseCandidates => "calibrate anew, or use a shallower volume or fewer fringes",
+        }
+    }
+}
