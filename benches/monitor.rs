@@ -108,7 +108,7 @@ impl Running {
                 _ => std::thread::sleep(Duration::from_millis(100)),
             }
         };
-        let instance = Instance::under(&folder.join("r"), "bench").unwrap();
+        let instance = Instance::in_folder(&folder.join("r"), "bench").unwrap();
         let instance = Self { child, instance, address };
         while instance.figures()["exposure_to_cloud"].is_null() {
             std::thread::sleep(Duration::from_secs(1));

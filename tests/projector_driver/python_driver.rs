@@ -35,7 +35,7 @@ struct Supervisor {
 
 impl Supervisor {
     fn new(folder: &Path) -> Self {
-        let instance = Instance::under(folder, "driver").unwrap();
+        let instance = Instance::in_folder(folder, "driver").unwrap();
         let node = Node::open(&instance, "supervisor").unwrap();
         let config_file = folder.join("driver.iceoryx2.toml");
         std::fs::write(&config_file, instance.external_config().unwrap()).unwrap();
@@ -133,7 +133,7 @@ fn it_starts_the_scan_announces_its_patterns_and_stops_the_scan() {
 fn without_the_channels_it_says_what_to_do() {
     let folder = tempfile::tempdir_in("/tmp").unwrap();
     let mut supervisor = Supervisor::new(folder.path());
-    let nobody = Instance::under(folder.path(), "nobody").unwrap();
+    let nobody = Instance::in_folder(folder.path(), "nobody").unwrap();
     std::fs::create_dir(nobody.root()).unwrap();
     std::fs::write(&supervisor.config_file, nobody.external_config().unwrap()).unwrap();
     let driver = supervisor.driver(&[]);

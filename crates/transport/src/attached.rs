@@ -1,7 +1,8 @@
-//! What is attached to an instance through files, and how it notices that they are no longer the same.
+//! The files of a port, and how the port notices that they were replaced.
 //!
-//! When somebody removes files of an instance, processes that run keep what they opened; processes that come later
-//! create it again under the same names, and the two groups do not hear each other. So a port remembers its files.
+//! When the files of an instance are removed, running processes keep the files they have open. Processes that start
+//! later create new files under the same names, and the two groups no longer exchange messages. So a port remembers its
+//! files.
 
 use std::fs;
 use std::ops::Deref;
@@ -9,9 +10,9 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::shared_memory;
+use super::{TransportError, shared_memory};
 
-/// Files that others find a port through, as they were when it was opened.
+/// Files through which others find a port, as they were when it was opened.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Files {
     all: Vec<(PathBuf, Option<Identity>)>,
@@ -21,23 +22,23 @@ pub(super) struct Files {
 /// The files of a service.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
-    /// What it is.
+    /// Static description of the service.
     pub(super) description: PathBuf,
-    /// Who takes part, in shared memory.
+    /// List of the participants, in shared memory.
     pub(super) participants: PathBuf,
 }
 
-/// A port together with the files that others find it through.
+/// A port and the files through which others find it.
 #[derive(Debug)]
 pub(super) struct Attached<T> {
-    // Dropped in this order.
+    // Fields are dropped in this order.
     port: T,
     files: Files,
-    kept: Vec<Kept>,
+    successors: Vec<SecondLink>,
 }
 
-/// Device, inode and time of the last change of the content. Disks reuse an inode at once. Shared memory does not, and
-/// there the time may change with every message: it is left out.
+/// Device, inode and modification time. Disks reuse an inode at once, so the time is needed. Shared memory does not
+/// reuse them, and there the time may change with every message: it is left out.
 type Identity = (u64, u64, Option<(i64, i64)>);
 
 impl Files {
@@ -49,7 +50,7 @@ impl Files {
         Self { all: files.into_iter().map(identified).collect(), services: Vec::new() }
     }
 
-    /// With those of services.
+    /// Adds the files of services.
     pub(super) fn with_services(mut self, services: Vec<Service>) -> Self {
         for service in &services {
             self.extend(Self::new([service.description.clone(), service.participants.clone()]));
@@ -63,16 +64,16 @@ impl Files {
         self.services.extend(other.services);
     }
 
-    /// Whether all of them exist and are the same ones.
-    fn unchanged(&self) -> bool {
+    /// Whether all files exist and are still the same.
+    fn are_current(&self) -> bool {
         self.all.iter().all(|(file, before)| before.is_some() && identity(file) == *before)
     }
 
-    fn is_changed(&self, file: &Path) -> bool {
+    fn is_replaced(&self, file: &Path) -> bool {
         self.all.iter().any(|(known, before)| known == file && identity(file) != *before)
     }
 
-    /// Those that others have created again.
+    /// The files that others have created again.
     fn successors(&self) -> impl Iterator<Item = &Path> {
         let created_again = |(file, before): &&(PathBuf, _)| identity(file).is_some_and(|now| Some(now) != *before);
         self.all.iter().filter(created_again).map(|(file, _)| file.as_path())
@@ -81,24 +82,40 @@ impl Files {
 
 impl<T> Attached<T> {
     pub(super) fn new(port: T, files: Files) -> Self {
-        Self { port, files, kept: Vec::new() }
+        Self { port, files, successors: Vec::new() }
     }
 
-    /// Whether others who come now find this port.
-    pub(super) fn unchanged(&self) -> bool {
-        self.files.unchanged()
+    /// Whether processes that start now find this port.
+    pub(super) fn is_current(&self) -> bool {
+        self.files.are_current()
     }
 
-    /// Removes the descriptions of services that nobody can join, since their shared memory was removed: as long as
-    /// these are there, nobody can create the services again.
-    pub(super) fn withdraw(&self) {
+    /// Removes the descriptions of services whose shared memory was removed. Nobody can join such a service, and while its
+    /// description exists, nobody can create it again.
+    pub(super) fn remove_unusable_services(&self) {
         for Service { description, participants } in &self.files.services {
-            if !participants.exists() && !self.files.is_changed(description) {
-                // If it cannot be removed, opening anew fails and says so.
+            if !participants.exists() && !self.files.is_replaced(description) {
+                // If it cannot be removed, opening the port again fails and reports it.
                 let _ = fs::remove_file(description);
             }
         }
     }
+}
+
+/// Opens a port again if its files were replaced or it is closed; returns whether that was so.
+pub(super) fn ensure_open<T>(
+    port: &mut Option<Attached<T>>,
+    open: impl FnOnce() -> Result<Attached<T>, TransportError>,
+) -> Result<bool, TransportError> {
+    if port.as_ref().is_some_and(Attached::is_current) {
+        return Ok(false);
+    }
+    // The old port goes first: the channel may have room for one only.
+    if let Some(old) = port.take() {
+        old.remove_unusable_services();
+    }
+    *port = Some(open()?);
+    Ok(true)
 }
 
 impl<T> Deref for Attached<T> {
@@ -110,34 +127,35 @@ impl<T> Deref for Attached<T> {
 }
 
 impl<T> Drop for Attached<T> {
-    /// The last user of a service removes its files by name, even if they meanwhile belong to its successor: keep those.
+    /// The last user of a service removes its files by name, even if they belong to a successor by now. Second links
+    /// keep those.
     fn drop(&mut self) {
-        self.kept = self.files.successors().filter_map(Kept::new).collect();
+        self.successors = self.files.successors().filter_map(SecondLink::new).collect();
     }
 }
 
-/// A second name of a file, under which it survives its removal.
+/// A hard link that keeps a file when its first name is removed.
 #[derive(Debug)]
-struct Kept {
+struct SecondLink {
     file: PathBuf,
-    second: PathBuf,
+    link: PathBuf,
 }
 
-impl Kept {
-    /// `None` if the file has just gone.
+impl SecondLink {
+    /// `None` if the file has just been removed.
     fn new(file: &Path) -> Option<Self> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let second = file.with_extension(format!("{}-{number}.kept", std::process::id()));
-        fs::hard_link(file, &second).ok()?;
-        Some(Self { file: file.to_owned(), second })
+        let link = file.with_extension(format!("{}-{number}.kept", std::process::id()));
+        fs::hard_link(file, &link).ok()?;
+        Some(Self { file: file.to_owned(), link })
     }
 }
 
-impl Drop for Kept {
+impl Drop for SecondLink {
     fn drop(&mut self) {
-        // A failure leaves a file that the supervisor removes, or a changed one that every port notices.
-        let _ = if self.file.exists() { fs::remove_file(&self.second) } else { fs::rename(&self.second, &self.file) };
+        // A failure leaves a file that the supervisor removes, or a replaced one that every port notices.
+        let _ = if self.file.exists() { fs::remove_file(&self.link) } else { fs::rename(&self.link, &self.file) };
     }
 }
 
@@ -151,7 +169,7 @@ fn identity(file: &Path) -> Option<Identity> {
 mod tests {
     use super::*;
 
-    /// Removes its file when it is dropped, whosever it is by then.
+    /// Removes its file when it is dropped, even if the file belongs to another port by then.
     struct Port(PathBuf);
 
     impl Drop for Port {
@@ -169,14 +187,14 @@ mod tests {
             Attached::new(Port(file.clone()), Files::new([file.clone()]))
         };
         let first = attach();
-        assert!(first.unchanged());
+        assert!(first.is_current());
         fs::remove_file(&file).unwrap();
-        assert!(!first.unchanged());
+        assert!(!first.is_current());
         let second = attach();
-        assert!(!first.unchanged());
+        assert!(!first.is_current());
 
         drop(first);
-        assert!(second.unchanged());
+        assert!(second.is_current());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         drop(second);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

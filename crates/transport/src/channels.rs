@@ -1,4 +1,4 @@
-//! All channels: names, types, and how much each of them holds.
+//! All channels: names, types and capacities.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -12,13 +12,13 @@ use fringeflow_message::{
 pub const CAM1_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam1Frame);
 /// Images of camera 2.
 pub const CAM2_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam2Frame);
-/// Patterns that the projector shows.
+/// Patterns shown by the projector.
 pub const PROJECTOR_PATTERN: Channel<(), PatternEvent> = Channel::new(ChannelId::ProjectorPattern);
 /// Phase maps of both cameras.
 pub const PHASE_MAPS: Channel<MapsHeader, [Block]> = Channel::new(ChannelId::PhaseMaps);
 /// Correspondences of all pixels of camera 1.
 pub const CORRESPONDENCE_MAP: Channel<CorrespondenceHeader, [Block]> = Channel::new(ChannelId::CorrespondenceMap);
-/// Clouds.
+/// Point clouds.
 pub const CLOUD: Channel<CloudHeader, [u8]> = Channel::new(ChannelId::Cloud);
 /// Reports of all stages.
 pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::ReportStage);
@@ -26,11 +26,11 @@ pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::Repor
 pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::ReportWindow);
 /// Poses of the scanner.
 pub const TRACKING_POSE: Channel<(), PoseReport> = Channel::new(ChannelId::TrackingPose);
-/// The model that grows, thinned out.
+/// The growing model, thinned out.
 pub const TRACKING_MODEL: Channel<ModelHeader, [u8]> = Channel::new(ChannelId::TrackingModel);
-/// What is known of the next windows.
+/// Depth priors for the next windows.
 pub const TRACKING_PRIOR: Channel<PriorHeader, [u8]> = Channel::new(ChannelId::TrackingPrior);
-/// What the instance is to do; a new subscriber gets the last one.
+/// The commanded state of the instance; a new subscriber gets the last one.
 pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
 
 /// A publish–subscribe channel.
@@ -49,20 +49,20 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `TrackingPrior` | `tracking/prior` | slice of `u8` | `fringeflow.PriorHeader.2` |
 /// | `ScanState` | `control/state` | `fringeflow.ScanState.1` | none |
 ///
-/// Beside these, `control` is a request–response service, see [`super::ControlServer`].
+/// There is also the request–response service `control`, see [`super::ControlServer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ChannelId {
     /// Images of camera 1.
     Cam1Frame,
     /// Images of camera 2.
     Cam2Frame,
-    /// Patterns that the projector shows.
+    /// Patterns shown by the projector.
     ProjectorPattern,
     /// Phase maps of both cameras.
     PhaseMaps,
     /// Correspondences of all pixels of camera 1.
     CorrespondenceMap,
-    /// Clouds.
+    /// Point clouds.
     Cloud,
     /// Reports of all stages.
     ReportStage,
@@ -70,11 +70,11 @@ pub enum ChannelId {
     ReportWindow,
     /// Poses of the scanner.
     TrackingPose,
-    /// The model that grows, thinned out.
+    /// The growing model, thinned out.
     TrackingModel,
-    /// What is known of the next windows.
+    /// Depth priors for the next windows.
     TrackingPrior,
-    /// What the instance is to do.
+    /// The commanded state of the instance.
     ScanState,
 }
 
@@ -97,24 +97,24 @@ pub struct ChannelSizes {
     pub correspondence_blocks: usize,
     /// Bytes of the largest cloud.
     pub cloud_bytes: usize,
-    /// Most points of the model that are shown; 0 where none is made.
+    /// Most points of the published model; 0 without one.
     pub model_points: usize,
-    /// Bytes of the largest prior; 0 where none is made.
+    /// Bytes of the largest prior; 0 without priors.
     pub prior_bytes: usize,
 }
 
-/// How much a channel holds.
+/// Capacity of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Quality {
-    /// Most publishers. A killed one is replaced at once, since a new process removes it first.
+pub struct ChannelLimits {
+    /// Most publishers. A killed publisher can be replaced at once, because a new process removes it first.
     pub publishers: usize,
     /// Most subscribers.
     pub subscribers: usize,
-    /// Messages that wait for a subscriber; then the oldest goes.
+    /// Messages that wait for a subscriber; a further message drops the oldest.
     pub buffer: usize,
     /// Messages that a subscriber may hold.
     pub borrowed: usize,
-    /// Messages that a new subscriber is given.
+    /// Messages that a new subscriber receives.
     pub history: usize,
     /// Bytes of the user header.
     pub header_bytes: usize,
@@ -141,7 +141,7 @@ impl ChannelId {
         Self::ScanState,
     ];
 
-    /// Name of the service, and of the event service that tells of its messages.
+    /// Name of the service, and of the event service that signals its messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -160,38 +160,46 @@ impl ChannelId {
         }
     }
 
-    /// How much the channel holds.
+    /// Capacity of the channel.
     #[must_use]
-    pub fn quality(self, sizes: &ChannelSizes) -> Quality {
-        // The phase service holds a window, the present run of images, and those that wait for their partner.
-        let frame = Quality { borrowed: 3 * sizes.window + 4, ..Quality::of::<FrameHeader, u8>(sizes.frame_bytes, 16) };
+    pub fn limits(self, sizes: &ChannelSizes) -> ChannelLimits {
+        type Limits = ChannelLimits;
+        // The phase service holds a window, the current run of images, and images that wait for their partner.
+        let borrowed = 3 * sizes.window + 4;
+        let frame = Limits { borrowed, ..Limits::for_elements::<FrameHeader, u8>(sizes.frame_bytes, 16) };
         match self {
             Self::Cam1Frame | Self::Cam2Frame => frame,
-            Self::ProjectorPattern => Quality::of::<(), PatternEvent>(1, 64),
-            Self::PhaseMaps => Quality::of::<MapsHeader, Block>(sizes.map_blocks, 2),
-            Self::CorrespondenceMap => Quality::of::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2),
-            Self::Cloud => Quality::of::<CloudHeader, u8>(sizes.cloud_bytes, 2),
-            Self::ReportStage => Quality { publishers: 16, subscribers: 8, ..Quality::of::<(), StageReport>(1, 256) },
-            Self::ReportWindow => Quality::of::<(), WindowReport>(1, 64),
-            // Who asks how things stand is told, even when no cloud comes.
-            Self::TrackingPose => Quality { subscribers: 8, history: 1, ..Quality::of::<(), PoseReport>(1, 64) },
-            // Whoever comes later sees the model before it has grown again.
+            Self::ProjectorPattern => Limits::for_elements::<(), PatternEvent>(1, 64),
+            Self::PhaseMaps => Limits::for_elements::<MapsHeader, Block>(sizes.map_blocks, 2),
+            Self::CorrespondenceMap => {
+                Limits::for_elements::<CorrespondenceHeader, Block>(sizes.correspondence_blocks, 2)
+            }
+            Self::Cloud => Limits::for_elements::<CloudHeader, u8>(sizes.cloud_bytes, 2),
+            Self::ReportStage => {
+                Limits { publishers: 16, subscribers: 8, ..Limits::for_elements::<(), StageReport>(1, 256) }
+            }
+            Self::ReportWindow => Limits::for_elements::<(), WindowReport>(1, 64),
+            // A status query sees the last pose even when no cloud comes.
+            Self::TrackingPose => {
+                Limits { subscribers: 8, history: 1, ..Limits::for_elements::<(), PoseReport>(1, 64) }
+            }
+            // A late subscriber sees the model before it grows again.
             Self::TrackingModel => {
                 let bytes = sizes.model_points.max(1) * MODEL_POINT_BYTES;
-                Quality { history: 1, ..Quality::of::<ModelHeader, u8>(bytes, 2) }
+                Limits { history: 1, ..Limits::for_elements::<ModelHeader, u8>(bytes, 2) }
             }
-            // A service that begins anew is told what is known.
+            // A restarted service receives the last prior.
             Self::TrackingPrior => {
-                Quality { history: 1, ..Quality::of::<PriorHeader, u8>(sizes.prior_bytes.max(1), 16) }
+                Limits { history: 1, ..Limits::for_elements::<PriorHeader, u8>(sizes.prior_bytes.max(1), 16) }
             }
-            Self::ScanState => Quality { subscribers: 16, history: 1, ..Quality::of::<(), ScanState>(1, 64) },
+            Self::ScanState => Limits { subscribers: 16, history: 1, ..Limits::for_elements::<(), ScanState>(1, 64) },
         }
     }
 }
 
-impl Quality {
-    /// One publisher, four subscribers that hold a message and look at the next.
-    fn of<H, E>(elements: usize, buffer: usize) -> Self {
+impl ChannelLimits {
+    /// One publisher, and four subscribers that hold a message while they look at the next.
+    fn for_elements<H, E>(elements: usize, buffer: usize) -> Self {
         Self {
             publishers: 1,
             subscribers: 4,

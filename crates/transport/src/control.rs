@@ -1,4 +1,4 @@
-//! Commands to the supervisor, and its answers.
+//! Commands to the supervisor, and its responses.
 
 use std::time::{Duration, Instant};
 
@@ -8,20 +8,20 @@ use iceoryx2::service::builder::request_response::Builder;
 
 use fringeflow_message::{ControlRequest, ControlResponse};
 
-use super::attached::Attached;
+use super::attached::{Attached, ensure_open};
 use super::wait::Listening;
 use super::{Instance, Ipc, Node, TransportError};
 
-/// Name of the request–response service, and of the event service that tells of requests.
+/// Name of the request–response service, and of the event service that signals requests.
 const CONTROL: &str = "control";
 
-/// Clients at once.
+/// Most clients at once.
 const MAX_CLIENTS: usize = 16;
 
-/// Pause between two looks for the answer.
+/// Pause between two polls for the response.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// The end that answers.
+/// The responding end.
 #[derive(Debug)]
 pub struct ControlServer {
     node: Node,
@@ -35,18 +35,18 @@ struct Port {
 }
 
 impl ControlServer {
-    /// Opens the end that answers.
+    /// Opens the responding end.
     ///
     /// # Errors
-    /// Somebody answers already, or iceoryx2 refuses.
+    /// Another process responds already, or iceoryx2 refuses.
     pub fn open(node: &Node) -> Result<Self, TransportError> {
         Ok(Self { node: node.clone(), open: Some(Port::open(node)?) })
     }
 
-    /// Answers all requests that wait, and says how many there were.
+    /// Responds to all waiting requests, and returns how many there were.
     ///
     /// # Errors
-    /// A request cannot be received. Whether the answer still finds its client is the client's affair.
+    /// A request cannot be received. A response that its client no longer awaits is no error.
     pub fn answer(
         &mut self,
         mut answer: impl FnMut(&ControlRequest) -> ControlResponse,
@@ -62,19 +62,12 @@ impl ControlServer {
         Ok(answered)
     }
 
-    /// Opens the port again if its files were removed; says whether that was so.
+    /// Opens the port again if its files were removed; returns whether that was so.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
-        if self.open.as_ref().is_some_and(Attached::unchanged) {
-            return Ok(false);
-        }
-        if let Some(open) = self.open.take() {
-            open.withdraw();
-        }
-        self.open = Some(Port::open(&self.node)?);
-        Ok(true)
+        ensure_open(&mut self.open, || Port::open(&self.node))
     }
 }
 
@@ -103,18 +96,18 @@ impl Port {
     }
 }
 
-/// Asks the supervisor of an instance.
+/// Sends a request to the supervisor of an instance.
 ///
 /// # Errors
-/// [`TransportError::NotRunning`] if nobody answers for the instance, [`TransportError::NoAnswer`] if the answer does
-/// not come in time.
+/// [`TransportError::NotRunning`] if no supervisor runs for the instance, [`TransportError::NoAnswer`] if the response
+/// does not come in time.
 pub fn request(
     instance: &Instance,
     request: &ControlRequest,
     timeout: Duration,
 ) -> Result<ControlResponse, TransportError> {
     let not_running = || TransportError::NotRunning { name: instance.name().to_owned() };
-    // Asking must not create the instance.
+    // A request must not create the instance.
     if !instance.root().exists() {
         return Err(not_running());
     }
@@ -127,7 +120,7 @@ pub fn request(
     if pending.number_of_server_connections() == 0 {
         return Err(not_running());
     }
-    // Without the event the server finds the request at its next look.
+    // Without the event, the server finds the request at its next poll.
     let _ = member.notifier(CONTROL, &member.event(CONTROL)?)?.notify();
     let start = Instant::now();
     loop {

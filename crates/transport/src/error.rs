@@ -1,10 +1,10 @@
-//! What can go wrong between processes.
+//! Errors of the transport between processes.
 
 use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A channel, an instance or its shared memory cannot be used.
+/// An instance, a channel or its shared memory cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TransportError {
     /// The name of an instance cannot name a folder and sockets.
@@ -45,7 +45,7 @@ pub enum TransportError {
         /// Why it failed.
         source: io::Error,
     },
-    /// There is a supervisor already.
+    /// Another supervisor runs the instance.
     #[error("an instance {name} is already running (pid {pid}); stop it or choose another name")]
     AlreadyRunning {
         /// The instance.
@@ -53,7 +53,7 @@ pub enum TransportError {
         /// Its supervisor.
         pid: String,
     },
-    /// Nobody answers for this instance.
+    /// No supervisor runs for this instance.
     #[error("no instance {name} is running here")]
     NotRunning {
         /// The instance.
@@ -64,10 +64,10 @@ pub enum TransportError {
     NoAnswer {
         /// The instance.
         name: String,
-        /// How long was waited.
+        /// The time limit.
         timeout: Duration,
     },
-    /// Shared memory does not suffice.
+    /// Shared memory is too small.
     #[error(
         "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={enough_mib}M {}, \
          or --shm-size={enough_mib}m of docker), remove what fills it, or use smaller images",
@@ -80,10 +80,10 @@ pub enum TransportError {
         needed: u64,
         /// Bytes available.
         available: u64,
-        /// Size of the whole that suffices, MiB.
+        /// Total size that suffices, MiB.
         enough_mib: u64,
     },
-    /// All places of a channel are taken by living processes.
+    /// Living processes have taken all places of a channel.
     #[error("channel {channel} of instance {instance} has its {limit} {role}(s) already; stop one of them")]
     Occupied {
         /// Name of the channel.
@@ -92,7 +92,7 @@ pub enum TransportError {
         instance: String,
         /// Publisher or subscriber.
         role: &'static str,
-        /// How many there may be.
+        /// Number of places.
         limit: usize,
     },
     /// This process cannot take part in the instance.
@@ -120,7 +120,7 @@ pub enum TransportError {
         /// Reason that iceoryx2 gives.
         reason: String,
     },
-    /// A payload is longer than the channel's messages can be.
+    /// A payload is longer than the channel allows.
     #[error(
         "channel {channel}: a payload of {len} elements, at most {limit} fit; the images are larger than configured"
     )]
@@ -141,7 +141,7 @@ pub enum TransportError {
 }
 
 impl TransportError {
-    /// Whether trying again would not help: names, folders or the machine must change first.
+    /// Whether another attempt would fail as well: names, folders or the machine must change first.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         matches!(
@@ -155,7 +155,7 @@ impl TransportError {
         )
     }
 
-    /// Attaches the path and the action to an error of the file system.
+    /// Adds the path and the action to an error of the file system.
     pub(super) fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { action, path, source }

@@ -1,4 +1,4 @@
-//! An instance: its name, its folder, its prefix of shared memory.
+//! An instance: its name, its folder, its prefix in shared memory.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
@@ -14,7 +14,7 @@ use super::{Ipc, TransportError};
 /// Longest name of an instance.
 const MAX_NAME_BYTES: usize = 32;
 
-/// Longest path of a socket that Linux takes.
+/// Longest path of a socket on Linux.
 const MAX_SOCKET_PATH_BYTES: usize = 107;
 
 /// Bytes after the root path in the path of a socket: separator, prefix, a number of up to 128 bits, suffix.
@@ -23,7 +23,7 @@ const SOCKET_NAME_BYTES: usize = 1 + PREFIX_BYTES + 39 + ".event".len();
 /// Bytes of the prefix of shared memory.
 const PREFIX_BYTES: usize = "ff_".len() + 8;
 
-/// A set of processes that hear each other, and nobody else.
+/// A set of processes that exchange messages with each other only.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instance {
     name: String,
@@ -35,20 +35,20 @@ pub struct Instance {
 /// A living process of an instance.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Participant {
-    /// Name that the process gave itself.
+    /// Name that the process chose.
     pub name: String,
     /// The process.
     pub pid: u32,
 }
 
 impl Instance {
-    /// The instance of this name of this user: in `$FRINGEFLOW_RUNTIME_DIR`, else in `$XDG_RUNTIME_DIR/fringeflow`,
+    /// The instance with this name of this user: in `$FRINGEFLOW_RUNTIME_DIR`, else in `$XDG_RUNTIME_DIR/fringeflow`,
     /// else in `/tmp/fringeflow-UID`.
     ///
     /// # Errors
-    /// A name that is none, or a path too long for sockets.
+    /// An invalid name, or a path too long for sockets.
     pub fn new(name: &str) -> Result<Self, TransportError> {
-        Self::under(&Self::user_runtime_dir(), name)
+        Self::in_folder(&Self::user_runtime_dir(), name)
     }
 
     /// The runtime folder of this user.
@@ -59,11 +59,11 @@ impl Instance {
             .unwrap_or_else(|| PathBuf::from(format!("/tmp/fringeflow-{}", geteuid().as_raw())))
     }
 
-    /// The instance of this name in this runtime folder.
+    /// The instance with this name in this runtime folder.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn under(runtime_dir: &Path, name: &str) -> Result<Self, TransportError> {
+    pub fn in_folder(runtime_dir: &Path, name: &str) -> Result<Self, TransportError> {
         let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if name.is_empty() || name.len() > MAX_NAME_BYTES || !name.chars().all(allowed) {
             return Err(TransportError::Name { name: name.to_owned() });
@@ -91,13 +91,13 @@ impl Instance {
         &self.root
     }
 
-    /// What the names of its files in shared memory begin with.
+    /// Prefix of the names of its files in shared memory.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// Runtime folder that holds it: `FRINGEFLOW_RUNTIME_DIR` for processes that are to find it.
+    /// Runtime folder that holds the instance: `FRINGEFLOW_RUNTIME_DIR` for processes that should find it.
     #[must_use]
     pub fn runtime_dir(&self) -> &Path {
         &self.runtime_dir
@@ -111,7 +111,7 @@ impl Instance {
         toml::to_string(&self.config()?).map_err(|e| self.node_error(e))
     }
 
-    /// The processes of the instance that live.
+    /// The living processes of the instance.
     ///
     /// # Errors
     /// They cannot be listed.
@@ -123,7 +123,7 @@ impl Instance {
             {
                 let pid = u32::try_from(details.process_id().value()).unwrap_or_default();
                 let participant = Participant { name: details.name().to_string(), pid };
-                // Each of its ports is listed.
+                // A process is listed once for each of its ports.
                 if !found.contains(&participant) {
                     found.push(participant);
                 }
@@ -134,8 +134,8 @@ impl Instance {
         Ok(found)
     }
 
-    /// Removes what dead processes left, and says how many of their ports there were. What another process is just
-    /// removing is passed over.
+    /// Removes the resources of dead processes, and returns how many of their ports there were. Resources that another
+    /// process is removing at the moment are skipped.
     ///
     /// # Errors
     /// The processes cannot be listed.
@@ -151,16 +151,17 @@ impl Instance {
         Ok(cleaned)
     }
 
-    /// Creates the folders of the instance, open to nobody else, and refuses folders that others could tamper with.
+    /// Creates the folders of the instance, without access for others, and refuses folders that others could tamper
+    /// with.
     pub(super) fn prepare(&self) -> Result<(), TransportError> {
         create_private(&self.runtime_dir)?;
         refuse_foreign(&self.runtime_dir)?;
         create_private(&self.root)?;
         refuse_foreign(&self.root)?;
-        close(&self.root)
+        make_private(&self.root)
     }
 
-    /// The configuration of iceoryx2. It is made here in full: no file of the user or of the working folder takes part.
+    /// The configuration of iceoryx2. It is complete here: no file of the user or of the working folder is read.
     pub(super) fn config(&self) -> Result<Config, TransportError> {
         let mut config = Config::default();
         let root = self.root.as_os_str().as_encoded_bytes();
@@ -188,7 +189,7 @@ fn create_private(folder: &Path) -> Result<(), TransportError> {
     builder.recursive(true).mode(0o700).create(folder).map_err(TransportError::file("create", folder))
 }
 
-/// Refuses a folder that is a link, is somebody else's, or lets others write.
+/// Refuses a folder that is a link, belongs to another user, or is writable by others.
 fn refuse_foreign(folder: &Path) -> Result<(), TransportError> {
     let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
     let why = if !found.is_dir() {
@@ -203,9 +204,9 @@ fn refuse_foreign(folder: &Path) -> Result<(), TransportError> {
     Err(TransportError::NotOurs { path: folder.to_owned(), why })
 }
 
-/// Takes the rights of others from a folder of ours. iceoryx2 gives the group some: it makes the folder anew where a tool
-/// attaches just when a supervisor cleans.
-fn close(folder: &Path) -> Result<(), TransportError> {
+/// Removes the permissions of group and others from our folder. iceoryx2 grants some to the group: it creates the folder
+/// again when a tool attaches while a supervisor cleans up.
+fn make_private(folder: &Path) -> Result<(), TransportError> {
     let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
     if found.mode() & 0o077 == 0 {
         return Ok(());

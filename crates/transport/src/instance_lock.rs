@@ -1,4 +1,4 @@
-//! One supervisor an instance, and nothing left behind.
+//! The lock of an instance: one supervisor at a time, and clean-up at start and end.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
@@ -16,8 +16,8 @@ const LOCK_SUFFIX: &str = ".lock";
 
 /// The right to supervise an instance.
 ///
-/// Taking it removes what a killed instance left; dropping it removes everything of the instance, unless a process
-/// outside the supervisor's care is still attached. Drop every other part of the transport first.
+/// Taking it removes the remains of a killed instance. Dropping it removes all files of the instance, unless a process
+/// that the supervisor did not start is still attached. Drop every other part of the transport first.
 #[derive(Debug)]
 pub struct InstanceLock {
     instance: Instance,
@@ -26,7 +26,7 @@ pub struct InstanceLock {
 }
 
 impl InstanceLock {
-    /// Takes the right.
+    /// Takes the lock.
     ///
     /// # Errors
     /// [`TransportError::AlreadyRunning`], or the folder of the instance cannot be used.
@@ -41,7 +41,7 @@ impl InstanceLock {
         Ok(lock)
     }
 
-    /// Removes everything of the instance that no living process uses.
+    /// Removes the files of the instance, unless a living process uses them.
     fn remove_unused(&self) -> Result<(), TransportError> {
         self.instance.clean_dead()?;
         if !self.instance.participants()?.is_empty() {
@@ -52,7 +52,7 @@ impl InstanceLock {
         }
         let root = self.instance.root();
         match fs::remove_dir_all(root) {
-            // Somebody has just attached, such as a `status` while the instance starts: the folder is in use.
+            // A process has just attached, for example `status` while the instance starts: the folder is in use.
             Err(e) if e.kind() == std::io::ErrorKind::DirectoryNotEmpty => Ok(()),
             result => ignore_missing(result).map_err(TransportError::file("remove", root)),
         }
@@ -64,7 +64,7 @@ impl Drop for InstanceLock {
         if let Err(error) = self.remove_unused() {
             tracing::warn!(%error, "the instance left files behind");
         }
-        // Removed while it is locked: whoever opened it before sees that it is no longer the file of that name.
+        // Removed while it is locked: a process that opened it before sees that the path no longer names this file.
         if let Err(error) = ignore_missing(fs::remove_file(&self.path)) {
             tracing::warn!(%error, path = %self.path.display(), "cannot remove the lock file");
         }
@@ -98,7 +98,7 @@ impl Instance {
         let begun = |entry: fs::DirEntry| {
             let name = entry.file_name().to_str()?.strip_suffix(LOCK_SUFFIX)?.to_owned();
             let since = entry.metadata().ok()?.modified().ok()?;
-            Some(Begun { instance: Self::under(runtime_dir, &name).ok()?, since })
+            Some(Begun { instance: Self::in_folder(runtime_dir, &name).ok()?, since })
         };
         let mut found: Vec<Begun> = entries.flatten().filter_map(begun).collect();
         found.sort_by(|a, b| a.instance.name().cmp(b.instance.name()));

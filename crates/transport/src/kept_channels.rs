@@ -1,8 +1,8 @@
-//! All channels, kept in being.
+//! Keeps all channels open.
 
 use std::fmt::Debug;
 
-use super::attached::{Attached, Files};
+use super::attached::{Attached, Files, ensure_open};
 use super::node::Member;
 use super::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelSizes, Header, Node, PHASE_MAPS,
@@ -10,8 +10,8 @@ use super::{
     TransportError,
 };
 
-/// Keeps every channel in being while no port is open, so that drivers in other languages find them, with the limits
-/// of the instance, whichever process starts first.
+/// Keeps every channel open while no port uses it. So drivers in other languages find the channels with the limits of
+/// the instance, whichever process starts first.
 #[derive(Debug)]
 pub struct KeptChannels {
     node: Node,
@@ -35,19 +35,12 @@ impl KeptChannels {
         Ok(Self { node: node.clone(), sizes: *sizes, open: Some(open(node, sizes)?) })
     }
 
-    /// Opens them again if their files were removed; says whether that was so. Called about once a second.
+    /// Opens the channels again if their files were removed; returns whether that was so. Called about once a second.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
-        if self.open.as_ref().is_some_and(Attached::unchanged) {
-            return Ok(false);
-        }
-        if let Some(open) = self.open.take() {
-            open.withdraw();
-        }
-        self.open = Some(open(&self.node, &self.sizes)?);
-        Ok(true)
+        ensure_open(&mut self.open, || open(&self.node, &self.sizes))
     }
 }
 
@@ -75,7 +68,7 @@ fn keep<H: Header, P: Payload + ?Sized>(
     channel: Channel<H, P>,
     sizes: &ChannelSizes,
 ) -> Result<(), TransportError> {
-    let opened = member.channel(channel, &channel.id().quality(sizes))?;
+    let opened = member.channel(channel, &channel.id().limits(sizes))?;
     files.extend(opened.files);
     services.push(Box::new((opened.service, opened.event)));
     Ok(())

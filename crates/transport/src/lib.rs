@@ -1,25 +1,43 @@
-//! Channels between processes, and the only place that names the library behind them, iceoryx2.
+//! Channels between processes. This crate alone depends on the library behind them, iceoryx2.
 //!
-//! In: the name of an instance. Out: typed ports that the services publish to and receive from, without a copy between
-//! processes: [`Publisher`], [`Subscriber`], [`ControlServer`], and [`wait_for`], which waits for any of them.
+//! In: the name of an instance. Out: typed ports that exchange messages between processes without a copy:
+//! [`Publisher`], [`Subscriber`], [`ControlServer`], and [`wait_for`], which waits for several of them.
 //!
 //! ```text
-//!  Instance (name → folder, prefix of shared memory)
-//!   ├─ InstanceLock    one supervisor; cleans at start and end
+//!  Instance (name → folder, prefix in shared memory)
+//!   ├─ InstanceLock    one supervisor; cleans up at start and end
 //!   └─ Node            this process in the instance
-//!       ├─ Publisher ──► channel ──► Subscriber     latest wins: the publisher never waits
+//!       ├─ Publisher ──► channel ──► Subscriber     the publisher never waits
 //!       ├─ request() ──► control ──► ControlServer
-//!       └─ KeptChannels   keeps all channels while no port is open
+//!       └─ KeptChannels   keeps all channels open while no port is
 //! ```
 //!
-//! A publisher never waits for a reader: a full buffer loses its oldest message, and the numbers in the headers let the
-//! reader count what it missed. Every port can be moved to another thread and used by one thread at a time. Once a
-//! second a service calls `ensure_connected` on its ports: they find each other again after files of the instance were
+//! A publisher never waits for a subscriber: a full buffer drops its oldest message, and the sequence numbers in the headers
+//! let the subscriber count its losses. A port may move to another thread and is used by one thread at a time. A service
+//! calls `ensure_connected` on its ports once a second: they find each other again after files of the instance were
 //! removed, or after the other side was restarted.
+//!
+//! ```
+//! use fringeflow_message::FrameHeader;
+//! use fringeflow_transport::{CAM1_FRAME, ChannelSizes, Instance, InstanceLock, Node, Publisher, Subscriber};
+//!
+//! let folder = tempfile::tempdir_in("/tmp")?;
+//! let instance = Instance::in_folder(folder.path(), "example")?;
+//! let _lock = InstanceLock::take(&instance)?;
+//! let node = Node::open(&instance, "example")?;
+//! let sizes = ChannelSizes { frame_bytes: 4, window: 3, ..ChannelSizes::default() };
+//! let mut publisher = Publisher::open(&node, CAM1_FRAME, &sizes)?;
+//! let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &sizes)?;
+//!
+//! publisher.send(&FrameHeader { published: 7, ..FrameHeader::default() }, &[1, 2, 3, 4])?;
+//! let frame = subscriber.receive()?.ok_or("no message")?;
+//! assert_eq!((frame.header().published, frame.payload()), (7, &[1, 2, 3, 4][..]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! # Drivers in other languages
 //! They need iceoryx2 0.10, the configuration [`Instance::external_config`], and the names, types and limits in
-//! [`ChannelId`]. After each message they notify the event service that has the name of the channel.
+//! [`ChannelId`]. After each message they notify the event service with the name of the channel.
 
 mod attached;
 mod channels;
@@ -39,8 +57,8 @@ mod wait;
 mod tests;
 
 pub use channels::{
-    CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelId, ChannelSizes, PHASE_MAPS, PROJECTOR_PATTERN,
-    Quality, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE, TRACKING_PRIOR,
+    CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, ChannelId, ChannelLimits, ChannelSizes, PHASE_MAPS,
+    PROJECTOR_PATTERN, REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, TRACKING_MODEL, TRACKING_POSE, TRACKING_PRIOR,
 };
 pub use control::{ControlServer, request};
 pub use error::TransportError;
@@ -54,5 +72,5 @@ pub use shared_memory::{check_shared_memory, required_bytes};
 pub use subscriber::{Received, Subscriber};
 pub use wait::{WaitSource, wait_for};
 
-/// The flavour of iceoryx2's services: between processes, and with ports that may move to another thread.
+/// The variant of iceoryx2's services: between processes, with ports that may move to another thread.
 type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;

@@ -13,12 +13,12 @@ use iceoryx2::service::port_factory::event::PortFactory as EventService;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as ChannelService;
 
 use super::attached::{Files, Service};
-use super::{Channel, Header, Instance, Ipc, Payload, Quality, TransportError, shared_memory};
+use super::{Channel, ChannelLimits, Header, Instance, Ipc, Payload, TransportError, shared_memory};
 
-/// Ports and tools that may use a channel at once; iceoryx2's own number for event services.
+/// Ports and tools that may use a channel at once: the default of iceoryx2 for event services.
 const MAX_NODES: usize = 36;
 
-/// How long opening is tried: another process may just be creating or cleaning the same service.
+/// How long opening is retried: another process may be creating or removing the same service.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Pause between two attempts.
@@ -31,17 +31,17 @@ pub struct Node {
     name: String,
 }
 
-/// A node of iceoryx2, one a port.
+/// An iceoryx2 node; each port has its own.
 ///
-/// A node that still knows a service panics when that service is created again after its files were removed, as happens
-/// while messages of the old port are held. So each port has a node, and opens anew with a new one.
+/// A node that still knows a service panics when that service is created again after its files were removed. That
+/// happens while messages of the old port are held. So a port that opens again does so with a new node.
 #[derive(Debug)]
 pub(super) struct Member {
     instance: Instance,
     node: IoxNode<Ipc>,
 }
 
-/// A channel as opened: its service, its event service, the files that they rest on.
+/// An open channel: its service, its event service, and their files.
 #[derive(Debug)]
 pub(super) struct Opened<H: Header, P: Payload + ?Sized> {
     pub(super) service: ChannelService<Ipc, P, H>,
@@ -50,10 +50,10 @@ pub(super) struct Opened<H: Header, P: Payload + ?Sized> {
 }
 
 impl Node {
-    /// Joins the instance, under a name that others see.
+    /// Joins the instance under a name that other processes see.
     ///
     /// # Errors
-    /// The folder of the instance cannot be used, or the name is none for iceoryx2.
+    /// The folder of the instance cannot be used, or iceoryx2 refuses the name.
     pub fn open(instance: &Instance, name: &str) -> Result<Self, TransportError> {
         quieten_log();
         instance.prepare()?;
@@ -74,12 +74,12 @@ impl Node {
             .config(&self.instance.config()?)
             // Signals belong to the services.
             .signal_handling_mode(SignalHandlingMode::Disabled);
-        // A supervisor that starts may just be removing the folder.
+        // A starting supervisor may be removing the folder.
         let create = || {
             self.instance.prepare()?;
             builder.clone().create::<Ipc>().map_err(|e| self.instance.node_error(e))
         };
-        let node = patiently(create, || {})?;
+        let node = retry(create, || {})?;
         Ok(Member { instance: self.instance.clone(), node })
     }
 }
@@ -93,7 +93,7 @@ impl Member {
     pub(super) fn channel<H: Header, P: Payload + ?Sized>(
         &self,
         channel: Channel<H, P>,
-        quality: &Quality,
+        limits: &ChannelLimits,
     ) -> Result<Opened<H, P>, TransportError> {
         let name = self.service_name(channel.name())?;
         let service = self.attempt(|| {
@@ -103,11 +103,11 @@ impl Member {
                 .publish_subscribe::<P>()
                 .user_header::<H>()
                 .enable_safe_overflow(true)
-                .max_publishers(quality.publishers)
-                .max_subscribers(quality.subscribers)
-                .subscriber_max_buffer_size(quality.buffer)
-                .subscriber_max_borrowed_samples(quality.borrowed)
-                .history_size(quality.history)
+                .max_publishers(limits.publishers)
+                .max_subscribers(limits.subscribers)
+                .subscriber_max_buffer_size(limits.buffer)
+                .subscriber_max_borrowed_samples(limits.borrowed)
+                .history_size(limits.history)
                 .max_nodes(MAX_NODES);
             P::open(builder).map_err(|e| self.error(channel.name(), "open it", e))
         })?;
@@ -116,7 +116,7 @@ impl Member {
         Ok(Opened { service, event, files })
     }
 
-    /// Opens the event service of a channel, or creates it. Its limits are the defaults of iceoryx2, so that programs in
+    /// Opens the event service of a channel, or creates it. Its limits are the defaults of iceoryx2, so programs in
     /// other languages need not state any.
     pub(super) fn event(&self, name: &'static str) -> Result<EventService<Ipc>, TransportError> {
         let service = self.service_name(name)?;
@@ -142,9 +142,9 @@ impl Member {
         self.attempt(|| event.listener_builder().create().map_err(|e| self.error(name, "create a listener", e)))
     }
 
-    /// Tries several times, and removes dead processes in between: they may hold what is wanted.
+    /// Retries an action, and removes dead processes in between: they may hold the resource.
     pub(super) fn attempt<T>(&self, action: impl FnMut() -> Result<T, TransportError>) -> Result<T, TransportError> {
-        patiently(action, || {
+        retry(action, || {
             self.node.try_cleanup_dead_nodes();
         })
     }
@@ -174,11 +174,8 @@ impl Member {
     }
 }
 
-/// Tries until it works or [`PATIENCE`] has passed, with something done between two attempts.
-fn patiently<T>(
-    mut action: impl FnMut() -> Result<T, TransportError>,
-    between: impl Fn(),
-) -> Result<T, TransportError> {
+/// Repeats `action` until it succeeds or [`PATIENCE`] has passed, with `between` between two attempts.
+fn retry<T>(mut action: impl FnMut() -> Result<T, TransportError>, between: impl Fn()) -> Result<T, TransportError> {
     let start = Instant::now();
     loop {
         let result = action();
@@ -190,7 +187,7 @@ fn patiently<T>(
     }
 }
 
-/// iceoryx2 reports through its results; what it logs below an error is of no use to an operator.
+/// iceoryx2 reports through its results; its log below errors is of no use to an operator.
 fn quieten_log() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level(LogLevel::Error));

@@ -1,4 +1,4 @@
-//! What a channel can carry: one message, or a header with a slice.
+//! Payloads of channels: a message, or a slice with a user header.
 
 use std::fmt::Debug;
 
@@ -19,9 +19,9 @@ pub trait Header: ZeroCopySend + Debug + Default + Copy + Send + 'static {}
 
 impl<H: ZeroCopySend + Debug + Default + Copy + Send + 'static> Header for H {}
 
-/// A payload: a message of its own, or a slice beside a header.
+/// A payload: a message without a user header, or a slice with one.
 ///
-/// iceoryx2 has separate functions for both kinds; here they meet, so that there is one kind of port.
+/// iceoryx2 has separate functions for both kinds. This trait joins them, so that there is one kind of port.
 pub trait Payload: IceoryxSend + Debug + 'static {
     /// Opens the service, or creates it.
     #[doc(hidden)]
@@ -29,7 +29,7 @@ pub trait Payload: IceoryxSend + Debug + 'static {
         builder: Builder<Self, H, Ipc>,
     ) -> Result<PortFactory<Ipc, Self, H>, PublishSubscribeOpenOrCreateError>;
 
-    /// A publisher of payloads of up to `elements`.
+    /// A publisher of payloads with up to `elements` elements.
     #[doc(hidden)]
     fn publisher<H: Header>(
         service: &PortFactory<Ipc, Self, H>,
@@ -42,7 +42,7 @@ pub trait Payload: IceoryxSend + Debug + 'static {
 
     /// The payload of a message.
     #[doc(hidden)]
-    fn of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self;
+    fn payload_of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self;
 }
 
 /// Elements of slices.
@@ -51,7 +51,7 @@ pub(super) trait Element: ZeroCopySend + Debug + Copy + 'static {}
 impl Element for u8 {}
 impl Element for Block {}
 
-/// Messages that are a payload of their own.
+/// Messages without a user header.
 pub(super) trait Message: ZeroCopySend + Debug + Copy + 'static {}
 
 impl Message for PatternEvent {}
@@ -60,7 +60,7 @@ impl Message for WindowReport {}
 impl Message for PoseReport {}
 impl Message for ScanState {}
 
-/// Both kinds, word for word the same but for the functions of iceoryx2 that they choose.
+/// Both implementations are the same text; iceoryx2's functions differ.
 macro_rules! implement_payload {
     ($($generic:ident: $bound:ident)?, $payload:ty, |$factory:ident, $elements:ident| $builder:expr) => {
         impl<$($generic: $bound)?> Payload for $payload {
@@ -83,7 +83,7 @@ macro_rules! implement_payload {
                 subscriber.receive()
             }
 
-            fn of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self {
+            fn payload_of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self {
                 sample.payload()
             }
         }

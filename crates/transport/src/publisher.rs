@@ -1,4 +1,4 @@
-//! Sending.
+//! The sending end of a channel.
 
 use std::fmt;
 
@@ -7,18 +7,18 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 
-use super::attached::{Attached, Files};
+use super::attached::{Attached, Files, ensure_open};
 use super::payload::{Element, Message};
-use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
+use super::{Channel, ChannelLimits, ChannelSizes, Header, Ipc, Node, Payload, TransportError, shared_memory};
 
 /// The sending end of a channel.
 ///
-/// Sending never waits for a subscriber. If it fails, the message is lost: the caller counts it as
-/// [`fringeflow_message::DropReason::NoSample`], and the next [`Self::ensure_connected`] opens the port anew.
+/// Sending never waits for a subscriber. When it fails, the message is lost: the caller counts it as
+/// [`fringeflow_message::DropReason::NoSample`], and the next [`Self::ensure_connected`] opens the port again.
 pub struct Publisher<H: Header, P: Payload + ?Sized> {
     node: Node,
     channel: Channel<H, P>,
-    quality: Quality,
+    limits: ChannelLimits,
     open: Option<Attached<Port<H, P>>>,
 }
 
@@ -28,32 +28,26 @@ struct Port<H: Header, P: Payload + ?Sized> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
-    /// Opens the sending end, and reserves its shared memory for good.
+    /// Opens the sending end, and reserves its shared memory for as long as it exists.
     ///
     /// # Errors
-    /// A living publisher has the channel, shared memory does not suffice, or iceoryx2 refuses.
+    /// A living publisher has the channel, shared memory is too small, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
-        let quality = channel.id().quality(sizes);
-        let open = Some(Port::open(node, channel, &quality)?);
-        Ok(Self { node: node.clone(), channel, quality, open })
+        let limits = channel.id().limits(sizes);
+        let open = Some(Port::open(node, channel, &limits)?);
+        Ok(Self { node: node.clone(), channel, limits, open })
     }
 
-    /// Opens the port again if its files were removed or sending failed; says whether that was so. Called about once a
-    /// second; new subscribers get the history of a channel then, or with the next message.
+    /// Opens the port again if its files were removed or sending failed; returns whether that was so. Called about once
+    /// a second. New subscribers receive the history of a channel with this call, or with the next message.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self) -> Result<bool, TransportError> {
-        if let Some(open) = self.open.as_ref().filter(|open| open.unchanged()) {
+        if let Some(open) = self.open.as_ref().filter(|open| open.is_current()) {
             open.publisher.update_connections().map_err(|e| self.error("connect", e))?;
-            return Ok(false);
         }
-        // The old one goes first: there is room for one publisher.
-        if let Some(open) = self.open.take() {
-            open.withdraw();
-        }
-        self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
-        Ok(true)
+        ensure_open(&mut self.open, || Port::open(&self.node, self.channel, &self.limits))
     }
 
     fn error(&self, action: &'static str, reason: impl fmt::Debug) -> TransportError {
@@ -64,10 +58,10 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
         self.open.as_deref().ok_or_else(|| self.error("send", "the port is closed"))
     }
 
-    /// Closes the port if sending failed, and wakes the subscribers otherwise.
-    fn sent(&mut self, result: Result<(), TransportError>) -> Result<(), TransportError> {
+    /// Closes the port if sending failed, and otherwise wakes the subscribers.
+    fn finish_send(&mut self, result: Result<(), TransportError>) -> Result<(), TransportError> {
         match (&result, self.open.as_deref()) {
-            // Whoever cannot be notified finds the message at its next look.
+            // A subscriber that cannot be notified finds the message at its next poll.
             (Ok(()), Some(open)) => {
                 let _ = open.notifier.notify();
             }
@@ -83,13 +77,13 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
     /// Sends a copy of `payload`.
     ///
     /// # Errors
-    /// A payload too long, or no way to send.
+    /// The payload is too long, or sending failed.
     pub fn send(&mut self, header: &H, payload: &[E]) -> Result<(), TransportError> {
         let result = self.try_send(header, payload.len(), |sample| sample.write_from_slice(payload));
-        self.sent(result)
+        self.finish_send(result)
     }
 
-    /// Sends what `fill` makes of `len` zeroed elements, in place.
+    /// Sends `len` zeroed elements after `fill` has filled them in place.
     ///
     /// # Errors
     /// As [`Self::send`].
@@ -102,37 +96,38 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
             fill(sample.payload_mut());
             sample
         });
-        self.sent(result)
+        self.finish_send(result)
     }
 
-    /// Sends what `make` writes into `len` zeroed elements, with the header that it returns; nothing where it fails.
+    /// Sends `len` zeroed elements after `fill` has filled them in place, with the header that it returns. Sends
+    /// nothing where it fails.
     ///
     /// # Errors
-    /// As [`Self::send`]; inside, what `make` says.
-    pub fn send_made<R>(
+    /// As [`Self::send`]; the inner error is that of `fill`.
+    pub fn try_send_filled<R>(
         &mut self,
         len: usize,
-        make: impl FnOnce(&mut [E]) -> Result<H, R>,
+        fill: impl FnOnce(&mut [E]) -> Result<H, R>,
     ) -> Result<Result<(), R>, TransportError>
     where
         E: Zeroable,
     {
-        let made = self.loan(len).map(|loan| {
+        let filled = self.loan(len).map(|loan| {
             let mut sample = loan.write_from_fn(|_| E::zeroed());
-            let header = make(sample.payload_mut())?;
+            let header = fill(sample.payload_mut())?;
             *sample.user_header_mut() = header;
             Ok(sample)
         });
-        let result = match made {
+        let result = match filled {
             Ok(Err(refused)) => return Ok(Err(refused)),
             Ok(Ok(sample)) => sample.send().map(|_| ()).map_err(|e| self.error("send", e)),
             Err(error) => Err(error),
         };
-        self.sent(result).map(Ok)
+        self.finish_send(result).map(Ok)
     }
 
     fn loan(&self, len: usize) -> Result<Uninitialized<H, E>, TransportError> {
-        let limit = self.quality.elements;
+        let limit = self.limits.elements;
         if len > limit {
             return Err(TransportError::TooLong { channel: self.channel.name(), len, limit });
         }
@@ -160,10 +155,10 @@ impl<M: Message> Publisher<(), M> {
     /// Sends a message.
     ///
     /// # Errors
-    /// No way to send.
+    /// Sending failed.
     pub fn send_message(&mut self, message: &M) -> Result<(), TransportError> {
         let result = self.try_send_message(message);
-        self.sent(result)
+        self.finish_send(result)
     }
 
     fn try_send_message(&self, message: &M) -> Result<(), TransportError> {
@@ -174,17 +169,17 @@ impl<M: Message> Publisher<(), M> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Port<H, P> {
-    fn open(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Attached<Self>, TransportError> {
-        shared_memory::check_free(shared_memory::publisher_bytes(quality))?;
+    fn open(node: &Node, channel: Channel<H, P>, limits: &ChannelLimits) -> Result<Attached<Self>, TransportError> {
+        shared_memory::check_free(shared_memory::publisher_bytes(limits))?;
         let member = node.member()?;
-        let opened = member.channel(channel, quality)?;
+        let opened = member.channel(channel, limits)?;
         let publisher = member.attempt(|| {
-            P::publisher(&opened.service, quality.elements).map_err(|e| match e {
+            P::publisher(&opened.service, limits.elements).map_err(|e| match e {
                 PublisherCreateError::ExceedsMaxSupportedPublishers => TransportError::Occupied {
                     channel: channel.name(),
                     instance: node.instance().name().to_owned(),
                     role: "publisher",
-                    limit: quality.publishers,
+                    limit: limits.publishers,
                 },
                 e => node.instance().channel_error(channel.name(), "create a publisher", e),
             })

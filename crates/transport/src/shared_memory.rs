@@ -1,6 +1,6 @@
-//! Shared memory: how much the channels need, whether it is there, and making sure that it stays there.
+//! Shared memory: the channels' need, the free space, and its reservation.
 //!
-//! Files in shared memory are created sparse: without a reservation, writing a message into a full file system kills
+//! Files in shared memory are created sparse. Without a reservation, writing a message into a full file system kills
 //! the process.
 
 use std::fs::{self, File, OpenOptions};
@@ -10,55 +10,55 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FallocateFlags, fallocate, statvfs};
 
-use super::{ChannelId, ChannelSizes, Quality, TransportError};
+use super::{ChannelId, ChannelLimits, ChannelSizes, TransportError};
 
-/// Where Linux keeps shared memory.
+/// Folder of shared memory on Linux.
 pub(super) const FOLDER: &str = "/dev/shm";
 
-/// Bytes that iceoryx2 puts before user header and payload, alignment included.
+/// Bytes that iceoryx2 puts before user header and payload, including alignment.
 const HEADER_BYTES: usize = 128;
 
-/// Bookkeeping of a publisher: list of free messages, and a connection to each subscriber, whole pages.
+/// Bookkeeping of a publisher for each subscriber: list of free messages and a connection, in whole pages.
 const CONNECTION_BYTES: usize = 16 << 10;
 
-/// Bookkeeping of a channel: who takes part, events of each listener.
+/// Bookkeeping of a channel: its participants, and the events of each listener.
 const SERVICE_BYTES: usize = 256 << 10;
 
-/// Publishers of stage reports that a running instance has.
+/// Publishers of stage reports in a running instance.
 const REPORTERS: usize = 10;
 
-/// Bytes of shared memory that an instance takes when each of its channels is published.
+/// Bytes of shared memory that an instance needs when each of its channels has a publisher.
 #[must_use]
 pub fn required_bytes(sizes: &ChannelSizes) -> u64 {
     let publishers = |id| if id == ChannelId::ReportStage { REPORTERS as u64 } else { 1 };
     let channels = ChannelId::ALL.into_iter();
-    channels.map(|id| publishers(id) * publisher_bytes(&id.quality(sizes)) + SERVICE_BYTES as u64).sum()
+    channels.map(|id| publishers(id) * publisher_bytes(&id.limits(sizes)) + SERVICE_BYTES as u64).sum()
 }
 
-/// Refuses to begin if shared memory does not suffice for the channels.
+/// Checks that the free shared memory suffices for the channels.
 ///
 /// # Errors
-/// [`TransportError::SharedMemory`], with what is needed and what is there.
+/// [`TransportError::SharedMemory`], with the needed and the available bytes.
 pub fn check_shared_memory(sizes: &ChannelSizes) -> Result<(), TransportError> {
     check_free(required_bytes(sizes))
 }
 
 /// Bytes of one publisher and its connections.
-pub(super) fn publisher_bytes(quality: &Quality) -> u64 {
-    // Every subscriber may let its buffer fill and hold what it may hold; one more message is being written.
-    let messages = quality.subscribers * (quality.buffer + quality.borrowed) + quality.history + 1;
-    let message = HEADER_BYTES + quality.header_bytes + quality.elements * quality.element_bytes;
-    (messages * message + quality.subscribers * CONNECTION_BYTES) as u64
+pub(super) fn publisher_bytes(limits: &ChannelLimits) -> u64 {
+    // Every subscriber may have a full buffer and hold all the messages it may; one more message is being written.
+    let messages = limits.subscribers * (limits.buffer + limits.borrowed) + limits.history + 1;
+    let message = HEADER_BYTES + limits.header_bytes + limits.elements * limits.element_bytes;
+    (messages * message + limits.subscribers * CONNECTION_BYTES) as u64
 }
 
-/// Refuses if less than `needed` bytes are available.
+/// Fails if less than `needed` bytes are free.
 pub(super) fn check_free(needed: u64) -> Result<(), TransportError> {
     let folder = Path::new(FOLDER);
     let found = statvfs(folder).map_err(|e| TransportError::file("examine", folder)(e.into()))?;
-    suffices(folder, needed, found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
+    check_available(folder, needed, found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 }
 
-fn suffices(folder: &Path, needed: u64, available: u64, whole: u64) -> Result<(), TransportError> {
+fn check_available(folder: &Path, needed: u64, available: u64, whole: u64) -> Result<(), TransportError> {
     if available >= needed {
         return Ok(());
     }
@@ -66,11 +66,11 @@ fn suffices(folder: &Path, needed: u64, available: u64, whole: u64) -> Result<()
     Err(TransportError::SharedMemory { folder: folder.to_owned(), needed, available, enough_mib })
 }
 
-/// Reserves the memory behind every file of an instance.
+/// Reserves the memory of every file of an instance.
 pub(super) fn reserve(prefix: &str) -> Result<(), TransportError> {
     for file in files(prefix)? {
         match reserve_file(&file) {
-            // Another process removes it, or has not finished creating it and reserves it itself.
+            // Another process is removing the file, or is still creating it and reserves it itself.
             Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied) => {}
             Err(e) if e.kind() == io::ErrorKind::StorageFull => {
                 let needed = fs::metadata(&file).map_or(0, |found| found.len());
@@ -92,13 +92,13 @@ fn reserve_file(path: &Path) -> io::Result<()> {
     Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, found.len())?)
 }
 
-/// The file of an instance whose name ends so; a name that does not exist if it has just been removed.
+/// The file of an instance whose name has this ending. If it has just been removed: a path that does not exist.
 pub(super) fn file_ending(prefix: &str, end: &str) -> Result<PathBuf, TransportError> {
     let found = files(prefix)?.into_iter().find(|file| file.to_string_lossy().ends_with(end));
     Ok(found.unwrap_or_else(|| Path::new(FOLDER).join(format!("{prefix}{end}"))))
 }
 
-/// Files of an instance in shared memory.
+/// The files of an instance in shared memory.
 pub(super) fn files(prefix: &str) -> Result<Vec<PathBuf>, TransportError> {
     let folder = Path::new(FOLDER);
     let entries = fs::read_dir(folder).map_err(TransportError::file("list", folder))?;
@@ -114,8 +114,8 @@ mod tests {
 
     #[test]
     fn too_little_is_refused_with_the_size_that_suffices() {
-        assert!(suffices(Path::new("/m"), 8 * MIB, 8 * MIB, 64 * MIB).is_ok());
-        let refused = suffices(Path::new("/m"), 100 * MIB, 8 * MIB, 64 * MIB).unwrap_err().to_string();
+        assert!(check_available(Path::new("/m"), 8 * MIB, 8 * MIB, 64 * MIB).is_ok());
+        let refused = check_available(Path::new("/m"), 100 * MIB, 8 * MIB, 64 * MIB).unwrap_err().to_string();
         assert_eq!(
             refused,
             "/m has 8388608 bytes left, the channels need 104857600; enlarge it (mount -o remount,size=156M /m, or \
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_more_in_a_window_costs_three_images_for_each_subscriber() {
+    fn one_more_image_in_a_window_costs_three_images_for_each_subscriber() {
         let sizes = |window| ChannelSizes {
             frame_bytes: 1_000_000,
             window,
@@ -134,9 +134,9 @@ mod tests {
             model_points: 1,
             prior_bytes: 1,
         };
-        let more = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
+        let difference = required_bytes(&sizes(5)) - required_bytes(&sizes(4));
         // Two cameras, four subscribers, three images each, with their headers.
-        assert_eq!(more, 2 * 4 * 3 * (1_000_000 + 128 + 72));
+        assert_eq!(difference, 2 * 4 * 3 * (1_000_000 + 128 + 72));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Receiving.
+//! The receiving end of a channel.
 
 use std::fmt;
 use std::ops::Deref;
@@ -11,19 +11,19 @@ use iceoryx2::sample::Sample;
 
 use super::attached::Attached;
 use super::wait::Listening;
-use super::{Channel, ChannelSizes, Header, Ipc, Node, Payload, Quality, TransportError, shared_memory};
+use super::{Channel, ChannelLimits, ChannelSizes, Header, Ipc, Node, Payload, TransportError, shared_memory};
 
-/// Silence after which a subscriber opens its port anew.
+/// Silence after which a subscriber opens its port again.
 const HEARTBEAT_NS: u64 = 3_000_000_000;
 
-/// Longest silence between two such attempts: they double, since idle channels are silent for hours.
-const LONGEST_PATIENCE_NS: u64 = 60_000_000_000;
+/// Longest time between two such attempts. The time doubles with each, since idle channels are silent for hours.
+const MAX_PATIENCE_NS: u64 = 60_000_000_000;
 
 /// The receiving end of a channel.
 pub struct Subscriber<H: Header, P: Payload + ?Sized> {
     node: Node,
     channel: Channel<H, P>,
-    quality: Quality,
+    limits: ChannelLimits,
     open: Option<Arc<Attached<Port<H, P>>>>,
     silence: Silence,
 }
@@ -33,17 +33,17 @@ struct Port<H: Header, P: Payload + ?Sized> {
     listener: Listener<Ipc>,
 }
 
-/// A message that was received; it lies in shared memory, unchanged, as long as this is held.
+/// A received message. It stays unchanged in shared memory as long as this value exists.
 pub struct Received<H: Header, P: Payload + ?Sized> {
-    // Before the port: only a registered port keeps the publisher from writing the next message here.
+    // Dropped before the port: only a registered port keeps the publisher from writing the next message here.
     sample: Sample<Ipc, P, H>,
     _port: Arc<Attached<Port<H, P>>>,
 }
 
-/// How long nothing has come.
+/// Time without a message.
 #[derive(Clone, Copy, Debug)]
 struct Silence {
-    heard: bool,
+    has_received: bool,
     since_ns: Option<u64>,
     patience_ns: u64,
 }
@@ -52,23 +52,23 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// Opens the receiving end.
     ///
     /// # Errors
-    /// The channel has all its subscribers, or iceoryx2 refuses.
+    /// The channel has no place for another subscriber, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
-        let quality = channel.id().quality(sizes);
-        let open = Some(Port::open(node, channel, &quality)?);
-        Ok(Self { node: node.clone(), channel, quality, open, silence: Silence::new() })
+        let limits = channel.id().limits(sizes);
+        let open = Some(Port::open(node, channel, &limits)?);
+        Ok(Self { node: node.clone(), channel, limits, open, silence: Silence::new() })
     }
 
-    /// The oldest message that waits; `None` if there is none. After a wake-up, receive until `None`.
+    /// The oldest waiting message; `None` if there is none. After a wake-up, receive until `None`.
     ///
     /// # Errors
-    /// The caller holds as many messages as it may, or the connection broke; then the next
-    /// [`Self::ensure_connected`] opens the port anew.
+    /// The caller holds as many messages as it may, or the connection broke; then the next [`Self::ensure_connected`]
+    /// opens the port again.
     pub fn receive(&mut self) -> Result<Option<Received<H, P>>, TransportError> {
         let Some(open) = &self.open else { return Ok(None) };
         match P::receive(&open.subscriber) {
             Ok(sample) => {
-                self.silence.heard |= sample.is_some();
+                self.silence.has_received |= sample.is_some();
                 Ok(sample.map(|sample| Received { sample, _port: Arc::clone(open) }))
             }
             Err(reason) => {
@@ -80,30 +80,30 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         }
     }
 
-    /// Says that nothing was sent: the silence up to now is no sign of a lost connection.
+    /// Tells the port that nothing was sent: the silence up to now is no sign of a lost connection.
     pub fn forgive_silence(&mut self) {
-        self.silence.heard = true;
+        self.silence.has_received = true;
     }
 
-    /// Opens the port again if its files were removed, or if it has been silent for long; says whether that was so.
-    /// Called about once a second. Messages that are held stay valid.
+    /// Opens the port again if its files were removed, or after a long silence; returns whether that was so. Called
+    /// about once a second. Messages that are held stay valid.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
     pub fn ensure_connected(&mut self, now_ns: u64) -> Result<bool, TransportError> {
-        let silent = self.silence.too_long(now_ns);
+        let is_silent = self.silence.is_too_long(now_ns);
         let renew = match &self.open {
             None => true,
-            Some(open) if !open.unchanged() => true,
-            // While messages are held the old port stays; a second one beside it could find no place. And messages that
-            // wait are no silence: it is the caller who has not looked.
-            Some(open) => silent && Arc::strong_count(open) == 1 && !open.subscriber.has_samples().unwrap_or(false),
+            Some(open) if !open.is_current() => true,
+            // The old port stays while messages are held: there might be no place for a second one. Waiting messages are no
+            // silence: the caller has not received them yet.
+            Some(open) => is_silent && Arc::strong_count(open) == 1 && !open.subscriber.has_samples().unwrap_or(false),
         };
         if renew {
             if let Some(open) = self.open.take() {
-                open.withdraw();
+                open.remove_unusable_services();
             }
-            self.open = Some(Port::open(&self.node, self.channel, &self.quality)?);
+            self.open = Some(Port::open(&self.node, self.channel, &self.limits)?);
         }
         Ok(renew)
     }
@@ -116,10 +116,14 @@ impl<H: Header, P: Payload + ?Sized> Listening for Subscriber<H, P> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Port<H, P> {
-    fn open(node: &Node, channel: Channel<H, P>, quality: &Quality) -> Result<Arc<Attached<Self>>, TransportError> {
+    fn open(
+        node: &Node,
+        channel: Channel<H, P>,
+        limits: &ChannelLimits,
+    ) -> Result<Arc<Attached<Self>>, TransportError> {
         let member = node.member()?;
-        let opened = member.channel(channel, quality)?;
-        // Before the subscriber, so that no message comes unheard.
+        let opened = member.channel(channel, limits)?;
+        // Before the subscriber: no message may arrive without an event.
         let listener = member.listener(channel.name(), &opened.event)?;
         let subscriber = member.attempt(|| {
             opened.service.subscriber_builder().create().map_err(|e| match e {
@@ -127,7 +131,7 @@ impl<H: Header, P: Payload + ?Sized> Port<H, P> {
                     channel: channel.name(),
                     instance: node.instance().name().to_owned(),
                     role: "subscriber",
-                    limit: quality.subscribers,
+                    limit: limits.subscribers,
                 },
                 e => node.instance().channel_error(channel.name(), "create a subscriber", e),
             })
@@ -147,7 +151,7 @@ impl<H: Header, P: Payload + ?Sized> Received<H, P> {
     /// Its payload.
     #[must_use]
     pub fn payload(&self) -> &P {
-        P::of(&self.sample)
+        P::payload_of(&self.sample)
     }
 }
 
@@ -161,18 +165,18 @@ impl<H: Header, P: Payload + ?Sized> Deref for Received<H, P> {
 
 impl Silence {
     fn new() -> Self {
-        Self { heard: false, since_ns: None, patience_ns: HEARTBEAT_NS }
+        Self { has_received: false, since_ns: None, patience_ns: HEARTBEAT_NS }
     }
 
-    /// Whether nothing has come for longer than the patience, which then doubles.
-    fn too_long(&mut self, now_ns: u64) -> bool {
-        if std::mem::take(&mut self.heard) {
+    /// Whether the silence exceeds the patience, which then doubles.
+    fn is_too_long(&mut self, now_ns: u64) -> bool {
+        if std::mem::take(&mut self.has_received) {
             *self = Self { since_ns: Some(now_ns), ..Self::new() };
         }
         let since_ns = *self.since_ns.get_or_insert(now_ns);
         let too_long = now_ns.saturating_sub(since_ns) >= self.patience_ns;
         if too_long {
-            let patience_ns = (2 * self.patience_ns).min(LONGEST_PATIENCE_NS);
+            let patience_ns = (2 * self.patience_ns).min(MAX_PATIENCE_NS);
             *self = Self { since_ns: Some(now_ns), patience_ns, ..*self };
         }
         too_long
@@ -198,9 +202,9 @@ mod tests {
     const SECOND_NS: u64 = 1_000_000_000;
 
     #[test]
-    fn silence_is_noticed_after_three_seconds_then_ever_more_rarely() {
+    fn silence_is_noticed_after_three_seconds_then_at_doubling_intervals() {
         let mut silence = Silence::new();
-        let noticed: Vec<u64> = (0..200).filter(|&s| silence.too_long(s * SECOND_NS)).collect();
+        let noticed: Vec<u64> = (0..200).filter(|&s| silence.is_too_long(s * SECOND_NS)).collect();
         assert_eq!(noticed, [3, 9, 21, 45, 93, 153]);
     }
 
@@ -209,8 +213,8 @@ mod tests {
         let mut silence = Silence::new();
         let noticed: Vec<u64> = (0..20)
             .filter(|&s| {
-                silence.heard = s < 10;
-                silence.too_long(s * SECOND_NS)
+                silence.has_received = s < 10;
+                silence.is_too_long(s * SECOND_NS)
             })
             .collect();
         assert_eq!(noticed, [12, 18]);

@@ -28,25 +28,25 @@ const SIZES: ChannelSizes = ChannelSizes {
     prior_bytes: 1,
 };
 
-/// An instance of its own in a folder of its own.
-struct Place {
+/// An instance in a temporary folder.
+struct TestInstance {
     folder: TempDir,
     instance: Instance,
 }
 
-impl Drop for Place {
+impl Drop for TestInstance {
     fn drop(&mut self) {
-        // What iceoryx2 keeps for the next node; in service, InstanceLock removes it.
+        // iceoryx2 keeps files for the next node; in a running scanner, InstanceLock removes them.
         for file in shared_memory::files(self.instance.prefix()).unwrap_or_default() {
             let _ = fs::remove_file(file);
         }
     }
 }
 
-impl Place {
+impl TestInstance {
     fn new() -> Self {
         let folder = tempfile::tempdir_in("/tmp").unwrap();
-        let instance = Instance::under(folder.path(), "test").unwrap();
+        let instance = Instance::in_folder(folder.path(), "test").unwrap();
         Self { folder, instance }
     }
 
@@ -65,7 +65,7 @@ fn numbers<P: Payload + ?Sized>(subscriber: &mut Subscriber<FrameHeader, P>) -> 
 
 #[test]
 fn header_and_payload_arrive_as_sent() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let (here, there) = (place.node(), place.node());
     let mut frames_out = Publisher::open(&here, CAM1_FRAME, &SIZES).unwrap();
     let mut maps_out = Publisher::open(&here, PHASE_MAPS, &SIZES).unwrap();
@@ -92,8 +92,8 @@ fn header_and_payload_arrive_as_sent() {
 }
 
 #[test]
-fn a_full_buffer_loses_its_oldest_and_the_publisher_goes_on() {
-    let place = Place::new();
+fn a_full_buffer_drops_its_oldest_message() {
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -103,7 +103,7 @@ fn a_full_buffer_loses_its_oldest_and_the_publisher_goes_on() {
 
 #[test]
 fn three_windows_and_four_can_be_held_and_do_not_change() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -125,14 +125,14 @@ fn three_windows_and_four_can_be_held_and_do_not_change() {
 }
 
 #[test]
-fn a_new_subscriber_is_given_the_state() {
-    let place = Place::new();
+fn a_new_subscriber_receives_the_state() {
+    let place = TestInstance::new();
     let node = place.node();
     let mut publisher = Publisher::open(&node, SCAN_STATE, &SIZES).unwrap();
     publisher.send_message(&ScanState { revision: 1, ..ScanState::default() }).unwrap();
     publisher.send_message(&ScanState { revision: 2, ..ScanState::default() }).unwrap();
     let mut subscriber = Subscriber::open(&node, SCAN_STATE, &SIZES).unwrap();
-    // The publisher hands it out when it next looks at its subscribers.
+    // The publisher sends its history when it next checks its subscribers.
     publisher.ensure_connected().unwrap();
     assert_eq!(subscriber.receive().unwrap().unwrap().revision, 2);
     assert!(subscriber.receive().unwrap().is_none());
@@ -140,7 +140,7 @@ fn a_new_subscriber_is_given_the_state() {
 
 #[test]
 fn a_payload_that_does_not_fit_is_refused_and_the_next_one_passes() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -152,7 +152,7 @@ fn a_payload_that_does_not_fit_is_refused_and_the_next_one_passes() {
 
 #[test]
 fn a_second_publisher_is_refused_while_the_first_lives() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let first = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let error = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap_err();
@@ -164,7 +164,7 @@ fn a_second_publisher_is_refused_while_the_first_lives() {
 
 #[test]
 fn waiting_ends_with_a_message_of_any_port() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut first = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut second = Subscriber::open(&node, CAM2_FRAME, &SIZES).unwrap();
@@ -190,7 +190,7 @@ fn waiting_ends_with_a_message_of_any_port() {
 
 #[test]
 fn a_request_is_answered_and_without_a_server_refused() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let ask = ControlRequest { command: Ask::Mark as u32, text: Text::new("here"), ..ControlRequest::default() };
     let absent = request(&place.instance, &ask, HANG).unwrap_err();
     assert_eq!(absent.to_string(), "no instance test is running here");
@@ -216,7 +216,7 @@ fn a_request_is_answered_and_without_a_server_refused() {
 
 #[test]
 fn messages_flow_again_after_the_files_of_the_instance_were_removed() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let (here, there) = (place.node(), place.node());
     let mut channels = KeptChannels::open(&here, &SIZES).unwrap();
     let mut publisher = Publisher::open(&here, CAM1_FRAME, &SIZES).unwrap();
@@ -244,7 +244,7 @@ fn messages_flow_again_after_the_files_of_the_instance_were_removed() {
 
 #[test]
 fn ports_find_each_other_when_only_the_description_of_the_channel_was_removed() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -257,7 +257,7 @@ fn ports_find_each_other_when_only_the_description_of_the_channel_was_removed() 
 
 #[test]
 fn messages_flow_again_after_shared_memory_was_removed() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut channels = KeptChannels::open(&node, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -269,7 +269,7 @@ fn messages_flow_again_after_shared_memory_was_removed() {
     }
     let start = Instant::now();
     let mut number = 2;
-    // As the service loops do; a port may need several rounds, until the last user of the old channel has let go.
+    // As the service loops do. A port may need several rounds, until the last user of the old channel has closed it.
     while numbers(&mut subscriber).is_empty() {
         assert!(start.elapsed() < HANG);
         let _ = (publisher.ensure_connected(), channels.ensure_connected(), subscriber.ensure_connected(0));
@@ -282,7 +282,7 @@ fn messages_flow_again_after_shared_memory_was_removed() {
 #[test]
 fn a_stopped_subscriber_does_not_hold_up_the_publisher() {
     use rustix::process::{Pid, Signal, kill_process};
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
     let mut child = ChildProcess::start(&place);
@@ -299,11 +299,11 @@ fn a_stopped_subscriber_does_not_hold_up_the_publisher() {
 
 #[test]
 fn the_longest_path_has_room_for_sockets() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let limit = 107 - 1 - 11 - 39 - ".event".len();
     let folder = place.folder.path().join("folder");
     let used = folder.as_os_str().len() + 1;
-    let instance = Instance::under(&folder, &"n".repeat(limit - used)).unwrap();
+    let instance = Instance::in_folder(&folder, &"n".repeat(limit - used)).unwrap();
     let _lock = InstanceLock::take(&instance).unwrap();
     let node = Node::open(&instance, "test").unwrap();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -315,7 +315,7 @@ fn the_longest_path_has_room_for_sockets() {
 
 #[test]
 fn other_programs_are_given_the_folder_and_the_prefix() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let config: toml::Table = toml::from_str(&place.instance.external_config().unwrap()).unwrap();
     let global = config["global"].as_table().unwrap();
     assert_eq!(global["root-path"].as_str(), place.instance.root().to_str());
@@ -323,8 +323,8 @@ fn other_programs_are_given_the_folder_and_the_prefix() {
 }
 
 #[test]
-fn a_silent_subscriber_opens_anew_but_keeps_what_is_held() {
-    let place = Place::new();
+fn a_silent_subscriber_opens_again_but_keeps_held_messages() {
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -340,8 +340,8 @@ fn a_silent_subscriber_opens_anew_but_keeps_what_is_held() {
 }
 
 #[test]
-fn messages_that_wait_are_no_silence() {
-    let place = Place::new();
+fn waiting_messages_are_no_silence() {
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -353,7 +353,7 @@ fn messages_that_wait_are_no_silence() {
 
 #[test]
 fn the_lock_is_exclusive_and_leaves_nothing_behind() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let lock = InstanceLock::take(&place.instance).unwrap();
     let refused = InstanceLock::take(&place.instance).unwrap_err().to_string();
     let pid = std::process::id();
@@ -374,8 +374,8 @@ fn the_lock_is_exclusive_and_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_lock_does_not_remove_what_a_driver_uses() {
-    let place = Place::new();
+fn a_lock_does_not_remove_files_that_a_driver_uses() {
+    let place = TestInstance::new();
     let lock = InstanceLock::take(&place.instance).unwrap();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -392,13 +392,13 @@ fn names_that_cannot_be_folders_and_sockets_are_refused() {
         assert!(matches!(Instance::new(name), Err(TransportError::Name { .. })), "{name:?}");
     }
     let long = Path::new("/tmp").join("x".repeat(60));
-    assert!(matches!(Instance::under(&long, "a"), Err(TransportError::PathTooLong { bytes: 67, .. })));
+    assert!(matches!(Instance::in_folder(&long, "a"), Err(TransportError::PathTooLong { bytes: 67, .. })));
 }
 
 #[test]
 fn folders_of_others_are_refused() {
     use std::os::unix::fs::{PermissionsExt, symlink};
-    let place = Place::new();
+    let place = TestInstance::new();
     fs::create_dir(place.instance.root()).unwrap();
     fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o775)).unwrap();
     let open = Node::open(&place.instance, "test").unwrap_err().to_string();
@@ -411,19 +411,19 @@ fn folders_of_others_are_refused() {
 }
 
 #[test]
-fn a_folder_of_ours_is_closed_to_others() {
+fn a_folder_of_ours_becomes_private() {
     use std::os::unix::fs::PermissionsExt;
-    let place = Place::new();
+    let place = TestInstance::new();
     fs::create_dir(place.instance.root()).unwrap();
-    // As iceoryx2 makes it for a tool that attaches while a supervisor cleans.
+    // As iceoryx2 creates it for a tool that attaches while a supervisor cleans up.
     fs::set_permissions(place.instance.root(), fs::Permissions::from_mode(0o750)).unwrap();
     let _lock = InstanceLock::take(&place.instance).unwrap();
     assert_eq!(fs::metadata(place.instance.root()).unwrap().permissions().mode() & 0o777, 0o700);
 }
 
 #[test]
-fn instances_of_one_name_in_two_folders_do_not_hear_each_other() {
-    let (one, other) = (Place::new(), Place::new());
+fn instances_of_one_name_in_two_folders_do_not_exchange_messages() {
+    let (one, other) = (TestInstance::new(), TestInstance::new());
     let mut publisher = Publisher::open(&one.node(), CAM1_FRAME, &SIZES).unwrap();
     let mut subscriber = Subscriber::open(&other.node(), CAM1_FRAME, &SIZES).unwrap();
     publisher.send(&frame(1), &[1]).unwrap();
@@ -432,8 +432,8 @@ fn instances_of_one_name_in_two_folders_do_not_hear_each_other() {
 }
 
 #[test]
-fn what_is_required_is_what_is_allocated() {
-    let place = Place::new();
+fn the_required_bytes_are_allocated() {
+    let place = TestInstance::new();
     let sizes = ChannelSizes {
         frame_bytes: 327_680,
         window: 4,
@@ -455,32 +455,32 @@ fn what_is_required_is_what_is_allocated() {
     let allocated: u64 =
         files.iter().map(|file| std::os::unix::fs::MetadataExt::blocks(&fs::metadata(file).unwrap())).sum();
     let ids = [ChannelId::Cam1Frame, ChannelId::Cam2Frame, ChannelId::ProjectorPattern, ChannelId::ScanState];
-    let required: u64 = ids.iter().map(|id| shared_memory::publisher_bytes(&id.quality(&sizes))).sum();
+    let required: u64 = ids.iter().map(|id| shared_memory::publisher_bytes(&id.limits(&sizes))).sum();
     let ratio = (512 * allocated) as f64 / required as f64;
     assert!((0.98..1.0).contains(&ratio), "allocated {} of {required} bytes", 512 * allocated);
     drop(ports);
 }
 
 /// Writes a line for the parent process.
-fn say(line: &str) {
+fn print_line(line: &str) {
     writeln!(std::io::stdout(), "{line}").unwrap();
 }
 
-/// What the child process does; the tests start it with the folder of their instance.
+/// Main function of the child process; the tests start it with the folder of their instance.
 #[test]
 #[ignore = "the child process of other tests"]
 fn child() {
     let Some(folder) = std::env::var_os("FRINGEFLOW_TEST_CHILD") else { return };
-    let node = Node::open(&Instance::under(Path::new(&folder), "test").unwrap(), "child").unwrap();
+    let node = Node::open(&Instance::in_folder(Path::new(&folder), "test").unwrap(), "child").unwrap();
     let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut subscriber = Subscriber::open(&node, CAM2_FRAME, &SIZES).unwrap();
-    say("open");
+    print_line("open");
     for line in std::io::stdin().lines() {
         let number = line.unwrap().parse().unwrap();
         publisher.ensure_connected().unwrap();
         subscriber.ensure_connected(0).unwrap();
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
-        say(&format!("heard {:?}", numbers(&mut subscriber)));
+        print_line(&format!("heard {:?}", numbers(&mut subscriber)));
     }
 }
 
@@ -491,9 +491,9 @@ struct ChildProcess {
 }
 
 impl ChildProcess {
-    fn start(place: &Place) -> Self {
+    fn start(place: &TestInstance) -> Self {
         let mut process = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "transport::tests::child", "--ignored", "--nocapture"])
+            .args(["--exact", "tests::child", "--ignored", "--nocapture"])
             .env("FRINGEFLOW_TEST_CHILD", place.folder.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -505,7 +505,7 @@ impl ChildProcess {
         child
     }
 
-    /// Reads lines until one holds `text`: the test harness writes too.
+    /// Reads lines until one contains `text`: the test harness prints lines as well.
     fn line_with(&mut self, text: &str) -> String {
         loop {
             let mut line = String::new();
@@ -527,7 +527,7 @@ impl ChildProcess {
     }
 }
 
-/// Removes what a dead process left. Several calls, as other tests clean in this process too, one at a time.
+/// Removes the resources of a dead process. Repeats, because other tests clean up in this process too, one at a time.
 fn clean(instance: &Instance, ports: usize) {
     let start = Instant::now();
     let mut cleaned = 0;
@@ -541,7 +541,7 @@ fn clean(instance: &Instance, ports: usize) {
 
 #[test]
 fn killed_processes_are_replaced_and_leave_nothing() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let lock = InstanceLock::take(&place.instance).unwrap();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
@@ -568,7 +568,7 @@ fn killed_processes_are_replaced_and_leave_nothing() {
 
 #[test]
 fn two_processes_find_each_other_after_the_files_of_the_instance_were_removed() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let node = place.node();
     let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
     let mut publisher = Publisher::open(&node, CAM2_FRAME, &SIZES).unwrap();
@@ -589,7 +589,7 @@ fn two_processes_find_each_other_after_the_files_of_the_instance_were_removed() 
 
 #[test]
 fn a_killed_publisher_is_replaced_without_waiting_for_the_supervisor() {
-    let place = Place::new();
+    let place = TestInstance::new();
     let mut subscriber = Subscriber::open(&place.node(), CAM1_FRAME, &SIZES).unwrap();
     for round in 0..2 {
         let mut child = ChildProcess::start(&place);

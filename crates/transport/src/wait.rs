@@ -1,6 +1,6 @@
 //! Waiting for messages of several channels at once.
 
-// The number of a descriptor has no safe form in iceoryx2; `descriptor` alone asks for it.
+// iceoryx2 has no safe way to borrow a descriptor; only `descriptor` uses it.
 #![allow(unsafe_code)]
 
 use std::os::fd::BorrowedFd;
@@ -13,7 +13,7 @@ use rustix::io::Errno;
 
 use super::{ControlServer, Header, Ipc, Payload, Subscriber, TransportError};
 
-/// Longest sleep while a port is closed, so that whatever reopens it gets its turn.
+/// Longest sleep while all ports are closed, so that the caller can open them again.
 const CLOSED_PORT_PAUSE: Duration = Duration::from_millis(100);
 
 /// A port that can be waited for.
@@ -23,19 +23,20 @@ pub trait WaitSource: Listening {}
 impl<H: Header, P: Payload + ?Sized> WaitSource for Subscriber<H, P> {}
 impl WaitSource for ControlServer {}
 
-/// Gives the listener of a port; none while the port is closed.
+/// The listener of a port; `None` while the port is closed.
 pub(super) trait Listening {
     fn listener(&self) -> Option<&Listener<Ipc>>;
 }
 
-/// Waits for any of the ports until a message may have come, a signal arrived, or `timeout` is over. Wake-ups do not map one to
-/// one to messages: receive until `None` on every port afterwards, and look at the flags that signals set.
+/// Waits for any of the ports until a message may have come, a signal arrived, or `timeout` is over. Wake-ups do not
+/// match messages one to one: afterwards, receive until `None` on every port, and check the flags that signals set.
 ///
-/// One call of the system, and one or two more for each port that has something: the ports are named anew each time, since any
-/// of them may have been opened anew, and a `WaitSet` of iceoryx2 takes eight calls to be told of a port and to forget it.
+/// It costs one system call, and one or two more for each port with an event. The ports are passed anew each time,
+/// because any of them may have been opened again, and a `WaitSet` of iceoryx2 takes eight system calls to add and
+/// remove a port.
 ///
 /// # Errors
-/// The system refuses to wait.
+/// The system call fails.
 pub fn wait_for(ports: &[&dyn WaitSource], timeout: Duration) -> Result<(), TransportError> {
     let listeners: Vec<_> = ports.iter().filter_map(|port| port.listener()).collect();
     if listeners.is_empty() {
@@ -49,11 +50,11 @@ pub fn wait_for(ports: &[&dyn WaitSource], timeout: Duration) -> Result<(), Tran
         Err(refused) => return Err(wait_error(refused)),
     }
     for (listener, polled) in listeners.iter().zip(&polled) {
-        let told = polled.revents();
-        if told.contains(PollFlags::NVAL) {
+        let events = polled.revents();
+        if events.contains(PollFlags::NVAL) {
             return Err(wait_error("a port has no descriptor"));
         }
-        if !told.is_empty() {
+        if !events.is_empty() {
             // An event that cannot be taken is still there at the next wait.
             let _ = listener.try_wait(|_| {});
         }
@@ -61,10 +62,10 @@ pub fn wait_for(ports: &[&dyn WaitSource], timeout: Duration) -> Result<(), Tran
     Ok(())
 }
 
-/// What the system tells of the events of a listener through.
+/// The descriptor that signals the events of a listener.
 fn descriptor(listener: &Listener<Ipc>) -> BorrowedFd<'_> {
-    // SAFETY: the listener keeps its descriptor open for as long as it lives, and is borrowed for as long as the result; nobody
-    // closes it meanwhile, since the number is handed to `poll` alone.
+    // SAFETY: the listener keeps its descriptor open while it lives, and is borrowed for as long as the result. Nobody
+    // closes it meanwhile, since only `poll` gets the number.
     unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) }
 }
 

@@ -187,7 +187,7 @@ fn send(
         let header = numbered(account)?;
         return output.send(&header, pixels).map_err(Unsent::Transport);
     }
-    let made = output.send_made(len, |pixels| {
+    let made = output.try_send_filled(len, |pixels| {
         reader.read(bytes, stride_bytes, pixels).map_err(Unsent::Image)?;
         numbered(account)
     });

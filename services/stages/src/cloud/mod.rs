@@ -67,7 +67,7 @@ impl Transform for CloudStage {
     fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
         let points = &self.cloud.points;
         let (delta_mean_rad, delta_sd_rad) = self.found.matches.chosen_delta_rad;
-        let made = output.send_made(points.len() * RECORD_BYTES, |bytes| {
+        let made = output.try_send_filled(points.len() * RECORD_BYTES, |bytes| {
             encode_records(bytes, points);
             Ok::<_, Infallible>(CloudHeader {
                 published,

@@ -105,7 +105,7 @@ impl Bench {
     }
 
     pub(crate) fn instance(&self) -> Instance {
-        Instance::under(&self.runtime_dir(), NAME).unwrap()
+        Instance::in_folder(&self.runtime_dir(), NAME).unwrap()
     }
 
     pub(crate) fn command(&self, arguments: Arguments<'_>) -> Command {
