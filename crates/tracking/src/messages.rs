@@ -1,13 +1,12 @@
 //! Poses and the model as messages.
 
-use fringeflow::geometry::Pose;
 use fringeflow_message::{CloudHeader, LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
 
 use crate::fusion::{Surfel, Thinned, Tracked, Tracker, Tracking};
 use crate::registration::Lost;
 
-/// What a tracker says of a cloud that it was given, of a model whose first cloud has this number. The numbers of the report
-/// itself are for whoever sends it.
+/// Report on a tracked cloud; `first_cloud` is the number of the model's first cloud. The sender adds the sequence
+/// numbers of the report itself.
 #[must_use]
 pub fn pose_report(tracker: &Tracker, tracked: &Tracked, cloud: &CloudHeader, first_cloud: u64) -> PoseReport {
     let report = PoseReport {
@@ -35,7 +34,7 @@ fn with_pose(report: PoseReport, tracker: &Tracker, tracked: &Tracked) -> PoseRe
         rotation: [turn.i, turn.j, turn.k, turn.w],
         covariance: std::array::from_fn(|row| std::array::from_fn(|column| covariance.0[(row, column)])),
         sd_m: covariance.sd_at(tracker.centre()),
-        sd_rad: covariance.turn_sd(),
+        sd_rad: covariance.rotation_sd_rad(),
         ..report
     };
     match tracked.tracking.registration() {
@@ -50,18 +49,10 @@ fn with_pose(report: PoseReport, tracker: &Tracker, tracked: &Tracked) -> PoseRe
     }
 }
 
-/// The pose of a report; `None` for one that has none.
+/// Writes the points of a thinned model into `out` as a payload, and returns its header; `last` is the report on the last
+/// cloud in the model.
 #[must_use]
-pub fn pose(report: &PoseReport) -> Option<Pose> {
-    let [x, y, z, w] = report.rotation;
-    // As it was: normalizing once more would change its last bits.
-    let turn = nalgebra::Unit::new_unchecked(nalgebra::Quaternion::new(w, x, y, z));
-    report.has_pose().then(|| Pose::from_parts(nalgebra::Vector3::from(report.position_m).into(), turn))
-}
-
-/// The points of a model as a payload, in `out`, and what describes them; `last` is the last cloud in it.
-#[must_use]
-pub fn model(tracker: &Tracker, shown: &Thinned<'_>, last: &PoseReport, out: &mut Vec<u8>) -> ModelHeader {
+pub fn model_message(tracker: &Tracker, shown: &Thinned<'_>, last: &PoseReport, out: &mut Vec<u8>) -> ModelHeader {
     out.clear();
     shown.surfels.iter().for_each(|surfel| out.extend_from_slice(&point(surfel)));
     ModelHeader {

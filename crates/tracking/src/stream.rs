@@ -1,4 +1,4 @@
-//! Windows one after the other, each with what those before it tell of it.
+//! A stream of windows, each reconstructed with a prior from those before it.
 
 use fringeflow::correspondence::Drift;
 use fringeflow::prior::{Prior, WindowTimes};
@@ -7,40 +7,40 @@ use fringeflow_base::grey::GreyLevels;
 
 use crate::fusion::{Tracked, Tracker};
 
-/// Reconstructs the windows of a moving scanner and tracks it: what each cloud tells, the next window is given.
+/// Reconstructs the windows of a moving scanner and tracks it. Each cloud yields the prior of the next window.
 #[derive(Clone, Debug)]
 pub struct TrackedStream {
     reconstructor: Reconstructor,
     tracker: Tracker,
-    /// What the last cloud told, and its time.
+    /// The prior of the next window, and its time.
     prior: Option<(Prior, u64)>,
     takes_prior: bool,
 }
 
 impl TrackedStream {
-    /// A stream of which nothing is known.
+    /// A stream without any window yet.
     #[must_use]
     pub fn new(reconstructor: Reconstructor, tracker: Tracker) -> Self {
         Self { reconstructor, tracker, prior: None, takes_prior: true }
     }
 
-    /// The stream, whose windows are given nothing of those before them where that is not wanted.
+    /// Switches the priors on or off.
     #[must_use]
     pub fn with_priors(self, takes_prior: bool) -> Self {
         Self { takes_prior, ..self }
     }
 
-    /// What tracks the clouds.
+    /// The tracker of the clouds.
     #[must_use]
     pub fn tracker(&self) -> &Tracker {
         &self.tracker
     }
 
-    /// Reconstructs the next window, as [`Reconstructor::reconstruct`] does. What the tracking says of its cloud comes from
-    /// [`Self::track`], which the next window waits for.
+    /// Reconstructs the next window as [`Reconstructor::reconstruct`] does. Call [`Self::track`] with its result: the
+    /// next window needs the prior.
     ///
     /// # Errors
-    /// As [`Reconstructor::reconstruct`]; then the next window knows nothing either.
+    /// As [`Reconstructor::reconstruct`]; the next window then has no prior.
     pub fn reconstruct(
         &mut self,
         first_step: usize,
@@ -53,7 +53,7 @@ impl TrackedStream {
         self.reconstructor.reconstruct(first_step, cam1, cam2, known)
     }
 
-    /// Registers the cloud of a window to those before it.
+    /// Registers the cloud of a window to the model.
     pub fn track(&mut self, made: &Reconstruction, times: &WindowTimes) -> Tracked {
         let tracked = self.tracker.step(&made.cloud, times.centre_ns());
         let drift = made.matches.drift.as_ref().map(Drift::to_known);

@@ -1,25 +1,25 @@
-//! Whether a scan that ends where it began says so itself.
+//! The loop closure of a scan that ends where it began.
 
 use fringeflow::geometry::{Camera, Pose};
 
 use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, register};
 
-/// Least share of the last cloud's points that meet the first: below, the scan has not come back.
+/// Least share of the last cloud's points with a partner in the first; below, the scan has not returned.
 const MIN_SHARE: f64 = 0.5;
 
-/// The last cloud, registered to the first without anything between.
+/// The last cloud, registered directly to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closure {
-    /// The last pose, by the first and the last cloud alone.
+    /// The pose of the last cloud, from the first and the last cloud only.
     pub direct: Registration,
-    /// How far the tracked pose puts the middle of the last cloud from there, metres.
+    /// Distance between the tracked and the direct position of the last cloud's centre, metres.
     pub drift_m: f64,
-    /// How far the tracked pose is turned against that one, rad.
+    /// Angle between the tracked and the direct rotation, rad.
     pub drift_rad: f64,
 }
 
 impl Closure {
-    /// Of the first and the last surface, the last tracked at a pose; `None` where they have too little in common.
+    /// The closure of the first and the last surface, the last tracked at a pose; `None` where they overlap too little.
     pub(super) fn new(
         camera: &Camera,
         [first, last]: [&OrganizedSurface; 2],

@@ -1,4 +1,4 @@
-//! Which surfel a new point belongs to, and what becomes of both.
+//! Assigns the points of a cloud to surfels, and merges them.
 
 use rayon::prelude::*;
 
@@ -9,29 +9,29 @@ use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 use super::index_map::IndexMap;
 use super::surfel::{Measurement, Surfel};
 
-/// A surfel and a point further apart than this on the image are not the same piece of surface, pixels.
+/// Largest distance on the image between a surfel and a point of the same piece of surface, pixels.
 const SAME_PLACE_PX: f64 = 0.75;
-/// Least cosine between the normals of a surfel and a point that it takes, 60°.
+/// Least cosine between the normals of a surfel and a point assigned to it, 60°.
 const MIN_NORMAL_COSINE: f64 = 0.5;
-/// Distance from a surfel's plane up to which a point belongs to it: standard deviations, or pixels where these are more.
-/// Errors of calibration and motion exceed noise, and a second layer of surfels beside the first would be worse than both.
+/// Largest distance of a point from the plane of its surfel: the larger of these standard deviations and pixels. Errors
+/// of calibration and motion exceed noise, and a second layer of surfels beside the first would be worse than both.
 const SAME_PLANE_SD: f64 = 4.0;
 const SAME_PLANE_PX: f64 = 1.0;
 
-/// How a cloud lies to the model.
+/// Placement of a cloud relative to the model.
 pub(super) struct Placement {
     pub(super) model_from_cam1: Pose,
     pub(super) covariance: PoseCovariance,
-    /// How many times larger distances are than noise alone makes them, 1 at least.
+    /// Factor by which distances exceed those of noise alone, at least 1.
     pub(super) excess: f64,
-    /// Width of a pixel a metre away, metres.
+    /// Width of a pixel at a distance of one metre, metres.
     pub(super) pixel_per_m: f64,
-    /// Number of the cloud among those merged.
+    /// Number of the cloud among the merged ones.
     pub(super) cloud: u32,
 }
 
 impl Placement {
-    /// A point that has a normal as it goes into a surfel.
+    /// The measurement of a point; `None` without a normal.
     fn measurement(&self, point: &SurfacePoint) -> Option<Measurement> {
         let position = self.model_from_cam1 * point.position();
         let normal = self.model_from_cam1.rotation * point.unit_normal()?;
@@ -45,39 +45,40 @@ impl Placement {
         })
     }
 
-    /// The surfel that a measurement at a pixel belongs to: of those on its plane the one seen next to it.
+    /// The surfel of a measurement at a pixel: among those whose plane it fits, the nearest on the image.
     fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Measurement) -> Option<usize> {
         let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
-        let belongs = |surfel: &Surfel| {
+        let fits = |surfel: &Surfel| {
             let sd_m = (m.sigma_m * m.sigma_m + surfel.noise_m().powi(2)).sqrt() * self.excess;
             let distance_m = (m.position - surfel.position).dot(&surfel.normal).abs();
             let reach_m = (SAME_PLANE_SD * sd_m).max(SAME_PLANE_PX * width_m);
             surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m
         };
-        let near = map.around(pixel).map(|(place, seen)| (place, (seen.pixel - pixel).norm()));
-        let owners = near.filter(|&(place, off_px)| off_px <= SAME_PLACE_PX && belongs(&surfels[place]));
-        owners.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(place, _)| place)
+        let near = map.surfels_near(pixel).map(|(index, seen)| (index, (seen.pixel - pixel).norm()));
+        let owners = near.filter(|&(index, off_px)| off_px <= SAME_PLACE_PX && fits(&surfels[index]));
+        owners.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(index, _)| index)
     }
 }
 
-/// Merges a surface into the surfels, which the map shows from its place; returns how many surfels are new.
+/// Merges a surface into the surfels, which `map` shows at the pose of the cloud; returns the number of new surfels.
 pub(super) fn merge(
     surfels: &mut Vec<Surfel>,
     map: &IndexMap,
     surface: &OrganizedSurface,
     placement: &Placement,
 ) -> usize {
-    let judge = |point: &SurfacePoint| {
+    let assign = |point: &SurfacePoint| {
         let measurement = placement.measurement(point)?;
         let [u, v] = point.cam1_px.map(f64::from);
         let owner = placement.owner(surfels, map, &Pixel::new(u, v), &measurement);
         Some((owner, measurement))
     };
-    let judged: Vec<_> = surface.points().par_iter().with_min_len(256).map(judge).collect();
+    // In parallel, since it only reads the surfels; they change one after the other, so threads change no bit.
+    let assigned: Vec<_> = surface.points().par_iter().with_min_len(256).map(assign).collect();
     let before = surfels.len();
-    for (owner, measurement) in judged.into_iter().flatten() {
+    for (owner, measurement) in assigned.into_iter().flatten() {
         match owner {
-            Some(place) => surfels[place].take(&measurement),
+            Some(index) => surfels[index].add(&measurement),
             None => surfels.push(Surfel::new(&measurement)),
         }
     }

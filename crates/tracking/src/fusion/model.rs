@@ -1,4 +1,4 @@
-//! The model: its surfels, and how a cloud goes into it.
+//! The model: its surfels, and merging of clouds.
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
@@ -9,12 +9,12 @@ use super::index_map::IndexMap;
 use super::merge::{Placement, merge};
 use super::surfel::Surfel;
 
-/// What a cloud did to the model.
+/// Changes of the model by a cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Merged {
-    /// Surfels that it added.
+    /// Surfels added.
     pub added: usize,
-    /// Surfels that it spoke against, and that are gone.
+    /// Surfels removed after contradictions.
     pub removed: usize,
 }
 
@@ -27,19 +27,19 @@ pub struct Model {
 }
 
 impl Model {
-    /// All surfels, those of few clouds too.
+    /// All surfels, including those measured in few clouds.
     #[must_use]
     pub fn surfels(&self) -> &[Surfel] {
         &self.surfels
     }
 
-    /// The surfels to be trusted: measured in `min_support` clouds, or in all that could have measured them, if these are
-    /// fewer.
+    /// The surfels to trust: measured in `min_support` clouds, or in all clouds that could have measured them if these
+    /// are fewer.
     pub fn supported(&self, min_support: u32) -> impl Iterator<Item = &Surfel> {
         self.surfels.iter().filter(move |surfel| surfel.is_supported(min_support))
     }
 
-    /// Clouds that were merged.
+    /// Number of merged clouds.
     #[must_use]
     pub fn clouds(&self) -> usize {
         self.covariances.len()
@@ -52,7 +52,7 @@ impl Model {
         Point3::from(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// The surface of supported surfels that camera 1 would see, in its own frame.
+    /// The surface of supported surfels visible to camera 1, in its own frame.
     #[must_use]
     pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose, min_support: u32) -> OrganizedSurface {
         let cam1_from_model = model_from_cam1.inverse();
@@ -60,27 +60,28 @@ impl Model {
         map.surface(&self.surfels, &cam1_from_model)
     }
 
-    /// Covariance of where the model stands: mean of those of the clouds that its surfels were first measured in.
+    /// Covariance of the model's pose: the mean over its surfels of the covariance of the cloud that first measured
+    /// them.
     ///
-    /// Errors of poses do not average out in a surfel as noise does: what is first measured stands where its cloud stood,
-    /// and later ones are put there. A mean of covariances is never below the covariance of a mean.
+    /// Errors of poses do not average out in a surfel as noise does: a surfel is created where its first cloud placed
+    /// it, and later clouds are registered to it. A mean of covariances is never below the covariance of a mean.
     pub(super) fn covariance(&self) -> PoseCovariance {
-        let mut born = vec![0_u32; self.covariances.len()];
+        let mut surfels_of_cloud = vec![0_u32; self.covariances.len()];
         for surfel in &self.surfels {
-            if let Some(count) = born.get_mut(surfel.born as usize) {
+            if let Some(count) = surfels_of_cloud.get_mut(surfel.first_cloud as usize) {
                 *count += 1;
             }
         }
         let sum = self
             .covariances
             .iter()
-            .zip(&born)
+            .zip(&surfels_of_cloud)
             .fold(PoseCovariance::zero().0, |sum, (covariance, &count)| sum + covariance.0 * f64::from(count));
         PoseCovariance(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// Merges what camera 1 saw from a pose that is known with a covariance, and was registered with residuals `excess`
-    /// times as large as noise.
+    /// Merges the surface of a cloud at a pose with a covariance. Its registration had residuals `excess` times as
+    /// large as noise.
     pub(super) fn merge(
         &mut self,
         camera: &Camera,

@@ -1,4 +1,4 @@
-//! A model as PLY, binary little-endian: one vertex a surfel.
+//! A model as PLY, binary little-endian: one vertex per surfel.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -22,10 +22,10 @@ const FIELDS: [(&str, Scalar); 9] = [
     ("support", Scalar::U16),
 ];
 
-/// Writes the surfels with enough support; returns how many.
+/// Writes the surfels with enough support; returns their number.
 ///
 /// # Errors
-/// The file cannot be written; what stood there stays as it was.
+/// The file cannot be written; a file that stood at the path stays as it was.
 pub fn write_model(
     path: &Path,
     model: &Model,

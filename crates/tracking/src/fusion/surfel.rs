@@ -1,8 +1,8 @@
-//! A surfel: a small piece of surface, as many measurements have it.
+//! A surfel: a small piece of surface, the average of many measurements.
 
 use fringeflow::geometry::{Point3, Vector3};
 
-/// A measurement that goes into a surfel, frame of the model.
+/// A measurement to be merged into a surfel, frame of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
     pub(super) position: Point3,
@@ -10,16 +10,16 @@ pub(super) struct Measurement {
     /// Standard deviation along the ray, metres.
     pub(super) sigma_m: f64,
     pub(super) intensity: u8,
-    /// Variance that the pose of its cloud adds along the normal, m².
+    /// Variance along the normal caused by the pose of its cloud, m².
     pub(super) pose_variance: f64,
-    /// Number of its cloud among those merged.
+    /// Number of its cloud among the merged ones.
     pub(super) cloud: u32,
 }
 
 /// A piece of surface, frame of the model, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surfel {
-    /// Mean of its measurements, weighed by their noise.
+    /// Mean of its measurements, weighted by their noise.
     pub position: Point3,
     /// Mean normal, length 1, away from the body.
     pub normal: Vector3,
@@ -27,20 +27,20 @@ pub struct Surfel {
     pub weight: f64,
     /// Mean grey level.
     pub intensity: f32,
-    /// Clouds that it was measured in.
+    /// Clouds that measured it.
     pub support: u32,
-    /// Clouds that could have measured it: it lay in the image of C1, faced it, and nothing stood before it.
+    /// Clouds that could have measured it: it lay in the image of C1, faced it, and nothing hid it.
     pub seen: u32,
-    /// Clouds that measured what lies behind it.
+    /// Clouds that measured a surface behind it.
     pub contradictions: u32,
-    /// Number of the cloud that it was first measured in, among those merged.
-    pub(super) born: u32,
-    /// Number of the cloud that it was last measured in.
-    pub(super) last: u32,
+    /// Number of the cloud that first measured it, among the merged ones.
+    pub(super) first_cloud: u32,
+    /// Number of the cloud that last measured it.
+    pub(super) last_cloud: u32,
     measurements: u32,
-    /// `Σ w r²`, r the distances of measurements along the normal from their mean.
+    /// `Σ w r²`, where r are the distances of the measurements along the normal from their mean.
     scatter: f64,
-    /// Mean variance along the normal that the poses of its clouds add, m².
+    /// Mean variance along the normal caused by the poses of its clouds, m².
     pose_variance: f64,
 }
 
@@ -54,16 +54,16 @@ impl Surfel {
             support: 1,
             seen: 0,
             contradictions: 0,
-            born: m.cloud,
-            last: m.cloud,
+            first_cloud: m.cloud,
+            last_cloud: m.cloud,
             measurements: 1,
             scatter: 0.0,
             pose_variance: m.pose_variance,
         }
     }
 
-    /// Takes a measurement into the running means (West 1979, "Updating mean and variance estimates").
-    pub(super) fn take(&mut self, m: &Measurement) {
+    /// Adds a measurement to the running means (West 1979, "Updating mean and variance estimates").
+    pub(super) fn add(&mut self, m: &Measurement) {
         let added = weight(m);
         let total = self.weight + added;
         let share = added / total;
@@ -77,33 +77,33 @@ impl Surfel {
         self.pose_variance += (m.pose_variance - self.pose_variance) * share;
         self.weight = total;
         self.measurements += 1;
-        if self.last != m.cloud {
+        if self.last_cloud != m.cloud {
             self.support += 1;
-            self.last = m.cloud;
+            self.last_cloud = m.cloud;
         }
     }
 
-    /// Whether it was measured in so many clouds, or in all that could have measured it, if these are fewer.
+    /// Whether `min_support` clouds measured it, or all that could have if these are fewer.
     #[must_use]
     pub fn is_supported(&self, min_support: u32) -> bool {
         self.support >= min_support.min(self.seen)
     }
 
-    /// Standard deviation of its position, metres: noise of the mean, as large as the measurements really scatter, and
-    /// what the poses of their clouds add, which no number of measurements makes smaller.
+    /// Standard deviation of its position, metres: the noise of the mean, enlarged where the measurements scatter more,
+    /// and the error of the clouds' poses, which does not shrink with more measurements.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         let excess = self.scatter / f64::from(self.measurements.saturating_sub(1).max(1));
         (excess.max(1.0) / self.weight + self.pose_variance).sqrt()
     }
 
-    /// Standard deviation of its noise alone, metres.
+    /// Standard deviation by noise alone, metres.
     pub(super) fn noise_m(&self) -> f64 {
         (1.0 / self.weight).sqrt()
     }
 }
 
-/// Smallest standard deviation of a measurement, metres: single precision has no less at arm's length.
+/// Smallest standard deviation of a measurement, metres: the resolution of single precision at arm's length.
 const LEAST_SIGMA_M: f64 = 1e-7;
 
 fn weight(m: &Measurement) -> f64 {
@@ -129,17 +129,17 @@ mod tests {
     fn means_get_better_with_the_root_of_their_number() {
         let mut surfel = Surfel::new(&measured(0.3, 0));
         for cloud in 1..16 {
-            surfel.take(&Measurement { sigma_m: 1e-3, ..measured(0.3, cloud) });
+            surfel.add(&Measurement { sigma_m: 1e-3, ..measured(0.3, cloud) });
         }
         assert_eq!((surfel.support, surfel.measurements), (16, 16));
         assert!((surfel.sigma_m() - 2.5e-4).abs() < 1e-9, "{}", surfel.sigma_m());
     }
 
     #[test]
-    fn what_scatters_more_than_its_noise_is_less_certain() {
+    fn scatter_beyond_noise_makes_a_surfel_less_certain() {
         let mut surfel = Surfel::new(&measured(0.3, 0));
         for cloud in 1..16 {
-            surfel.take(&measured(if cloud % 2 == 0 { 0.3 } else { 0.31 }, cloud));
+            surfel.add(&measured(if cloud % 2 == 0 { 0.3 } else { 0.31 }, cloud));
         }
         assert!((surfel.position.z - 0.305).abs() < 1e-12);
         // Half of 10 mm to either side, 16 measurements.
@@ -147,15 +147,15 @@ mod tests {
     }
 
     #[test]
-    fn the_poses_stay_in_the_sum() {
+    fn errors_of_poses_do_not_average_out() {
         let posed = |cloud| Measurement { pose_variance: 1e-8, ..measured(0.3, cloud) };
         let mut surfel = Surfel::new(&posed(0));
         for cloud in 1..1000 {
-            surfel.take(&posed(cloud));
+            surfel.add(&posed(cloud));
         }
         assert!((surfel.sigma_m() - (1e-6 / 1000.0 + 1e-8_f64).sqrt()).abs() < 1e-12);
-        let twice = Surfel { ..surfel };
-        surfel.take(&posed(999));
-        assert_eq!(surfel.support, twice.support, "a cloud counts once");
+        let support = surfel.support;
+        surfel.add(&posed(999));
+        assert_eq!(surfel.support, support, "a cloud counts once");
     }
 }

@@ -1,4 +1,4 @@
-//! Clouds of simulated surfaces, tracked and fused, against the poses and the surface they came from.
+//! Clouds of simulated surfaces, tracked and fused, compared with their true poses and surface.
 
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::{Cloud, CloudExport};
@@ -15,7 +15,7 @@ fn camera() -> Camera {
     camera_of([120, 96])
 }
 
-/// A closed way over the hills: 6 mm and 3° to each side, and forth and back.
+/// A closed path over the hills: 6 mm and 3° to each side, forth and back.
 fn pose(k: usize, clouds: usize) -> Pose {
     let angle = std::f64::consts::TAU * k as f64 / clouds as f64;
     let (s, c) = (angle.sin(), 1.0 - angle.cos());
@@ -37,7 +37,7 @@ fn off_m(found: &Pose, truth: &Pose) -> f64 {
     (found * centre - truth * centre).norm()
 }
 
-/// Distance of a place from the hills, roughly across them, metres.
+/// Distance of a point from the hills, roughly along their normal, metres.
 fn off_hills_m(place: &Point3) -> f64 {
     let ray = place.coords / place.z;
     (hills(&Pose::identity(), 0.004, &ray).unwrap() - place).norm()
@@ -67,16 +67,16 @@ fn a_scanner_is_tracked_and_its_model_is_better_than_a_cloud() {
     let single = cloud(&Pose::identity(), 0);
     let of_cloud = rms(&mut single.points.iter().map(|p| off_hills_m(&Point3::from(p.position_m.map(f64::from)))));
     assert!(of_model < 0.5 * of_cloud, "model {of_model:e} m, cloud {of_cloud:e} m");
-    // What is told of each surfel is what it is off by.
+    // The stated standard deviation of each surfel is its error.
     let normalized = rms(&mut surfels.iter().map(|s| off_hills_m(&s.position) / s.sigma_m()));
     assert!((0.5..2.0).contains(&normalized), "surfels are off by {normalized} of their standard deviations");
-    // As many surfels as the first cloud has points, and what came in sight beside it.
+    // As many surfels as the first cloud has points, and some that came into sight.
     let per_point = surfels.len() as f64 / single.points.len() as f64;
     assert!((1.0..1.8).contains(&per_point), "{} surfels for {} points", surfels.len(), single.points.len());
 }
 
 #[test]
-fn turns_stay_turns_however_long_the_scan() {
+fn rotations_keep_unit_length_in_long_scans() {
     let mut tracker = Tracker::new(camera_of([60, 48]), FusionSettings::default());
     for k in 0..80 {
         let pose = pose(k, 40);
@@ -87,7 +87,7 @@ fn turns_stay_turns_however_long_the_scan() {
 }
 
 #[test]
-fn a_closed_way_closes() {
+fn a_closed_path_closes() {
     let (tracker, _) = fused(12);
     let closure = tracker.closure().unwrap();
     let sd = closure.direct.covariance.sd_at(&Point3::new(0.0, 0.0, 0.3));
@@ -113,7 +113,7 @@ fn a_jump_is_lost_merges_nothing_and_is_found_back() {
 }
 
 #[test]
-fn an_empty_scan_begins_with_the_first_cloud_that_shows_something() {
+fn an_empty_scan_begins_with_the_first_cloud_with_points() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     let nothing = tracker.step(&Cloud::default(), at(0));
     assert_eq!(nothing.tracking.name(), "lost");
@@ -122,12 +122,12 @@ fn an_empty_scan_begins_with_the_first_cloud_that_shows_something() {
 }
 
 #[test]
-fn what_is_seen_through_and_what_is_never_confirmed_goes() {
+fn contradicted_and_unconfirmed_surfels_are_removed() {
     let with = |seed: u64, plate: bool| {
         let mut cloud = cloud(&Pose::identity(), seed);
         for point in cloud.points.iter_mut().filter(|_| plate) {
             let [u, v] = point.cam1_px;
-            // A plate 12 mm before the hills.
+            // A plate 12 mm in front of the hills.
             if (40..60).contains(&u) && (30..50).contains(&v) {
                 point.position_m = point.position_m.map(|c| c * 0.96);
             }
@@ -180,30 +180,30 @@ fn threads_change_no_byte() {
 }
 
 #[test]
-fn what_the_tracker_tells_the_next_windows_is_how_it_moved() {
+fn the_prior_of_the_next_windows_is_the_motion_of_the_scanner() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     let step = Pose::new(nalgebra::Vector3::new(2e-4, -1e-4, 1e-4), nalgebra::Vector3::new(1e-3, 2e-3, -5e-4));
     let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);
     tracker.step(&cloud(&pose(0), 0), at(0));
-    assert!(tracker.prior(None).is_none(), "one cloud tells no motion");
+    assert!(tracker.prior(None).is_none(), "one cloud shows no motion");
     for k in 1..8 {
         tracker.step(&cloud(&pose(k), k as u64), at(k as u64));
     }
     let prior = tracker.prior(None).unwrap();
     let next = prior.motion.pose_after(0.05);
-    // A tenth of the way in the middle of what is seen; along it the surface tells less.
+    // A tenth of the step at the centre of the surface; along the surface less is determined.
     let off = off_m(&next, &step);
     assert!(off < 2e-5, "{next:?} is {off:e} m off");
     assert!(next.rotation.angle_to(&step.rotation) < 1e-3, "{next:?}");
     let seen = prior.relief.cells().iter().filter(|&&cell| cell > 0).count();
     assert!(seen * 2 > prior.relief.cells().len(), "{seen} cells");
-    // Nobody knows how a scanner that is lost moves.
+    // The motion of a lost scanner is unknown.
     let lost = tracker.step(&cloud(&Pose::translation(0.0, 0.0, -0.06), 9), at(9));
     assert_eq!((lost.tracking.name(), tracker.prior(None)), ("lost", None));
 }
 
 #[test]
-fn a_surface_that_hides_where_it_is_tells_how_it_comes_nearer() {
+fn a_surface_that_fixes_only_the_distance_still_shows_the_approach() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     let step = Pose::translation(1e-4, 0.0, -2e-4);
     let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);

@@ -1,11 +1,11 @@
-//! Where the scanner stands, cloud after cloud, and the model that grows meanwhile.
+//! Tracks the scanner cloud after cloud, while the model grows.
 //!
-//! Each cloud is registered to the model as it would be seen from where the scanner should be by now. If that fails, it is
-//! tried once more from where it was last known to be, with a longer reach. What fails both is lost: it changes nothing, and
-//! the next cloud begins from the last known pose.
+//! Each cloud is registered to the model as seen from the predicted pose. If that fails, it is registered once more
+//! from the last known pose, with a longer reach. A cloud that fails both is lost: it changes nothing, and the next
+//! cloud starts from the last known pose.
 //!
-//! Registering takes a few thousand points, merging all of them: where time is short, only some of the clouds that were
-//! tracked go into the model. Which ones, their number decides and no clock, so that the same clouds give the same poses.
+//! Registration uses a few thousand points, merging all of them. Where time is short, only some of the tracked clouds
+//! are merged. Their number decides which, not a clock, so that the same clouds give the same poses.
 
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::KnownDrift;
@@ -20,16 +20,16 @@ use super::closure::Closure;
 use super::model::{Merged, Model};
 use super::motion_filter::MotionFilter;
 
-/// How clouds are tracked and merged.
+/// Settings of tracking and merging.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FusionSettings {
-    /// What is asked of a registration.
+    /// Settings of a registration.
     pub registration: RegistrationSettings,
-    /// How many times further points are paired when the scanner is looked for where it was last.
+    /// Factor for the reach of the registration when a lost scanner is searched for.
     pub relocalization_reach: f64,
-    /// Clouds that a surfel is to be measured in, where as many could have measured it.
+    /// Clouds that must measure a surfel, where as many could have measured it.
     pub min_support: u32,
-    /// Tracked clouds of which one is merged; 1 merges all. Those found again after they were lost always are.
+    /// Stride of the merged clouds; 1 merges all. A relocalized cloud is always merged.
     pub merge_every: u32,
 }
 
@@ -44,12 +44,12 @@ impl Default for FusionSettings {
     }
 }
 
-/// What became of a cloud.
+/// Result of tracking a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tracking {
-    /// The first one: it makes the frame of the model.
+    /// The first cloud: it defines the frame of the model.
     First,
-    /// Registered to the model where it was expected.
+    /// Registered to the model at the predicted pose.
     Tracked(Registration),
     /// Registered to the model from the last known pose.
     Relocalized(Registration),
@@ -69,7 +69,7 @@ impl Tracking {
         }
     }
 
-    /// The registration, of those that have one.
+    /// The registration, if the cloud has one.
     #[must_use]
     pub fn registration(&self) -> Option<&Registration> {
         match self {
@@ -79,64 +79,64 @@ impl Tracking {
     }
 }
 
-/// A cloud that was looked at.
+/// A tracked cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracked {
-    /// What became of it.
+    /// Its result.
     pub tracking: Tracking,
-    /// Pose of C1, frame of C1 at the first cloud; of a lost cloud the last known one.
+    /// Pose of C1 in the frame of C1 at the first cloud; for a lost cloud the last known pose.
     pub model_from_cam1: Pose,
-    /// Covariance of the pose against the first cloud.
+    /// Covariance of the pose relative to the first cloud.
     pub covariance: PoseCovariance,
-    /// What it did to the model.
+    /// Changes of the model.
     pub merged: Merged,
 }
 
-/// The model as it was drawn for camera 1 at some pose: what clouds are registered to.
+/// The model as camera 1 would see it from a pose; clouds are registered to it.
 #[derive(Clone, Debug)]
 struct View {
     model_from_cam1: Pose,
     surface: OrganizedSurface,
 }
 
-/// Where the scanner was last known to be.
+/// The last known pose and motion of the scanner.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct LastKnown {
     model_from_cam1: Pose,
-    /// Where it was then, as far as a surface tells that does not determine all of the pose.
-    roughly: Pose,
+    /// Pose of the last cloud that fixed at least part of it; the rest is predicted.
+    rough_pose: Pose,
     time_ns: u64,
     motion: MotionFilter,
-    /// No cloud since then told anything.
+    /// No cloud since then was found.
     is_lost: bool,
 }
 
-impl Known {
-    /// From then to a time, seconds; 0 if that is earlier.
+impl LastKnown {
+    /// Time from the last known pose to a time, seconds; 0 if that is earlier.
     fn seconds_to(&self, time_ns: u64) -> f64 {
         time_ns.saturating_sub(self.time_ns) as f64 * 1e-9
     }
 
-    /// How it moved; `None` after it was lost.
+    /// Its motion; `None` after it was lost.
     fn motion(&self) -> Option<RigidMotion> {
         self.motion.motion().filter(|_| !self.is_lost)
     }
 
-    /// Where it should be at a time.
-    fn predicted(&self, time_ns: u64) -> Pose {
+    /// The predicted pose at a time.
+    fn predict(&self, time_ns: u64) -> Pose {
         let way = self.motion().map(|motion| motion.pose_after(self.seconds_to(time_ns)));
-        self.roughly * way.unwrap_or_else(Pose::identity)
+        self.rough_pose * way.unwrap_or_else(Pose::identity)
     }
 
-    /// A cloud of a later time was found at a pose of this covariance.
-    fn moved_to(&mut self, pose: Pose, covariance: &PoseCovariance, time_ns: u64) {
-        self.motion.take(&pose, covariance, self.seconds_to(time_ns));
-        (self.roughly, self.time_ns, self.is_lost) = (pose, time_ns, false);
+    /// Adds the pose of a later cloud, with its covariance.
+    fn update(&mut self, pose: Pose, covariance: &PoseCovariance, time_ns: u64) {
+        self.motion.update(&pose, covariance, self.seconds_to(time_ns));
+        (self.rough_pose, self.time_ns, self.is_lost) = (pose, time_ns, false);
     }
 }
 
-/// A view serves as long as places move in the image by less than this, as a share of their distance: about 6 pixels of 640.
-/// What comes into the image at its border has no partner until then.
+/// A view is reused while places move in the image by less than this share of their distance: about 6 pixels of 640.
+/// Until then, surfaces that enter the image at its border have no partner.
 const VIEW_SHARE: f64 = 0.01;
 
 /// Tracks a scanner and fuses its clouds.
@@ -147,17 +147,17 @@ pub struct Tracker {
     model: Model,
     first: OrganizedSurface,
     last: OrganizedSurface,
-    /// What the last cloud looked like that was not lost altogether.
+    /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// The model as it was last drawn, if nothing was merged since.
+    /// The model as last drawn, if nothing was merged since.
     view: Option<View>,
-    /// Clouds tracked since the last was merged.
+    /// Clouds tracked since the last merge.
     unmerged: u32,
-    /// Middle of the model, and the covariance of where it stands.
+    /// Centre of the model, and the covariance of its pose.
     centre: Point3,
-    standing: PoseCovariance,
-    /// Last known pose of C1.
-    known: Option<Known>,
+    model_covariance: PoseCovariance,
+    /// `None` before the first cloud.
+    last_known: Option<LastKnown>,
     covariance: PoseCovariance,
 }
 
@@ -175,8 +175,8 @@ impl Tracker {
             view: None,
             unmerged: 0,
             centre: Point3::origin(),
-            standing: PoseCovariance::zero(),
-            known: None,
+            model_covariance: PoseCovariance::zero(),
+            last_known: None,
             covariance: PoseCovariance::zero(),
         }
     }
@@ -187,64 +187,62 @@ impl Tracker {
         &self.model
     }
 
-    /// Middle of the model when a cloud was last merged, frame of C1 at the first cloud, metres.
+    /// Centre of the model at the last merge, frame of C1 at the first cloud, metres.
     #[must_use]
     pub fn centre(&self) -> &Point3 {
         &self.centre
     }
 
-    /// The next cloud, in the order they were taken, and its time.
+    /// Tracks the next cloud, in the order they were taken, with its time.
     pub fn step(&mut self, cloud: &Cloud, time_ns: u64) -> Tracked {
-        let Some(known) = self.known else { return self.begin(self.surface(cloud), time_ns) };
+        let Some(known) = self.last_known else { return self.start_model(self.surface(cloud), time_ns) };
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
         let settings = self.settings.registration;
-        let roughly = self.register_at(&sampled, &known.predicted(time_ns), &settings);
-        let found = roughly.and_then(|(reference, found)| {
+        let rough = self.register_at(&sampled, &known.predict(time_ns), &settings);
+        let found = rough.and_then(|(reference, found)| {
             let found = found.determined(&settings)?;
             Ok((Tracking::Tracked(found), reference, found))
         });
         match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
             Ok((tracking, reference, found)) => {
-                self.take(cloud, sampled, (tracking, &reference, &found), known, time_ns)
+                self.accept(cloud, sampled, (tracking, &reference, &found), known, time_ns)
             }
             Err(lost) => {
-                // What the scanner did meanwhile, nobody knows, unless a part of its pose was found.
-                let mut known = Known { is_lost: true, ..known };
-                if let Ok((reference, found)) = roughly {
+                // The motion is unknown now, unless the surface determined a part of the pose.
+                let mut known = LastKnown { is_lost: true, ..known };
+                if let Ok((reference, found)) = rough {
                     let pose = normalized(reference * found.reference_from_moved);
-                    known.moved_to(pose, &found.covariance.seen_from(&reference), time_ns);
-                    self.look_at(&sampled);
+                    known.update(pose, &found.covariance.seen_from(&reference), time_ns);
+                    self.update_relief(&sampled);
                 }
-                self.known = Some(known);
+                self.last_known = Some(known);
                 let (model_from_cam1, covariance) = (known.model_from_cam1, self.covariance);
                 Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() }
             }
         }
     }
 
-    /// What the last cloud tells of the next windows; `None` where it was lost, or is the first one. A surface that does not
-    /// determine all of the pose tells nothing of the motion that leaves it in itself, which hardly shows in its phase either. The
-    /// drift is what the correspondences of this cloud showed.
+    /// The prior of the next windows; `None` if the last cloud was lost or is the first one. On a surface that does not
+    /// determine the whole pose, the motion along it is unknown; it hardly shows in the phase either. `drift` is the
+    /// calibration drift that the correspondences of this cloud showed.
     #[must_use]
     pub fn prior(&self, drift: Option<KnownDrift>) -> Option<Prior> {
-        Some(Prior { motion: self.known?.motion()?, relief: self.relief.clone(), drift })
+        Some(Prior { motion: self.last_known?.motion()?, relief: self.relief.clone(), drift })
     }
 
-    /// How the last merged cloud lies to the first, by themselves and by the tracking; `None` where they have too little
-    /// in common.
+    /// Compares the pose of the last merged cloud by direct registration to the first cloud with the tracked pose;
+    /// `None` where both overlap too little.
     #[must_use]
     pub fn closure(&self) -> Option<Closure> {
-        let pose = self.known?.model_from_cam1;
-        let is_first = self.model.clouds() < 2;
-        if is_first {
-            None
-        } else {
-            Closure::new(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
+        let pose = self.last_known?.model_from_cam1;
+        if self.model.clouds() < 2 {
+            return None;
         }
+        Closure::new(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
     }
 
-    /// Keeps what a surface looks like.
-    fn look_at(&mut self, surface: &OrganizedSurface) {
+    /// Keeps the depth of a surface for the prior.
+    fn update_relief(&mut self, surface: &OrganizedSurface) {
         let points = surface.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
         self.relief = Relief::from_points(self.size_px(), points);
     }
@@ -257,7 +255,7 @@ impl Tracker {
         OrganizedSurface::from_cloud(cloud, self.size_px())
     }
 
-    fn begin(&mut self, surface: OrganizedSurface, time_ns: u64) -> Tracked {
+    fn start_model(&mut self, surface: OrganizedSurface, time_ns: u64) -> Tracked {
         let with_normal = surface.points().iter().filter(|point| point.normal.is_some()).count();
         let least = self.settings.registration.min_associated;
         let (model_from_cam1, covariance) = (Pose::identity(), PoseCovariance::zero());
@@ -266,16 +264,17 @@ impl Tracker {
             return Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() };
         }
         let merged = self.merge(&surface, &model_from_cam1, covariance, 1.0);
-        self.look_at(&surface);
+        self.update_relief(&surface);
         self.first = surface.clone();
         self.last = surface;
         let motion = MotionFilter::new(model_from_cam1, &covariance);
-        self.known = Some(Known { model_from_cam1, roughly: model_from_cam1, time_ns, motion, is_lost: false });
+        let rough_pose = model_from_cam1;
+        self.last_known = Some(LastKnown { model_from_cam1, rough_pose, time_ns, motion, is_lost: false });
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Looks for a surface on the model from where the scanner was last known to be. The pose is that which the registration
-    /// refers to.
+    /// Registers a surface to the model from the last known pose, with a longer reach. The returned pose is that of the
+    /// view it was registered to.
     fn relocalize(
         &mut self,
         surface: &OrganizedSurface,
@@ -289,8 +288,8 @@ impl Tracker {
         Ok((Tracking::Relocalized(found), reference, found))
     }
 
-    /// Registers a surface to the model as seen from a pose, or from near it: that pose comes first. What the surface does not
-    /// determine means nothing.
+    /// Registers a surface to the model as seen from a pose near `model_from_cam1`. Returns the pose of that view, and
+    /// the registration, which may leave part of the pose undetermined.
     fn register_at(
         &mut self,
         surface: &OrganizedSurface,
@@ -298,11 +297,11 @@ impl Tracker {
         settings: &RegistrationSettings,
     ) -> Result<(Pose, Registration), Lost> {
         let centre = surface.centre();
-        let serves = |view: &View| {
+        let is_near = |view: &View| {
             let moved = view.model_from_cam1.inverse() * model_from_cam1 * centre;
             (moved - centre).norm() <= VIEW_SHARE * centre.coords.norm()
         };
-        let view = self.view.take().filter(serves).unwrap_or_else(|| View {
+        let view = self.view.take().filter(is_near).unwrap_or_else(|| View {
             model_from_cam1: *model_from_cam1,
             surface: self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support),
         });
@@ -312,33 +311,32 @@ impl Tracker {
         Ok((reference, found?))
     }
 
-    /// Takes over a pose that was found against the model as seen from `model_from_reference`, and merges the cloud when its
-    /// turn has come.
-    fn take(
+    /// Accepts a pose found relative to the view at `model_from_reference`, and merges the cloud when it is due.
+    fn accept(
         &mut self,
         cloud: &Cloud,
         sampled: OrganizedSurface,
         (tracking, model_from_reference, registration): (Tracking, &Pose, &Registration),
-        mut known: Known,
+        mut known: LastKnown,
         time_ns: u64,
     ) -> Tracked {
         let model_from_cam1 = normalized(model_from_reference * registration.reference_from_moved);
         let own = registration.covariance.seen_from(model_from_reference);
-        let covariance = PoseCovariance(own.0 + self.standing.0);
+        let covariance = PoseCovariance(own.0 + self.model_covariance.0);
         self.unmerged += 1;
-        let is_turn = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
-        let merged = if is_turn {
+        let is_due = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
+        let merged = if is_due {
             self.merge(&self.surface(cloud), &model_from_cam1, covariance, registration.excess)
         } else {
             Merged::default()
         };
-        known.moved_to(model_from_cam1, &own, time_ns);
+        known.update(model_from_cam1, &own, time_ns);
         if matches!(tracking, Tracking::Relocalized(_)) {
-            // It did not move evenly.
+            // It did not move evenly, so the filter starts again.
             known.motion = MotionFilter::new(model_from_cam1, &own);
         }
-        self.known = Some(Known { model_from_cam1, ..known });
-        self.look_at(&sampled);
+        self.last_known = Some(LastKnown { model_from_cam1, ..known });
+        self.update_relief(&sampled);
         self.covariance = covariance;
         self.last = sampled;
         Tracked { tracking, model_from_cam1, covariance, merged }
@@ -356,13 +354,13 @@ impl Tracker {
         self.view = None;
         self.unmerged = 0;
         self.centre = self.model.centre();
-        self.standing = self.model.covariance();
+        self.model_covariance = self.model.covariance();
         merged
     }
 }
 
-/// A prediction is a product of three poses, and the next pose is one of that: the rounding of the quaternions' length would triple
-/// with every cloud.
+/// Renormalizes the rotation. A prediction is a product of three poses, and the next pose is a product with that:
+/// without this, the rounding error of the quaternion's length would triple with every cloud.
 fn normalized(mut pose: Pose) -> Pose {
     pose.rotation.renormalize();
     pose

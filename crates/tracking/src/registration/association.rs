@@ -1,4 +1,4 @@
-//! Which point of the reference a point of the moved surface meets: the one at the pixel it is projected to.
+//! Projective association: a point of the moved surface is paired with the reference point at the pixel it projects to.
 
 use nalgebra::Vector6;
 use rayon::prelude::*;
@@ -7,49 +7,49 @@ use fringeflow::geometry::{Camera, Point3, Pose};
 
 use super::surface::{OrganizedSurface, SurfacePoint};
 
-/// Least cosine between the normals of points that are paired, 45°.
+/// Least cosine between the normals of paired points, 45°.
 const MIN_NORMAL_COSINE: f64 = 0.7;
-/// Smallest cosine between ray and normal that makes a noise along the ray smaller across the surface: flatter places err
-/// by more than their noise.
+/// Smallest cosine between ray and normal by which noise along the ray is reduced to noise across the surface: at
+/// flatter angles, errors exceed the noise.
 const MIN_COSINE: f64 = 0.2;
-/// Standard deviation that every distance has at least, metres: points are stored to 0.03 µm, and even images without
-/// noise have grey levels.
+/// Least standard deviation of every distance, metres: points are stored with 0.03 µm, and even images without noise
+/// have grey levels.
 const LEAST_SD_M: f64 = 1e-7;
 
-/// The turns and shifts that a step is made of: about a centre of the reference's frame, turns times a radius, so that all
-/// six are lengths.
+/// Parameters of a step: translation and rotation about a centre in the reference's frame. Rotations are multiplied by
+/// a radius, so that all six parameters are lengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Motion {
     pub(super) centre: Point3,
     pub(super) radius_m: f64,
 }
 
-/// A pair of points: how far one is from the plane of the other.
+/// A pair of points, and the distance of one from the plane of the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {
     /// Distance from the plane of the reference, metres.
     pub(super) residual_m: f64,
-    /// Standard deviation that noise alone gives it, metres.
+    /// Standard deviation of that distance by noise alone, metres.
     pub(super) sd_m: f64,
-    /// Its change by shift and turn.
+    /// Derivatives of the distance by translation and rotation.
     pub(super) row: Vector6<f64>,
     /// Pixel of the moved point.
     pub(super) cam1_px: [u16; 2],
 }
 
 impl Pair {
-    /// The residual, in standard deviations.
+    /// The residual in standard deviations.
     pub(super) fn normalized(&self) -> f64 {
         self.residual_m / self.sd_m
     }
 }
 
-/// Who is paired with whom.
+/// Finds the pairs of points.
 pub(super) struct Association<'a> {
     /// Camera 1.
     pub(super) camera: &'a Camera,
     pub(super) reference: &'a OrganizedSurface,
-    /// Furthest that paired points may stand apart, metres.
+    /// Largest distance between paired points, metres.
     pub(super) reach_m: f64,
     pub(super) motion: Motion,
 }
@@ -57,9 +57,9 @@ pub(super) struct Association<'a> {
 impl Association<'_> {
     /// The pairs of every tile, under a pose.
     pub(super) fn pairs(&self, tiles: &[Vec<SurfacePoint>], reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
-        let of_tile =
+        let tile_pairs =
             |tile: &Vec<SurfacePoint>| tile.iter().filter_map(|p| self.pair(p, reference_from_moved)).collect();
-        tiles.par_iter().map(of_tile).collect()
+        tiles.par_iter().map(tile_pairs).collect()
     }
 
     fn pair(&self, moved: &SurfacePoint, reference_from_moved: &Pose) -> Option<Pair> {

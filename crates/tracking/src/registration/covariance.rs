@@ -1,4 +1,4 @@
-//! How well a pose `b_from_a` is known.
+//! Uncertainty of a pose `b_from_a`.
 
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
@@ -9,13 +9,14 @@ use fringeflow::geometry::{Point3, Pose, Vector3};
 pub struct PoseCovariance(pub Matrix6<f64>);
 
 impl PoseCovariance {
-    /// A pose that is known.
+    /// The covariance of an exact pose.
     #[must_use]
     pub fn zero() -> Self {
         Self(Matrix6::zeros())
     }
 
-    /// From that of a shift and a turn about `centre` of frame b, which leaves the centre where it is.
+    /// From the covariance of a translation and a rotation about `centre` in frame b; the rotation leaves the centre in
+    /// place.
     #[must_use]
     pub fn about(centre: &Point3, covariance: &Matrix6<f64>) -> Self {
         // t + ω × (x − c) = (t + c × ω) + ω × x.
@@ -24,7 +25,7 @@ impl PoseCovariance {
         Self(origin_from_centre * covariance * origin_from_centre.transpose())
     }
 
-    /// The same error, seen from a frame in which frame b stands at `c_from_b`.
+    /// The same error in frame c, where `c_from_b` is the pose of frame b.
     #[must_use]
     pub fn seen_from(&self, c_from_b: &Pose) -> Self {
         let rotation = *c_from_b.rotation.to_rotation_matrix().matrix();
@@ -35,7 +36,7 @@ impl PoseCovariance {
         Self(adjoint * self.0 * adjoint.transpose())
     }
 
-    /// Variance of where a place of frame b is put, along a direction, m².
+    /// Variance of the position of a place of frame b along a direction, m².
     #[must_use]
     pub fn variance_along(&self, place: &Point3, direction: &Vector3) -> f64 {
         let turn = place.coords.cross(direction);
@@ -43,7 +44,7 @@ impl PoseCovariance {
         row.dot(&(self.0 * row)).max(0.0)
     }
 
-    /// Standard deviation of where a place of frame b is put, all directions together, metres.
+    /// Standard deviation of the position of a place of frame b, all directions together, metres.
     #[must_use]
     pub fn sd_at(&self, place: &Point3) -> f64 {
         let axes: Matrix3<f64> = Matrix3::identity();
@@ -51,9 +52,9 @@ impl PoseCovariance {
         variance.sqrt()
     }
 
-    /// Standard deviation of the turn, all axes together, rad.
+    /// Standard deviation of the rotation, all axes together, rad.
     #[must_use]
-    pub fn turn_sd(&self) -> f64 {
+    pub fn rotation_sd_rad(&self) -> f64 {
         (3..6).map(|i| self.0[(i, i)]).sum::<f64>().max(0.0).sqrt()
     }
 }
@@ -62,14 +63,14 @@ impl PoseCovariance {
 mod tests {
     use super::*;
 
-    /// A turn about a place, known to 0.1 rad about each axis, and a shift known to 0.01.
+    /// A rotation about a centre with 0.1 rad about each axis, and a translation with 0.01.
     fn about(centre: &Point3) -> PoseCovariance {
         let [t, w] = [1e-4, 1e-2];
         PoseCovariance::about(centre, &Matrix6::from_diagonal(&Vector6::new(t, t, t, w, w, w)))
     }
 
     #[test]
-    fn the_centre_of_a_turn_stays() {
+    fn the_centre_of_a_rotation_stays() {
         let centre = Point3::new(0.1, -0.2, 0.3);
         let covariance = about(&centre);
         assert!((covariance.sd_at(&centre) - 3e-4_f64.sqrt()).abs() < 1e-12);
@@ -77,11 +78,11 @@ mod tests {
         // Two axes move a place beside the centre by 0.1 each.
         assert!((covariance.sd_at(&beside) - (3e-4 + 2e-2_f64).sqrt()).abs() < 1e-12);
         assert!((covariance.variance_along(&beside, &Vector3::x()) - 1e-4).abs() < 1e-12);
-        assert!((covariance.turn_sd() - 0.03_f64.sqrt()).abs() < 1e-12);
+        assert!((covariance.rotation_sd_rad() - 0.03_f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]
-    fn another_frame_sees_the_same_error() {
+    fn the_error_is_the_same_in_another_frame() {
         let centre = Point3::new(0.1, -0.2, 0.3);
         let pose = Pose::new(Vector3::new(0.4, 0.1, -0.7), Vector3::new(0.3, 0.9, -0.2));
         let seen = about(&centre).seen_from(&pose);

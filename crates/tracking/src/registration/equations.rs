@@ -1,11 +1,11 @@
-//! The normal equations of a step, and what they say about the pose.
+//! The normal equations of a step, and the covariance of the pose.
 //!
-//! Residuals are weighed by their predicted noise and by Tukey's biweight (Beaton and Tukey 1974), whose scale is the median of
-//! the residuals themselves. Neighbouring points err alike where calibration or motion moved them together, so counting
-//! them as independent would promise too much. The covariance is therefore the sandwich `A⁻¹ B A⁻¹` for clustered data
-//! (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear models"): B adds up the gradients of whole
-//! tiles, and is as large as these really scatter. What tiles have in common, a smooth error of the surfaces, is added to B
-//! by [`super::smooth_error`].
+//! Residuals are weighted by their predicted noise and by Tukey's biweight (Beaton and Tukey 1974), whose scale is the
+//! median of the residuals. Calibration errors and motion move neighbouring points together, so their errors are not
+//! independent, and treating them so would give too small a covariance. The covariance is therefore the sandwich `A⁻¹ B
+//! A⁻¹` for clustered data (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear models"): B sums
+//! the gradients of whole tiles and is as large as they scatter. Smooth errors of the surfaces, which several tiles
+//! share, are added to B by [`super::smooth_error`].
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -13,12 +13,12 @@ use super::association::Pair;
 
 /// Tukey's constant, in standard deviations: 95 % efficient for normal errors (Huber 1981, "Robust Statistics").
 const TUKEY: f64 = 4.685;
-/// Median of the magnitude of a standard normal number.
+/// Median absolute value of a standard normal number.
 const NORMAL_MEDIAN: f64 = 0.6745;
-/// Smallest scale of the residuals, in standard deviations: where they vanish, any scale would do.
+/// Smallest scale of the residuals, in standard deviations: any scale would do where they vanish.
 const LEAST_SCALE: f64 = 1e-3;
 
-/// Standard deviation of the normalized residuals, by their median: 1 where noise is all there is.
+/// Standard deviation of the normalized residuals, from their median: 1 for noise alone.
 pub(super) fn scale(pairs: &[Vec<Pair>]) -> f64 {
     let mut magnitudes: Vec<f64> = pairs.iter().flatten().map(|pair| pair.normalized().abs()).collect();
     let middle = magnitudes.len() / 2;
@@ -29,7 +29,7 @@ pub(super) fn scale(pairs: &[Vec<Pair>]) -> f64 {
     (*median / NORMAL_MEDIAN).max(LEAST_SCALE)
 }
 
-/// How far a residual is out, squared; 1 and more does not count.
+/// Squared distance of a residual from 0 in units of the outlier limit; 1 and more has no weight.
 fn outlier_share(pair: &Pair, scale: f64) -> f64 {
     (pair.normalized() / (TUKEY * scale)).powi(2)
 }
@@ -39,7 +39,7 @@ pub(super) fn weight(pair: &Pair, scale: f64) -> f64 {
     (1.0 - outlier_share(pair, scale)).max(0.0).powi(2) / (pair.sd_m * pair.sd_m)
 }
 
-/// Fewest tiles whose gradients tell how much they scatter.
+/// Fewest tiles from which the scatter of their gradients can be estimated.
 const MIN_TILES: usize = 12;
 
 /// Sums over the pairs of all tiles.
@@ -60,7 +60,7 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Sums tile after tile, in their order.
+    /// Sums over the tiles in their order.
     pub(super) fn new(pairs: &[Vec<Pair>], scale: f64) -> Self {
         let mut sums = Self {
             information: Matrix6::zeros(),
@@ -93,17 +93,17 @@ impl Equations {
         sums
     }
 
-    /// The step that makes the residuals smallest; `None` where it is not determined.
+    /// The step that minimizes the residuals; `None` where it is undetermined.
     pub(super) fn step(&self) -> Option<Vector6<f64>> {
         Some(-self.information.cholesky()?.solve(&self.gradient))
     }
 
-    /// Length of a step in standard deviations, each of the six alike, if residuals are independent and scale so.
+    /// Mean length of a step over its six parameters, in standard deviations, for independent residuals of this scale.
     pub(super) fn step_sd(&self, step: &Vector6<f64>, scale: f64) -> f64 {
         (step.dot(&(self.information * step)).max(0.0) / 6.0).sqrt() / scale
     }
 
-    /// Least eigenvalue of the information, for the mean pair.
+    /// Least eigenvalue of the information per unit of weight.
     pub(super) fn least_eigenvalue(&self) -> f64 {
         if self.weight <= 0.0 {
             return 0.0;
@@ -111,18 +111,18 @@ impl Equations {
         (self.information / self.weight).symmetric_eigenvalues().min()
     }
 
-    /// Root mean square of the residuals, weighed, metres.
+    /// Weighted root mean square of the residuals, metres.
     pub(super) fn rms_m(&self) -> f64 {
         if self.weight > 0.0 { (self.squares / self.weight).sqrt() } else { 0.0 }
     }
 
-    /// Covariance of the step; `None` where it is not determined.
+    /// Covariance of the step; `None` where it is undetermined.
     ///
-    /// `smooth` is the covariance of the gradient by errors that tiles have in common.
+    /// `smooth` is the covariance of the gradient by errors that tiles share.
     pub(super) fn covariance(&self, smooth: &Matrix6<f64>) -> Option<Matrix6<f64>> {
         let inverse = self.curvature.cholesky()?.inverse();
-        // Six unknowns were fitted to the gradients, which makes them scatter less; with few more than six tiles nothing
-        // would be left.
+        // Six unknowns were fitted to the gradients, which reduces their scatter; little more than six tiles would
+        // leave none.
         if self.tiles < MIN_TILES {
             return None;
         }

@@ -1,4 +1,4 @@
-//! The iteration: pair, step, pair anew, first with few points and a long reach, at last with many and a short one.
+//! The iteration: pair, step, pair again; first few points with a long reach, finally many with a short one.
 
 use nalgebra::{Translation3, UnitQuaternion, Vector6};
 
@@ -18,19 +18,19 @@ const LEVELS: [Level; 3] = [
     Level { points: 0.35, reach: 0.3, steps: 8 },
     Level { points: 1.0, reach: 0.1, steps: 12 },
 ];
-/// A step of so many standard deviations ends a level.
+/// A step below this number of standard deviations ends a level.
 const CONVERGED_SD: f64 = 0.05;
-/// A last step of so many is too many. Pairs change from step to step, so that the pose may go to and fro a little.
+/// A larger last step fails. Pairs change from step to step, so the pose may oscillate a little.
 const MAX_LAST_STEP_SD: f64 = 1.0;
 
-/// One level: its share of the points and of the reach, and how often it is stepped at most.
+/// One level: its share of the points and of the reach, and its largest number of steps.
 struct Level {
     points: f64,
     reach: f64,
     steps: usize,
 }
 
-/// Where the steps of a level led.
+/// Result of the steps of a level.
 struct Settled {
     reference_from_moved: Pose,
     motion: Motion,
@@ -42,7 +42,7 @@ struct Settled {
     paired: Vec<Vec<Pair>>,
 }
 
-/// Registers a moved surface to a reference that camera 1 saw, from a rough pose.
+/// Registers a moved surface to a reference seen by camera 1, from a rough pose.
 ///
 /// # Errors
 /// [`Lost`], with its reason.
@@ -56,11 +56,11 @@ pub fn register(
     register_loosely(camera, reference, moved, start, settings)?.determined(settings)
 }
 
-/// As [`register`], also where a motion leaves the surface nearly in itself: along that motion the pose means nothing, as its
-/// covariance says.
+/// As [`register`], but also succeeds where the surface nearly maps onto itself under a motion. Along that motion the
+/// pose is meaningless, as its covariance shows.
 ///
 /// # Errors
-/// [`Lost`]; [`Lost::Degenerate`] only of a surface without any relief.
+/// [`Lost`]; [`Lost::Degenerate`] only for a surface without any relief.
 pub fn register_loosely(
     camera: &Camera,
     reference: &OrganizedSurface,
@@ -80,7 +80,7 @@ pub fn register_loosely(
         let association = Association { camera, reference, reach_m, motion };
         let found = settle(&association, &tiles, pose, level.steps)?;
         let too_few = found.pairs < settings.min_associated || (found.pairs as f64) < settings.min_share * tried as f64;
-        // Far from its place a surface has fewer partners: the first level may do with less.
+        // Far from its place, a surface has fewer partners: only the last level must have enough.
         if too_few && level.points == 1.0 {
             return Err(Lost::TooFewInCommon { associated: found.pairs, tried });
         }
@@ -91,7 +91,7 @@ pub fn register_loosely(
     judge(&found, tried, distance_m, settings)
 }
 
-/// Steps until the pose stays, or the steps are used up.
+/// Steps until the pose settles or the steps are used up.
 fn settle(
     association: &Association<'_>,
     tiles: &[Vec<SurfacePoint>],
@@ -155,7 +155,7 @@ fn judge(
     })
 }
 
-/// Turns are about the middle of the points, and as long as they move the points on average.
+/// Rotations are about the mean of the points, scaled by their root mean square distance from it.
 fn motion_of(tiles: &[Vec<SurfacePoint>], pose: &Pose) -> Motion {
     let count = tiles.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     let points = || tiles.iter().flatten().map(|p| (pose * p.position()).coords);

@@ -1,10 +1,10 @@
-//! Normals of a surface from the pixel grid it was measured on.
+//! Normals of a surface from its pixel grid.
 //!
 //! The inverse depth of a plane is linear in the ray: `n·X = d` with `X = z·(ρ, η, 1)` is `1/z = (n/d)·(ρ, η, 1)`. So
-//! `n/d` is a linear least-squares fit to the inverse depths around a pixel, whose noise is nearly the same everywhere.
-//! What may belong to another surface stays out: first whatever lies behind a step that only a steeper plane than
-//! [`MAX_SLOPE`] would explain, then what the first fit does not. Costs about 0.1 µs a point: 32 pixels at once, in single
-//! precision, which holds an inverse depth a thousand times as well as cameras measure it.
+//! `n/d` is a linear least-squares fit to the inverse depths around a pixel, whose noise is nearly uniform. Pixels that
+//! may belong to another surface are left out: first those behind a step that would need a slope steeper than
+//! [`MAX_SLOPE`], then those that do not fit the first plane. It costs about 0.1 µs per point: 32 pixels at once, in
+//! single precision, which resolves inverse depths a thousand times finer than cameras measure them.
 
 use rayon::prelude::*;
 
@@ -12,34 +12,33 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
 use super::surface::OrganizedSurface;
 
-/// Pixels to each side that a plane is fitted to.
+/// Pixels to each side of the centre that a plane is fitted to.
 const REACH_PX: usize = 3;
-/// Pixels of the square that this makes.
+/// Number of pixels in that square.
 const COUNT: usize = (2 * REACH_PX + 1) * (2 * REACH_PX + 1);
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f32 = 5.67;
 /// Fewest points that a plane is fitted to, of 49.
 const MIN_POINTS: f32 = 12.0;
-/// Largest residual of the second fit: so many standard deviations, of noise and of bend together.
+/// Largest residual of the second fit in standard deviations, of noise and bend together.
 const MAX_DEVIATION: f32 = 3.0;
-/// Bend of a surface that passes for noise, per distance from the pixel.
+/// Bend of a surface that is treated as noise, per distance from the pixel.
 const MAX_BEND: f32 = 0.05;
-/// Least determinant of the moments about their mean, as a share of what they would have if they were even: below, the points
-/// stand on a line.
+/// Least determinant of the centred moments, relative to that of equal moments: below, the points lie on a line.
 const MIN_SPREAD: f32 = 0.02;
-/// Rows of which the normals are found together.
+/// Rows per band; the bands run in parallel.
 const BAND_ROWS: usize = 32;
 
-/// A pixel of the square about another.
+/// A pixel of the square, relative to its centre.
 #[derive(Clone, Copy)]
 struct Offset {
     column: isize,
     row: isize,
-    /// Place in [`OFFSETS`] of the pixel that is one step nearer to the middle.
+    /// Index in [`OFFSETS`] of the pixel one step nearer to the centre.
     inner: usize,
 }
 
-/// The pixels of the square, the middle first, from the inner ring to the outer.
+/// The pixels of the square: the centre first, then ring by ring outwards.
 const OFFSETS: [Offset; COUNT] = offsets();
 
 const fn offsets() -> [Offset; COUNT] {
@@ -52,7 +51,7 @@ const fn offsets() -> [Offset; COUNT] {
             while column <= ring {
                 if row.abs() == ring || column.abs() == ring {
                     let towards = [nearer(column, ring), nearer(row, ring)];
-                    offsets[count] = Offset { column, row, inner: place_of(&offsets, count, towards) };
+                    offsets[count] = Offset { column, row, inner: index_of(&offsets, count, towards) };
                     count += 1;
                 }
                 column += 1;
@@ -68,25 +67,25 @@ const fn nearer(along: isize, ring: isize) -> isize {
     if along.abs() == ring { along - along.signum() } else { along }
 }
 
-const fn place_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize; 2]) -> usize {
-    let mut place = 0;
-    while place + 1 < count && (offsets[place].column != column || offsets[place].row != row) {
-        place += 1;
+const fn index_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize; 2]) -> usize {
+    let mut index = 0;
+    while index + 1 < count && (offsets[index].column != column || offsets[index].row != row) {
+        index += 1;
     }
-    place
+    index
 }
 
-/// A point, by its place among those of the surface, and its normal.
+/// Index of a point of the surface, and its normal.
 type WithNormal = (u32, [f32; 3]);
 
-/// The normals towards C1 of the points at every so many-th column and row, as far as they have one.
+/// The normals towards C1 of the points in every `step_px`-th column and row, where they exist.
 pub(super) fn normals(surface: &OrganizedSurface, step_px: usize) -> Vec<Vec<WithNormal>> {
     normals_at(Level::in_use(), surface, step_px)
 }
 
 fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<Vec<WithNormal>> {
     let [_, height] = surface.size_px();
-    let of_band = |first: usize| {
+    let band_normals = |first: usize| {
         let rows = first..(first + BAND_ROWS).min(height);
         let planes = Planes::new(surface, rows.start as isize - REACH_PX as isize, rows.len() + 2 * REACH_PX);
         let mut found = Vec::new();
@@ -96,10 +95,10 @@ fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<V
         }
         found
     };
-    (0..height.div_ceil(BAND_ROWS)).into_par_iter().map(|band| of_band(band * BAND_ROWS)).collect()
+    (0..height.div_ceil(BAND_ROWS)).into_par_iter().map(|band| band_normals(band * BAND_ROWS)).collect()
 }
 
-/// What the pixels of some rows hold; NaN where they have no point, as around the image.
+/// The points of some rows as planes of numbers; NaN for pixels without a point, as around the image.
 struct Planes {
     stride: usize,
     /// ρ and η of the ray `(ρ, η, 1)`.
@@ -111,7 +110,7 @@ struct Planes {
 }
 
 impl Planes {
-    /// So many rows from one on, which may lie above the image.
+    /// `rows` rows from `first_row` on, which may lie above the image.
     fn new(surface: &OrganizedSurface, first_row: isize, rows: usize) -> Self {
         let [width, _] = surface.size_px();
         let stride = width.next_multiple_of(LANES) + 2 * REACH_PX;
@@ -133,11 +132,11 @@ impl Planes {
     }
 }
 
-/// Finds the normals of a row.
+/// Computes the normals of a row.
 struct Row<'a> {
     surface: &'a OrganizedSurface,
     planes: &'a Planes,
-    /// The row among those of the planes, and in the image.
+    /// The row within the planes, and in the image.
     middle: usize,
     row: usize,
     step_px: usize,
@@ -151,8 +150,8 @@ impl Kernel for Row<'_> {
     fn run<L: Lanes>(mut self, l: L) {
         let [width, _] = self.surface.size_px();
         for first in (0..width).step_by(LANES) {
-            let asked = self.asked(first, (width - first).min(LANES));
-            if asked == 0 {
+            let requested = self.requested(first, (width - first).min(LANES));
+            if requested == 0 {
                 continue;
             }
             let square = Square { planes: self.planes, middle: self.middle * self.planes.stride + REACH_PX + first };
@@ -161,14 +160,14 @@ impl Kernel for Row<'_> {
             l.store_reals(x, &mut normals[0]);
             l.store_reals(y, &mut normals[1]);
             l.store_reals(z, &mut normals[2]);
-            self.take(first, l.bits(has_normal) & asked, &normals);
+            self.store(first, l.bits(has_normal) & requested, &normals);
         }
     }
 }
 
 impl Row<'_> {
-    /// Keeps the normals of some pixels from a column on.
-    fn take(&mut self, first: usize, mut pixels: u32, [x, y, z]: &[[f32; LANES]; 3]) {
+    /// Stores the normals of the pixels whose bit is set, from a column on.
+    fn store(&mut self, first: usize, mut pixels: u32, [x, y, z]: &[[f32; LANES]; 3]) {
         while pixels != 0 {
             let lane = pixels.trailing_zeros() as usize;
             pixels &= pixels - 1;
@@ -178,35 +177,40 @@ impl Row<'_> {
         }
     }
 
-    /// Which of some pixels from a column on have a point whose normal is asked for.
-    fn asked(&self, first: usize, count: usize) -> u32 {
+    /// Bits of the pixels from a column on that have a point and whose normal is requested.
+    fn requested(&self, first: usize, count: usize) -> u32 {
         let inverse_depth = &self.planes.inverse_depth[self.middle * self.planes.stride + REACH_PX + first..][..count];
-        let is_asked = |(k, value): &(usize, &f32)| (first + k).is_multiple_of(self.step_px) && !value.is_nan();
-        inverse_depth.iter().enumerate().filter(is_asked).fold(0, |bits, (k, _)| bits | 1 << k)
+        let is_requested = |(k, value): &(usize, &f32)| (first + k).is_multiple_of(self.step_px) && !value.is_nan();
+        inverse_depth.iter().enumerate().filter(is_requested).fold(0, |bits, (k, _)| bits | 1 << k)
     }
 }
 
-/// The squares about 32 pixels side by side.
+/// The squares about 32 adjacent pixels.
 struct Square<'a> {
     planes: &'a Planes,
-    /// Place of the first pixel in the planes.
+    /// Index of the first centre pixel in the planes.
     middle: usize,
 }
 
-/// What pixels hold: ρ, η and inverse depth.
-type Place<L> = [<L as Lanes>::Reals; 3];
+/// ρ, η and inverse depth of pixels.
+type Sample<L> = [<L as Lanes>::Reals; 3];
 
 impl Square<'_> {
-    /// The normals towards C1, and which pixels have one.
+    /// The normals towards C1, and a mask of the pixels that have one.
     #[inline(always)]
     fn normals<L: Lanes>(&self, l: L) -> ([L::Reals; 3], L::Mask) {
+        // used = pixels with a point
+        // used = those connected to the centre without a depth edge
+        // plane = fit(used); used = those that fit the plane
+        // plane = fit(used); the normal is −(a, b, c) / |(a, b, c)| of 1/z = (a, b, c)·(ρ, η, 1)
         let [x, y, w] = self.at(l, &OFFSETS[0]);
-        let mut counted = [l.is_at_least_real(w, w); COUNT];
+        // w ≥ w is false for NaN: a pixel without a point.
+        let mut used = [l.is_at_least_real(w, w); COUNT];
         let noise = load(l, &self.planes.noise, self.middle);
-        self.reach(l, w, noise, &mut counted);
-        let (first, has_first) = self.moments(l, &counted).plane(l);
-        self.keep_fitting(l, &first, w, noise, &mut counted);
-        let (plane, has_plane) = self.moments(l, &counted).plane(l);
+        self.keep_connected(l, w, noise, &mut used);
+        let (first, has_first) = self.moments(l, &used).plane(l);
+        self.keep_fitting(l, &first, w, noise, &mut used);
+        let (plane, has_plane) = self.moments(l, &used).plane(l);
         // `n/d`, its length, and that of the ray.
         let Plane { at_middle, slope: [a, b] } = plane;
         let here = l.add_real(w, at_middle);
@@ -218,34 +222,35 @@ impl Square<'_> {
         (towards, l.and(is_flat, l.and(has_first, has_plane)))
     }
 
-    /// What the pixels at an offset hold.
+    /// The sample of the pixels at an offset.
     #[inline(always)]
-    fn at<L: Lanes>(&self, l: L, offset: &Offset) -> Place<L> {
+    fn at<L: Lanes>(&self, l: L, offset: &Offset) -> Sample<L> {
         let place = self.middle.wrapping_add_signed(offset.row * self.planes.stride as isize + offset.column);
         let Planes { rays: [x, y], inverse_depth, .. } = self.planes;
         [load(l, x, place), load(l, y, place), load(l, inverse_depth, place)]
     }
 
-    /// How far a pixel at an offset is from one at another.
+    /// Difference of the samples at two offsets.
     #[inline(always)]
-    fn step<L: Lanes>(&self, l: L, from: &Offset, to: &Offset) -> Place<L> {
-        let ([x, y, w], [of_x, of_y, of_w]) = (self.at(l, to), self.at(l, from));
-        [l.sub_real(x, of_x), l.sub_real(y, of_y), l.sub_real(w, of_w)]
+    fn step<L: Lanes>(&self, l: L, from: &Offset, to: &Offset) -> Sample<L> {
+        let ([x, y, w], [from_x, from_y, from_w]) = (self.at(l, to), self.at(l, from));
+        [l.sub_real(x, from_x), l.sub_real(y, from_y), l.sub_real(w, from_w)]
     }
 
-    /// Leaves of the offsets those that are reached, ring by ring outwards, without a step that only an edge explains.
+    /// Keeps the offsets connected to the centre, ring by ring outwards: no step on the way exceeds what [`MAX_SLOPE`] and
+    /// noise explain.
     #[inline(always)]
-    fn reach<L: Lanes>(&self, l: L, inverse_depth: L::Reals, noise: L::Reals, reached: &mut [L::Mask; COUNT]) {
+    fn keep_connected<L: Lanes>(&self, l: L, inverse_depth: L::Reals, noise: L::Reals, used: &mut [L::Mask; COUNT]) {
         let slope = square(l, l.times_real(l.real(MAX_SLOPE), inverse_depth));
         for (i, offset) in OFFSETS.iter().enumerate().skip(1) {
             let [x, y, w] = self.step(l, &OFFSETS[offset.inner], offset);
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(l.times_real(slope, distance), noise);
-            reached[i] = l.and(reached[offset.inner], l.is_at_least_real(limit, square(l, w)));
+            used[i] = l.and(used[offset.inner], l.is_at_least_real(limit, square(l, w)));
         }
     }
 
-    /// Leaves of the offsets those that a plane explains.
+    /// Keeps the offsets whose inverse depth fits a plane, within noise and bend.
     #[inline(always)]
     fn keep_fitting<L: Lanes>(
         &self,
@@ -253,31 +258,30 @@ impl Square<'_> {
         plane: &Plane<L>,
         inverse_depth: L::Reals,
         noise: L::Reals,
-        counted: &mut [L::Mask; COUNT],
+        used: &mut [L::Mask; COUNT],
     ) {
         let bend = square(l, l.times_real(l.real(MAX_DEVIATION * MAX_BEND), inverse_depth));
         let [a, b] = plane.slope;
-        for (offset, counted) in OFFSETS.iter().zip(counted) {
+        for (offset, used) in OFFSETS.iter().zip(used) {
             let [x, y, w] = self.step(l, &OFFSETS[0], offset);
             let expected = l.add_real(plane.at_middle, l.add_real(l.times_real(a, x), l.times_real(b, y)));
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(noise, l.times_real(bend, distance));
-            *counted = l.and(*counted, l.is_at_least_real(limit, square(l, l.sub_real(expected, w))));
+            *used = l.and(*used, l.is_at_least_real(limit, square(l, l.sub_real(expected, w))));
         }
     }
 
-    /// Sums over the pixels at the offsets that count, as differences from the middle.
+    /// Sums over the used offsets, of differences from the centre.
     #[inline(always)]
-    fn moments<L: Lanes>(&self, l: L, counted: &[L::Mask; COUNT]) -> Moments<L> {
+    fn moments<L: Lanes>(&self, l: L, used: &[L::Mask; COUNT]) -> Moments<L> {
         let (zero, one) = (l.real(0.0), l.real(1.0));
         let mut sums = [zero; 9];
-        for (offset, &counted) in OFFSETS.iter().zip(counted) {
+        for (offset, &used) in OFFSETS.iter().zip(used) {
             let [x, y, w] = self.step(l, &OFFSETS[0], offset);
-            let (x, y, w) =
-                (l.select_real(counted, x, zero), l.select_real(counted, y, zero), l.select_real(counted, w, zero));
+            let [x, y, w] = [x, y, w].map(|value| l.select_real(used, value, zero));
             let squares = [square(l, x), l.times_real(x, y), square(l, y)];
             let terms = [
-                l.select_real(counted, one, zero),
+                l.select_real(used, one, zero),
                 x,
                 y,
                 w,
@@ -301,7 +305,7 @@ fn square<L: Lanes>(l: L, a: L::Reals) -> L::Reals {
 }
 
 #[inline(always)]
-fn length<L: Lanes>(l: L, [x, y, z]: Place<L>) -> L::Reals {
+fn length<L: Lanes>(l: L, [x, y, z]: Sample<L>) -> L::Reals {
     l.root_real(l.add_real(l.add_real(square(l, x), square(l, y)), square(l, z)))
 }
 
@@ -310,22 +314,23 @@ fn load<L: Lanes>(l: L, plane: &[f32], place: usize) -> L::Reals {
     l.load_reals(&filled(&plane[place..], f32::NAN))
 }
 
-/// Number of places, sums of x, y, w, and of xx, xy, yy, xw, yw.
+/// Number of samples, sums of x, y, w, and of xx, xy, yy, xw, yw.
 struct Moments<L: Lanes>([L::Reals; 9]);
 
-/// Inverse depth as a linear function of the ray's difference from a middle, where it is `at_middle` above the middle's own.
+/// Inverse depth as a linear function of the ray's difference from the centre; `at_middle` is the offset at the centre
+/// itself.
 struct Plane<L: Lanes> {
     at_middle: L::Reals,
     slope: [L::Reals; 2],
 }
 
 impl<L: Lanes> Moments<L> {
-    /// The planes of least squares, and where there is one: not for too few places, or places on a line.
+    /// The least-squares planes, and where they exist: not for too few samples, or samples on a line.
     #[inline(always)]
     fn plane(self, l: L) -> (Plane<L>, L::Mask) {
         let Self([count, x, y, w, xx, xy, yy, xw, yw]) = self;
-        let per_place = l.over_real(l.real(1.0), count);
-        let (mean_x, mean_y) = (l.times_real(x, per_place), l.times_real(y, per_place));
+        let per_sample = l.over_real(l.real(1.0), count);
+        let (mean_x, mean_y) = (l.times_real(x, per_sample), l.times_real(y, per_sample));
         let xx = l.sub_real(xx, l.times_real(x, mean_x));
         let xy = l.sub_real(xy, l.times_real(x, mean_y));
         let yy = l.sub_real(yy, l.times_real(y, mean_y));
@@ -338,7 +343,7 @@ impl<L: Lanes> Moments<L> {
         let a = l.over_real(l.sub_real(l.times_real(yy, xw), l.times_real(xy, yw)), determinant);
         let b = l.over_real(l.sub_real(l.times_real(xx, yw), l.times_real(xy, xw)), determinant);
         let sum = l.sub_real(w, l.add_real(l.times_real(a, x), l.times_real(b, y)));
-        (Plane { at_middle: l.times_real(sum, per_place), slope: [a, b] }, l.and(is_enough, is_spread))
+        (Plane { at_middle: l.times_real(sum, per_sample), slope: [a, b] }, l.and(is_enough, is_spread))
     }
 }
 
@@ -353,13 +358,13 @@ mod tests {
         normal.angle(truth).to_degrees()
     }
 
-    /// Where the ray of a pixel meets the plane `n·X = d`.
+    /// Intersection of the ray of a pixel with the plane `n·X = d`.
     fn on_plane(ray: &Vector3, normal: &Vector3, d: f64) -> Option<Point3> {
         Some(Point3::from(ray * (d / normal.dot(ray))))
     }
 
     #[test]
-    fn a_plane_has_its_normal_everywhere() {
+    fn a_plane_has_the_same_normal_everywhere() {
         let truth = Vector3::new(0.3, -0.4, -0.8).normalize();
         let surface = surface_of(&camera(), 0.0, 1, |ray| on_plane(ray, &truth, -0.25));
         assert!(surface.points().iter().all(|p| p.normal.is_some()));
@@ -369,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_turns_normals_by_what_it_should() {
+    fn noise_tilts_normals_by_the_expected_angle() {
         // 0.02 mm over 7 × 7 pixels of 1.3 mm: 0.02 / (1.3 · √(7 · 28)) rad = 0.06°.
         let truth = Vector3::new(0.0, -0.2, -1.0).normalize();
         let surface = surface_of(&camera(), 2e-5, 5, |ray| on_plane(ray, &truth, -0.3));
@@ -381,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_step_does_not_bend_the_normals_beside_it() {
-        // Two plates face to face with the camera, the right one 15 mm nearer.
+        // Two plates parallel to the image, the right one 15 mm nearer.
         let truth = -Vector3::z();
         let surface =
             surface_of(&camera(), 1e-5, 1, |ray| on_plane(ray, &truth, if ray.x < 0.0 { -0.315 } else { -0.3 }));
@@ -395,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn lone_points_and_lines_have_none() {
+    fn single_points_and_lines_have_no_normal() {
         let line = |ray: &Vector3| (ray.y.abs() < 0.002).then(|| Point3::from(ray * 0.3));
         let surface = surface_of(&camera(), 0.0, 1, line);
         assert!(!surface.points().is_empty());
@@ -404,7 +409,7 @@ mod tests {
 
     #[test]
     fn every_level_has_the_same_bits() {
-        // A width that is no multiple of the lanes, and points that miss at random.
+        // A width that is no multiple of the lanes, and missing points.
         let surface = surface_of(&camera_of([77, 53]), 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
         for step_px in [1, 3] {
             let expected = normals_at(Level::Portable, &surface, step_px);

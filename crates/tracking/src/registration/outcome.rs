@@ -1,20 +1,20 @@
-//! What a registration is asked for, and what it says.
+//! Settings and results of a registration.
 
 use fringeflow::geometry::Pose;
 
 use super::PoseCovariance;
 
-/// What makes a registration trustworthy, and how far it searches. Distances are shares of the distance from the camera,
-/// so that scanners of any size are served alike.
+/// Limits of a registration. Distances are shares of the distance from the camera, so that they fit scanners of any
+/// size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RegistrationSettings {
-    /// How far apart points may stand that are paired at first; 0.016 is 5 mm at 0.3 m.
+    /// Largest distance between points that are paired at first; 0.016 is 5 mm at 0.3 m.
     pub reach_share: f64,
-    /// Points of the moved surface that the last and finest level looks at.
+    /// Points of the moved surface at the last and finest level.
     pub points: usize,
     /// Fewest pairs of points.
     pub min_associated: usize,
-    /// Least share of the points looked at that has a partner.
+    /// Least share of the tried points that have a partner.
     pub min_share: f64,
     /// Largest root mean square of the residuals.
     pub max_rms_share: f64,
@@ -38,24 +38,24 @@ impl Default for RegistrationSettings {
 /// A pose that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
-    /// Takes points of the moved surface to where they stand in the reference.
+    /// Maps points of the moved surface into the frame of the reference.
     pub reference_from_moved: Pose,
     /// Covariance of the pose, frame of the reference.
     pub covariance: PoseCovariance,
-    /// Pairs of points that the pose rests on.
+    /// Number of point pairs.
     pub associated: usize,
-    /// Their share of the points looked at.
+    /// Their share of the tried points.
     pub share: f64,
     /// Root mean square of the distances to the planes, metres.
     pub rms_m: f64,
-    /// How many times larger the residuals are than the noise of their points alone would make them.
+    /// Factor by which the residuals exceed the noise of their points.
     pub excess: f64,
     /// Least eigenvalue of the normalized information, see [`Lost::Degenerate`].
     pub least_eigenvalue: f64,
 }
 
 impl Registration {
-    /// The registration, where the surface determines all of its pose.
+    /// The registration, if the surface determines the whole pose.
     ///
     /// # Errors
     /// [`Lost::Degenerate`].
@@ -68,27 +68,27 @@ impl Registration {
 /// Why no pose was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Lost {
-    /// The surfaces have too little in common.
+    /// The surfaces overlap too little.
     #[error("{associated} of {tried} points have a partner")]
     TooFewInCommon {
         /// Points with a partner.
         associated: usize,
-        /// Points looked at.
+        /// Points tried.
         tried: usize,
     },
-    /// The surfaces do not lie on each other.
+    /// The surfaces do not coincide.
     #[error("the surfaces are {rms_m:e} m apart (rms), allowed are {limit_m:e} m")]
     ResidualTooLarge {
         /// Root mean square of the residuals, metres.
         rms_m: f64,
-        /// What is allowed, metres.
+        /// The limit, metres.
         limit_m: f64,
     },
-    /// A motion leaves the distances nearly as they are: along a plane, about an axis of symmetry.
+    /// A motion hardly changes the distances: along a plane, or about an axis of symmetry.
     #[error("a motion is not determined by the surface: least eigenvalue {eigenvalue:e}")]
     Degenerate {
-        /// Least eigenvalue of `Σ w J Jᵀ / Σ w`, J the change of a residual by a shift, and by a turn about the centre
-        /// that moves the points as far on average; 1/3 at best.
+        /// Least eigenvalue of `Σ w J Jᵀ / Σ w`, where J is the derivative of a residual by a translation, and by a
+        /// rotation about the centre that moves the points as far on average; 1/3 at best.
         eigenvalue: f64,
     },
     /// The last steps were still large.

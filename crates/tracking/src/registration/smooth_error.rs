@@ -1,30 +1,29 @@
-//! What a smooth error of the surfaces does to the pose: that of the calibration, of motion within a window.
+//! Effect of a smooth error of the surfaces on the pose: calibration errors, or motion within a window.
 //!
-//! Such an error is far below the noise of a point, but the noise averages out over thousands of points and this does not: the
-//! number of points that are independent of each other is that of the areas over which it changes. Residuals are therefore
-//! averaged over cells of the image and taken for a Gaussian field with noise (Cressie 1993, "Statistics for Spatial Data"):
-//! covariance `σ²·exp(−d²/2ℓ²)` between cells at a distance d, and noise by the weights of their points. σ and ℓ are
-//! those of a grid that make the residuals most likely, by restricted maximum likelihood (Patterson and Thompson 1971,
-//! "Recovery of inter-block information when block sizes are unequal"), since the fitted pose has taken six degrees of
-//! freedom from them.
+//! Such an error is far below the noise of a point. But noise averages out over thousands of points and a smooth error
+//! does not: it has as many independent values as areas over which it changes. Residuals are therefore averaged over
+//! cells of the image and modelled as a Gaussian field with noise (Cressie 1993, "Statistics for Spatial Data"):
+//! covariance `σ²·exp(−d²/2ℓ²)` between cells at a distance d, plus noise by the weights of their points. σ and ℓ come
+//! from a grid search for the highest restricted likelihood (Patterson and Thompson 1971, "Recovery of inter-block
+//! information when block sizes are unequal"), since the fitted pose has removed six degrees of freedom.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, Vector6};
 
 use super::association::Pair;
 use super::equations::weight;
 
-/// Cells along the longer side of what is seen.
+/// Cells along the longer side of the visible surface.
 const CELLS_ACROSS: usize = 8;
-/// Fewest pairs of a cell.
+/// Fewest pairs in a cell.
 const MIN_PAIRS: usize = 8;
-/// Fewest cells that tell more than the six numbers of a pose.
+/// Fewest cells: there must be well more than the six parameters of a pose.
 const MIN_CELLS: usize = 16;
-/// Lengths ℓ that are tried, cells. Longer ones are nearly a pose of their own, and residuals say nothing about them.
+/// Lengths ℓ of the grid, cells. Longer ones resemble a change of pose, and residuals cannot show them.
 const LENGTHS: [f64; 4] = [1.0, 1.5, 2.25, 3.4];
-/// Variances σ² that are tried, in median variances of a cell's noise.
+/// Variances σ² of the grid, in units of the median noise variance of a cell.
 const VARIANCES: [f64; 8] = [0.0625, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
-/// A smooth error must explain the residuals so much better than none: by the two numbers that it has more (Akaike 1974, "A new
-/// look at the statistical model identification").
+/// A smooth error must improve the misfit by this much: twice its two parameters (Akaike 1974, "A new look at the
+/// statistical model identification").
 const MIN_GAIN: f64 = 4.0;
 
 /// Sums over the pairs of a cell.
@@ -35,13 +34,13 @@ struct Cell {
     weight: f64,
     /// `Σ w r`.
     residual: f64,
-    /// `Σ w J`: how an error that all its points share changes the gradient.
+    /// `Σ w J`: change of the gradient by an error that all points of the cell share.
     row: Vector6<f64>,
-    /// Place in the image, cells.
+    /// Position in the image, cells.
     place: [f64; 2],
 }
 
-/// Covariance that the smooth error gives the gradient `Σ w r J`; zero where there is none to be seen.
+/// Covariance of the gradient `Σ w r J` by the smooth error; zero where none is found.
 pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f64> {
     let cells = cells(pairs, scale);
     if cells.len() < MIN_CELLS {
@@ -66,7 +65,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
     })
 }
 
-/// The cells that have enough pairs.
+/// The cells with enough pairs.
 fn cells(pairs: &[Vec<Pair>], scale: f64) -> Vec<Cell> {
     let all = || pairs.iter().flatten();
     let [columns, rows] = [0, 1].map(|axis| {
@@ -98,10 +97,10 @@ fn correlation(cells: &[Cell], length: f64) -> DMatrix<f64> {
     })
 }
 
-/// Mean residuals of the cells, and what a pose can do about them.
+/// Mean residuals of the cells, and their change with the pose.
 struct Field {
     residuals: DVector<f64>,
-    /// Mean changes of the residuals by shift and turn, a cell a row.
+    /// Mean derivatives of the residuals by translation and rotation, one row per cell.
     design: DMatrix<f64>,
     /// Variance of each mean by the noise of its points.
     noise: DVector<f64>,
@@ -121,7 +120,7 @@ impl Field {
         }
     }
 
-    /// How unlikely the residuals are under a covariance of the smooth error: −2 times the restricted log-likelihood.
+    /// Misfit of the residuals under a covariance of the smooth error: −2 times the restricted log-likelihood.
     fn misfit(&self, smooth: &DMatrix<f64>) -> f64 {
         let all = smooth + DMatrix::from_diagonal(&self.noise);
         let Some(all) = Cholesky::new(all) else { return f64::INFINITY };
@@ -131,8 +130,8 @@ impl Field {
         let Some(information) = Cholesky::new(self.design.transpose() * &design) else { return f64::INFINITY };
         let gradient = design.transpose() * &self.residuals;
         let explained = gradient.dot(&information.solve(&gradient));
-        let left = self.residuals.dot(&residuals.column(0)) - explained;
-        log_determinant(&all) + log_determinant(&information) + left
+        let rest = self.residuals.dot(&residuals.column(0)) - explained;
+        log_determinant(&all) + log_determinant(&information) + rest
     }
 }
 
@@ -164,14 +163,14 @@ mod tests {
     }
 
     #[test]
-    fn noise_alone_is_no_smooth_error_and_a_smooth_one_is_as_large_as_it_is() {
+    fn noise_is_no_smooth_error_and_a_smooth_error_has_its_size() {
         let shift_variance = |smooth_m: f64| {
             let of_seed = |seed| gradient_covariance(&pairs(smooth_m, seed), 1.0)[(2, 2)];
             let mut variances: Vec<f64> = (0..9).map(of_seed).collect();
             variances.sort_unstable_by(f64::total_cmp);
             variances[4]
         };
-        // The gradient by noise alone: 1024 pairs of weight 1/σ².
+        // The variance of the gradient by noise alone: 1024 pairs of weight 1/σ².
         let by_noise = 1024.0 / (SD_M * SD_M);
         assert!(shift_variance(0.0) < by_noise, "{}", shift_variance(0.0) / by_noise);
         assert!(shift_variance(SD_M) > 20.0 * by_noise, "{}", shift_variance(SD_M) / by_noise);

@@ -1,16 +1,16 @@
-//! A surface as camera 1 saw it: at most one point a pixel, with its normal where the surface is smooth.
+//! A surface seen by camera 1: at most one point per pixel, with its normal where the surface is smooth.
 
 use fringeflow::cloud::Cloud;
 use fringeflow::geometry::{Point3, Vector3};
 
 use super::normals::normals;
 
-/// One place of a surface.
+/// A point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// Position, frame of C1, metres.
     pub position_m: [f32; 3],
-    /// Normal towards C1, length 1; `None` at edges and where too few points stand around.
+    /// Normal towards C1, length 1; `None` at edges and where too few points are near.
     pub normal: Option<[f32; 3]>,
     /// Standard deviation along the ray, metres.
     pub sigma_m: f32,
@@ -38,14 +38,14 @@ impl SurfacePoint {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OrganizedSurface {
     size_px: [usize; 2],
-    /// Place among the points, or [`NONE`], of every pixel, row by row.
+    /// Index of the point of every pixel, row by row, or [`NONE`].
     places: Vec<u32>,
     points: Vec<SurfacePoint>,
-    /// Normals were asked for at every so many-th column and row.
+    /// Normals were computed in every `normal_step_px`-th column and row.
     normal_step_px: usize,
 }
 
-/// Columns and rows of a grid that keeps about `count` of so many points; 1 at least.
+/// Stride of columns and rows that keeps about `count` of `points` points; at least 1.
 pub(super) fn grid_step(points: usize, count: usize) -> usize {
     ((points as f64 / count.max(1) as f64).sqrt().round() as usize).max(1)
 }
@@ -54,9 +54,9 @@ pub(super) fn grid_step(points: usize, count: usize) -> usize {
 const NONE: u32 = u32::MAX;
 
 impl OrganizedSurface {
-    /// A cloud of C1 with images of `size_px` (width, height), and the normals that its pixel grid yields.
+    /// A cloud of C1 with images of `size_px` (width, height), and the normals from its pixel grid.
     ///
-    /// Points beyond the image are left out, as are those that lie at no distance before the camera.
+    /// Points outside the image are left out, as are those that do not lie in front of the camera.
     #[must_use]
     pub fn from_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
         let mut surface = Self::without_normals(cloud, size_px);
@@ -64,8 +64,8 @@ impl OrganizedSurface {
         surface
     }
 
-    /// [`Self::from_cloud`] with normals of about `count` points alone, on a regular grid of pixels: what a registration looks at,
-    /// for a part of the time.
+    /// [`Self::from_cloud`] with normals of about `count` points only, on a regular grid of pixels: enough for a
+    /// registration, in part of the time.
     #[must_use]
     pub fn sampled(cloud: &Cloud, size_px: [usize; 2], count: usize) -> Self {
         let mut surface = Self::without_normals(cloud, size_px);
@@ -87,12 +87,12 @@ impl OrganizedSurface {
 
     fn compute_normals(&mut self, step_px: usize) {
         self.normal_step_px = step_px;
-        for (place, normal) in normals(self, step_px).into_iter().flatten() {
-            self.points[place as usize].normal = Some(normal);
+        for (index, normal) in normals(self, step_px).into_iter().flatten() {
+            self.points[index as usize].normal = Some(normal);
         }
     }
 
-    /// Points with their normals; of two at a pixel the later stays.
+    /// Points with their normals; of two at a pixel the later one stays.
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
         let points = points.into_iter();
@@ -126,21 +126,21 @@ impl OrganizedSurface {
         &self.points
     }
 
-    /// The point of a pixel; `None` where there is none, and beyond the image.
+    /// The point of a pixel; `None` where there is none or outside the image.
     #[must_use]
     pub fn at(&self, column: isize, row: isize) -> Option<&SurfacePoint> {
         let place = self.place(usize::try_from(column).ok()?, usize::try_from(row).ok()?)?;
         Some(&self.points[place as usize])
     }
 
-    /// Place among the points of that of a pixel; `None` where there is none, and beyond the image.
+    /// Index of the point of a pixel; `None` where there is none or outside the image.
     pub(super) fn place(&self, column: usize, row: usize) -> Option<u32> {
         let [width, height] = self.size_px;
         let place = (column < width && row < height).then(|| self.places[row * width + column])?;
         (place != NONE).then_some(place)
     }
 
-    /// The points of a row by column; none beyond the image.
+    /// The points of a row by column; none outside the image.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Option<&SurfacePoint>> {
         let width = self.size_px[0];
         let places = self.places.get(row * width..(row + 1) * width).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Registration of simulated surfaces, whose poses and noise are known.
+//! Registration of simulated surfaces with known poses and noise.
 
 use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
@@ -26,7 +26,7 @@ pub(crate) fn camera_of(size_px: [usize; 2]) -> Camera {
     Camera::new([focal, focal * 1.001], principal, Distortion::from_opencv(&[-0.12, 0.3, 1e-3, -5e-4]), size_px)
 }
 
-/// What a camera measures of a surface, with noise along the rays. `meet` says where a ray (z = 1) meets it.
+/// Cloud of a surface with noise along the rays. `meet` intersects a ray (z = 1) with the surface.
 pub(crate) fn cloud_of(camera: &Camera, sigma_m: f64, seed: u64, meet: impl Fn(&Vector3) -> Option<Point3>) -> Cloud {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut points = Vec::new();
@@ -57,7 +57,7 @@ pub(crate) fn surface_of(
     OrganizedSurface::from_cloud(&cloud, [camera.width_px(), camera.height_px()])
 }
 
-/// Where the ray of a camera that stands at `world_from_cam1` meets hills of some height, about 0.3 m away.
+/// Intersection of the ray of a camera at `world_from_cam1` with hills of some height, about 0.3 m away.
 pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Option<Point3> {
     let world_z =
         |p: &Point3| 0.3 + height_m * ((p.x * 90.0).sin() + (p.y * 75.0 + 0.4).cos() + (p.x * 40.0 - p.y * 55.0).sin());
@@ -69,7 +69,7 @@ pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Opt
     Some(Point3::from(ray * depth))
 }
 
-/// Hills of 4 mm before a camera in the world's frame.
+/// Hills of 4 mm in front of a camera in the world's frame.
 pub(crate) fn bowl(ray: &Vector3) -> Option<Point3> {
     hills(&Pose::identity(), 0.004, ray)
 }
@@ -78,7 +78,7 @@ fn motion() -> Pose {
     Pose::new(Vector3::new(0.0021, -0.0013, 0.0008), Vector3::new(0.004, -0.006, 0.008))
 }
 
-/// The error of a pose as shift and turn at the origin.
+/// The error of a pose as translation and rotation about the origin.
 fn error(found: &Pose, truth: &Pose) -> Vector6<f64> {
     let off = found * truth.inverse();
     let (shift, turn) = (off.translation.vector, off.rotation.scaled_axis());
@@ -97,13 +97,13 @@ fn without_noise_the_pose_is_found() {
     let found = registered(&camera_of([320, 256]), 0.0, 1);
     let centre = Point3::new(0.0, 0.0, 0.3);
     let off_m = (found.reference_from_moved * centre - motion() * centre).norm();
-    // A place beside the middle of a pixel is off its plane by the bend of the surface, here up to 1 µm.
+    // A point beside the centre of a pixel lies off its plane by the bend of the surface, here up to 1 µm.
     assert!(off_m < 5e-7, "{off_m:e} m off");
     assert!(found.share > 0.8 && found.rms_m < 1e-6, "{found:?}");
 }
 
 #[test]
-fn the_covariance_is_what_the_poses_scatter_by() {
+fn the_covariance_matches_the_scatter_of_the_poses() {
     let camera = camera_of([160, 128]);
     let (trials, mut sum) = (40, 0.0);
     for seed in 0..trials {
@@ -113,12 +113,12 @@ fn the_covariance_is_what_the_poses_scatter_by() {
         assert!((0.8..1.3).contains(&found.excess), "residuals as the noise says: {}", found.excess);
     }
     let normalized = sum / f64::from(trials as u32);
-    assert!((0.5..2.0).contains(&normalized), "squared error {normalized} times what the covariance says");
+    assert!((0.5..2.0).contains(&normalized), "squared error {normalized} times the covariance");
 }
 
 #[test]
-fn errors_that_neighbours_share_are_not_taken_for_independent() {
-    // A ripple of 0.05 mm that moves with the camera, as motion within a window makes it.
+fn errors_shared_by_neighbours_are_not_independent() {
+    // A ripple of 0.05 mm that moves with the camera, as motion within a window causes it.
     let camera = camera_of([160, 128]);
     let rippled = |pose: Pose, phase: f64| {
         move |ray: &Vector3| {
@@ -135,11 +135,11 @@ fn errors_that_neighbours_share_are_not_taken_for_independent() {
         sum += e.dot(&(found.covariance.0.try_inverse().unwrap() * e)) / 6.0;
     }
     let normalized = sum / f64::from(trials);
-    assert!(normalized < 3.0, "squared error {normalized} times what the covariance says");
+    assert!(normalized < 3.0, "squared error {normalized} times the covariance");
 }
 
 #[test]
-fn a_plane_leaves_motions_open() {
+fn a_plane_is_degenerate() {
     let camera = camera_of([160, 128]);
     let flat = |seed| surface_of(&camera, 2e-5, seed, |ray| hills(&Pose::identity(), 0.0, ray));
     let lost = register(&camera, &flat(1), &flat(2), &Pose::identity(), &RegistrationSettings::default());
@@ -147,7 +147,7 @@ fn a_plane_leaves_motions_open() {
 }
 
 #[test]
-fn what_is_elsewhere_has_no_partner() {
+fn a_distant_surface_has_no_partners() {
     let camera = camera();
     let (reference, moved) = (surface_of(&camera, 2e-5, 1, bowl), surface_of(&camera, 2e-5, 2, bowl));
     let settings = RegistrationSettings::default();
@@ -161,7 +161,7 @@ fn what_is_elsewhere_has_no_partner() {
 }
 
 #[test]
-fn another_surface_is_not_taken_for_the_same() {
+fn another_surface_is_refused() {
     let camera = camera_of([160, 128]);
     let reference = surface_of(&camera, 2e-5, 1, bowl);
     // Hills that are lower by a third.

@@ -1,9 +1,9 @@
-//! Which points of a surface a level looks at, and the tiles they are summed over.
+//! The points of a surface at a level, and the tiles of their sums.
 
 use super::surface::{OrganizedSurface, SurfacePoint, grid_step};
 
-/// Tiles along the longer side of what is seen. Errors within a tile may depend on each other (see [`super::equations`]): a
-/// tile is to be larger than what they have in common, and there must be many.
+/// Tiles along the longer side of the visible surface. Errors within a tile may depend on each other (see
+/// [`super::equations`]): a tile should be larger than the range of that dependence, and there must be many tiles.
 const TILES_ACROSS: usize = 16;
 
 /// The points of a surface that have a normal, on a regular grid of pixels.
@@ -18,7 +18,7 @@ impl Sampled {
         Self { points, step_px: surface.normal_step_px() }
     }
 
-    /// About `count` of them by tile of the image; tiles without points are left out.
+    /// About `count` of the points by tile of the image; tiles without points are left out.
     pub(super) fn tiles(&self, count: usize) -> Vec<Vec<SurfacePoint>> {
         let stride = grid_step(self.points.len(), count) * self.step_px;
         let [columns, rows] = [0, 1].map(|axis| {
@@ -46,7 +46,7 @@ mod tests {
     use crate::registration::tests::{bowl, camera, surface_of};
 
     #[test]
-    fn about_as_many_as_wanted_and_none_twice() {
+    fn tiles_hold_about_the_wanted_number_and_no_point_twice() {
         let surface = surface_of(&camera(), 0.0, 1, bowl);
         for count in [100, 600, 100_000] {
             let tiles = Sampled::from_surface(&surface).tiles(count);

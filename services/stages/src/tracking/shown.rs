@@ -4,7 +4,7 @@ use fringeflow_config::TrackingConfiguration;
 use fringeflow_message::{ModelHeader, PoseReport};
 use fringeflow_runtime::{Host, clock};
 use fringeflow_tracking::fusion::Tracker;
-use fringeflow_tracking::messages::model;
+use fringeflow_tracking::messages::model_message;
 use fringeflow_transport::{Publisher, TRACKING_MODEL, TransportError};
 
 /// Puts out the model.
@@ -46,7 +46,7 @@ impl Shown {
         if clouds != self.header.clouds {
             let shown = tracker.model().thinned(self.min_support, self.limit, self.voxel_m);
             self.voxel_m = shown.voxel_m;
-            self.header = model(tracker, &shown, last, &mut self.points);
+            self.header = model_message(tracker, &shown, last, &mut self.points);
         }
         let header = ModelHeader { published_ns: clock::now_ns(), ..self.header };
         // A model that nobody sees is not worth a service; the next one comes.

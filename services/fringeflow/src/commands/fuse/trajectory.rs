@@ -28,7 +28,7 @@ pub(crate) fn write(path: &Path, scan: &Scan, model: &Model, unit: Unit) -> Resu
             write!(out, "{},{:.6},{:.6},{:.6},", tracked.tracking.name(), at.x, at.y, at.z)?;
             write!(out, "{:.9},{:.9},{:.9},{:.9},", turn.w, turn.i, turn.j, turn.k)?;
             let sd = tracked.covariance.sd_at(&centre) / unit.in_metres();
-            write!(out, "{sd:.3e},{:.3e},", tracked.covariance.turn_sd())?;
+            write!(out, "{sd:.3e},{:.3e},", tracked.covariance.rotation_sd_rad())?;
             match tracked.tracking.registration() {
                 Some(found) => writeln!(out, "{:.4},{:.3e}", found.share, found.rms_m / unit.in_metres())?,
                 None => writeln!(out, ",")?,
